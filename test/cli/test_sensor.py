@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,6 +59,7 @@ def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytes
     assert not sensor.covered[:, 56:].any()
     assert 'moduli_mpa: [0.137561]  # as given' in text
     assert 'layers_mm: [4.0]  # assumed' in text
+    assert re.search(r'dot_mm: .*  # found in the picture', text)
     assert sensor.gel.moduli_off == 0.3
     assert cv2.imread('mine.png').shape[1] == 960
     assert main(['sensor', 'check', 'mine.yaml', 'rest']) == 0

@@ -23,6 +23,7 @@ OF_PICTURE = (
     'pattern.diameter_mm',
     'pattern.pitch_mm',
     'pattern.dark',
+    'pattern.dot_mm',
     'mask.polygons_px',
 )
 OF_CALIBRATION = 'focal_px', 'focal_px_per_rad', 'focal_ratio', 'distortion', 'centre_px'

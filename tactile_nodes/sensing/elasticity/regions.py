@@ -21,8 +21,8 @@ from jaxtyping import Bool, Float, Float32, Inexact, Int
 
 from tactile_nodes.sensing.elasticity.fields import FINER, between, combed, fields_of, sampled_at
 from tactile_nodes.sensing.elasticity.layer import WIDTH_MM, ElasticLayer
-from tactile_nodes.sensing.elasticity.looks import RAYS, Looks, dot_looks, printed_dots, windows
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.elasticity.rays import ALONG, Rays, described_dots, of_dots, of_windows
 from tactile_nodes.sensing.elasticity.stack import Elastic
 from tactile_nodes.sensing.elasticity.view import DEPTHS, View
 from tactile_nodes.sensing.flow.dots import told_by_dots
@@ -77,25 +77,24 @@ class Regions:
         return View(self.sensor)
 
     @cached_property
-    def _windows(self) -> Looks:
-        return windows(self.view, (self.rows, self.cols), WINDOW)
+    def _windows(self) -> Rays:
+        return of_windows(self.view, (self.rows, self.cols), WINDOW)
 
     @cached_property
-    def looks(self) -> Looks:
-        """What is seen to move: the windows of the regions, or printed dots."""
-        return dot_looks(self.view) if self._of_dots else self._windows
+    def rays(self) -> Rays:
+        """Of what is seen to move: the windows of the regions, or printed dots."""
+        return of_dots(self.view) if self._of_dots else self._windows
 
     @property
     def _of_dots(self) -> bool:
         return self.sensor.pattern.kind == 'dots'
 
     @cached_property
-    def _told_by(self) -> Float32[np.ndarray, 'regions looks']:
+    def _told_by(self) -> Float32[np.ndarray, 'regions dots']:
         """How much of the motion of each dot each region tells."""
         pitch_px = self.view.px_per_mm * self.sensor.pattern.pitch_mm
-        told_by = told_by_dots(
-            printed_dots(self.view), pitch_px, self.sensor.image.crop_px, (self.rows, self.cols)
-        )  # fmt: skip
+        shape = self.rows, self.cols
+        told_by = told_by_dots(described_dots(self.view), pitch_px, self.sensor.image.crop_px, shape)
         return np.asarray(told_by, np.float32)
 
     @cached_property
@@ -158,7 +157,7 @@ class Regions:
     @property
     def within_gel(self) -> Bool[np.ndarray, ' regions']:
         """Which regions see nothing but the gel, at every depth where something is visible."""
-        return np.asarray(self.sensor.gel.outline.holds(self._windows.seen[..., :2]).all(axis=(0, 2)))
+        return np.asarray(self.sensor.gel.outline.holds(self._windows.points_mm[..., :2]).all(axis=(0, 2)))
 
     @property
     def covered(self) -> Bool[np.ndarray, ' regions']:
@@ -190,23 +189,23 @@ class Regions:
         nothing moves.
         """
         if not self._of_dots:
-            return self._looked_at(known)
-        terms = self._looked_at(np.arange(len(self.looks)))
+            return self._patches_on_parts(known)
+        terms = self._patches_on_parts(np.arange(len(self.rays)))
         return np.asarray(np.tensordot(self._told_by[known], terms, axes=1))
 
-    def _looked_at(self, looks: Int[np.ndarray, ' n']) -> Float32[np.ndarray, 'n 2 terms unknowns']:
+    def _patches_on_parts(self, parts: Int[np.ndarray, ' n']) -> Float32[np.ndarray, 'n 2 terms unknowns']:
         """The same of windows, or dots."""
         patches = self.patches
         if not self.sensor.gel.dome_radius_mm:
-            split = self._terms_in(self.layer, looks)
+            split = self._terms_in(self.layer, parts)
         else:
             shares = self._as_thick(patches.centres_mm).astype(np.float32)
             split = sum(
-                share * self._terms_in(layer, looks) for share, (_, layer) in zip(shares, self._layers, strict=True)
+                share * self._terms_in(layer, parts) for share, (_, layer) in zip(shares, self._layers, strict=True)
             )
             split = np.einsum('rdplsc,clm->rdpmsc', split, self._loads_at(patches.centres_mm), optimize=True)
         split[..., ~self.sensor.gel.outline.holds(patches.centres_mm)] = 0
-        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(looks), 2, TERMS, 3 * patches.count)
+        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(parts), 2, TERMS, 3 * patches.count)
         return ordered
 
     def _loads_at(self, places_mm: Float[np.ndarray, 'n 2']) -> Float32[np.ndarray, 'n 3 3']:
@@ -215,25 +214,27 @@ class Regions:
         return np.asarray(leaning.swapaxes(-1, -2) @ LOADS, np.float32)
 
     def _terms_in(
-        self, layer: ElasticLayer, looks: Int[np.ndarray, ' n']
+        self, layer: ElasticLayer, parts: Int[np.ndarray, ' n']
     ) -> Float32[np.ndarray, 'n depths 2 loads sets patches']:
         """The same in a flat layer, as its surface has the forces."""
         patches = self.patches
         fields = fields_of(layer, layer.rectangle(*patches.size_mm))
-        (rows, cols), jacobian = patches.shape, (self.looks.moves[:, looks] / RAYS**2).astype(np.float32)
-        node, part = (each[:, looks] for each in self._last_patch(patches))
-        terms = np.zeros((len(looks), DEPTHS, 2, 9 * patches.count), np.float32)
+        (rows, cols), jacobian = patches.shape, (self.rays.px_per_mm[:, parts] / ALONG**2).astype(np.float32)
+        node, rest = (each[:, parts] for each in self._last_patch(patches))
+        terms = np.zeros((len(parts), DEPTHS, 2, 9 * patches.count), np.float32)
         for depth in range(DEPTHS):
             combs = combed(fields[depth], (rows, cols))
-            for look, ray in np.ndindex(len(looks), RAYS * RAYS):
-                block = between(combs, node[depth, look, ray], part[depth, look, ray], (rows, cols))
-                terms[look, depth] += jacobian[depth, look, ray] @ block.reshape(3, -1)
-        return terms.reshape(len(looks), DEPTHS, 2, 3, 3, patches.count)
+            for part, ray in np.ndindex(len(parts), ALONG * ALONG):
+                block = between(combs, node[depth, part, ray], rest[depth, part, ray], (rows, cols))
+                terms[part, depth] += jacobian[depth, part, ray] @ block.reshape(3, -1)
+        return terms.reshape(len(parts), DEPTHS, 2, 3, 3, patches.count)
 
     def _last_patch(self, patches: PatchGrid) -> tuple[np.ndarray, np.ndarray]:
         """Node of the layer's grid at which a ray lies as seen from the last patch, and what is left of a step."""
         last = np.array([each[-1] for each in patches.lines_mm])
-        steps = (self.looks.seen[..., :2] - last) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
+        steps = (self.rays.points_mm[..., :2] - last) / np.asarray(self.layer.spacing_mm) + np.array(
+            self.layer.cells
+        ) // 2
         node = np.floor(steps)
         rest: np.ndarray = steps - node
         return node.astype(int), rest.astype(np.float32)
@@ -247,20 +248,20 @@ class Regions:
         """Motion (px) of some regions by term under 1 N of a pressure about each place; `ElasticLayer.points` makes its
         spectrum."""
         if not self._of_dots:
-            return self._looked_at_under(places_mm, spectrum, known)
-        terms = self._looked_at_under(places_mm, spectrum, np.arange(len(self.looks)))
+            return self._pressure_on_parts(places_mm, spectrum, known)
+        terms = self._pressure_on_parts(places_mm, spectrum, np.arange(len(self.rays)))
         told: np.ndarray = np.einsum('rd,nd...->nr...', self._told_by[known], terms)
         return told
 
-    def _looked_at_under(
-        self, places_mm: Float[np.ndarray, 'presses 2'], spectrum: Inexact[np.ndarray, 'ky kx'], looks: np.ndarray
+    def _pressure_on_parts(
+        self, places_mm: Float[np.ndarray, 'presses 2'], spectrum: Inexact[np.ndarray, 'ky kx'], parts: np.ndarray
     ) -> Float32[np.ndarray, 'presses n 2 terms']:
         """The same of windows, or dots."""
         domed = self.sensor.gel.dome_radius_mm > 0
         in_layers = [fields_of(layer, spectrum, pressed_only=not domed) for _, layer in self._layers]
         shares, loads = self._as_thick(places_mm), self._loads_at(places_mm)[..., 0]
-        seen, jacobian = self.looks.seen[:, looks, :, :2], self.looks.moves[:, looks]
-        found = np.zeros((len(places_mm), len(looks), 2, DEPTHS, 3), np.float32)
+        seen, jacobian = self.rays.points_mm[:, parts, :, :2], self.rays.px_per_mm[:, parts]
+        found = np.zeros((len(places_mm), len(parts), 2, DEPTHS, 3), np.float32)
         for number, place in enumerate(places_mm):
             fields = in_layers[0][:, :, 0]
             if domed:
@@ -269,6 +270,6 @@ class Regions:
             at = (seen - place) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
             for depth in range(DEPTHS):
                 sampled = sampled_at(fields[depth].reshape(9, *fields.shape[-2:]), at[depth])
-                sampled = sampled.reshape(3, 3, len(looks), -1)
-                found[number, :, :, depth] = np.einsum('rnpc,csrn->rps', jacobian[depth], sampled) / RAYS**2
-        return found.reshape(len(places_mm), len(looks), 2, TERMS)
+                sampled = sampled.reshape(3, 3, len(parts), -1)
+                found[number, :, :, depth] = np.einsum('rnpc,csrn->rps', jacobian[depth], sampled) / ALONG**2
+        return found.reshape(len(places_mm), len(parts), 2, TERMS)

@@ -50,6 +50,11 @@ class View:
         pixels = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
         return float(np.median(np.abs(self.moves_at(self.met_at(pixels, self.middle_mm))[:, 0, 0])))
 
+    @property
+    def marker_radius_px(self) -> float:
+        """Of a described marker or dot."""
+        return self.px_per_mm * sum(self.sensor.pattern.diameter_mm) / 4
+
     def shares_of(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
         """Where `middle_seen_at` has places, as shares of the sides of what is cut (x, y)."""
         return np.asarray((self.middle_seen_at(place_mm) + 0.5) / self.sensor.image.crop_px)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensing.elasticity.looks import dot_among
+from tactile_nodes.sensing.elasticity.rays import dot_place_mm
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.flow.dot_pattern import Dots, find_dots
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, marks, peaks
@@ -150,7 +150,7 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
         raise ConfigurationError(f'the answers contradict each other: {error}') from error
     if seen.dots is None:
         return sensor
-    at = dot_among(View(sensor), seen.dots.centres_px)
+    at = dot_place_mm(View(sensor), seen.dots.centres_px)
     return replace(sensor, pattern=replace(sensor.pattern, dot_mm=tuple(round(each, 2) + 0.0 for each in at)))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
-from tactile_nodes.sensing.elasticity.looks import dot_among, printed_dots
+from tactile_nodes.sensing.elasticity.rays import described_dots, dot_place_mm
 from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.features import RegionOptions, texture_confidence
@@ -203,7 +203,7 @@ class Inspection:
     def _place(self, dots: Dots) -> Finding:
         """Whether dots are where the description has them."""
         pattern = self.sensor.pattern
-        x, y = dot_among(self.regions.view, dots.centres_px)
+        x, y = dot_place_mm(self.regions.view, dots.centres_px)
         aside = np.array([x, y]) - pattern.dot_mm
         away = float(np.hypot(*(aside - pattern.pitch_mm * np.rint(aside / pattern.pitch_mm))))
         told = f'dots lie {away:.1f} mm beside those described'
@@ -215,7 +215,7 @@ class Inspection:
     @cached_property
     def expected_dots(self) -> Float[np.ndarray, 'dots 2']:
         """Where described dots are in the picture, those whose whole disc is in it and uncovered."""
-        return printed_dots(self.regions.view)
+        return described_dots(self.regions.view)
 
     def _focus(self) -> Finding | None:
         if self.sensor.pattern.kind == 'dots':
@@ -232,8 +232,7 @@ class Inspection:
     @property
     def _sharp_px(self) -> float:
         """Width of described markers under a good lens: a disc's variance is a quarter of its squared radius."""
-        radius_px = self.regions.view.px_per_mm * sum(self.sensor.pattern.diameter_mm) / 4
-        return math.sqrt(radius_px**2 / 4 + 1 / 12 + LENS_PX**2)
+        return math.sqrt(self.regions.view.marker_radius_px**2 / 4 + 1 / 12 + LENS_PX**2)
 
     def _seen(self) -> Finding:
         usable = self.regions.usable

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from domed_layer import DomedLayer
 
-from tactile_nodes.sensing.elasticity.looks import RAYS
+from tactile_nodes.sensing.elasticity.rays import ALONG
 from tactile_nodes.sensing.elasticity.regions import THICKNESSES, Regions
 from tactile_nodes.sensors import (
     BinSettings,
@@ -52,12 +52,12 @@ def seen(regions: Regions, known: np.ndarray, layer: DomedLayer) -> np.ndarray:
     moved, _ = layer.pressed(ring)
     total = np.zeros((len(known), 2))
     for depth, (depth_mm, share) in enumerate(zip(regions.view.depths_mm, regions.nominal_shares[::3], strict=True)):
-        rays = regions.looks.seen[depth].reshape(-1, 3)
+        rays = regions.rays.points_mm[depth].reshape(-1, 3)
         radius = np.hypot(rays[:, 0], rays[:, 1])
         outwards, upwards = moved(np.minimum(radius, 20.0), depth_mm)
         by = np.column_stack([rays[:, :2] * (outwards / radius)[:, None], upwards])
         shift = (regions.view.seen_at(rays + 1e-3 * by) - regions.view.seen_at(rays)) / 1e-3
-        total += share * shift.reshape(regions.count, RAYS * RAYS, 2).mean(axis=1)[known]
+        total += share * shift.reshape(regions.count, ALONG * ALONG, 2).mean(axis=1)[known]
     return total
 
 

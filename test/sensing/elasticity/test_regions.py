@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pressures import hertz
 
-from tactile_nodes.sensing.elasticity.looks import printed_dots
+from tactile_nodes.sensing.elasticity.rays import described_dots
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import DEPTHS
 from tactile_nodes.sensing.flow.dots import told_by_dots
@@ -68,7 +68,7 @@ def test_under_a_pinhole_the_middle_goes_by_focal_length_over_distance() -> None
     camera = CameraDescription('pinhole', 290.0, (500.0, 500.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0))
     gel = GelDescription(12.0, 9.0, (4.0,), (0.1,), (0.5,), (0.0, 0.1))
     regions = Regions(Sensor('small', image, camera, gel), 9, 12)
-    points, pixels_per_mm = regions.looks.seen[..., :2], regions.looks.moves
+    points, pixels_per_mm = regions.rays.points_mm[..., :2], regions.rays.px_per_mm
     middle = 4 * 12 + 6  # right of the middle by half a region: 13.3 px, which are 0.53 mm
     assert points[0, middle].mean(axis=0) == pytest.approx([13.333 / 25, 0.0], abs=0.01)
     assert pixels_per_mm[0, middle].mean(axis=0)[:, :2] == pytest.approx(25 * np.eye(2), rel=0.01)
@@ -93,7 +93,7 @@ def test_a_region_of_printed_dots_moves_as_its_dots_do(dark_dots: Sensor) -> Non
     table = solve(gel)
     optics, regions = Optics(gel, table), Regions(dark_dots, 6, 8)
     at_rest, moved = optics.project(()), optics.project((Press(1.6, -0.9, 0.5),))
-    dots_px, pitch_px = printed_dots(regions.view), 2.5 * regions.view.px_per_mm
+    dots_px, pitch_px = described_dots(regions.view), 2.5 * regions.view.px_per_mm
     motion = [(moved - at_rest)[np.hypot(*(at_rest - dot).T) < pitch_px / 3].mean(axis=0) for dot in dots_px]
     expected = told_by_dots(dots_px, pitch_px, (320, 240), (6, 8)) @ np.array(motion)
     terms = regions.terms_of_pressure(

@@ -1,4 +1,4 @@
-"""What of the picture moves as one, and where it looks into the gel: windows of texture, or printed dots.
+"""The rays of what moves as one in a picture: a window of texture, or a printed dot.
 
 A window of the picture, or a dot, sees a column of the gel along its rays: its motion is the mean, over rays and over
 depths, of what the camera makes of the gel's displacement there.
@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from tactile_nodes.sensing.elasticity.view import DEPTHS, View
 
-RAYS = 3
-"""Along each side of a window, or of the square within a dot."""
+ALONG = 3
+"""Rays along each side of a window, or of the square within a dot."""
 
 IN_DOT = 0.612
 """Of its radius: rays beside the middle of a dot. Nine of them spread as the disc does (a quarter of its radius
@@ -23,66 +23,70 @@ squared, along each axis)."""
 
 
 @dataclass(frozen=True)
-class Looks:
+class Rays:
     """Rays of each window or dot, as pixels of what is cut from the camera's picture."""
 
     view: View
-    pixels: Float[np.ndarray, 'looks rays 2']
+    pixels: Float[np.ndarray, 'parts rays 2']
 
     def __len__(self) -> int:
+        """How many windows or dots."""
         return len(self.pixels)
 
     @cached_property
-    def seen(self) -> Float[np.ndarray, 'depths looks rays 3']:
-        """Where rays meet the depths (mm)."""
+    def points_mm(self) -> Float[np.ndarray, 'depths parts rays 3']:
+        """Where rays meet the depths."""
         flat = self.pixels.reshape(-1, 2)
         points = np.stack([self.view.met_at(flat, float(depth)) for depth in self.view.depths_mm])
         return points.reshape(DEPTHS, *self.pixels.shape[:2], 3)
 
     @cached_property
-    def camera_moves(self) -> Float[np.ndarray, 'depths looks rays 2 3']:
-        """By how many pixels a millimetre there moves the picture."""
-        return self.view.moves_at(self.seen.reshape(-1, 3)).reshape(*self.seen.shape[:3], 2, 3)
-
-    @cached_property
-    def moves(self) -> Float[np.ndarray, 'depths looks rays 2 3']:
+    def px_per_mm(self) -> Float[np.ndarray, 'depths parts rays 2 3']:
         """By how many pixels a millimetre along the surface above and out of it moves the picture.
 
         What is deeper follows the base, which is flat, by so much more.
         """
-        gel = self.view.sensor.gel
+        points, gel = self.points_mm, self.view.sensor.gel
+        moved = self.view.moves_at(points.reshape(-1, 3)).reshape(*points.shape[:3], 2, 3)
         if not gel.dome_radius_mm:
-            return self.camera_moves
-        places = self.seen[..., :2]
+            return moved
+        places = points[..., :2]
         share = 1 - self.view.depths_mm[:, None, None] / (gel.depth_mm + gel.dome.height_mm(places))
-        return np.asarray(self.camera_moves @ gel.dome.axes(places, share))
+        return np.asarray(moved @ gel.dome.axes(places, share))
 
 
-def windows(view: View, shape: tuple[int, int], share: float) -> Looks:
+def of_windows(view: View, shape: tuple[int, int], share: float) -> Rays:
     """Those of rows x cols regions of the picture, of `share` times their sides."""
     side = np.array(view.sensor.image.crop_px) / np.array(shape[::-1])
-    within = share * ((np.arange(RAYS) + 0.5) / RAYS - 0.5)
+    within = share * ((np.arange(ALONG) + 0.5) / ALONG - 0.5)
     v, u = (
         size * (np.arange(count)[:, None] + 0.5 + within) - 0.5
         for size, count in zip(side[::-1], shape, strict=True)
     )  # fmt: skip
-    whole = *shape, RAYS, RAYS
+    whole = *shape, ALONG, ALONG
     across, down = np.broadcast_to(u[None, :, None, :], whole), np.broadcast_to(v[:, None, :, None], whole)
-    return Looks(view, np.stack([across, down], -1).reshape(-1, RAYS * RAYS, 2))
+    return Rays(view, np.stack([across, down], -1).reshape(-1, ALONG * ALONG, 2))
 
 
-def printed_dots(view: View) -> Float[np.ndarray, 'dots 2']:
+def of_dots(view: View) -> Rays:
+    """Those of the described dots."""
+    steps = IN_DOT * view.marker_radius_px * np.arange(-1, 2)
+    within = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    return Rays(view, described_dots(view)[:, None] + within)
+
+
+def described_dots(view: View) -> Float[np.ndarray, 'dots 2']:
     """Where described dots are in the picture (px), those whose whole disc is in it and uncovered."""
     sensor = view.sensor
     places = view.middle_seen_at(sensor.gel.outline.lattice_mm(sensor.pattern.pitch_mm, sensor.pattern.dot_mm))
-    radius, size = dot_radius_px(view), np.array(sensor.image.crop_px)
+    radius, size = view.marker_radius_px, np.array(sensor.image.crop_px)
     inside = ((places > radius) & (places < size - 1 - radius)).all(axis=1)
     near = np.rint(places[inside]).astype(int)
     return np.asarray(places[inside][~sensor.covered[near[:, 1], near[:, 0]]])
 
 
-def dot_among(view: View, centres_px: Float[np.ndarray, 'dots 2']) -> tuple[float, float]:
-    """Where one of the dots that a picture shows is on the surface (x, y, mm), next to its middle.
+def dot_place_mm(view: View, centres_px: Float[np.ndarray, 'dots 2']) -> tuple[float, float]:
+    """Where one of the dots that a picture shows is on the surface (x, y), within half a pitch of its middle.
 
     `pattern.dot_mm` of the description that has them where they are: the mean of what each says by its own place.
     """
@@ -90,15 +94,3 @@ def dot_among(view: View, centres_px: Float[np.ndarray, 'dots 2']) -> tuple[floa
     turns = np.exp(2j * np.pi * view.met_at(centres_px, view.middle_mm)[:, :2] / pitch_mm).mean(axis=0)
     x, y = (np.angle(turns) / (2 * np.pi) * pitch_mm).tolist()
     return x, y
-
-
-def dot_radius_px(view: View) -> float:
-    """Of a described dot."""
-    return view.px_per_mm * sum(view.sensor.pattern.diameter_mm) / 4
-
-
-def dot_looks(view: View) -> Looks:
-    """Those of the described dots."""
-    steps = IN_DOT * dot_radius_px(view) * np.arange(-1, 2)
-    within = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    return Looks(view, printed_dots(view)[:, None] + within)
