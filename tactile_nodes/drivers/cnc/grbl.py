@@ -21,6 +21,7 @@ from tactile_nodes.drivers.cnc.grbl_check import (
     buffer_bytes,
     check,
     identity_of,
+    of_fluidnc,
     travel,
     without_homing,
 )
@@ -180,12 +181,22 @@ class GrblCnc(SerialCnc[GrblDialogue]):
     def _read_settings(self, dialogue: GrblDialogue) -> None:
         lines = dialogue.ask('$$', self._settings.answer_s).lines
         self._memory = dict(pair for line in lines if (pair := setting_of(line)) is not None)
+        if self._identity.firmware == 'FluidNC':
+            self._memory |= of_fluidnc(lambda key: self._value_of(dialogue, key))
         self._warnings = tuple(check(self._name, self._identity, self._memory, self._settings))
         self._guard = guard(self._settings, travel(self._identity, self._memory))
         self._acceleration = acceleration_of(self._memory, self._acceleration)
         dialogue.reports.factor = inches(self._memory.get(13, '0'))
         if self._settings.streaming == 'character-counting':
             dialogue.window = buffer_bytes(self._identity) - 1
+
+    def _value_of(self, dialogue: GrblDialogue, key: str) -> str:
+        """Of a FluidNC's setting with a name; empty where it has none."""
+        try:
+            lines = dialogue.ask(key, self._settings.answer_s).lines
+        except DeviceFaultError:
+            return ''
+        return next((line.partition('=')[2] for line in lines if line.startswith(f'{key}=')), '')
 
     def _find_switches(self, dialogue: GrblDialogue) -> None:
         self._homed, dialogue.homing = False, True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from tactile_nodes.drivers.cnc.contract import (
     NO_HARD_LIMITS,
@@ -17,6 +17,9 @@ from tactile_nodes.errors import DeviceFaultError
 KEEP_MOTORS_ON = 255
 SMALLEST_BUFFER = 128
 GUARDS = ((20, 'soft limits', NO_SOFT_LIMITS), (21, 'hard limits', NO_HARD_LIMITS), (22, 'homing', NO_HOMING))
+FLUIDNC_GUARDS = ((20, 'soft_limits'), (21, 'motor0/hard_limits'), (22, 'homing/cycle'))
+"""Where FluidNC keeps what these settings of Grbl say, below ``$/axes/x/`` (its Axis.cpp, Motor.cpp, Homing.h)."""
+FLUIDNC_IDLE = '$/stepping/idle_ms'
 
 
 def identity_of(lines: list[str], banner: str) -> Identity:
@@ -61,14 +64,32 @@ def _zero_at_switch(identity: Identity, memory: Mapping[int, str]) -> bool:
     return 'Z' in letters
 
 
+def of_fluidnc(read: Callable[[str], str]) -> dict[int, str]:
+    """The guards of a FluidNC as numbered settings.
+
+    Its own ``$20`` speaks of the x axis alone and its ``$21`` of any motor, so every axis is asked.
+
+    Args:
+        read: the value of a setting such as ``$/axes/z/soft_limits``; empty where it has none.
+    """
+    found = {1: read(FLUIDNC_IDLE)}
+    for number, key in FLUIDNC_GUARDS:
+        axes = [_is_set(read(f'$/axes/{axis}/{key}')) for axis in 'xyz']
+        found[number] = str(int(all(axes)))
+    return found
+
+
+def _is_set(value: str) -> bool:
+    """A switch that is on, or a homing cycle: 0 is none, and at -1 the axis does not look for its switch."""
+    return value == 'true' or (value.isdigit() and int(value) > 0)
+
+
 def check(name: str, identity: Identity, memory: Mapping[int, str], settings: CncSettings) -> list[str]:
     """Refuse what is dangerous; give what a person should know.
 
     Raises:
         DeviceFaultError: laser mode; no soft limits, no hard limits or no homing, unless accepted in words.
     """
-    if identity.firmware == 'FluidNC':
-        return ['FluidNC keeps its settings in a file of its own: its limits are not checked here']
     if _number(memory, 32):
         raise DeviceFaultError(
             f'{name} is in laser or lathe mode ($32={memory[32]}), where it moves otherwise than a mill; set $32=0'
@@ -76,10 +97,11 @@ def check(name: str, identity: Identity, memory: Mapping[int, str], settings: Cn
     warnings = []
     for number, what, risk in GUARDS:
         if not _is_on(memory, number):
-            _accepted(name, number, what, risk, settings)
+            _accepted(name, _where(identity, number), what, risk, settings)
             warnings.append(f'{what} off (${number}={memory.get(number, "?")})')
     if memory.get(1, '') != str(KEEP_MOTORS_ON):
-        warnings.append(f'$1={memory.get(1, "?")}: motors let go at rest and the place may be lost; set $1=255')
+        idle = FLUIDNC_IDLE if identity.firmware == 'FluidNC' else '$1'
+        warnings.append(f'{idle}={memory.get(1, "?")}: motors let go at rest and the place may be lost; set {idle}=255')
     if _number(memory, 13):
         warnings.append('reports in inches ($13=1), converted')
     return warnings
@@ -90,10 +112,16 @@ def _is_on(memory: Mapping[int, str], number: int) -> bool:
     return bool(int(_number(memory, number)) & 1)
 
 
-def _accepted(name: str, number: int, what: str, risk: str, settings: CncSettings) -> None:
+def _where(identity: Identity, number: int) -> str:
+    if identity.firmware == 'FluidNC':
+        return f'{dict(FLUIDNC_GUARDS)[number]} of every axis in its config.yaml'
+    return f'${number}=0'
+
+
+def _accepted(name: str, where: str, what: str, risk: str, settings: CncSettings) -> None:
     if risk not in settings.accept:
         raise DeviceFaultError(
-            f"{name} has {what} switched off (${number}=0); switch it on, or put '{risk}' into the setting accept"
+            f"{name} has {what} switched off ({where}); switch it on, or put '{risk}' into the setting accept"
         )
 
 

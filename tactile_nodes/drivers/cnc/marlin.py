@@ -113,7 +113,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
                 f'{self._name} has no homing command, as G28 may drive the tip into the gel; set home_command to one '
                 'that is safe on this machine'
             )
-        dialogue.place_lost = False
+        dialogue.place_lost, dialogue.answers_in_motion = False, None
         self._homed = True
         self._motion.forget()
         self._rests_at(self.status().position_mm)

@@ -3,8 +3,9 @@
 Marlin deals with one line after the other, and with the emergency commands between them. So nothing is sent that takes
 it long while something moves, but for what only the end of motion answers; then it answers ``M114`` at once also while
 it moves, which is asked several times a second: its silence tells that it hangs. Marlin 1, and Marlin 2 with
-M114_LEGACY, answer when they have come to rest; until one has answered while it moved, a missing answer counts as
-silence only at rest, or when the signs of life (``busy``, every two seconds) stay away.
+M114_LEGACY, answer when they have come to rest; once one has, it is asked ``G21`` instead while it moves, which changes
+nothing. Until it is known which of the two it is, a missing answer counts as silence only at rest, or when the signs of
+life (``busy``, every two seconds) stay away.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ LONGEST_LINE = 90
 SILENT_S = 0.3  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
 MOVING_S = 0.1  # between two questions while something moves
 STOP = 'M410'  # answered after a second, in which it does nothing else
+ALIVE = 'G21'  # millimetres, as before: every Marlin answers it at once
 PLACE = 'M114 R'  # the real place, where it was compiled to know it; else the R is ignored, and it tells the target
 
 
@@ -80,7 +82,7 @@ class MarlinDialogue:
         self.starts = 0
         self.connected = False
         self.polling = False
-        self.answers_in_motion = False
+        self.answers_in_motion: bool | None = None  # the question for the place; None: nobody knows yet
         self.killed = False
         self.fault = ''
         self.refusal = ''  # until it is stopped
@@ -101,8 +103,12 @@ class MarlinDialogue:
             if not self._unanswered:
                 return False
             oldest, stops = self._unanswered[0], any(each.text == STOP for each in self._unanswered)
-            at_once = oldest.prompt and not stops and (self.answers_in_motion or not oldest.in_motion)
+            at_once = oldest.prompt and not stops and (not oldest.in_motion or self._answers(oldest.text))
             return self._silence.is_over(SILENT_S if at_once else BUSY_S)
+
+    def _answers(self, text: str) -> bool:
+        """Whether it surely answers that at once while it moves."""
+        return self.answers_in_motion is not None and (self.answers_in_motion or text != PLACE)
 
     def ask(self, line: str, timeout_s: float, prompt: bool = True, generation: int | None = None) -> Request:
         """Send a line and wait for its ``ok``; signs of life extend the time.
@@ -231,8 +237,13 @@ class MarlinDialogue:
         self._unanswered.popleft()
         request.answered_ns = stamp_ns
         quick = stamp_ns - request.sent_ns < SILENT_S * NS_PER_S
-        if request.text == PLACE and request.in_motion and quick and self._moving():
-            self.answers_in_motion = True
+        if (
+            request.text == PLACE
+            and request.in_motion
+            and quick == self._moving()
+            and self.answers_in_motion is not True
+        ):
+            self.answers_in_motion = quick  # late, and at rest by then: it waited for that
         if request.text == PLACE:
             self._placed(request.lines, stamp_ns)
         if any(line.startswith('echo:Unknown command') for line in request.lines) and request.error is None:
@@ -262,7 +273,8 @@ class MarlinDialogue:
         """Any line is as good as a question: its answer shows that it lives."""
         period_s = min(self._period_s, MOVING_S) if self._moving() else self._period_s
         if self._clock.now_ns() - self._said_ns >= period_s * NS_PER_S:
-            self._put(PLACE, prompt=True)
+            in_turn = self.answers_in_motion is False and self._moving()
+            self._put(ALIVE if in_turn else PLACE, prompt=True)
 
     def _repeat(self, request: _Numbered) -> None:
         """Say a line again, if it is the one that is asked for; if the next one is, this one had arrived."""

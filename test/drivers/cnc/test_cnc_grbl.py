@@ -235,17 +235,49 @@ def test_work_positions_are_turned_into_machine_positions() -> None:
     play([*CONNECT, *HOME[:2], work, bare], act)
 
 
+FLUIDNC_BANNER = b"\r\nGrbl 3.6 [FluidNC v3.6.5-pre2 (wifi) '$' for help]\r\n"
+BOX: dict[str, Any] = {'lowest_mm': (-100.0, -100.0, -40.0), 'highest_mm': (0.0, 0.0, 0.0)}
+
+
+def fluidnc(**differs: bytes) -> Script:
+    """What a FluidNC says of itself, each setting as its RuntimeSetting.cpp writes it."""
+    said: Script = [
+        (b'$I\n', b'[VER:3.6 FluidNC v3.6.5-pre2:]\r\n[OPT:MPHS]\r\nok\r\n'),
+        (b'?', IDLE),
+        (b'$$\n', b'$10=1\r\n$20=1\r\n$21=1\r\n$22=1\r\n$32=0\r\n$130=300.000\r\nok\r\n'),
+        (b'$/stepping/idle_ms\n', b'$/stepping/idle_ms=255\r\nok\r\n'),
+    ]
+    for key, value in (('soft_limits', b'true'), ('motor0/hard_limits', b'true'), ('homing/cycle', b'1')):
+        for axis in 'xyz':
+            name = f'$/axes/{axis}/{key}'
+            answer = f'{name}='.encode() + value + b'\r\nok\r\n'
+            said.append((f'{name}\n'.encode(), differs.get(f'{axis}_{key.replace("/", "_")}', answer)))
+    return said
+
+
 def test_fluidnc_is_known_by_its_answer_and_must_be_given_its_box() -> None:
-    """Its settings live in a file: $130 and its kin say nothing."""
-    identity = b'[VER:3.6 FluidNC v3.6.5-pre2:]\r\n[OPT:MPHS]\r\nok\r\n'
-    script: Script = [(b'$I\n', identity), (b'?', IDLE), (b'$$\n', b'$0=3\r\nok\r\n')]
-    banner = b"\r\nGrbl 3.6 [FluidNC v3.6.5-pre2 (wifi) '$' for help]\r\n"
+    """Where its $130 begin depends on its configuration file."""
     with pytest.raises(ConfigurationError, match='does not tell its limits; set lowest_mm'):
-        play(script, nothing, first=banner)
-    box = {'lowest_mm': (-100.0, -100.0, -40.0), 'highest_mm': (0.0, 0.0, 0.0)}
-    cnc = play([*script, PREAMBLE], nothing, first=banner, **box)
+        play(fluidnc(), nothing, first=FLUIDNC_BANNER)
+    cnc = play([*fluidnc(), PREAMBLE], nothing, first=FLUIDNC_BANNER, **BOX)
     assert cnc.identify().firmware == 'FluidNC'
     assert cnc.limits.lowest_mm == (-100.0, -100.0, -40.0)
+    assert cnc.description['notes'] == ''
+
+
+@pytest.mark.parametrize(
+    ('differs', 'what'),
+    [
+        ({'z_soft_limits': b'$/axes/z/soft_limits=false\r\nok\r\n'}, 'soft limits .*soft_limits of every axis'),
+        ({'z_motor0_hard_limits': b'$/axes/z/motor0/hard_limits=false\r\nok\r\n'}, 'hard limits .*hard_limits of ev'),
+        ({'y_homing_cycle': b'error:3\r\n'}, 'homing .*homing/cycle of every axis'),
+        ({'y_homing_cycle': b'$/axes/y/homing/cycle=-1\r\nok\r\n'}, 'homing .*homing/cycle of every axis'),
+    ],
+)  # fmt: skip
+def test_one_unguarded_axis_of_a_fluidnc_is_refused(differs: dict[str, bytes], what: str) -> None:
+    """Its own $20 speaks of the x axis alone, its $21 of any motor: both say 1 here."""
+    with pytest.raises(DeviceFaultError, match=what):
+        play(fluidnc(**differs), nothing, first=FLUIDNC_BANNER, **BOX)
 
 
 @pytest.mark.parametrize(

@@ -191,6 +191,16 @@ def test_a_controller_that_hangs_while_it_moves_is_silent_after_half_a_second() 
     assert silent_after(rig, 2.0) < 0.8
 
 
+def test_one_that_tells_its_place_at_rest_alone_is_silent_as_soon_after_its_first_motion() -> None:
+    rig = homed_rig('marlin legacy')
+    rig.cnc.move(x=rig.at(-20, 0, 0)[0], feed=600.0)
+    rig.cnc.wait_idle()
+    rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
+    rig.cnc._talk().link.wait(lambda: False, 0.3)
+    assert rig.cnc.health.level == Level.OK
+    assert silent_after(rig, 2.0) < 0.8
+
+
 def test_a_marlin_that_answers_only_at_rest_is_not_called_silent_while_it_moves() -> None:
     rig = homed_rig('marlin legacy')
     rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
