@@ -11,8 +11,8 @@ SOURCE ?= simulated
 SENSOR ?=
 MODEL ?=
 ARGS ?=
-# One more than there are processors, since many tests wait, and not more than four.
-WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))')
+# Two for each processor, since many tests wait, and not more than eight.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(8, 2 * (os.cpu_count() or 1)))')
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 
 .PHONY: live test fuzz documents lint docs site site-serve clean
@@ -30,7 +30,7 @@ endif
 	  $(if $(MODEL)$(SENSOR),model:='$(or $(MODEL),$(OWN_MODEL))') $(ARGS)
 
 test: $(VENV)/.dev
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal $(ARGS)
 
 # The random tests, again and again with other examples until Ctrl-C or a failure; SEED=… tries those of that seed again.
 fuzz: $(VENV)/.dev

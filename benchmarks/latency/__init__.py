@@ -22,6 +22,7 @@ from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
 from benchmarks.harness.report import columns, opening, shown
 from benchmarks.harness.running import Run
 from benchmarks.harness.workers import processor_s
+from benchmarks.latency import relay
 from benchmarks.latency.pictures import recorded_camera
 from benchmarks.latency.rates import highest
 from benchmarks.page.launch import Sensing, sensing
@@ -33,8 +34,12 @@ if TYPE_CHECKING:
 STAGES = ('acquire', 'flow', 'features', 'predict', 'transport')
 SETTLES_S = 3.0
 """The first frames wait for everything that a process does once."""
+HEARD_S = 4.0
+"""So long what a relay says is taken from sensing: two presses of the pictures."""
+RELAY = 'a relay in their place'
 ARRANGEMENTS: Mapping[str, tuple[str, ...]] = {
     'motion and force in one process': (),
+    RELAY: (),
     'a process each': ('separate:=true',),
 }
 ABOUT = """\
@@ -42,12 +47,14 @@ Two parts, of simulated frames. First `tactile launch live` as people start it, 
 minutes each way; the times are between the stamp of an image's capture and the arrival of its force in this, another
 process. *skipped* images were overtaken by newer ones and never answered, *lost* forces were published and did not
 arrive. The camera reads its pictures from files in turn, four presses and rests; rendering them would cost more than
-sensing. Second the highest of {tried_hz} frames a second at which every image is answered for {seconds:g} s: images
-lie in memory, their publisher, flow features, force estimator and a subscriber share one process and one core; a
-rate is held if one of three tries loses nothing. *in contact*: a press in every frame, so that each is measured;
-*mixed*: nothing touches in half of them. *CPU a frame* is that of the publisher, both nodes and the subscriber; what is
-left of a frame's time is what a pause may take. Processor time of the nodes is of all cores; other work on the machine
-makes everything slower."""
+sensing. The *relay* takes the place of motion and force in the same launch: it computes nothing and answers each
+picture with what was said of another, so its times are what this machine takes for so many processes and bytes. Second
+the highest of {tried_hz} frames a second at which every image is answered for {seconds:g} s: images lie in memory,
+their publisher, flow features, force estimator and a subscriber share one process and one core; a rate is held if one
+of three tries loses nothing. *in contact*: a press in every frame, so that each is measured; *mixed*: nothing touches
+in half of them. *CPU a frame* is that of the publisher, both nodes and the subscriber; what is left of a frame's time
+is what a pause may take. Processor time of the nodes is of all cores; other work on the machine makes everything
+slower."""
 
 
 @dataclass
@@ -69,7 +76,8 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
         camera = recorded_camera(Path(folder)) if arguments.minutes else ()
         runs = [
             {'model': model, 'arrangement': name, **run.part(f'{model}, {name}', partial(
-                _live, 60 * arguments.minutes, (f'model:={model}', *words, *extra, *camera), run.progress
+                _relayed if name == RELAY else _live,
+                60 * arguments.minutes, (f'model:={model}', *words, *extra, *camera), run.progress
             ))}
             for model in arguments.models for name, words in ARRANGEMENTS.items() if camera
         ]  # fmt: skip
@@ -93,8 +101,20 @@ def _rates(model: str, compiled: bool, arguments: argparse.Namespace, run: Run) 
     }
 
 
-def _live(seconds: float, words: Sequence[str], progress: Progress) -> dict[str, Any]:
-    with sensing(*words) as running, progress.bar(' '.join(words[:-2]), round(seconds)) as bar:
+def _relayed(seconds: float, words: Sequence[str], progress: Progress) -> dict[str, Any]:
+    """As `_live`, of a relay that says what is heard of sensing before."""
+    with tempfile.TemporaryDirectory(prefix='tactile_relay') as name:
+        folder = Path(name)
+        with sensing(*words) as running:
+            running.watch_for(SETTLES_S)
+            for topic in relay.SAID:
+                relay.keep(folder, topic, running.longest(topic, HEARD_S))
+        with relay.relaying(folder):
+            return _live(seconds, words, progress, file=str(relay.relayed(folder)))
+
+
+def _live(seconds: float, words: Sequence[str], progress: Progress, file: str = 'live') -> dict[str, Any]:
+    with sensing(*words, file=file) as running, progress.bar(' '.join(words[:-2]), round(seconds)) as bar:
         running.watch_for(SETTLES_S)
         processes = {name: psutil.Process(pid) for name, pid in running.pids.items()}
         before = {name: processor_s(each) for name, each in processes.items()}
@@ -134,11 +154,13 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def _live_table(runs: Sequence[Mapping[str, Any]]) -> str:
+    floors = {each['model']: each['p99_ms'] for each in runs if each['arrangement'] == RELAY}
     return columns(
-        runs,
+        [{**each, 'over_ms': each['p99_ms'] - floors.get(each['model'], math.nan)} for each in runs],
         ('model', '{model}'), ('processes', '{arrangement}'), ('forces', '{forces}'), ('skipped', '{skipped}'),
         ('lost', '{lost}'), ('p50 [ms]', '{p50_ms:.2f}'), ('p99 [ms]', '{p99_ms:.2f}'),
-        ('worst [ms]', '{worst_ms:.2f}'), ('longest gap [ms]', '{longest_ms:.2f}'),
+        ("over the relay's", '{over_ms:.2f}'), ('worst [ms]', '{worst_ms:.2f}'),
+        ('longest gap [ms]', '{longest_ms:.2f}'),
     )  # fmt: skip
 
 

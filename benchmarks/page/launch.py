@@ -8,15 +8,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from benchmarks.faults.launch import Launch
 from benchmarks.harness.workers import own_bus
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.protocol import Qos, Received
+from tactile_nodes.bus.protocol import Bus, Qos, Received
 from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.topics import Topic
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import NS_PER_S, Clock, SystemClock, monotonic_s
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.messages import encode
 
 PATIENCE_S, STOP_WITHIN_S = 60.0, 15.0
 LOOK_NS = NS_PER_S // 10
@@ -30,6 +33,7 @@ class Sensing:
     url: str
     pids: dict[str, int]
     _forces: Subscription
+    _bus: Bus
 
     def forces(self, seconds: float, *, fresh: bool = True) -> Iterator[Received]:
         """Those that come in the next `seconds`; with `fresh` without those that wait already."""
@@ -39,6 +43,22 @@ class Sensing:
         while (left_s := end_s - monotonic_s()) > 0:
             if (received := self._forces.get(left_s)) is not None:
                 yield received
+
+    def longest(self, topic: Topic, seconds: float) -> Any:
+        """Of the messages that come on a topic in so many seconds the one that takes most bytes.
+
+        Raises:
+            ConfigurationError: none came.
+        """
+        heard = self._bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
+        end_s, found = monotonic_s() + seconds, []
+        while (left_s := end_s - monotonic_s()) > 0:
+            if (received := heard.get(left_s)) is not None:
+                found.append(received.message)
+        heard.close()
+        if not found:
+            raise ConfigurationError(f'nothing came on {topic.name} within {seconds:g} s')
+        return max(found, key=lambda message: len(encode(message)))
 
     def watch_for(self, seconds: float) -> None:
         """Let time pass.
@@ -51,21 +71,23 @@ class Sensing:
 
 
 @contextmanager
-def sensing(*words: str) -> Iterator[Sensing]:
+def sensing(*words: str, file: str = 'live') -> Iterator[Sensing]:
     """Start it, with launch arguments (`model:=portable`), and end it with all its processes.
+
+    `file` is what is launched, where it is not as people start it.
 
     Raises:
         ConfigurationError: it did not come up.
     """
     with tempfile.TemporaryDirectory(prefix='tp') as folder, own_bus(Path(folder)):
         clock, chosen = SystemClock(), ('page_port:=0', *words, '--noninteractive')
-        launch, bus = Launch(chosen, Path(folder) / 'said.txt', clock, 'live'), ZmqBus()
+        launch, bus = Launch(chosen, Path(folder) / 'said.txt', clock, file), ZmqBus()
         try:
             topic = topics.FORCE_DISTRIBUTION
             forces = bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
             if forces.get(PATIENCE_S) is None:
                 raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {launch.said}')
-            yield Sensing(_served(launch, clock), launch.pids, forces)
+            yield Sensing(_served(launch, clock), launch.pids, forces, bus)
         finally:
             bus.close()
             launch.interrupt(STOP_WITHIN_S)

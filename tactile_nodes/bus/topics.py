@@ -206,7 +206,7 @@ CALIBRATION_STATE = Topic(
     'tactile_nodes/msg/CalibrationState',
     'whether the calibration still holds, and what to do where it does not',
     _LATCHED,
-    2.0,
+    0.5,
     holds='px and shares; level, reasons and a sentence',
 )
 DIAGNOSTICS = Topic(

@@ -39,7 +39,7 @@ class DriftMonitorParams(NodeParams):
     source: str = parameter(
         '', 'the source of the camera; the simulated gel stands in only if it is `simulated`', read_only=True
     )
-    check_s: float = parameter(0.5, 'time between two pictures that are looked at', minimum=0.05)
+    check_s: float = parameter(2.0, 'time between two pictures that are looked at', minimum=0.05)
     force_topic: str = parameter(
         '', 'topic of an independent force sensor (WrenchStamped); empty: none', read_only=True
     )

@@ -18,6 +18,7 @@ _ALL = np.stack([*_BOTH, _BEND])
 _VALUE_X_Y_S = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """Of which axis (row) the slope is taken in the value and in the slopes along x, y and s."""
 _AXES = np.arange(3)[:, None]
+_FOUR = np.arange(4)
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,27 @@ class SplineAxis:
 
     def design(self, values: Float[np.ndarray, ' n']) -> Float[np.ndarray, 'n count']:
         """All splines' values at many places."""
+        first, powers = self._powers(values)
+        return self._rows(first, powers @ _CUBIC.T)
+
+    def design_and_slope(
+        self, values: Float[np.ndarray, ' n']
+    ) -> tuple[Float[np.ndarray, 'n count'], Float[np.ndarray, 'n count']]:
+        """All splines' values at many places, and their slopes per unit of the axis."""
+        first, powers = self._powers(values)
+        per_unit = self.intervals / (self.high - self.low)
+        return self._rows(first, powers @ _CUBIC.T), self._rows(first, powers @ (_SLOPE.T * per_unit))
+
+    def _powers(self, values: Float[np.ndarray, ' n']) -> tuple[Int[np.ndarray, ' n'], Float[np.ndarray, 'n 4']]:
         along = (np.clip(values, self.low, self.high) - self.low) * self.intervals / (self.high - self.low)
-        first = np.minimum(along.astype(int), self.intervals - 1)
+        first = np.minimum(along.astype(np.intp), self.intervals - 1)
         t = along - first
-        rows = np.zeros((len(values), self.count))
-        np.put_along_axis(rows, first[:, None] + np.arange(4), np.stack([t**0, t, t**2, t**3], 1) @ _CUBIC.T, axis=1)
+        square = t * t
+        return first, np.stack([np.ones_like(t), t, square, square * t], 1)
+
+    def _rows(self, first: Int[np.ndarray, ' n'], four: Float[np.ndarray, 'n 4']) -> Float[np.ndarray, 'n count']:
+        rows = np.zeros((len(first), self.count))
+        rows.reshape(-1)[(np.arange(len(first)) * self.count + first)[:, None] + _FOUR] = four
         return rows
 
 

@@ -178,7 +178,8 @@ class AxisymmetricResponse:
     def _away(self, contacts: np.ndarray) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, 'n regions']]:
         """From each region to each contact as its streak shows it, and how far that is, both over the width."""
         away = self.streak.shown(self._plain(contacts), self.places)
-        return away, np.sqrt(np.square(away).sum(axis=-1) + TINY_MM**2)
+        x, y = away[..., 0], away[..., 1]
+        return away, np.sqrt(x * x + y * y + TINY_MM**2)
 
     def away_of(self, contacts: Float[np.ndarray, 'n 3'], regions: np.ndarray) -> Float[np.ndarray, 'n 2']:
         """From one region for each contact to it, as above."""
@@ -196,9 +197,8 @@ class AxisymmetricResponse:
         force = force_n * self.softness
         k, weights = self.force.weights_of(force)
         along = np.einsum('pdnf,nf->ndp', self.profiles[:, :, k[:, None] + _FOUR], weights[0] * force[:, None])
-        i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
-        four = along[np.arange(len(force))[:, None, None], i[..., None] + _FOUR]
-        value: np.ndarray = np.matmul(near[0][..., None, :], four)[..., 0, :]
+        near = DISTANCES.design(np.arcsinh(distance / BEND_MM).ravel()).reshape(*distance.shape, -1)
+        value: np.ndarray = near @ along
         return value
 
     def _values(
@@ -211,9 +211,7 @@ class AxisymmetricResponse:
         by_force = np.stack([weights[0] * force[:, None], weights[0] + weights[1] * force[:, None] * inside])
         block = self.profiles[:, :, k[:, None] + _FOUR]
         along = np.einsum('pdnf,gnf->gndp', block, by_force)
-        i, near = DISTANCES.weights_of(np.arcsinh(distance / BEND_MM))
-        number = np.arange(len(force))[:, None, None]
-        four = along[:, number, i[..., None] + _FOUR]
-        value = np.einsum('nrip,nri->nrp', four[0], near[0])
-        outward = np.einsum('nrip,nri->nrp', four[0], near[1]) / np.sqrt(distance**2 + BEND_MM**2)[..., None]
-        return value, outward, np.einsum('nrip,nri->nrp', four[1], near[0]) * self.softness
+        near, slope = DISTANCES.design_and_slope(np.arcsinh(distance / BEND_MM).ravel())
+        near, slope = near.reshape(*distance.shape, -1), slope.reshape(*distance.shape, -1)
+        outward = slope @ along[0] / np.sqrt(distance**2 + BEND_MM**2)[..., None]
+        return near @ along[0], outward, near @ along[1] * self.softness

@@ -39,7 +39,7 @@ class Streak:
     def shown(self, away: Float[np.ndarray, '*n 2'], places: Float[np.ndarray, '*m 2']) -> Float[np.ndarray, '*n 2']:
         """Vectors from regions to presses (mm) as the regions show them."""
         aslant = self.aslant(places)
-        square, along = np.square(away).sum(axis=-1), (away * aslant).sum(axis=-1)
+        square, along = _product(away, away), _product(away, aslant)
         further = self.shift_mm / (1 + square / NEAR_MM**2) - self.squeeze * along / (1 + square / WIDE_MM**2)
         shown: np.ndarray = away + further[..., None] * aslant
         return shown
@@ -47,7 +47,8 @@ class Streak:
     def slopes(self, away: Float[np.ndarray, '*n 2'], places: Float[np.ndarray, '*m 2']) -> Float[np.ndarray, '*n 2']:
         """How much further along the streak (mm, of a streak of 1) a press shows for each mm along x and y."""
         by_shift, by_squeeze = self.levers(away, places)
-        near, wide = (1 / (1 + np.square(away).sum(axis=-1) / each**2) for each in (NEAR_MM, WIDE_MM))
+        square = _product(away, away)
+        near, wide = (1 / (1 + square / each**2) for each in (NEAR_MM, WIDE_MM))
         fading = by_shift * near * self.shift_mm / NEAR_MM**2 + by_squeeze * wide * self.squeeze / WIDE_MM**2
         slopes: np.ndarray = -2 * fading[..., None] * away - (self.squeeze * wide)[..., None] * self.aslant(places)
         return slopes
@@ -56,5 +57,11 @@ class Streak:
         self, away: Float[np.ndarray, '*n 2'], places: Float[np.ndarray, '*m 2']
     ) -> tuple[Float[np.ndarray, '*n'], Float[np.ndarray, '*n']]:
         """How much further along the streak (mm, of a streak of 1) a press shows for a shift and a squeeze of 1."""
-        square, along = np.square(away).sum(axis=-1), (away * self.aslant(places)).sum(axis=-1)
+        square, along = _product(away, away), _product(away, self.aslant(places))
         return 1 / (1 + square / NEAR_MM**2), -along / (1 + square / WIDE_MM**2)
+
+
+def _product(a: Float[np.ndarray, '*n 2'], b: Float[np.ndarray, '*m 2']) -> Float[np.ndarray, '*n']:
+    """Of vectors in pairs: several times as fast as a sum over an axis of two."""
+    product: np.ndarray = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
+    return product
