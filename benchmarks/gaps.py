@@ -9,12 +9,10 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.viewing.gaps import SequenceGaps
 
-FRAME_NS = NS_PER_S / 60
-
 
 @dataclass
 class Gaps:
-    """Counts them, of a camera of 60 frames a second.
+    """Counts them, of a camera whose frames are `frame_ns` apart.
 
     Attributes:
         skipped: images of the camera that no force answers, by the stamps.
@@ -25,6 +23,7 @@ class Gaps:
     skipped: int = 0
     lost: int = 0
     longest_ms: float = 0.0
+    frame_ns: float = NS_PER_S / 60
 
     def __post_init__(self) -> None:
         self._numbers = SequenceGaps()
@@ -39,7 +38,7 @@ class Gaps:
         """A force came; the stamp of its image."""
         at_ns = stamp_ns(received.message.header.stamp)
         if self._last_ns is not None:
-            self.skipped += max(0, round((at_ns - self._last_ns) / FRAME_NS) - 1)
+            self.skipped += max(0, round((at_ns - self._last_ns) / self.frame_ns) - 1)
             self.longest_ms = max(self.longest_ms, (at_ns - self._last_ns) / 1e6)
         self.lost += self._numbers.add(received.publisher, received.sequence)
         self._last_ns = at_ns

@@ -134,6 +134,11 @@ class Launch:
         return self._process.poll()
 
     @property
+    def pid(self) -> int:
+        """Of the launch itself."""
+        return self._process.pid
+
+    @property
     def questions(self) -> int:
         """How often the rig has asked for a person."""
         return sum(ACKNOWLEDGE in line for _, line in list(self.lines))

@@ -45,20 +45,8 @@ class Sensing:
                 yield received
 
     def longest(self, topic: Topic, seconds: float) -> Any:
-        """Of the messages that come on a topic in so many seconds the one that takes most bytes.
-
-        Raises:
-            ConfigurationError: none came.
-        """
-        heard = self._bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
-        end_s, found = monotonic_s() + seconds, []
-        while (left_s := end_s - monotonic_s()) > 0:
-            if (received := heard.get(left_s)) is not None:
-                found.append(received.message)
-        heard.close()
-        if not found:
-            raise ConfigurationError(f'nothing came on {topic.name} within {seconds:g} s')
-        return max(found, key=lambda message: len(encode(message)))
+        """As the function of that name, of this sensor."""
+        return longest(self._bus, f'/{topic.name}', topic, seconds)
 
     def watch_for(self, seconds: float) -> None:
         """Let time pass.
@@ -68,6 +56,23 @@ class Sensing:
         """
         if not sum(1 for _ in self.forces(seconds)):
             raise ConfigurationError('the launch senses nothing; see what it says: tactile launch live')
+
+
+def longest(bus: Bus, name: str, topic: Topic, seconds: float) -> Any:
+    """Of the messages that come in so many seconds the one that takes most bytes.
+
+    Raises:
+        ConfigurationError: none came.
+    """
+    heard = bus.subscribe(name, topic.type_name, Qos('queue', 1000))
+    end_s, found = monotonic_s() + seconds, []
+    while (left_s := end_s - monotonic_s()) > 0:
+        if (received := heard.get(left_s)) is not None:
+            found.append(received.message)
+    heard.close()
+    if not found:
+        raise ConfigurationError(f'nothing came on {name} within {seconds:g} s')
+    return max(found, key=lambda message: len(encode(message)))
 
 
 @contextmanager

@@ -1,0 +1,139 @@
+"""All sensors of a hand on one machine: is every picture answered, how late, and does one that fails disturb others?
+
+Beside it a relay with as many processes and bytes, which computes nothing: what this machine takes for passing on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
+from benchmarks.harness.report import columns, opening
+from benchmarks.harness.running import Run
+from tactile_nodes.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from benchmarks.hand.sensing import Heard
+    from tactile_nodes.learning.progress import Progress
+
+SENSED, RELAYED = 'sensing', 'a relay in its place'
+ABOUT = """\
+`tactile launch hand` with its page, {seconds:g} s each way. The cameras read pictures of presses from files, over and
+over; the loops are compiled. The times are between the stamp of an image's capture and the arrival of its force in
+this, another process; of all sensors together. The *relay* has the same processes, but computes nothing and answers
+each picture with what was said of another. *skipped* images were never answered, *lost* forces did not arrive. *CPU* is
+that of all processes of the hand, in cores, over the number of sensors."""
+DISTURBED = """\
+The same with one sensor that misbehaves, and what the *others* do: `hangs`, its process of motion and force is stopped
+(SIGSTOP) all the time; `dies`, that process is killed every two seconds and started again by its launch; `floods`, its
+camera brings ten times as many pictures. A longest gap of two frame times or less: no other sensor lost a frame."""
+
+
+def measured(arguments: argparse.Namespace, run: Run) -> Result:
+    """All numbers of the page.
+
+    Raises:
+        ConfigurationError: as many rates as hands are wanted; or a hand does not come up.
+    """
+    from benchmarks.hand.sensing import TROUBLES
+
+    if len(arguments.sensors) != len(arguments.hz):
+        raise ConfigurationError('--hz wants a rate for each of --sensors, as in --sensors 4 8 --hz 60 30')
+    ways = [(count, hz, model) for count, hz in zip(arguments.sensors, arguments.hz, strict=True)
+            for model in arguments.models]  # fmt: skip
+    rows = [
+        {'sensors': count, 'hz': hz, 'model': model, 'way': way, **run.part(
+            f'{count} {hz} {model} {way}', partial(_hand, count, hz, model, way, '', arguments.seconds, run.progress)
+        )}
+        for count, hz, model in ways for way in (SENSED, RELAYED)
+    ]  # fmt: skip
+    count, hz, model = ways[0]
+    troubles = [
+        {'trouble': trouble, **run.part(
+            f'{count} {hz} {model} {trouble}',
+            partial(_hand, count, hz, model, SENSED, trouble, arguments.seconds, run.progress)
+        )}
+        for trouble in (() if arguments.no_troubles else TROUBLES)
+    ]  # fmt: skip
+    return {'seconds': arguments.seconds, 'hands': rows, 'disturbed': {'sensors': count, 'hz': hz, 'model': model},
+            'troubles': troubles}  # fmt: skip
+
+
+def _hand(
+    count: int, hz: float, model: str, way: str, trouble: str, seconds: float, progress: Progress
+) -> dict[str, float]:
+    from benchmarks.hand.sensing import Disturber, hand, relayed_hand, written
+
+    with tempfile.TemporaryDirectory(prefix='tactile_hand') as name:
+        file = written(Path(name), count, hz, model, floods=trouble == 'floods')
+        with relayed_hand(Path(name), file) if way == RELAYED else hand(file) as running:
+            with Disturber(running, trouble), progress.bar(f'{count} sensors, {way}{trouble}', round(seconds)) as bar:
+                heard = running.listen(seconds, hz, bar, without=1 if trouble else 0)
+            return _told(heard)
+
+
+def _told(heard: Heard) -> dict[str, float]:
+    import numpy as np
+
+    late = np.concatenate([each.late_ms for each in heard.streams])
+    return {
+        'forces': len(late), 'skipped': sum(each.skipped for each in heard.streams),
+        'lost': sum(each.lost for each in heard.streams), 'p50_ms': float(np.percentile(late, 50)),
+        'p99_ms': float(np.percentile(late, 99)), 'worst_ms': float(late.max()),
+        'longest_ms': max(each.longest_ms for each in heard.streams), 'cores': heard.cores / heard.count,
+    }  # fmt: skip
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The whole page in Markdown."""
+    parts = opening('A hand of sensors', result, ABOUT.format(**result))
+    floors = {(each['sensors'], each['hz'], each['model']): each['p99_ms'] for each in result['hands']
+              if each['way'] == RELAYED}  # fmt: skip
+    rows = [
+        {**each, 'over': each['p99_ms'] - floors[each['sensors'], each['hz'], each['model']]}
+        for each in result['hands']
+    ]
+    parts += ['## Every picture answered', _table(
+        rows, ('sensors', '{sensors}'), ('Hz', '{hz:g}'), ('model', '{model}'), ('', '{way}'),
+        over=("over the relay's", '{over:.2f}'),
+    )]  # fmt: skip
+    if result['troubles']:
+        asked = '{sensors} sensors at {hz:g} Hz, `{model}`.'.format(**result['disturbed'])
+        parts += ['## One that misbehaves', f'{DISTURBED} {asked}']
+        parts += [_table(result['troubles'], ('one of them', '{trouble}'))]
+    return '\n\n'.join(parts)
+
+
+def _table(rows: Sequence[Mapping[str, Any]], *first: tuple[str, str], over: tuple[str, str] | None = None) -> str:
+    return columns(
+        rows, *first, ('forces', '{forces}'), ('skipped', '{skipped}'), ('lost', '{lost}'),
+        ('p50 [ms]', '{p50_ms:.2f}'), ('p99 [ms]', '{p99_ms:.2f}'), *([over] if over else []),
+        ('worst [ms]', '{worst_ms:.1f}'), ('longest gap [ms]', '{longest_ms:.1f}'), ('CPU a sensor', '{cores:.1%}'),
+    )  # fmt: skip
+
+
+BENCHMARK = Benchmark(
+    name='hand',
+    about=__doc__,
+    sources=(
+        'benchmarks/hand/**', 'benchmarks/latency/relay.py', 'benchmarks/gaps.py', 'tactile_nodes/launching/**', *LIVE,
+    ),
+    page=page,
+    measure=measured,
+    arguments=(
+        argument('--sensors', nargs='+', type=int, above=0, default=[4, 8], metavar='N', help='of each hand'),
+        argument('--hz', nargs='+', type=float, above=0, default=[60.0, 30.0], help='frames a second of each hand'),
+        argument('--models', nargs='+', default=['field', 'fast'], metavar='NAME', help='models (default: field fast)'),
+        argument('--seconds', type=float, above=0, default=30.0, metavar='N', help='how long each way (default: 30)'),
+        argument('--no-troubles', action='store_true', help='without a sensor that misbehaves'),
+    ),
+    example="""\
+examples:
+  tactile bench hand -o docs/results
+  tactile bench hand --sensors 2 --hz 60 --models fast --seconds 10 --no-troubles""",
+)  # fmt: skip

@@ -1,0 +1,212 @@
+"""A hand that senses, or a relay in its place; who listens to all of its forces; and who disturbs one sensor."""
+
+from __future__ import annotations
+
+import os
+import signal
+import tempfile
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+
+import psutil
+import yaml
+
+from benchmarks.faults.launch import Launch
+from benchmarks.gaps import Gaps
+from benchmarks.harness.workers import own_bus, processor_s
+from benchmarks.latency import relay
+from benchmarks.latency.pictures import recorded_camera
+from benchmarks.page.launch import longest
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.subscription import Subscription
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.clock import NS_PER_S, SystemClock, monotonic_s
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.launching.hand import arguments_of, parameter_text
+from tactile_nodes.learning.progress import Bar
+from tactile_nodes.sensors import load_hand
+
+PATIENCE_S, SETTLES_S, HEARD_S, STOP_WITHIN_S, STEP_S = 90.0, 5.0, 4.0, 20.0, 1.0
+TROUBLES = 'hangs', 'dies', 'floods'
+DIES_EVERY_S, FLOODS = 2.0, 10.0
+
+
+@dataclass
+class Stream(Gaps):
+    """Forces of one sensor that came, each so long (ms) after its capture."""
+
+    late_ms: list[float] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Of the sensors that are listened to their forces; of all of them the cores that their processes took."""
+
+    streams: list[Stream]
+    cores: float
+    count: int
+
+
+@dataclass(frozen=True)
+class RunningHand:
+    """Names of the sensors, their forces, and the launch that started them."""
+
+    names: tuple[str, ...]
+    forces: dict[str, Subscription]
+    launch: Launch
+    bus: ZmqBus
+
+    def processes(self) -> list[psutil.Process]:
+        """All that the launch started, and what those started."""
+        return psutil.Process(self.launch.pid).children(recursive=True)
+
+    def sensing_process(self, name: str) -> int | None:
+        """That of motion and force of a sensor; None while it is being started again."""
+        for each in self.processes():
+            words = _words(each)
+            if f'__ns:=/{name}' in words and 'flow_features' in words:
+                return each.pid
+        return None
+
+    def listen(self, seconds: float, hz: float, bar: Bar, without: int = 0) -> Heard:
+        """To all sensors, or to all but so many of the first."""
+        streams = {name: Stream(frame_ns=NS_PER_S / hz) for name in self.names[without:]}
+        for each in self.forces.values():
+            while each.take() is not None:
+                pass
+        before, begun_s = {each.pid: processor_s(each) for each in self.processes()}, monotonic_s()
+        while (left_s := begun_s + seconds - monotonic_s()) > 0:
+            threading.Event().wait(min(STEP_S, left_s))
+            for name, stream in streams.items():
+                while (received := self.forces[name].take()) is not None:
+                    stream.late_ms.append((received.received_ns - stream.take(received)) / 1e6)
+            bar.advance(1, f'{sum(each.skipped for each in streams.values())} images without a force')
+        took_s = monotonic_s() - begun_s
+        spent = sum(processor_s(each) - before.get(each.pid, 0.0) for each in self.processes())
+        if not all(each.late_ms for each in streams.values()):
+            raise ConfigurationError(f'a sensor brought no force for {seconds:g} s; {self.launch.said[-2000:]}')
+        return Heard(list(streams.values()), spent / took_s, len(self.names))
+
+
+class Disturber:
+    """Makes the first sensor misbehave, from another thread, for as long as the block runs."""
+
+    def __init__(self, hand: RunningHand, trouble: str) -> None:
+        self._hand, self._trouble = hand, trouble
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._disturb, name='disturber', daemon=True)
+        self._stopped: int | None = None
+
+    def __enter__(self) -> Disturber:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+        if self._stopped is not None:
+            os.kill(self._stopped, signal.SIGCONT)
+
+    def _disturb(self) -> None:
+        first = self._hand.names[0]
+        if self._trouble == 'hangs' and (pid := self._hand.sensing_process(first)) is not None:
+            os.kill(pid, signal.SIGSTOP)
+            self._stopped = pid
+        while self._trouble == 'dies' and not self._over.wait(DIES_EVERY_S):
+            if (pid := self._hand.sensing_process(first)) is not None:
+                os.kill(pid, signal.SIGKILL)
+
+
+def written(folder: Path, count: int, hz: float, model: str, *, floods: bool) -> Path:
+    """A hand file in `folder`, with pictures and parameters for each sensor.
+
+    Raises:
+        ConfigurationError: the pictures cannot be written.
+    """
+    pictures, config = recorded_camera(folder)
+    text = Path(config.removeprefix('config:=')).read_text(encoding='ascii')
+    sensors = []
+    for number in range(count):
+        own = folder / f's{number}.yaml'
+        own.write_text(text, encoding='ascii')
+        place = {'position_mm': [0.0, 0.0, 40.0 * number]}
+        source = pictures.removeprefix('source:=')
+        sensors.append({'name': f's{number}', 'source': source, 'model': model, 'config': str(own), 'frame': place})
+    file = folder / 'hand.yaml'
+    file.write_text(yaml.safe_dump({'frame': 'hand', 'fps': hz, 'sensors': sensors}), encoding='utf-8')
+    if floods:
+        (folder / 's0.yaml').write_text(f'{text}/s0/camera: {{ros__parameters: {{fps: {FLOODS * hz}}}}}\n', 'ascii')
+    return file
+
+
+@contextmanager
+def hand(file: Path) -> Iterator[RunningHand]:
+    """As people start it.
+
+    Raises:
+        ConfigurationError: it did not come up.
+    """
+    with _launched('hand', load_hand(file).names, f'hand:={file}') as running:
+        yield running
+
+
+@contextmanager
+def relayed_hand(folder: Path, file: Path) -> Iterator[RunningHand]:
+    """The same with a relay for each sensor, which says what is heard of the real one before.
+
+    Raises:
+        ConfigurationError: it did not come up.
+    """
+    with hand(file) as real:
+        for topic in relay.SAID:
+            relay.keep(folder, topic, longest(real.bus, f'/{real.names[0]}/{topic.name}', topic, HEARD_S))
+    whole = load_hand(file)
+    launch = relay.relayed(folder)
+    parts: list[dict[str, object]] = []
+    for sensor in whole.sensors:
+        own = folder / f'{sensor.name}_whole.yaml'
+        own.write_text(parameter_text(sensor, whole, open_within_s=0.0), encoding='utf-8')
+        words = [{'name': name, 'value': value} for name, value in arguments_of(sensor, '', own).items()]
+        parts.append({'group': [{'include': {'file': str(launch), 'arg': words}}]})
+    for program in ('hand_wrench_node', 'live_view_node'):
+        told = [{'name': 'hand', 'value': str(file)}, *([{'name': 'port', 'value': 0}] if 'view' in program else [])]
+        parts.append({'node': {'pkg': 'tactile_nodes', 'exec': program, 'output': 'screen', 'param': told}})
+    document = folder / 'relayed_hand.launch.yaml'
+    document.write_text(yaml.safe_dump({'launch': parts}), encoding='utf-8')
+    with relay.relaying(folder), _launched(str(document), whole.names) as running:
+        yield running
+
+
+@contextmanager
+def _launched(file: str, names: Sequence[str], *words: str) -> Iterator[RunningHand]:
+    with tempfile.TemporaryDirectory(prefix='th') as folder, own_bus(Path(folder)):
+        own = ('page_port:=0', *words) if file == 'hand' else words
+        launch, bus = Launch((*own, '--noninteractive'), Path(folder) / 'said.txt', SystemClock(), file), ZmqBus()
+        try:
+            topic, forces = topics.FORCE_DISTRIBUTION, {}
+            for name in names:
+                forces[name] = bus.subscribe(f'/{name}/{topic.name}', topic.type_name, Qos('queue', 10_000))
+            for name, each in forces.items():
+                if each.get(PATIENCE_S) is None:
+                    raise ConfigurationError(
+                        f'no force of {name} within {PATIENCE_S:g} s; it says: {launch.said[-2000:]}'
+                    )
+            threading.Event().wait(SETTLES_S)
+            yield RunningHand(tuple(names), forces, launch, bus)
+        finally:
+            bus.close()
+            launch.interrupt(STOP_WITHIN_S)
+
+
+def _words(process: psutil.Process) -> list[str]:
+    try:
+        return process.cmdline()
+    except psutil.Error:
+        return []
