@@ -72,7 +72,10 @@ def _hand(
     with tempfile.TemporaryDirectory(prefix='tactile_hand') as name:
         file = written(Path(name), count, hz, model, floods=trouble == 'floods')
         with relayed_hand(Path(name), file) if way == RELAYED else hand(file) as running:
-            with Disturber(running, trouble), progress.bar(f'{count} sensors, {way}{trouble}', round(seconds)) as bar:
+            with (
+                Disturber(running, trouble),
+                progress.bar(f'{count} sensors, {way} {trouble}'.rstrip(), round(seconds)) as bar,
+            ):
                 heard = running.listen(seconds, hz, bar, without=1 if trouble else 0)
             return _told(heard)
 

@@ -13,8 +13,8 @@ from tactile_nodes.sensors import Hand, HandSensor
 def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> str:
     """A parameter file (JSON is YAML) with what the sensor's own says, the rate, and the names of its frames.
 
-    The camera is waited for `open_within_s`. The transform is told by who knows the whole hand, so the views of one
-    sensor keep silent about it.
+    A camera that brings more pictures is answered at that rate, and waited for `open_within_s`. The transform is told
+    by who knows the whole hand, so the views of one sensor keep silent about it.
 
     Raises:
         ConfigurationError: its own parameter file is none.
@@ -31,6 +31,7 @@ def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> s
             'surface_frame_id': frame,
             'frame_id': f'{frame}_camera_optical_frame',
         },
+        'flow_features': {'most_hz': hand.fps},
         'force_estimator': {'frame_id': frame},
         'force_views': {'frame_id': frame, 'parent_frame_id': ''},
     }

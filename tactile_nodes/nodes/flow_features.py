@@ -21,7 +21,7 @@ from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.clock import Clock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera.pictures import read_grey, write_png
 from tactile_nodes.errors import ConfigurationError, ImageError, TactileError
 from tactile_nodes.messages import decode, encode, stamp_ns, types
@@ -32,6 +32,8 @@ from tactile_nodes.pipeline.methods import image_size
 from tactile_nodes.sensing.geometry import middle_part
 
 _KEPT = 'rest_image'
+SOONEST = 0.75
+"""Of the time between two frames: a picture that comes sooner after the last one is one too many."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
         'that are not square',
         minimum=0,
     )
+    most_hz: float = parameter(0.0, 'pictures a second that are answered at most; 0: all', minimum=0.0)
     skip_frames: int = parameter(0, 'frames left out before the capture at start', minimum=0)
     reference_file: str = parameter('', 'picture (PNG) that a rest image is read from or saved to', read_only=False)
     overlay_folder: str = parameter(
@@ -69,7 +72,7 @@ class FlowFeaturesNode(Node):
         compiled = choose(self.given('compiled'), self.log.info, self.log.warn)
         self._following = Following(self.params, compiled=compiled)
         self._features = self.create_publisher(topics.FLOW_FEATURES)
-        self._frames = 0
+        self._frames = self._answered_ns = 0
         self._came, self._size = '', image_size(self.params)
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
@@ -104,6 +107,8 @@ class FlowFeaturesNode(Node):
         return True
 
     def _on_image(self, received: Received) -> None:
+        if self._too_soon(stamp_ns(received.message.header.stamp)):
+            return
         image, head = self._picture(received.message), received.message.header
         acquire_s = math.nan if self.params.use_sim_time else (received.source_ns - stamp_ns(head.stamp)) * 1e-9
         features = self._following.answer(image, head, acquire_s=acquire_s, waited_s=self.age_s(received))
@@ -114,6 +119,13 @@ class FlowFeaturesNode(Node):
             every = self.params.overlay_every
             if every and self._frames % every == 1 % every:
                 self._save_overlay()
+
+    def _too_soon(self, at_ns: int) -> bool:
+        """Whether a camera brings more than is wanted of it."""
+        if self.params.most_hz and 0 <= at_ns - self._answered_ns < SOONEST * NS_PER_S / self.params.most_hz:
+            return True
+        self._answered_ns = at_ns
+        return False
 
     def _picture(self, message: types.Image) -> np.ndarray:
         """Our camera node has cut it already, others have not."""

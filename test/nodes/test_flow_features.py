@@ -59,6 +59,21 @@ def test_features_carry_the_stamp_of_their_image(
     assert len(message.reference_id) == 12
 
 
+def test_of_a_camera_that_brings_ten_times_as_many_pictures_no_more_are_answered_than_wanted(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    """At 600 a second the eighth is the first one that comes 12.5 ms, three quarters of a frame, after the last."""
+    features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
+    tested, stamps = node(bus, clock, 'most_hz:=60.0'), [START_NS + number * 10**9 // 600 for number in range(48)]
+    told = []
+    for each in stamps:
+        camera.publish(image(PATTERN, each))
+        run(tested)
+        while (received := features.take()) is not None:
+            told.append(stamp_ns(received.message.header.stamp))
+    assert told == stamps[::8]
+
+
 WHOLE = np.random.default_rng(6).integers(20, 200, (480, 640), dtype=np.uint8)
 
 
