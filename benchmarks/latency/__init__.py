@@ -166,12 +166,21 @@ def _live_table(runs: Sequence[Mapping[str, Any]]) -> str:
 
 def _stage_table(runs: Sequence[Mapping[str, Any]]) -> str:
     names = sorted({name for each in runs for name in each['cpu_share']})
+    rows = [
+        {**each, 'cpu': {name: shown(each['cpu_share'].get(name), '{:.0%}') for name in names},
+         'told': {stage: shown(_own(each, stage), '{:.2f}') for stage in STAGES}}
+        for each in runs
+    ]  # fmt: skip
     return columns(
-        [{**each, 'cpu': {name: shown(each['cpu_share'].get(name), '{:.0%}') for name in names}} for each in runs],
-        ('model', '{model}'), ('processes', '{arrangement}'),
-        *((f'{stage} p50 [ms]', f'{{stages_p50_ms[{stage}]:.2f}}') for stage in STAGES),
+        rows, ('model', '{model}'), ('processes', '{arrangement}'),
+        *((f'{stage} p50 [ms]', f'{{told[{stage}]}}') for stage in STAGES),
         *((f'CPU of {name}', f'{{cpu[{name}]}}') for name in names),
     )  # fmt: skip
+
+
+def _own(run: Mapping[str, Any], stage: str) -> float | None:
+    """How long a stage took; None of a relay, whose messages say that of others."""
+    return None if run['arrangement'] == RELAY else run['stages_p50_ms'][stage]
 
 
 def _rate_table(rates: Sequence[Mapping[str, Any]]) -> str:
