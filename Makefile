@@ -11,8 +11,9 @@ SOURCE ?= simulated
 SENSOR ?=
 MODEL ?=
 ARGS ?=
-# Two for each processor, since many tests wait, and not more than eight.
-WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(8, 2 * (os.cpu_count() or 1)))')
+# One more than there are processors, since many tests wait, and not more than four: with two for each, some of those that
+# keep time by the clock had to wait too long.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))')
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 
 .PHONY: live test fuzz documents lint docs site site-serve clean

@@ -171,12 +171,15 @@ def test_records_may_be_numbered_from_nought(start: Start) -> None:
 
 
 def test_the_internal_rate_is_the_boxs_own(start: Start) -> None:
-    """32 internal samples of 8000 a second from record to record are 250 records a second."""
+    """32 internal samples of 8000 a second from record to record are 250 records a second.
+
+    Counted from the hundredth: the first ones may come late, all at once, from a process that was made to wait.
+    """
     with OtherBox(Habits(step=32, internal_hz=8000.0)) as box:
         sensor = start(box)
-        samples = read(sensor, 200)
+        samples = read(sensor, 300)
         assert sensor.rate_hz == 250.0
-    assert samples[-1].stamp_ns - samples[0].stamp_ns == pytest.approx(199 / RATE_HZ * 1e9, abs=20e6)
+    assert samples[-1].stamp_ns - samples[100].stamp_ns == pytest.approx(199 / RATE_HZ * 1e9, abs=20e6)
 
 
 def test_a_counter_of_records_in_place_of_internal_samples_is_said_and_arrival_counts(start: Start) -> None:
