@@ -11,8 +11,8 @@ SOURCE ?= simulated
 SENSOR ?=
 MODEL ?=
 ARGS ?=
-# One more than there are processors, since many tests wait, and not more than four: with two for each, some of those that
-# keep time by the clock had to wait too long.
+# One more than there are processors, since many tests wait, and not more than four. With two for each processor, tests of
+# devices in real time were kept waiting too long.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))')
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 

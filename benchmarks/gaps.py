@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from tactile_nodes.bus.protocol import Received
 from tactile_nodes.clock import NS_PER_S
@@ -43,3 +47,27 @@ class Gaps:
         self.lost += self._numbers.add(received.publisher, received.sequence)
         self._last_ns = at_ns
         return at_ns
+
+
+@dataclass
+class Arrivals(Gaps):
+    """Also how late each force came after the capture of its image."""
+
+    late_ms: list[float] = field(default_factory=list)
+
+    def take(self, received: Received) -> int:
+        """As of `Gaps`."""
+        at_ns = super().take(received)
+        self.late_ms.append((received.received_ns - at_ns) / 1e6)
+        return at_ns
+
+
+def arrived(streams: Sequence[Arrivals]) -> dict[str, float]:
+    """What a page says of some streams together; times are NaN where nothing came."""
+    late = [ms for each in streams for ms in each.late_ms] or [math.nan]
+    return {
+        'forces': sum(len(each.late_ms) for each in streams), 'skipped': sum(each.skipped for each in streams),
+        'lost': sum(each.lost for each in streams), 'p50_ms': float(np.percentile(late, 50)),
+        'p99_ms': float(np.percentile(late, 99)), 'worst_ms': max(late),
+        'longest_ms': max(each.longest_ms for each in streams),
+    }  # fmt: skip

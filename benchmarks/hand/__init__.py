@@ -18,7 +18,6 @@ from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from benchmarks.hand.sensing import Heard
     from tactile_nodes.learning.progress import Progress
 
 SENSED, RELAYED = 'sensing', 'a relay in its place'
@@ -31,7 +30,7 @@ that of all processes of the hand, in cores, over the number of sensors."""
 DISTURBED = """\
 The same with one sensor that misbehaves, and what the *others* do: `hangs`, its process of motion and force is stopped
 (SIGSTOP) all the time; `dies`, that process is killed every two seconds and started again by its launch; `floods`, its
-camera brings ten times as many pictures. A longest gap of two frame times or less: no other sensor lost a frame."""
+camera brings ten times as many pictures. Where the longest gap is one frame time, no other sensor lost a frame."""
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
@@ -67,29 +66,18 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 def _hand(
     count: int, hz: float, model: str, way: str, trouble: str, seconds: float, progress: Progress
 ) -> dict[str, float]:
-    from benchmarks.hand.sensing import Disturber, hand, relayed_hand, written
+    from benchmarks.gaps import arrived
+    from benchmarks.hand.sensing import disturbed, hand, relayed_hand, written
 
     with tempfile.TemporaryDirectory(prefix='tactile_hand') as name:
         file = written(Path(name), count, hz, model, floods=trouble == 'floods')
         with relayed_hand(Path(name), file) if way == RELAYED else hand(file) as running:
             with (
-                Disturber(running, trouble),
+                disturbed(running, trouble),
                 progress.bar(f'{count} sensors, {way} {trouble}'.rstrip(), round(seconds)) as bar,
             ):
                 heard = running.listen(seconds, hz, bar, without=1 if trouble else 0)
-            return _told(heard)
-
-
-def _told(heard: Heard) -> dict[str, float]:
-    import numpy as np
-
-    late = np.concatenate([each.late_ms for each in heard.streams])
-    return {
-        'forces': len(late), 'skipped': sum(each.skipped for each in heard.streams),
-        'lost': sum(each.lost for each in heard.streams), 'p50_ms': float(np.percentile(late, 50)),
-        'p99_ms': float(np.percentile(late, 99)), 'worst_ms': float(late.max()),
-        'longest_ms': max(each.longest_ms for each in heard.streams), 'cores': heard.cores / heard.count,
-    }  # fmt: skip
+            return {**arrived(heard.streams), 'cores': heard.cores / count}
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -129,8 +117,10 @@ BENCHMARK = Benchmark(
     page=page,
     measure=measured,
     arguments=(
-        argument('--sensors', nargs='+', type=int, above=0, default=[4, 8], metavar='N', help='of each hand'),
-        argument('--hz', nargs='+', type=float, above=0, default=[60.0, 30.0], help='frames a second of each hand'),
+        argument('--sensors', nargs='+', type=int, above=0, default=[4, 8], metavar='N',
+                 help='sensors of each hand (default: 4 8)'),
+        argument('--hz', nargs='+', type=float, above=0, default=[60.0, 30.0], metavar='HZ',
+                 help='frames a second of each hand (default: 60 30)'),
         argument('--models', nargs='+', default=['field', 'fast'], metavar='NAME', help='models (default: field fast)'),
         argument('--seconds', type=float, above=0, default=30.0, metavar='N', help='how long each way (default: 30)'),
         argument('--no-troubles', action='store_true', help='without a sensor that misbehaves'),

@@ -7,16 +7,15 @@ import signal
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import psutil
 import yaml
 
 from benchmarks.faults.launch import Launch
-from benchmarks.gaps import Gaps
+from benchmarks.gaps import Arrivals
 from benchmarks.harness.workers import own_bus, processor_s
 from benchmarks.latency import relay
 from benchmarks.latency.pictures import recorded_camera
@@ -36,20 +35,12 @@ TROUBLES = 'hangs', 'dies', 'floods'
 DIES_EVERY_S, FLOODS = 2.0, 10.0
 
 
-@dataclass
-class Stream(Gaps):
-    """Forces of one sensor that came, each so long (ms) after its capture."""
-
-    late_ms: list[float] = field(default_factory=list)
-
-
 @dataclass(frozen=True)
 class Heard:
     """Of the sensors that are listened to their forces; of all of them the cores that their processes took."""
 
-    streams: list[Stream]
+    streams: list[Arrivals]
     cores: float
-    count: int
 
 
 @dataclass(frozen=True)
@@ -75,7 +66,7 @@ class RunningHand:
 
     def listen(self, seconds: float, hz: float, bar: Bar, without: int = 0) -> Heard:
         """To all sensors, or to all but so many of the first."""
-        streams = {name: Stream(frame_ns=NS_PER_S / hz) for name in self.names[without:]}
+        streams = {name: Arrivals(frame_ns=NS_PER_S / hz) for name in self.names[without:]}
         for each in self.forces.values():
             while each.take() is not None:
                 pass
@@ -84,44 +75,35 @@ class RunningHand:
             threading.Event().wait(min(STEP_S, left_s))
             for name, stream in streams.items():
                 while (received := self.forces[name].take()) is not None:
-                    stream.late_ms.append((received.received_ns - stream.take(received)) / 1e6)
+                    stream.take(received)
             bar.advance(1, f'{sum(each.skipped for each in streams.values())} images without a force')
         took_s = monotonic_s() - begun_s
         spent = sum(processor_s(each) - before.get(each.pid, 0.0) for each in self.processes())
         if not all(each.late_ms for each in streams.values()):
             raise ConfigurationError(f'a sensor brought no force for {seconds:g} s; {self.launch.said[-2000:]}')
-        return Heard(list(streams.values()), spent / took_s, len(self.names))
+        return Heard(list(streams.values()), spent / took_s)
 
 
-class Disturber:
-    """Makes the first sensor misbehave, from another thread, for as long as the block runs."""
-
-    def __init__(self, hand: RunningHand, trouble: str) -> None:
-        self._hand, self._trouble = hand, trouble
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._disturb, name='disturber', daemon=True)
-        self._stopped: int | None = None
-
-    def __enter__(self) -> Disturber:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._over.set()
-        self._thread.join()
-        if self._stopped is not None:
-            os.kill(self._stopped, signal.SIGCONT)
-
-    def _disturb(self) -> None:
-        first = self._hand.names[0]
-        if self._trouble == 'hangs' and (pid := self._hand.sensing_process(first)) is not None:
+@contextmanager
+def disturbed(hand: RunningHand, trouble: str) -> Iterator[None]:
+    """For as long as the block runs the first sensor hangs, or dies again and again; another trouble needs no hand."""
+    first, over = hand.names[0], threading.Event()
+    with ExitStack() as ended:
+        if trouble == 'hangs' and (pid := hand.sensing_process(first)) is not None:
             os.kill(pid, signal.SIGSTOP)
-            self._stopped = pid
-        while self._trouble == 'dies' and not self._over.wait(DIES_EVERY_S):
-            if (pid := self._hand.sensing_process(first)) is not None:
-                os.kill(pid, signal.SIGKILL)
+            ended.callback(os.kill, pid, signal.SIGCONT)
+        if trouble == 'dies':
+            killer = threading.Thread(target=_kill, args=(hand, first, over), name='killer', daemon=True)
+            killer.start()
+            ended.callback(killer.join)
+            ended.callback(over.set)
+        yield
+
+
+def _kill(hand: RunningHand, name: str, over: threading.Event) -> None:
+    while not over.wait(DIES_EVERY_S):
+        if (pid := hand.sensing_process(name)) is not None:
+            os.kill(pid, signal.SIGKILL)
 
 
 def written(folder: Path, count: int, hz: float, model: str, *, floods: bool) -> Path:
@@ -153,7 +135,7 @@ def hand(file: Path) -> Iterator[RunningHand]:
     Raises:
         ConfigurationError: it did not come up.
     """
-    with _launched('hand', load_hand(file).names, f'hand:={file}') as running:
+    with _launched('hand', load_hand(file).names, f'hand:={file}', 'page_port:=0') as running:
         yield running
 
 
@@ -175,8 +157,8 @@ def relayed_hand(folder: Path, file: Path) -> Iterator[RunningHand]:
         own.write_text(parameter_text(sensor, whole, open_within_s=0.0), encoding='utf-8')
         words = [{'name': name, 'value': value} for name, value in arguments_of(sensor, '', own).items()]
         parts.append({'group': [{'include': {'file': str(launch), 'arg': words}}]})
-    for program in ('hand_wrench_node', 'live_view_node'):
-        told = [{'name': 'hand', 'value': str(file)}, *([{'name': 'port', 'value': 0}] if 'view' in program else [])]
+    for program, more in (('hand_wrench_node', {}), ('live_view_node', {'port': 0})):
+        told = [{'name': name, 'value': value} for name, value in {'hand': str(file), **more}.items()]
         parts.append({'node': {'pkg': 'tactile_nodes', 'exec': program, 'output': 'screen', 'param': told}})
     document = folder / 'relayed_hand.launch.yaml'
     document.write_text(yaml.safe_dump({'launch': parts}), encoding='utf-8')
@@ -187,8 +169,7 @@ def relayed_hand(folder: Path, file: Path) -> Iterator[RunningHand]:
 @contextmanager
 def _launched(file: str, names: Sequence[str], *words: str) -> Iterator[RunningHand]:
     with tempfile.TemporaryDirectory(prefix='th') as folder, own_bus(Path(folder)):
-        own = ('page_port:=0', *words) if file == 'hand' else words
-        launch, bus = Launch((*own, '--noninteractive'), Path(folder) / 'said.txt', SystemClock(), file), ZmqBus()
+        launch, bus = Launch((*words, '--noninteractive'), Path(folder) / 'said.txt', SystemClock(), file), ZmqBus()
         try:
             topic, forces = topics.FORCE_DISTRIBUTION, {}
             for name in names:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import psutil
 
-from benchmarks.gaps import Gaps
+from benchmarks.gaps import Arrivals, arrived
 from benchmarks.harness.declaration import LIVE, Benchmark, Result, argument
 from benchmarks.harness.report import columns, opening, shown
 from benchmarks.harness.running import Run
@@ -25,7 +25,7 @@ from benchmarks.harness.workers import processor_s
 from benchmarks.latency import relay
 from benchmarks.latency.pictures import recorded_camera
 from benchmarks.latency.rates import highest
-from benchmarks.page.launch import Sensing, sensing
+from benchmarks.page.launch import Sensing, longest, sensing
 from tactile_nodes.clock import monotonic_s
 
 if TYPE_CHECKING:
@@ -58,10 +58,9 @@ slower."""
 
 
 @dataclass
-class Stream(Gaps):
-    """Forces that came: from capture to arrival (ms), by stage, and what did not come."""
+class Stream(Arrivals):
+    """Forces that came, with what each stage took."""
 
-    late_ms: list[float] = field(default_factory=list)
     stages_ms: list[tuple[float, ...]] = field(default_factory=list)
 
 
@@ -108,7 +107,7 @@ def _relayed(seconds: float, words: Sequence[str], progress: Progress) -> dict[s
         with sensing(*words) as running:
             running.watch_for(SETTLES_S)
             for topic in relay.SAID:
-                relay.keep(folder, topic, running.longest(topic, HEARD_S))
+                relay.keep(folder, topic, longest(running.bus, f'/{topic.name}', topic, HEARD_S))
         with relay.relaying(folder):
             return _live(seconds, words, progress, file=str(relay.relayed(folder)))
 
@@ -129,17 +128,14 @@ def _live(seconds: float, words: Sequence[str], progress: Progress, file: str = 
 
 def _listen(running: Sensing, seconds: float, stream: Stream) -> None:
     for received in running.forces(seconds, fresh=not stream.begun):
-        stream.late_ms.append((received.received_ns - stream.take(received)) / 1e6)
+        stream.take(received)
         stream.stages_ms.append(tuple(1e3 * getattr(received.message.stages, stage) for stage in STAGES))
 
 
 def _told(stream: Stream, cpu: Mapping[str, float]) -> dict[str, Any]:
-    late = np.array(stream.late_ms or [math.nan])
     stages = np.nanmedian(np.array(stream.stages_ms or [(math.nan,) * len(STAGES)]), axis=0)
     return {
-        'forces': len(stream.late_ms), 'skipped': stream.skipped, 'lost': stream.lost,
-        'p50_ms': float(np.percentile(late, 50)), 'p99_ms': float(np.percentile(late, 99)),
-        'worst_ms': float(late.max()), 'longest_ms': stream.longest_ms,
+        **arrived([stream]),
         'stages_p50_ms': dict(zip(STAGES, stages.tolist(), strict=True)), 'cpu_share': dict(cpu),
     }  # fmt: skip
 

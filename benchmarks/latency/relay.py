@@ -57,10 +57,8 @@ class RelayedForce(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._message = kept(topics.FORCE_DISTRIBUTION)
-        self._force, self._wrench = (
-            self.create_publisher(topics.FORCE_DISTRIBUTION),
-            self.create_publisher(topics.WRENCH),
-        )
+        self._force = self.create_publisher(topics.FORCE_DISTRIBUTION)
+        self._wrench = self.create_publisher(topics.WRENCH)
         self.create_subscription(topics.FLOW_FEATURES, self._on_features)
 
     def _on_features(self, received: Received) -> None:

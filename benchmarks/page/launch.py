@@ -28,12 +28,12 @@ _SERVED = re.compile(r'the live view is at (http://\S+)')
 
 @dataclass(frozen=True)
 class Sensing:
-    """A running sensor: its processes by name, the address of its page, and its forces."""
+    """A running sensor: the address of its page, its processes by name, who listens beside it, and its forces."""
 
     url: str
     pids: dict[str, int]
+    bus: Bus
     _forces: Subscription
-    _bus: Bus
 
     def forces(self, seconds: float, *, fresh: bool = True) -> Iterator[Received]:
         """Those that come in the next `seconds`; with `fresh` without those that wait already."""
@@ -43,10 +43,6 @@ class Sensing:
         while (left_s := end_s - monotonic_s()) > 0:
             if (received := self._forces.get(left_s)) is not None:
                 yield received
-
-    def longest(self, topic: Topic, seconds: float) -> Any:
-        """As the function of that name, of this sensor."""
-        return longest(self._bus, f'/{topic.name}', topic, seconds)
 
     def watch_for(self, seconds: float) -> None:
         """Let time pass.
@@ -92,7 +88,7 @@ def sensing(*words: str, file: str = 'live') -> Iterator[Sensing]:
             forces = bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
             if forces.get(PATIENCE_S) is None:
                 raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {launch.said}')
-            yield Sensing(_served(launch, clock), launch.pids, forces, bus)
+            yield Sensing(_served(launch, clock), launch.pids, bus, forces)
         finally:
             bus.close()
             launch.interrupt(STOP_WITHIN_S)

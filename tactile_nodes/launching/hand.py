@@ -13,8 +13,8 @@ from tactile_nodes.sensors import Hand, HandSensor
 def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> str:
     """A parameter file (JSON is YAML) with what the sensor's own says, the rate, and the names of its frames.
 
-    A camera that brings more pictures is answered at that rate, and waited for `open_within_s`. The transform is told
-    by who knows the whole hand, so the views of one sensor keep silent about it.
+    The camera is waited for `open_within_s`; if it brings more pictures than the rate, no more are answered. The
+    transform is told by who knows the whole hand, so the views of one sensor keep silent about it.
 
     Raises:
         ConfigurationError: its own parameter file is none.

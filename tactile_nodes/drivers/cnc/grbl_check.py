@@ -17,7 +17,7 @@ from tactile_nodes.errors import DeviceFaultError
 KEEP_MOTORS_ON = 255
 SMALLEST_BUFFER = 128
 GUARDS = ((20, 'soft limits', NO_SOFT_LIMITS), (21, 'hard limits', NO_HARD_LIMITS), (22, 'homing', NO_HOMING))
-FLUIDNC_GUARDS = ((20, 'soft_limits'), (21, 'motor0/hard_limits'), (22, 'homing/cycle'))
+FLUIDNC_GUARDS = {20: 'soft_limits', 21: 'motor0/hard_limits', 22: 'homing/cycle'}
 """Where FluidNC keeps what these settings of Grbl say, below ``$/axes/x/`` (its Axis.cpp, Motor.cpp, Homing.h)."""
 FLUIDNC_IDLE = '$/stepping/idle_ms'
 
@@ -73,7 +73,7 @@ def of_fluidnc(read: Callable[[str], str]) -> dict[int, str]:
         read: the value of a setting such as ``$/axes/z/soft_limits``; empty where it has none.
     """
     found = {1: read(FLUIDNC_IDLE)}
-    for number, key in FLUIDNC_GUARDS:
+    for number, key in FLUIDNC_GUARDS.items():
         axes = [_is_set(read(f'$/axes/{axis}/{key}')) for axis in 'xyz']
         found[number] = str(int(all(axes)))
     return found
@@ -114,7 +114,7 @@ def _is_on(memory: Mapping[int, str], number: int) -> bool:
 
 def _where(identity: Identity, number: int) -> str:
     if identity.firmware == 'FluidNC':
-        return f'{dict(FLUIDNC_GUARDS)[number]} of every axis in its config.yaml'
+        return f'{FLUIDNC_GUARDS[number]} of every axis in its config.yaml'
     return f'${number}=0'
 
 

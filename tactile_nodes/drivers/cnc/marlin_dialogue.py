@@ -236,15 +236,10 @@ class MarlinDialogue:
                 return
         self._unanswered.popleft()
         request.answered_ns = stamp_ns
-        quick = stamp_ns - request.sent_ns < SILENT_S * NS_PER_S
-        if (
-            request.text == PLACE
-            and request.in_motion
-            and quick == self._moving()
-            and self.answers_in_motion is not True
-        ):
-            self.answers_in_motion = quick  # late, and at rest by then: it waited for that
         if request.text == PLACE:
+            quick = stamp_ns - request.sent_ns < SILENT_S * NS_PER_S
+            if request.in_motion and quick == self._moving() and not self.answers_in_motion:
+                self.answers_in_motion = quick  # late, and at rest by then: it waited for that
             self._placed(request.lines, stamp_ns)
         if any(line.startswith('echo:Unknown command') for line in request.lines) and request.error is None:
             request.error = DeviceFaultError(f'{self.name} does not know {request.text!r}; this Marlin lacks it')
@@ -273,8 +268,8 @@ class MarlinDialogue:
         """Any line is as good as a question: its answer shows that it lives."""
         period_s = min(self._period_s, MOVING_S) if self._moving() else self._period_s
         if self._clock.now_ns() - self._said_ns >= period_s * NS_PER_S:
-            in_turn = self.answers_in_motion is False and self._moving()
-            self._put(ALIVE if in_turn else PLACE, prompt=True)
+            waits = self.answers_in_motion is False and self._moving()  # where it is, it would tell at rest alone
+            self._put(ALIVE if waits else PLACE, prompt=True)
 
     def _repeat(self, request: _Numbered) -> None:
         """Say a line again, if it is the one that is asked for; if the next one is, this one had arrived."""

@@ -232,9 +232,8 @@ class Regions:
     def _last_patch(self, patches: PatchGrid) -> tuple[np.ndarray, np.ndarray]:
         """Node of the layer's grid at which a ray lies as seen from the last patch, and what is left of a step."""
         last = np.array([each[-1] for each in patches.lines_mm])
-        steps = (self.rays.points_mm[..., :2] - last) / np.asarray(self.layer.spacing_mm) + np.array(
-            self.layer.cells
-        ) // 2
+        middle = np.array(self.layer.cells) // 2
+        steps = (self.rays.points_mm[..., :2] - last) / np.asarray(self.layer.spacing_mm) + middle
         node = np.floor(steps)
         rest: np.ndarray = steps - node
         return node.astype(int), rest.astype(np.float32)

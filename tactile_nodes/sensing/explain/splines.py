@@ -57,12 +57,9 @@ class SplineAxis:
         self, values: Float[np.ndarray, '*shape']
     ) -> tuple[Int[np.ndarray, '*shape'], Float[np.ndarray, '2 *shape 4']]:
         """As `weights`, of many values."""
-        per_unit = self.intervals / (self.high - self.low)
-        along = (np.clip(values, self.low, self.high) - self.low) * per_unit
-        first = np.minimum(along.astype(np.intp), self.intervals - 1)
-        t = along - first
-        both: np.ndarray = np.einsum('gij,...j->g...i', _BOTH, np.stack([t**0, t, t**2, t**3], axis=-1))
-        both[1] *= per_unit
+        first, powers = self._powers(values)
+        both: np.ndarray = np.einsum('gij,...j->g...i', _BOTH, powers)
+        both[1] *= self._per_unit
         return first, both
 
     def design(self, values: Float[np.ndarray, ' n']) -> Float[np.ndarray, 'n count']:
@@ -75,15 +72,21 @@ class SplineAxis:
     ) -> tuple[Float[np.ndarray, 'n count'], Float[np.ndarray, 'n count']]:
         """All splines' values at many places, and their slopes per unit of the axis."""
         first, powers = self._powers(values)
-        per_unit = self.intervals / (self.high - self.low)
-        return self._rows(first, powers @ _CUBIC.T), self._rows(first, powers @ (_SLOPE.T * per_unit))
+        return self._rows(first, powers @ _CUBIC.T), self._rows(first, powers @ (_SLOPE.T * self._per_unit))
 
-    def _powers(self, values: Float[np.ndarray, ' n']) -> tuple[Int[np.ndarray, ' n'], Float[np.ndarray, 'n 4']]:
-        along = (np.clip(values, self.low, self.high) - self.low) * self.intervals / (self.high - self.low)
+    @property
+    def _per_unit(self) -> float:
+        return self.intervals / (self.high - self.low)
+
+    def _powers(
+        self, values: Float[np.ndarray, '*shape']
+    ) -> tuple[Int[np.ndarray, '*shape'], Float[np.ndarray, '*shape 4']]:
+        """Number of the first spline that is not zero, and powers 0 to 3 of the share of its interval below a value."""
+        along = (np.clip(values, self.low, self.high) - self.low) * self._per_unit
         first = np.minimum(along.astype(np.intp), self.intervals - 1)
         t = along - first
         square = t * t
-        return first, np.stack([np.ones_like(t), t, square, square * t], 1)
+        return first, np.stack([np.ones_like(t), t, square, square * t], axis=-1)
 
     def _rows(self, first: Int[np.ndarray, ' n'], four: Float[np.ndarray, 'n 4']) -> Float[np.ndarray, 'n count']:
         rows = np.zeros((len(first), self.count))
