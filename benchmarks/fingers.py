@@ -25,7 +25,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import Crop, grey, largest_side
-from tactile_nodes.sensing.tracking import FeatureTracker
+from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 
 REGIONS = 12
 _SPARSE = 0.05  # share of regions with a pattern: these gels carry 7x5 dots
@@ -46,19 +46,20 @@ def read(file: Path, rest: int) -> Reading:
         ConfigurationError: it ends before that frame.
         DeviceError, ImageError: it cannot be read, or shows no pattern at rest.
     """
-    flow, encoding = make_flow('dis'), make_encoding('cartesian_mean', {'rows': REGIONS, 'cols': REGIONS})
-    tracker = FeatureTracker(flow, encoding, rest_frames=1, marked_share=_SPARSE)
-    tracker.begin_capture(skip=rest)
-    motion = []
+    encoding = make_encoding('cartesian_mean', {'rows': REGIONS, 'cols': REGIONS})
+    measuring = Measuring(make_flow('dis'), encoding, marked_share=_SPARSE)
+    beside: PreparedRest | None = None
+    motion, number = [], 0
     camera = open_camera(CameraSettings(source=str(file), rate=0.0), SteppedClock(1))
     while (frame := camera.read(1.0)) is not None:
         height, width = frame.image.shape[:2]
         side = largest_side(width, height, 440, step=REGIONS) // REGIONS * REGIONS
         image = np.ascontiguousarray(grey(Crop.centred(width, height, side, side).apply(frame.image)))
-        if tracker.capturing:
-            tracker.offer_rest(image)
-        else:
-            motion.append(_mean_motion(tracker, image))
+        if beside is not None:
+            motion.append(_mean_motion(beside, image))
+        elif number == rest:
+            beside = measuring.beside(image)
+        number += 1
     camera.close()
     if not motion:
         raise ConfigurationError(f'{file} ends before its frame {rest}; choose an earlier one with --rest')
@@ -71,8 +72,8 @@ def agreement(first: Reading, second: Reading) -> float:
     return float(np.corrcoef(first.motion_px[:length], second.motion_px[:length])[0, 1])
 
 
-def _mean_motion(tracker: FeatureTracker, image: np.ndarray) -> float:
-    features = tracker.features(tracker.field(image))
+def _mean_motion(rest: PreparedRest, image: np.ndarray) -> float:
+    features = rest.features(image)
     motion = np.hypot(features.values[..., 0], features.values[..., 1])
     return float((motion * features.confidence).sum() / features.confidence.sum())
 

@@ -60,8 +60,8 @@ class Side:
             begun = time.process_time()
             message = self.chain.read(moment.stamp_ns, picture, moment.age_s, values)
             self.spent_ms.append(1e3 * (time.process_time() - begun))
-            if (coming := self.chain._following._rest_images._coming) is not None:
-                coming._thread.join()  # under the same switch
+            if (coming := self.chain._following.memory.rest.coming) is not None:
+                coming.wait()  # under the same switch
         nominal_n = self.chain.nominal_n(force_n(moment, world.tables))
         self.answers.append(Answer.of(moment, message, world.tables, nominal_n))
 

@@ -141,19 +141,19 @@ MECHANISMS = (
     Mechanism(
         'look at stillness', 'frames in which nothing touches are answered without measuring motion',
         ('sensing/picture/stillness.py', 'sensing/picture/touch_places.py', 'sensing/loops/stillness.py'),
-        instead(f'{PIPELINE}.following:make_check', _nothing), CORE,
+        instead(f'{PIPELINE}.following:stillness_options', _nothing), CORE,
     ),
     Mechanism(
         'registration', "the motion of the whole picture is taken out",
         ('sensing/picture/registration.py', 'sensing/picture/knocks.py', 'sensing/picture/motion.py',
          'sensing/picture/registered.py', 'sensing/picture/quietness.py'),
-        instead(f'{PIPELINE}.following:make_registration', _nothing),
+        instead(f'{PIPELINE}.following:Registration', _nothing),
         (*CORE, 'camera shifted 3', 'camera turned 1', 'gel re-seated 1'),
     ),
     Mechanism(
         'rest image taken anew', 'while nothing touches, where light or sharpness changed',
-        ('sensing/rest/renewal.py', 'sensing/coming.py', 'sensing/rest/prepared.py'),
-        instead(f'{PIPELINE}.rest_images:RestImages._offer_renewal', _nothing),
+        ('sensing/rest/renewal.py', 'sensing/rest/coming.py', 'sensing/rest/prepared.py'),
+        instead(f'{PIPELINE}.rest_images:_offer_renewal', _nothing),
         (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'),
     ),
     Mechanism(
@@ -183,7 +183,7 @@ MECHANISMS = (
     Mechanism(
         'rolling bands', 'taken out of the picture',
         ('sensing/picture/rolling_bands.py',),
-        instead(f'{SENSING}.tracking:FeatureTracker._begin_bands', _never),
+        instead(f'{PIPELINE}.measure:_bands_begin', _never),
         ('none', 'rolling bands 3', 'rolling bands 30'),
     ),
     Mechanism(

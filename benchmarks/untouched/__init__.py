@@ -24,14 +24,17 @@ from benchmarks.harness.running import Run
 from benchmarks.untouched.page import page
 from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.messages import types
 from tactile_nodes.model_file import find_model, load_model
+from tactile_nodes.pipeline.frame import Frame
+from tactile_nodes.pipeline.measure import MeasureMemory, measure, sum_up
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.patches import moved_image
 from tactile_nodes.sensing.picture.quality import picture_faults
 from tactile_nodes.sensing.picture.stillness import StillnessCheck, StillnessOptions
-from tactile_nodes.sensing.tracking import FeatureTracker
+from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.scene import NS_PER_S, PressSchedule, Scene
 
@@ -98,10 +101,10 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     plan = QUICK if arguments.quick else Plan()
     if arguments.seconds is not None:
         plan = Plan(**{**asdict(plan), 'seconds': arguments.seconds})
-    return measure(arguments.model or ['fast', 'portable'], plan, run.progress, run.part)
+    return all_numbers(arguments.model or ['fast', 'portable'], plan, run.progress, run.part)
 
 
-def measure(models: Sequence[str], plan: Plan, progress: Progress, part: Part = at_once) -> Result:
+def all_numbers(models: Sequence[str], plan: Plan, progress: Progress, part: Part = at_once) -> Result:
     """All numbers of the page."""
     return {
         'plan': asdict(plan),
@@ -178,30 +181,31 @@ def _check(sensor: Sensor) -> StillnessCheck:
 class _Way:
     """One model with or without the look: what it answered, and what that cost."""
 
-    tracker: FeatureTracker
+    rest: PreparedRest
+    memory: MeasureMemory
     estimator: ForceEstimator
     cpu_ms: list[float]
     total_n: list[float]
     untouched: list[bool]
 
     @classmethod
-    def of(cls, model: str, rest: np.ndarray, check: StillnessCheck | None) -> _Way:
+    def of(cls, model: str, rest: np.ndarray, check: StillnessOptions | None) -> _Way:
         loaded = load_model(find_model(model))
-        tracker = FeatureTracker(make_flow(*loaded.flow), make_encoding(*loaded.encoding), check=check)
-        tracker.use_reference(rest)
-        return cls(tracker, ForceEstimator(loaded.model), [], [], [])
+        measuring = Measuring(make_flow(*loaded.flow), make_encoding(*loaded.encoding), check=check)
+        return cls(measuring.beside(rest), MeasureMemory(None), ForceEstimator(loaded.model), [], [], [])
 
     def answer(self, image: np.ndarray) -> None:
         """What the live nodes compute for one frame."""
         start = time.process_time_ns()
-        field = self.tracker.field(image)
-        untouched = self.tracker.untouched(field)
-        features = self.tracker.features(field)
+        frame = Frame(image, types.Header(), 0)
+        measure(self.memory, self.rest, frame)
+        sum_up(self.rest, frame)
         picture_faults(image)
-        found = self.estimator.at_rest(features) if untouched else self.estimator.predict(features)
+        assert frame.features is not None
+        found = (self.estimator.at_rest if frame.untouched else self.estimator.predict)(frame.features)
         self.cpu_ms.append((time.process_time_ns() - start) / 1e6)
         self.total_n.append(found.total_n)
-        self.untouched.append(untouched)
+        self.untouched.append(frame.untouched)
 
 
 def minute(models: Sequence[str], seconds: float, progress: Progress) -> dict[str, Any]:
@@ -209,7 +213,7 @@ def minute(models: Sequence[str], seconds: float, progress: Progress) -> dict[st
     sensor = Sensor()
     scene = Scene(sensor.gel, PressSchedule(seed=7, period_s=2.0), table=contact_table(sensor.gel))
     ways = {
-        model: {'without': _Way.of(model, sensor.rest, None), 'with': _Way.of(model, sensor.rest, StillnessCheck())}
+        model: {'without': _Way.of(model, sensor.rest, None), 'with': _Way.of(model, sensor.rest, StillnessOptions())}
         for model in models
     }
     order = [way for both in ways.values() for way in both.values()]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from jaxtyping import UInt8
@@ -17,23 +16,27 @@ from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.pipeline.force_status import UNMEASURED
+from tactile_nodes.pipeline.frame import Frame
+from tactile_nodes.pipeline.judge import judge
+from tactile_nodes.pipeline.measure import MeasureMemory, measure, sum_up
+from tactile_nodes.pipeline.memory import Memory
+from tactile_nodes.pipeline.mend import mend
 from tactile_nodes.pipeline.methods import (
     MethodParams,
     RegistrationParams,
     StillnessParams,
-    make_check,
     make_measuring,
-    make_registration,
+    stillness_options,
     told,
 )
-from tactile_nodes.pipeline.rest_images import RestImages
-from tactile_nodes.sensing.features import Features
-from tactile_nodes.sensing.flow.methods import DisplacementField
+from tactile_nodes.pipeline.rest_images import RestMemory, due, given, keep, offered
+from tactile_nodes.pipeline.tell import no_motion, tell
 from tactile_nodes.sensing.flow.overlay import overlay
 from tactile_nodes.sensing.judge.freshness import Freshness
-from tactile_nodes.sensing.picture.quality import picture_faults
+from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
+from tactile_nodes.sensing.rest.in_use import RestInUse
 from tactile_nodes.sensing.rest.renewal import RenewalOptions
-from tactile_nodes.sensing.tracking import FeatureTracker
 
 FORCE = types.ForceDistribution
 ANOTHER_TIME_S = 60.0
@@ -60,53 +63,51 @@ class FollowingParams(MethodParams):
 
 
 class Following:
-    """Answers each frame with a message of features; there is nothing else to hand on from frame to frame.
+    """Answers each frame with a message of features: mend, measure, judge, keep, tell; each sees a frame once.
 
-    It computes by `compiled` loops, or by numpy.
+    It computes by `compiled` loops, or by numpy. `renewed`: the rest image in use came into use by itself.
     """
 
     def __init__(self, params: FollowingParams, *, compiled: bool = False) -> None:
-        self._compiled = compiled
-        measuring = make_measuring(params, compiled=compiled)
-        flow, encoding = measuring.flow, measuring.encoding
-        self._encoding, self._method = encoding, told(flow)
-        self._tracker = FeatureTracker(
-            flow,
-            encoding,
-            rest_frames=params.reference_frames,
+        measuring = make_measuring(
+            params, compiled=compiled, check=stillness_options(params.stillness), registers=params.registration.check,
             marked_share=params.marked_share,
-            check=make_check(params.stillness),
-            registration=make_registration(params.registration, flow),
-            compiled=compiled,
+        )  # fmt: skip
+        asked, renewal = params.registration, RenewalOptions(after_s=params.renew_after_s) if params.renew else None
+        options = RegistrationOptions(asked.most_px, asked.most_turn_deg, asked.follow_s)
+        self.memory = Memory(
+            Freshness(params.stale_after_s),
+            MeasureMemory(Registration(options) if measuring.registers else None),
+            RestMemory(measuring, params.reference_frames, renewal),
         )
-        renewal = RenewalOptions(after_s=params.renew_after_s) if params.renew else None
-        self._rest_images = RestImages(self._tracker, flow.name, renewal)
-        self._freshness = Freshness(params.stale_after_s)
-        self._last: tuple[np.ndarray, DisplacementField] | None = None
+        self._compiled = compiled
+        self._method, self._nothing = told(measuring.flow), no_motion(measuring.encoding)
+        self._announced: types.Image | None = None
+        self._last: Frame | None = None
         self._trouble = ''
 
     @property
     def trouble(self) -> str:
         """Why frames are not measured; empty while all is well."""
-        return self._trouble or self._rest_images.trouble
+        return self._trouble or self.memory.rest.trouble
 
     @property
     def renewed(self) -> bool:
         """Whether the rest image in use was taken by itself."""
-        return self._rest_images.renewed
+        return (rest := self.memory.rest.in_use) is not None and rest.renewed
 
     @property
     def reference(self) -> UInt8[np.ndarray, 'h w'] | None:
         """The rest image in use."""
-        return self._tracker.reference
+        return None if (rest := self.memory.rest.in_use) is None else rest.prepared.image
 
     @property
     def reference_id(self) -> str:
-        return self._tracker.reference_id
+        return '' if (rest := self.memory.rest.in_use) is None else rest.prepared.reference_id
 
     def begin_capture(self, skip: int = 0) -> None:
         """Make a rest image of the next images that show anything, after leaving out `skip` of all kinds."""
-        self._tracker.begin_capture(skip=skip)
+        self.memory.rest.begin_capture(skip)
 
     def use_reference(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
         """Measure against this rest image from now on.
@@ -114,12 +115,13 @@ class Following:
         Raises:
             ImageError: nothing can be measured against it; the one before stays in use.
         """
-        self._rest_images.use(image, head)
+        self._begin(given(self.memory.rest, image, stamp_ns(head.stamp)), head)
         self._trouble = ''
 
     def announced(self) -> types.Image | None:
         """The rest image that came into use since this was asked last, if one did: to be published."""
-        return self._rest_images.announced()
+        message, self._announced = self._announced, None
+        return message
 
     def answer(
         self,
@@ -137,32 +139,32 @@ class Following:
             acquire_s: from that stamp to its publication; NaN: not known.
             waited_s: from its publication until now.
         """
-        start_ns = perf_ns()
-        self._rest_images.take_coming(head)
-        image = self._rest_images.mended(image)
-        faults = picture_faults(image, compiled=self._compiled)
-        dark = faults.dark * FORCE.REASON_DARK_IMAGE | faults.saturated * FORCE.REASON_SATURATED_IMAGE
-        stale = self._freshness.stale(stamp_ns(head.stamp), _age_s(acquire_s, waited_s)) * FORCE.REASON_STALE
-        if missing := dark | self._missing(image, head, faults.level):
-            return self._message(image, head, self._nothing(), faults.level, reasons=missing | stale)
-        field_px = self._tracker.field(image, stamp_ns(head.stamp))
-        flow_ns = perf_ns()
-        features = self._tracker.features(field_px)
-        features_ns = perf_ns()
-        self._last = image, field_px
-        untouched = self._tracker.untouched(field_px)
-        reasons = stale | self._rest_images.judge(image, faults.level, head)
+        start_ns, memory = perf_ns(), self.memory
+        frame = Frame(image, head, stamp_ns(head.stamp), registration=memory.measure.registration)
+        self._begin(due(memory.rest, frame.at_ns), head)
+        if memory.freshness.stale(frame.at_ns, _age_s(acquire_s, waited_s)):
+            frame.reasons |= FORCE.REASON_STALE
+        rest = None if memory.rest.capture else memory.rest.in_use
+        mend(memory.rest.dead, rest, frame, compiled=self._compiled)
+        self._trouble = _other_size(frame, rest)
+        if memory.rest.capture:
+            self._begin(offered(memory.rest, frame), head)
+        if rest is None or frame.reasons & UNMEASURED:
+            return tell(frame, self._method, self.reference_id, self._nothing, types.StageTimes())
+        measure(memory.measure, rest.prepared, frame)
+        measured_ns = perf_ns()
+        sum_up(rest.prepared, frame)
         stages = types.StageTimes(
             acquire=acquire_s,
-            flow=(flow_ns - start_ns) * 1e-9,
-            features=(features_ns - flow_ns) * 1e-9,
+            flow=(measured_ns - start_ns) * 1e-9,
+            features=(perf_ns() - measured_ns) * 1e-9,
             predict=math.nan,
             transport=max(0.0, waited_s),
         )
-        return self._message(
-            image, head, features, faults.level,
-            untouched=untouched, reasons=reasons, stages=stages,
-        )  # fmt: skip
+        judge(memory.judge, rest, frame, memory.rest.dead.count)
+        self._begin(keep(memory.rest, frame, memory.judge.noise_grey), head)
+        memory.judge.odd, self._last = frame.odd, frame
+        return tell(frame, self._method, self.reference_id, self._nothing, stages)
 
     def overlay(self) -> UInt8[np.ndarray, 'h w 3']:
         """A picture of the last frame's motion.
@@ -170,64 +172,26 @@ class Following:
         Raises:
             ImageError: none has been measured yet.
         """
-        if self._last is None:
+        if self._last is None or self._last.motion is None:
             raise ImageError('no frame has been measured yet; is the camera running?')
-        image, field_px = self._last
-        return overlay(np.array(image), field_px.displacement_px)
+        return overlay(np.array(self._last.image), self._last.motion.displacement_px)
 
-    def _missing(self, image: UInt8[np.ndarray, 'h w'], head: types.Header, level: float) -> int:
-        """Why a frame cannot be measured, if it cannot."""
-        if self._tracker.capturing:
-            self._rest_images.offer(image, head)
-            self._trouble = ''
-            return FORCE.REASON_NO_REFERENCE
-        if self._tracker.reference is None:
-            return FORCE.REASON_NO_REFERENCE
-        if image.shape == self._tracker.reference.shape:
-            return self._rest_images.faint(level) * FORCE.REASON_DARK_IMAGE
-        (height, width), (known_height, known_width) = image.shape, self._tracker.reference.shape
-        self._trouble = (
-            f'an image of {width}x{height} pixels came, and the rest image has {known_width}x{known_height}; '
-            'set camera and crop as they were, or capture the rest image again'
-        )
-        return FORCE.REASON_OTHER_IMAGE
+    def _begin(self, rest: RestInUse | None, head: types.Header) -> None:
+        """Go on with another rest image, if there is one."""
+        if rest is not None:
+            self.memory.begin(rest)
+            self._announced = conversions.image_message(rest.prepared.image, head)
 
-    def _nothing(self) -> Features:
-        """No motion, in which nobody believes: what is said of a frame that was not measured."""
-        rows, cols = (int(str(self._encoding.options[name])) for name in ('rows', 'cols'))
-        still = np.zeros((rows, cols, len(self._encoding.channels)), np.float32)
-        return Features(self._encoding.name, still, np.zeros((rows, cols), np.float32))
 
-    def _beside(self) -> dict[str, Any]:
-        """What a message says of the rest image in use, and of how motion is measured beside it."""
-        return {'method': self._method, 'reference_id': self._tracker.reference_id}
-
-    def _message(
-        self,
-        image: UInt8[np.ndarray, 'h w'],
-        head: types.Header,
-        features: Features,
-        level: float,
-        *,
-        untouched: bool = False,
-        reasons: int = 0,
-        stages: types.StageTimes | None = None,
-    ) -> types.FlowFeatures:
-        registration = self._tracker.registration
-        moved_px = registration.size_px if registration else 0.0
-        return types.FlowFeatures(
-            header=head,
-            image_width=image.shape[1],
-            image_height=image.shape[0],
-            image_level=level,
-            **self._beside(),
-            untouched=untouched,
-            moved=moved_px,
-            picture_motion=np.array(registration.since_rest.terms if registration and moved_px else (), np.float32),
-            reasons=reasons,
-            stages=stages or types.StageTimes(),
-            **conversions.feature_fields(features),
-        )
+def _other_size(frame: Frame, rest: RestInUse | None) -> str:
+    """What to do about a picture of another size than the rest image; empty of one of its size."""
+    if rest is None or not frame.reasons & FORCE.REASON_OTHER_IMAGE:
+        return ''
+    (height, width), (known_height, known_width) = frame.image.shape, rest.prepared.image.shape
+    return (
+        f'an image of {width}x{height} pixels came, and the rest image has {known_width}x{known_height}; '
+        'set camera and crop as they were, or capture the rest image again'
+    )
 
 
 def _age_s(acquire_s: float, waited_s: float) -> float:

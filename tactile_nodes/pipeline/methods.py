@@ -11,8 +11,8 @@ from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.flow.methods import FlowMethod
-from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
-from tactile_nodes.sensing.picture.stillness import StillnessCheck, StillnessOptions
+from tactile_nodes.sensing.picture.quality import MARKED_SHARE
+from tactile_nodes.sensing.picture.stillness import StillnessOptions
 from tactile_nodes.sensing.rest.prepared import Measuring
 
 
@@ -85,25 +85,23 @@ class RegistrationParams:
     )
 
 
-def make_check(params: StillnessParams) -> StillnessCheck | None:
-    """The check that parameters ask for; None where every frame is to be measured."""
-    if not params.check:
-        return None
-    return StillnessCheck(StillnessOptions(params.limit, params.most_noise_grey, params.full_every))
+def stillness_options(params: StillnessParams) -> StillnessOptions | None:
+    """What parameters ask for; None where every frame is to be measured."""
+    return StillnessOptions(params.limit, params.most_noise_grey, params.full_every) if params.check else None
 
 
-def make_registration(params: RegistrationParams, flow: FlowMethod) -> Registration | None:
-    """What takes the motion of the whole picture out; None where it is to be left in.
+def make_measuring(
+    params: MethodParams,
+    *,
+    compiled: bool = False,
+    check: StillnessOptions | None = None,
+    registers: bool = False,
+    marked_share: float = MARKED_SHARE,
+) -> Measuring:
+    """What parameters ask for, `compiled` loops included; the rest as `Measuring` has it.
 
-    It follows patches of texture, and between printed dots there is none: what touches a few dozen moves most of them.
-    """
-    if not params.check or isinstance(flow, DotsFlow):
-        return None
-    return Registration(RegistrationOptions(params.most_px, params.most_turn_deg, params.follow_s))
-
-
-def make_measuring(params: MethodParams, *, compiled: bool = False) -> Measuring:
-    """What parameters ask for, `compiled` loops included.
+    The motion of the whole picture is followed by patches of texture, and between printed dots there is none: what
+    touches a few dozen moves most of them, so beside them nothing `registers`.
 
     Raises:
         ConfigurationError: no such method or option.
@@ -111,15 +109,18 @@ def make_measuring(params: MethodParams, *, compiled: bool = False) -> Measuring
     """
     if params.model:
         loaded = load_model(find_model(params.model))
-        return Measuring(make_flow(*loaded.flow, compiled=compiled), make_encoding(*loaded.encoding), compiled)
-    regions = {'rows': params.rows, 'cols': params.cols}
-    options = {
-        'dis': asdict(params.dis),
-        'dots': regions,
-        'inverse_compositional': {**asdict(params.inverse_compositional), **regions},
-    }[params.method]
-    flow = make_flow(params.method, options, compiled=compiled)
-    return Measuring(flow, make_encoding(params.encoding, regions), compiled)
+        flow, encoding = make_flow(*loaded.flow, compiled=compiled), make_encoding(*loaded.encoding)
+    else:
+        regions = {'rows': params.rows, 'cols': params.cols}
+        options = {
+            'dis': asdict(params.dis),
+            'dots': regions,
+            'inverse_compositional': {**asdict(params.inverse_compositional), **regions},
+        }[params.method]
+        flow = make_flow(params.method, options, compiled=compiled)
+        encoding = make_encoding(params.encoding, regions)
+    registers = registers and not isinstance(flow, DotsFlow)
+    return Measuring(flow, encoding, compiled, check, registers, marked_share)
 
 
 def image_size(params: MethodParams) -> tuple[int, int] | None:

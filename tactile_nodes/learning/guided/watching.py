@@ -13,8 +13,8 @@ from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.sensing.rest.prepared import Measuring
 from tactile_nodes.sensing.rest.reference import average
-from tactile_nodes.sensing.tracking import FeatureTracker
 from tactile_nodes.sensors import Sensor
 
 UNTOUCHED, MOVING, STEADY = 'untouched', 'moving', 'steady'
@@ -44,10 +44,10 @@ class Watch:
         self._held = deque[np.ndarray](maxlen=HELD)
         regions = {'rows': REGIONS, 'cols': REGIONS}
         flow = make_flow('inverse_compositional', {**regions, 'finest_scale': 0})
-        self._tracker = FeatureTracker(flow, make_encoding('cartesian_mean', regions))
         width, height = (side // REGIONS * REGIONS for side in sensor.image.crop_px)
         self._size = width, height
-        self._tracker.use_reference(self._cut(average(rests)))
+        encoding = make_encoding('cartesian_mean', regions)
+        self._rest = Measuring(flow, encoding).beside(self._cut(average(rests)))
         places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in _sides(sensor))), axis=-1)
         seen = View(sensor).shares_of(places.reshape(-1, 2))
         self._place_of = np.linalg.lstsq(_with_one(seen), places.reshape(-1, 2), rcond=None)[0]
@@ -77,7 +77,7 @@ class Watch:
         return _most(other - one) <= SAME_NOISE * self._noise_px + SAME_SHARE * _most(one)
 
     def _looked_at(self, picture: UInt8[np.ndarray, 'h w']) -> tuple[np.ndarray, tuple[float, float]]:
-        seen = self._tracker.features(self._tracker.field(self._cut(picture)))
+        seen = self._rest.features(self._cut(picture))
         motion = seen.values * (seen.confidence >= 0.5)[..., None]
         x, y = (_with_one(middles(np.square(motion).sum(axis=-1)[None])) @ self._place_of)[0].tolist()
         return motion, (x, y)

@@ -22,11 +22,10 @@ from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
-from tactile_nodes.sensing.flow.methods import DisplacementField
 from tactile_nodes.sensing.geometry import centre_crop, largest_side
 from tactile_nodes.sensing.picture.quality import require_picture
+from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 from tactile_nodes.sensing.rest.reference import average, content_id
-from tactile_nodes.sensing.tracking import FeatureTracker
 
 RECIPE = 1
 """Raised when the code below gives other features for the same images and options."""
@@ -50,7 +49,7 @@ class Measurer:
         self.size = 0, 0
         self.reference_id = ''
         self.computed = self.found = 0
-        self._tracker = FeatureTracker(self.flow, self.encoding)
+        self._rest: PreparedRest | None = None
         self._crop = (crop, crop) if isinstance(crop, int) else crop
         self._reference = b''
         self._shape = 0, 0, 0
@@ -78,18 +77,14 @@ class Measurer:
         cut = self.cut(image)
         if (name := content_id(cut)) == self.reference_id:
             return
-        self._tracker.use_reference(cut)
+        self._rest = Measuring(self.flow, self.encoding).beside(cut)
         self.reference_id, self._reference = name, cut.tobytes()
-        self._shape = (
-            *self._tracker.features(DisplacementField(_still(cut))).confidence.shape,
-            len(self.encoding.channels),
-        )
+        self._shape = (*self._rest.still_features.confidence.shape, len(self.encoding.channels))
 
     @property
     def rest_image(self) -> UInt8[np.ndarray, 'h w']:
         """What is measured against now, as cut; without rows before there is any."""
-        reference = self._tracker.reference
-        return np.zeros((0, 0), np.uint8) if reference is None else reference
+        return np.zeros((0, 0), np.uint8) if self._rest is None else self._rest.image
 
     def measure(self, images: Sequence[UInt8[np.ndarray, 'h w']]) -> Measured:
         """Features of the mean of some images: of one image, of that itself.
@@ -104,7 +99,9 @@ class Measurer:
         if kept := self._cache.get(key, self._shape):
             self.found += 1
             return kept
-        features = self._tracker.features(self._tracker.field(cut))
+        if self._rest is None:
+            raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
+        features = self._rest.features(cut)
         measured = Measured(features.values.astype(np.float16), features.confidence)
         self._cache.put(key, measured)
         self.computed += 1
@@ -140,7 +137,3 @@ class Measurer:
         rows, cols = (int(str(self.encoding.options[name])) for name in ('rows', 'cols'))
         side = largest_side(width, height, self._crop[0], math.lcm(rows, cols))
         return side, side
-
-
-def _still(image: np.ndarray) -> np.ndarray:
-    return np.zeros((*image.shape, 2), np.float32)

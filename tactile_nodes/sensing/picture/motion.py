@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -116,16 +117,22 @@ def sharpening(moved_px: Float32[np.ndarray, ' pixels']) -> Float32[np.ndarray, 
     return taps
 
 
+@dataclass(frozen=True)
 class Straightening:
-    """Undoes a motion of the whole picture, image after image."""
+    """Undoes a motion of the whole picture, image after image, in pictures of one shape."""
 
-    def __init__(self, motion: PictureMotion, shape: tuple[int, ...]) -> None:
-        self.motion = motion
-        field = motion.field_px(shape, *shape)
-        self._sharp = sharpening(field[::8, ::8, 0].ravel()), sharpening(field[::8, ::8, 1].ravel())
-        field[:, :, 0] += np.arange(shape[1], dtype=np.float32)
-        field[:, :, 1] += np.arange(shape[0], dtype=np.float32)[:, None]
-        self._maps = cv2.convertMaps(field, None, cv2.CV_16SC2)  # type: ignore[call-overload]
+    motion: PictureMotion
+    shape: tuple[int, ...]
+
+    @cached_property
+    def _undoing(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """The kernels that sharpen along x and y, and the maps of where each pixel is found."""
+        field = self.motion.field_px(self.shape, *self.shape)
+        sharp = sharpening(field[::8, ::8, 0].ravel()), sharpening(field[::8, ::8, 1].ravel())
+        field[:, :, 0] += np.arange(self.shape[1], dtype=np.float32)
+        field[:, :, 1] += np.arange(self.shape[0], dtype=np.float32)[:, None]
+        whole, part = cv2.convertMaps(field, None, cv2.CV_16SC2)  # type: ignore[call-overload]
+        return sharp, (whole, part)
 
     def __call__(self, image: UInt8[np.ndarray, 'h w'], beyond: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """The image with its content where it was; what the camera no longer sees is taken from `beyond`.
@@ -134,26 +141,32 @@ class Straightening:
         full size read as less force. What this kernel blurs on average over the picture the image is sharpened by,
         before.
         """
-        whole, part = self._maps
-        sharp = cv2.sepFilter2D(image, -1, *self._sharp, borderType=cv2.BORDER_REPLICATE)
+        sharpen, (whole, part) = self._undoing
+        sharp = cv2.sepFilter2D(image, -1, *sharpen, borderType=cv2.BORDER_REPLICATE)
         straight: np.ndarray = cv2.remap(
             sharp, whole, part, cv2.INTER_LANCZOS4, dst=beyond.copy(), borderMode=cv2.BORDER_TRANSPARENT
         )
         return straight
 
 
+@dataclass(frozen=True)
 class Shift:
     """Undoes a shift: whole pixels by copying, the rest by a sinc under a Kaiser window along rows and columns.
 
     Copying blurs nothing and costs next to nothing; the kernel takes a fraction of what `Straightening` takes.
     """
 
-    def __init__(self, right_px: float, down_px: float) -> None:
-        self.motion = PictureMotion((right_px, down_px, *((0.0,) * (TERMS - 2))))
-        whole_right, whole_down = round(right_px), round(down_px)
-        self._to = tuple(slice(max(-by, 0), -by if by > 0 else None) for by in (whole_down, whole_right))
-        self._from = tuple(slice(max(by, 0), by if by < 0 else None) for by in (whole_down, whole_right))
-        self._kernels = _sinc(right_px - whole_right), _sinc(down_px - whole_down)
+    right_px: float
+    down_px: float
+
+    @cached_property
+    def motion(self) -> PictureMotion:
+        """What it undoes."""
+        return PictureMotion((self.right_px, self.down_px, *((0.0,) * (TERMS - 2))))
+
+    @cached_property
+    def _kernels(self) -> tuple[Float32[np.ndarray, ' right'], Float32[np.ndarray, ' down']]:
+        return _sinc(self.right_px - round(self.right_px)), _sinc(self.down_px - round(self.down_px))
 
     def __call__(self, image: UInt8[np.ndarray, 'h w'], beyond: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """As `Straightening`."""
@@ -161,7 +174,9 @@ class Shift:
         along_x, along_y = self._kernels
         if along_x.size + along_y.size > 2:
             image = cv2.sepFilter2D(image, -1, along_x, along_y, borderType=cv2.BORDER_REPLICATE)
-        straight[self._to] = image[self._from]
+        whole = round(self.down_px), round(self.right_px)
+        to = tuple(slice(max(-by, 0), -by if by > 0 else None) for by in whole)
+        straight[to] = image[tuple(slice(max(by, 0), by if by < 0 else None) for by in whole)]
         return straight
 
 

@@ -121,27 +121,38 @@ class Unlike(NamedTuple):
         return any(self)
 
 
+@dataclass(frozen=True)
 class PictureLikeness:
     """Tells by little of each picture whether its light and its sharpness are those of a rest image.
 
-    Args:
-        rest_image: what pictures are compared with.
-        flow: the name of what measures motion.
-        added: how much sharper frames are by their noise than the mean of a capture, where that is known.
-        renewed: it was taken by itself.
+    `near_light` is the least and the most light, as a share, in which motion is measured as well; `least_off` how much
+    less sharpness.
     """
 
-    def __init__(
-        self, rest_image: UInt8[np.ndarray, 'h w'], flow: str, added: float | None = None, *, renewed: bool = False
-    ) -> None:
-        self._near_light = NEAR_LIGHT.get(flow, NEAR_LIGHT_OF_PATCHES)
-        self._level = max(picture_faults(rest_image).level, 1.0)
-        self.sharpness = sharpness(rest_image)
-        self._least = SHARPNESS_OFF[0] if added is None else added + (RENEWED_OFF if renewed else BLURRED_OFF)
+    level: float
+    sharpness: float
+    near_light: tuple[float, float]
+    least_off: float
+
+    @classmethod
+    def of(
+        cls, rest_image: UInt8[np.ndarray, 'h w'], flow: str, added: float | None = None, *, renewed: bool = False
+    ) -> PictureLikeness:
+        """To a rest image.
+
+        Args:
+            rest_image: what pictures are compared with.
+            flow: the name of what measures motion.
+            added: how much sharper frames are by their noise than the mean of a capture, where that is known.
+            renewed: it was taken by itself.
+        """
+        least_off = SHARPNESS_OFF[0] if added is None else added + (RENEWED_OFF if renewed else BLURRED_OFF)
+        level = max(picture_faults(rest_image).level, 1.0)
+        return cls(level, sharpness(rest_image), NEAR_LIGHT.get(flow, NEAR_LIGHT_OF_PATCHES), least_off)
 
     def near(self, level: float, sharp: float) -> Unlike:
         """In what a picture of this mean grey and `sharpness` is so unlike that motion is measured less well."""
-        return self._beyond(level, sharp, self._near_light)
+        return self._beyond(level, sharp, self.near_light)
 
     def far(self, level: float, sharp: float) -> Unlike:
         """In what it is so unlike that no other rest image helps."""
@@ -149,16 +160,16 @@ class PictureLikeness:
 
     def faint(self, level: float) -> bool:
         """Whether a picture of this mean grey is so dark that nothing can be measured in it."""
-        return level < FAINT_LIGHT * self._level
+        return level < FAINT_LIGHT * self.level
 
     def as_sharp(self, sharp: float, of: float) -> bool:
         """Whether a picture is surely as sharp as those of this rest image, and the rest image in use, `of`, is not."""
-        return of < self.sharpness + REST_BLURRED_OFF and sharp - self.sharpness >= self._least - BLURRED_OFF / 2
+        return of < self.sharpness + REST_BLURRED_OFF and sharp - self.sharpness >= self.least_off - BLURRED_OFF / 2
 
     def _beyond(self, level: float, sharp: float, light: tuple[float, float]) -> Unlike:
         off = sharp - self.sharpness
-        bright = not light[0] <= level / self._level <= light[1]
-        return Unlike(bright, not off >= self._least, off > SHARPNESS_OFF[1])
+        bright = not light[0] <= level / self.level <= light[1]
+        return Unlike(bright, not off >= self.least_off, off > SHARPNESS_OFF[1])
 
 
 def sharpness(image: UInt8[np.ndarray, 'h w'], *, compiled: bool = False) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -74,6 +75,8 @@ class Registration:
     moved since the rest image was taken.
     """
 
+    DERIVED: ClassVar = ('_rest', '_reference', '_fit')
+
     def __init__(self, options: RegistrationOptions | None = None) -> None:
         self.options = options or RegistrationOptions()
         self.motion = self._base = self._resting = PictureMotion()
@@ -127,7 +130,7 @@ class Registration:
         So the regions of a model stay where the first one had them, to within the half pixel that is subtracted.
         `motion` is that of the picture when it was taken: what was learned of it since is noise, up to a knock.
         """
-        self._rest, self._reference, self._fit = rest, rest.image, rest.fit
+        self.look_beside(rest)
         self.lost, self.found = False, 1.0
         self._base = offset or PictureMotion()
         if offset is None:
@@ -140,6 +143,10 @@ class Registration:
         self._forget_offset()
         self.dent = DentedRest()
         self._last_ns: int | None = None
+
+    def look_beside(self, rest: Registered) -> None:
+        """Take what is computed of the rest image; all that was found beside it stays."""
+        self._rest, self._reference, self._fit = rest, rest.image, rest.fit
 
     def begin_anew(self) -> None:  # what was found since the rest image came is forgotten
         self.set_reference(self._rest, self._base, self._resting)

@@ -28,10 +28,7 @@ SMOOTHED_ROWS = 2.0
 
 
 class RollingBands:
-    """Finds bands beside one rest image and takes them out, frame after frame while there are any.
-
-    `seen`: whether the last frame that was looked at had some.
-    """
+    """Finds bands beside one rest image and takes them out."""
 
     def __init__(self, image: UInt8[np.ndarray, 'h w']) -> None:
         self._rest = image
@@ -39,7 +36,6 @@ class RollingBands:
         self._rows = cv2.reduce(image, 1, cv2.REDUCE_AVG, dtype=cv2.CV_32F)
         parts = parted(image.astype(np.float32))
         self._parts = parts - parts.mean()
-        self.seen = False
 
     def without(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """The image as it is between bands; the image itself where there are none."""
@@ -48,8 +44,7 @@ class RollingBands:
         # Another light changes bright parts by more, of rows and of columns.
         brighter = float((parts * self._parts).sum() / max(float(np.square(self._parts).sum()), 1e-6))
         dark = parts.mean() < (LEAST_LIGHT - 1) * self._level
-        self.seen = not dark and banded(parts - np.float32(brighter) * self._parts)
-        if not self.seen:
+        if dark or not banded(parts - np.float32(brighter) * self._parts):
             return image
         rows = cv2.reduce(change, 1, cv2.REDUCE_AVG) - np.float32(brighter) * (self._rows - self._rows.mean())
         rows = cv2.GaussianBlur(rows, (1, 0), sigmaX=1.0, sigmaY=SMOOTHED_ROWS, borderType=cv2.BORDER_REPLICATE)

@@ -105,12 +105,12 @@ def steady(seen: Stillness) -> bool:
 
 
 class StillnessCheck:
-    """Compares images with one rest image, about which all is computed beforehand."""
+    """Compares images with one rest image, `reference`, about which all is computed beforehand."""
 
     def __init__(self, options: StillnessOptions | None = None, *, compiled: bool = False) -> None:
         self.options, self._compiled = options or StillnessOptions(), compiled
         _require_possible(self.options)
-        self._reference: np.ndarray | None = None
+        self.reference: np.ndarray | None = None
         self._able = False
         self._parts: np.ndarray
         self._rest: np.ndarray
@@ -126,7 +126,7 @@ class StillnessCheck:
             ImageError: not an 8 bit grey image, or too small for any motion.
         """
         require_grey(image)
-        self._reference = image.copy()
+        self.reference = image.copy()
         self._able = min(image.shape) // 2 // self.options.blocks >= SMALLEST_BLOCK_PX
         if not self._able:
             return
@@ -155,7 +155,7 @@ class StillnessCheck:
         Raises:
             ImageError: as above.
         """
-        require_like(self._reference, image)
+        require_like(self.reference, image)
         if not self._able:
             return False, None
         small = shrunk(image, compiled=self._compiled)
@@ -176,7 +176,7 @@ class StillnessCheck:
         Raises:
             ImageError: as above.
         """
-        require_like(self._reference, image)
+        require_like(self.reference, image)
         assert self._able
         seen = self._seen(shrunk(image), closely=True)
         assert seen is not None
@@ -190,7 +190,7 @@ class StillnessCheck:
         Raises:
             ImageError: as above.
         """
-        require_like(self._reference, image)
+        require_like(self.reference, image)
         if not self._able:
             return False
         change = self._blocks(cv2.subtract(shrunk(image), self._rest, dtype=cv2.CV_32F))

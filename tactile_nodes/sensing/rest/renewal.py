@@ -85,7 +85,7 @@ class Renewal:
         `straightening` is what straightened it: frames that were straightened by different ones are not averaged.
         """
         self._calm = rested.surely or (self._calm and rested.maybe)
-        if straightening is not self._straightening:
+        if straightening != self._straightening:
             self._begin()
             self._straightening, self._finer = straightening, RestAccumulator()
         if rested.like or not self._fits(stamp_ns, rested):

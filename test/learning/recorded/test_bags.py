@@ -294,7 +294,7 @@ def test_what_was_measured_is_not_measured_again(bag: Path, presses: RecordedPre
     def refuse(*_: Any) -> None:
         raise AssertionError('measured again')
 
-    monkeypatch.setattr('tactile_nodes.sensing.tracking.FeatureTracker.field', refuse)
+    monkeypatch.setattr('tactile_nodes.sensing.rest.prepared.PreparedRest.features', refuse)
     assert build([bag], COARSE).fingerprint == presses.fingerprint
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from dots import picture, shift
+from measured import Measured
 
-from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.picture.knocks import NOISE_SIGMAS, Common, judge, noise_allowance_px
 from tactile_nodes.sensing.picture.motion import MotionFit
 from tactile_nodes.sensing.picture.registration import Registration
-from tactile_nodes.sensing.tracking import FeatureTracker
 
 S = 1_000_000_000
 
@@ -73,16 +71,12 @@ def swollen(at: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize('knocked_px', [0.0, 1.3])
 def test_a_gel_of_another_shape_is_lost_at_once_and_found_at_once_when_it_is_as_it_was(knocked_px: float) -> None:
     registration = Registration()
-    tracker = FeatureTracker(
-        make_flow('inverse_compositional', {'rows': 10, 'cols': 10, 'finest_scale': 1}),
-        make_encoding('cartesian_mean', {'rows': 10, 'cols': 10}), registration=registration,
-    )  # fmt: skip
-    tracker.use_reference(picture())
+    measure = Measured(picture(), registration=registration)
     told = []
     for number, motions in enumerate(
         [[shift(knocked_px, 0.0)]] * 6 + [[swollen, shift(knocked_px, 0.0)]] * 3 + [[]] * 6
     ):
-        tracker.field(picture(*motions, number=number), (1 + number) * S)
+        measure(picture(*motions, number=number), (1 + number) * S)
         told.append(registration.lost)
     assert told == [False] * 6 + [True] * 3 + [False] * 6
     assert registration.settled

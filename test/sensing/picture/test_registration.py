@@ -7,23 +7,17 @@ import pytest
 from dots import picture, press, shift, turn
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured import Measured
 
-from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
-from tactile_nodes.sensing.tracking import FeatureTracker
 
 REST = picture()
 S = 1_000_000_000
 
 
-def following(method: str = 'inverse_compositional') -> tuple[FeatureTracker, Registration]:
-    options: dict[str, object] = {'rows': 10, 'cols': 10, 'finest_scale': 1} if method != 'dis' else {}
+def following(method: str = 'inverse_compositional') -> tuple[Measured, Registration]:
     registration = Registration()
-    encoding = make_encoding('cartesian_mean', {'rows': 10, 'cols': 10})
-    tracker = FeatureTracker(make_flow(method, options), encoding, registration=registration)
-    tracker.use_reference(REST)
-    return tracker, registration
+    return Measured(REST, method, registration=registration), registration
 
 
 @given(st.floats(-2.1, 2.1), st.floats(-2.1, 2.1), st.floats(-1, 1))
@@ -31,8 +25,8 @@ def following(method: str = 'inverse_compositional') -> tuple[FeatureTracker, Re
 def test_any_shift_to_3_px_with_any_turn_to_1_degree_is_found_in_the_first_frame(
     right_px: float, down_px: float, degrees: float
 ) -> None:
-    tracker, registration = following()
-    tracker.field(picture(turn(degrees), shift(right_px, down_px), number=1), S)
+    measure, registration = following()
+    measure(picture(turn(degrees), shift(right_px, down_px), number=1), S)
     if np.hypot(right_px, down_px) + abs(degrees) < 0.1:
         return
     assert registration.motion.shift_px == pytest.approx((right_px, down_px), abs=0.05)
@@ -44,61 +38,61 @@ def test_a_press_reads_the_same_after_a_knock(method: str, off_px: float) -> Non
     """To within what the methods' own bias under motion of pixels leaves (docs/method.md: 0.046 and 0.006 px)."""
     pressing = press(180, 250, 0.6)
     plain, _ = following(method)
-    alone = plain.features(plain.field(picture(pressing, number=1), S)).values
-    tracker, registration = following(method)
+    alone = plain(picture(pressing, number=1), S).features.values
+    measure, registration = following(method)
     for number in range(10):
-        tracker.field(picture(shift(2.3, -1.4), number=number), (1 + number) * S)
-    knocked = tracker.features(tracker.field(picture(pressing, shift(2.3, -1.4), number=1), 12 * S)).values
+        measure(picture(shift(2.3, -1.4), number=number), (1 + number) * S)
+    knocked = measure(picture(pressing, shift(2.3, -1.4), number=1), 12 * S).features.values
     assert registration.settled
     assert np.sqrt(np.square(knocked - alone)[1:-1, 1:-1].mean()) < off_px  # of 0.6
 
 
 def test_a_press_is_never_taken_for_a_knock() -> None:
-    tracker, registration = following()
+    measure, registration = following()
     for number, most_px in enumerate((0.1, 0.5, 2.0, 4.0)):
-        tracker.field(picture(press(200, 230, most_px), number=number), number * S)
+        measure(picture(press(200, 230, most_px), number=number), number * S)
     assert registration.size_px == 0.0
     assert registration.settled
 
 
 def test_a_knock_while_something_presses_is_taken_out_and_stays_in_doubt_until_nothing_does() -> None:
-    tracker, registration = following()
-    tracker.field(picture(press(200, 230, 0.8), shift(1.2, 0.5)), S)
+    measure, registration = following()
+    measure(picture(press(200, 230, 0.8), shift(1.2, 0.5)), S)
     assert registration.motion.shift_px == pytest.approx((1.2, 0.5), abs=0.1)
     assert not registration.settled
     for number in range(4):
-        tracker.field(picture(shift(1.2, 0.5), number=number), (2 + number) * S)
+        measure(picture(shift(1.2, 0.5), number=number), (2 + number) * S)
     assert registration.settled
     assert registration.motion.shift_px == pytest.approx((1.2, 0.5), abs=0.05)
 
 
 def test_a_camera_that_is_knocked_back_is_measured_as_if_it_had_stayed() -> None:
-    tracker, registration = following()
-    tracker.field(picture(shift(0.09, 0.0), number=1), S)
+    measure, registration = following()
+    measure(picture(shift(0.09, 0.0), number=1), S)
     assert registration.straightening is not None
     back = picture(number=2)
     for number in range(3):
-        tracker.field(back, (2 + number) * S)
+        measure(back, (2 + number) * S)
     assert registration.straightened(back) is back
 
 
 def test_a_picture_that_moved_too_far_or_is_another_is_lost_and_found_again() -> None:
-    tracker, registration = following()
+    measure, registration = following()
     registration.options = RegistrationOptions(most_px=2.0)
-    tracker.field(picture(shift(3.0, 0.0)), S)
+    measure(picture(shift(3.0, 0.0)), S)
     assert registration.lost
-    tracker.field(REST[::-1].copy(), 2 * S)
+    measure(REST[::-1].copy(), 2 * S)
     assert registration.lost
-    tracker.field(picture(number=2), 3 * S)
+    measure(picture(number=2), 3 * S)
     assert not registration.lost
 
 
 def test_slow_motion_is_followed_while_nothing_touches_and_kept_while_something_does() -> None:
-    tracker, registration = following()
+    measure, registration = following()
     for number in range(40):
-        tracker.field(picture(shift(0.03, 0.0), number=number), number * S)
+        measure(picture(shift(0.03, 0.0), number=number), number * S)
     assert registration.motion.shift_px[0] == pytest.approx(0.03, abs=0.005)
     kept = registration.motion
     for number in range(10):
-        tracker.field(picture(press(200, 230, 0.5), shift(0.03, 0.0), number=number), (50 + number) * S)
+        measure(picture(press(200, 230, 0.5), shift(0.03, 0.0), number=number), (50 + number) * S)
     assert registration.motion == kept

@@ -7,12 +7,10 @@ import pytest
 from dots import SIDE, grow, picture, press, shift, turn
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured import Measured
 
-from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.picture.registration import Registration
 from tactile_nodes.sensing.picture.rolling_bands import RollingBands
-from tactile_nodes.sensing.tracking import FeatureTracker
 
 REST = np.rint(np.mean([picture(number=number) for number in range(8)], axis=0)).astype(np.uint8) + 20
 """Dots on a ground so bright that a band of 20 grey levels blackens none of it."""
@@ -29,8 +27,9 @@ def test_a_picture_is_what_it_was_between_its_bands(grey: float, period: float, 
     """To the noise of a row's mean: dots that a press moves change it by less than a grey level and a half."""
     plain = picture(press(200, 240, most_px), number=3) + 20
     bands = RollingBands(REST)
-    mended = bands.without(rolled(plain, grey, period, phase))
-    assert bands.seen
+    image = rolled(plain, grey, period, phase)
+    mended = bands.without(image)
+    assert mended is not image
     inside = (mended > 0) & (mended < 255) & (plain < 255 - 26)
     assert np.square(mended.astype(float) - plain)[inside].mean() < 1.5**2
 
@@ -49,27 +48,20 @@ def test_nothing_else_is_taken_for_bands(motion, light: float, gone: float, numb
     seen = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     bands = RollingBands(REST)
     assert bands.without(seen) is seen
-    assert not bands.seen
 
 
 def test_a_picture_that_is_nearly_black_has_no_bands() -> None:
-    bands = RollingBands(REST)
-    bands.without((0.3 * rolled(REST, 20.0)).astype(np.uint8))
-    assert not bands.seen
+    image = (0.3 * rolled(REST, 20.0)).astype(np.uint8)
+    assert RollingBands(REST).without(image) is image
 
 
 @pytest.mark.parametrize('patches', [10, 20])
 def test_motion_among_bands_is_measured_as_without_them(patches: int) -> None:
-    flow = InverseCompositionalFlow(InverseCompositionalOptions(rows=patches, cols=patches))
-    encoding = make_encoding('cartesian_mean', {'rows': patches, 'cols': patches})
-    tracker = FeatureTracker(flow, encoding, registration=Registration())
-    tracker.use_reference(REST)
+    measure = Measured(REST, regions=patches, registration=Registration())
     plain = picture(press(200, 240, 3.0), number=3) + 20
-    expected = tracker.field(plain, 1).displacement_px
-    assert not tracker.banded
-    found = tracker.field(rolled(plain, 20.0), 2).displacement_px
-    assert tracker.banded
-    assert np.abs(found - expected).max() < 0.1
-    assert np.square(found - expected).mean() < 0.01**2
-    assert tracker.field(plain, 3).displacement_px == pytest.approx(expected, abs=1e-6)
-    assert not tracker.banded
+    without, banded, after = measure(plain, 1), measure(rolled(plain, 20.0), 2), measure(plain, 3)
+    assert (without.banded, banded.banded, after.banded) == (False, True, False)
+    off = banded.motion.displacement_px - without.motion.displacement_px
+    assert np.abs(off).max() < 0.1
+    assert np.square(off).mean() < 0.01**2
+    assert after.motion.displacement_px == pytest.approx(without.motion.displacement_px, abs=1e-6)

@@ -1,0 +1,91 @@
+"""Then: what moved beside the rest image, without the motion of the whole picture, and the features of that."""
+
+from __future__ import annotations
+
+from tactile_nodes.pipeline.frame import Frame
+from tactile_nodes.sensing.flow.methods import DisplacementField
+from tactile_nodes.sensing.picture.registration import Registration
+from tactile_nodes.sensing.rest.in_use import RestInUse
+from tactile_nodes.sensing.rest.prepared import PreparedRest
+
+KNOCK_ROUNDS = 3
+"""How often a frame is measured anew when the camera was knocked."""
+
+
+class MeasureMemory:
+    """What `measure` remembers: how the whole picture moved, and whether bands roll over it.
+
+    `registration` is None where the motion of the whole picture is left in.
+    """
+
+    def __init__(self, registration: Registration | None) -> None:
+        self.registration = registration
+        self.banded = False
+
+    def begin(self, rest: RestInUse) -> None:
+        """Measure against this rest image from now on."""
+        self.banded = False
+        if self.registration and rest.prepared.registering:
+            self.registration.set_reference(rest.prepared.registering, rest.offset, rest.motion)
+
+
+def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
+    """Find what moved; a frame in which nothing does has no motion, without being measured."""
+    frame.registration = registration = memory.registration
+    _straighten(memory, rest, frame)
+    assert frame.straight is not None
+    frame.still, frame.seen = rest.check.judged(frame.straight) if rest.check else (False, None)
+    if frame.still:
+        if registration:
+            registration.at_rest(frame.at_ns)
+        frame.motion = rest.still
+    elif registration:
+        frame.motion = _beside_whole(memory, registration, rest, frame)
+    else:
+        frame.motion = rest.flow.displacement(frame.image)
+    frame.banded, frame.untouched = memory.banded, frame.motion is rest.still
+
+
+def sum_up(rest: PreparedRest, frame: Frame) -> None:
+    """The features of what moved, region by region."""
+    assert frame.motion is not None
+    frame.features = rest.still_features if frame.untouched else rest.encoding.encode(frame.motion)
+
+
+def _straighten(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
+    """The image where the rest image has it, and without bands while there are any."""
+    straight = memory.registration.straightened(frame.image) if memory.registration else frame.image
+    frame.straight = straight
+    if memory.banded:
+        frame.straight = rest.bands.without(straight)
+        memory.banded = frame.straight is not straight
+
+
+def _beside_whole(
+    memory: MeasureMemory, registration: Registration, rest: PreparedRest, frame: Frame
+) -> DisplacementField:
+    """What moved beside the whole picture; measured again where that turns out to have moved since."""
+    assert frame.straight is not None
+    found = rest.flow.displacement(frame.straight)
+    if _bands_begin(memory, rest, frame, found):
+        _straighten(memory, rest, frame)
+        found = rest.flow.displacement(frame.straight)
+    field = registration.without(found)
+    for _ in range(KNOCK_ROUNDS):
+        if not registration.look(frame.straight, field, frame.at_ns):
+            break
+        frame.seen = None
+        _straighten(memory, rest, frame)
+        field = registration.without(rest.flow.displacement(frame.straight))
+    # A dense search takes noise for motion, and models take that for a force; patches that watch beside it do not.
+    seen_at_rest = rest.check is not None and registration.watches and registration.free
+    return rest.still if seen_at_rest else field
+
+
+def _bands_begin(memory: MeasureMemory, rest: PreparedRest, frame: Frame, found: DisplacementField) -> bool:
+    """Whether bands are there that were not there before, asked where little is found again."""
+    if found.confidence is None or memory.banded or found.confidence.sum() >= rest.least_sure:
+        return False
+    assert frame.straight is not None
+    memory.banded = rest.bands.without(frame.straight) is not frame.straight
+    return memory.banded

@@ -1,0 +1,39 @@
+"""At the end: the message of what was found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactile_nodes import conversions
+from tactile_nodes.messages import types
+from tactile_nodes.pipeline.frame import Frame
+from tactile_nodes.sensing.features import FeatureEncoding, Features
+
+
+def tell(
+    frame: Frame, method: str, reference_id: str, nothing: Features, stages: types.StageTimes
+) -> types.FlowFeatures:
+    """What a frame shows beside the rest image of that name; of one that was not measured, `nothing`."""
+    moved = frame.registration
+    moved_px = moved.size_px if moved else 0.0
+    return types.FlowFeatures(
+        header=frame.head,
+        image_width=frame.image.shape[1],
+        image_height=frame.image.shape[0],
+        image_level=frame.level,
+        method=method,
+        reference_id=reference_id,
+        untouched=frame.untouched,
+        moved=moved_px,
+        picture_motion=np.array(moved.since_rest.terms if moved and moved_px else (), np.float32),
+        reasons=frame.reasons,
+        stages=stages,
+        **conversions.feature_fields(frame.features or nothing),
+    )
+
+
+def no_motion(encoding: FeatureEncoding) -> Features:
+    """No motion, in which nobody believes: what is said of a frame that was not measured."""
+    rows, cols = (int(str(encoding.options[name])) for name in ('rows', 'cols'))
+    still = np.zeros((rows, cols, len(encoding.channels)), np.float32)
+    return Features(encoding.name, still, np.zeros((rows, cols), np.float32))

@@ -1,0 +1,89 @@
+"""What is remembered between frames is one value: saved anywhere, it goes on as if nothing had happened."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes import conversions
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.messages import types
+from tactile_nodes.pipeline.following import Following, FollowingParams
+
+sys.path.insert(0, str(Path(__file__).parents[1] / 'sensing'))
+from dots import picture, press, shift, turn
+
+S = 1_000_000_000
+TOUCH, KNOCK = press(200, 230, 0.8), (shift(1.3, -0.6), turn(0.5))
+DEAD = np.random.default_rng(6).random((440, 440)) < 0.002
+PARAMS = FollowingParams(rows=10, cols=10, reference_frames=6)
+
+
+def frame(number: int) -> np.ndarray:
+    """Captured, pressed, knocked, pressed again, with dead pixels, and in another light until the rest image is new."""
+    motions = [*KNOCK] if number >= 16 else []
+    motions += [TOUCH] if number % 16 in (10, 11, 12) else []
+    image = picture(*motions, number=number, light=0.7 if number >= 44 else 1.0)
+    if 26 <= number < 44:
+        image[DEAD] = 255
+    return image
+
+
+def answered(following: Following, numbers: range) -> list[types.FlowFeatures]:
+    heads = [conversions.header(S + number * S // 30, 'camera') for number in numbers]
+    return [
+        following.answer(frame(number), head, acquire_s=0.0) for number, head in zip(numbers, heads, strict=True)
+    ]  # fmt: skip
+
+
+def told(messages: list[types.FlowFeatures]) -> list[tuple[object, ...]]:
+    return [
+        (each.values.tobytes(), each.reasons, each.moved, each.picture_motion.tobytes(), each.reference_id)
+        for each in messages
+    ]
+
+
+@pytest.fixture(scope='module')
+def whole() -> list[tuple[object, ...]]:
+    following = Following(PARAMS)
+    following.begin_capture()
+    found = answered(following, range(70))
+    assert len({each.reference_id for each in found}) > 2  # none, captured, renewed in the other light
+    return told(found)
+
+
+@pytest.mark.parametrize('at', [3, 8, 11, 17, 20, 30, 36, 47, 50, 60])
+def test_what_was_saved_at_any_frame_goes_on_bit_for_bit(at: int, whole: list[tuple[object, ...]]) -> None:
+    following = Following(PARAMS)
+    following.begin_capture()
+    answered(following, range(at))
+    again = Following(PARAMS)
+    again.memory.recall(following.memory.saved())
+    assert told(answered(again, range(at, 70))) == whole[at:]
+
+
+def test_memories_of_the_same_frames_are_the_same_bytes_and_of_others_are_not() -> None:
+    saved = []
+    for frames in (20, 20, 21):
+        following = Following(PARAMS)
+        following.begin_capture()
+        answered(following, range(frames))
+        saved.append(following.memory.saved())
+    assert saved[0] == saved[1] != saved[2]
+
+
+@pytest.mark.parametrize('data', [b'', b'no file', bytes(64)])
+def test_what_was_never_saved_is_refused_and_changes_nothing(data: bytes) -> None:
+    following = Following(PARAMS)
+    with pytest.raises(ConfigurationError, match='nothing that was remembered'):
+        following.memory.recall(data)
+    assert following.reference is None
+
+
+def test_what_another_measurement_remembers_is_refused() -> None:
+    saved = Following(PARAMS).memory.saved()
+    with pytest.raises(ConfigurationError, match='rows'):
+        Following(FollowingParams(rows=20, cols=20)).memory.recall(saved)
