@@ -189,7 +189,7 @@ def _means(scores: Sequence[Score]) -> dict[str, float]:
 def _transferred(switch: Switch, progress: Progress) -> list[Score]:
     from benchmarks.transfer import measure
     from benchmarks.transfer.scores import CALIBRATED
-    from tactile_nodes.pipeline.estimating import Ready
+    from tactile_nodes.pipeline.ready_model import Ready
 
     with switch():
         loaded = Ready.read('portable').loaded

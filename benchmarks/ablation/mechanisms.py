@@ -81,7 +81,7 @@ def without(change: Callable[[Any], Any]) -> Switch:
             loaded, model=dataclasses.replace(loaded.model, readout=change(loaded.model.readout))
         )
 
-    return all_of(*(instead(f'{PIPELINE}.{module}:load_model', read) for module in ('methods', 'estimating')))
+    return all_of(*(instead(f'{PIPELINE}.{module}:load_model', read) for module in ('methods', 'ready_model')))
 
 
 def _first(*given: Any, **_: Any) -> Any:
@@ -146,7 +146,7 @@ MECHANISMS = (
     Mechanism(
         'registration', "the motion of the whole picture is taken out",
         ('sensing/picture/registration.py', 'sensing/picture/knocks.py', 'sensing/picture/motion.py',
-         'sensing/picture/registered.py', 'sensing/picture/quietness.py'),
+         'sensing/picture/quietness.py'),
         instead(f'{PIPELINE}.following:Registration', _nothing),
         (*CORE, 'camera shifted 3', 'camera turned 1', 'gel re-seated 1'),
     ),

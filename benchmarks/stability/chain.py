@@ -19,7 +19,8 @@ from tactile_nodes.messages import types
 from tactile_nodes.pipeline.drifting import Calibrated, Told, usable
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.following import Following, FollowingParams
-from tactile_nodes.pipeline.force_status import LEAST_CONFIDENCE, calibration_reasons
+from tactile_nodes.pipeline.judge_force import LEAST_CONFIDENCE
+from tactile_nodes.pipeline.reasons import calibration_reasons
 from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.picture.motion import PictureMotion
 

@@ -27,7 +27,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.pipeline.frame import Frame
-from tactile_nodes.pipeline.measure import MeasureMemory, measure, sum_up
+from tactile_nodes.pipeline.measure import MeasureMemory, measure
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -199,7 +199,6 @@ class _Way:
         start = time.process_time_ns()
         frame = Frame(image, types.Header(), 0)
         measure(self.memory, self.rest, frame)
-        sum_up(self.rest, frame)
         picture_faults(image)
         assert frame.features is not None
         found = (self.estimator.at_rest if frame.untouched else self.estimator.predict)(frame.features)

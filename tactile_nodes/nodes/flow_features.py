@@ -31,7 +31,10 @@ from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.pipeline.methods import image_size
 from tactile_nodes.sensing.geometry import middle_part
 
-_KEPT = 'rest_image'
+_KEPT, _MEMORY = 'rest_image', 'memory'
+KEEP_NS = NS_PER_S
+"""What was learned is kept for a restart no more often than this."""
+
 SOONEST = 0.75
 """Of the time between two frames: a picture that comes sooner after the last one is one too many."""
 
@@ -72,7 +75,8 @@ class FlowFeaturesNode(Node):
         compiled = choose(self.given('compiled'), self.log.info, self.log.warn)
         self._following = Following(self.params, compiled=compiled)
         self._features = self.create_publisher(topics.FLOW_FEATURES)
-        self._frames = self._answered_ns = 0
+        self._frames = self._answered_ns = self._kept_ns = 0
+        self._learned: tuple[object, ...] = ()
         self._came, self._size = '', image_size(self.params)
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
@@ -104,7 +108,25 @@ class FlowFeaturesNode(Node):
             self.report('rest image', Level.WARN, f'the one from before the restart is of no use: {error}')
             return False
         self._tell_reference()
+        self._go_on()
         return True
+
+    def _go_on(self) -> None:
+        """With all that was remembered before the restart, where that is of use; else with the rest image alone."""
+        if (data := self.kept.get(_MEMORY)) is None:
+            return
+        try:
+            self._following.memory.recall(data)
+        except TactileError as error:
+            self.log.warn(f'only the rest image is left from before the restart: {error}')
+
+    def _keep(self) -> None:
+        """What was learned from many frames, for a restart; seldom, as some of it may change in every frame."""
+        learned, now_ns = self._following.memory.learned, self.clock.now_ns()
+        if self.params.reference == 'topic' or learned == self._learned or now_ns - self._kept_ns < KEEP_NS:
+            return
+        self._learned, self._kept_ns = learned, now_ns
+        self.kept.put(_MEMORY, self._following.memory.saved())
 
     def _on_image(self, received: Received) -> None:
         if self._too_soon(stamp_ns(received.message.header.stamp)):
@@ -116,6 +138,7 @@ class FlowFeaturesNode(Node):
         self._tell_reference()
         if not features.reasons & types.ForceDistribution.REASON_NO_REFERENCE:
             self._frames += 1
+            self._keep()
             every = self.params.overlay_every
             if every and self._frames % every == 1 % every:
                 self._save_overlay()

@@ -22,9 +22,10 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
-from tactile_nodes.pipeline.estimating import Estimating, Ready
-from tactile_nodes.pipeline.force_status import calibration_reasons
+from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.loop_choice import choose
+from tactile_nodes.pipeline.ready_model import Ready
+from tactile_nodes.pipeline.reasons import calibration_reasons
 from tactile_nodes.sensors import mounting_of
 
 _PREVIOUS = ''

@@ -16,10 +16,9 @@ from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
-from tactile_nodes.pipeline.force_status import UNMEASURED
 from tactile_nodes.pipeline.frame import Frame
 from tactile_nodes.pipeline.judge import judge
-from tactile_nodes.pipeline.measure import MeasureMemory, measure, sum_up
+from tactile_nodes.pipeline.measure import MeasureMemory, measure
 from tactile_nodes.pipeline.memory import Memory
 from tactile_nodes.pipeline.mend import mend
 from tactile_nodes.pipeline.methods import (
@@ -30,6 +29,7 @@ from tactile_nodes.pipeline.methods import (
     stillness_options,
     told,
 )
+from tactile_nodes.pipeline.reasons import UNMEASURED
 from tactile_nodes.pipeline.rest_images import RestMemory, due, given, keep, offered
 from tactile_nodes.pipeline.tell import no_motion, tell
 from tactile_nodes.sensing.flow.overlay import overlay
@@ -146,18 +146,16 @@ class Following:
             frame.reasons |= FORCE.REASON_STALE
         rest = None if memory.rest.capture else memory.rest.in_use
         mend(memory.rest.dead, rest, frame, compiled=self._compiled)
-        self._trouble = _other_size(frame, rest)
+        self._trouble = _other_size(frame, rest) if rest and frame.reasons & FORCE.REASON_OTHER_IMAGE else ''
         if memory.rest.capture:
             self._begin(offered(memory.rest, frame), head)
         if rest is None or frame.reasons & UNMEASURED:
             return tell(frame, self._method, self.reference_id, self._nothing, types.StageTimes())
         measure(memory.measure, rest.prepared, frame)
-        measured_ns = perf_ns()
-        sum_up(rest.prepared, frame)
         stages = types.StageTimes(
             acquire=acquire_s,
-            flow=(measured_ns - start_ns) * 1e-9,
-            features=(perf_ns() - measured_ns) * 1e-9,
+            flow=(frame.found_ns - start_ns) * 1e-9,
+            features=(perf_ns() - frame.found_ns) * 1e-9,
             predict=math.nan,
             transport=max(0.0, waited_s),
         )
@@ -183,10 +181,8 @@ class Following:
             self._announced = conversions.image_message(rest.prepared.image, head)
 
 
-def _other_size(frame: Frame, rest: RestInUse | None) -> str:
-    """What to do about a picture of another size than the rest image; empty of one of its size."""
-    if rest is None or not frame.reasons & FORCE.REASON_OTHER_IMAGE:
-        return ''
+def _other_size(frame: Frame, rest: RestInUse) -> str:
+    """What to do about a picture of another size than the rest image."""
     (height, width), (known_height, known_width) = frame.image.shape, rest.prepared.image.shape
     return (
         f'an image of {width}x{height} pixels came, and the rest image has {known_width}x{known_height}; '

@@ -21,9 +21,9 @@ class Frame:
     `image` has its dead pixels filled in from `mend` on; `level` is its mean grey. `reasons` are what speaks against
     its force, as in a `ForceDistribution`. From `measure`: `straight` is the image where the rest image has it, `seen`
     how still it is, if that was looked at, `still` whether it was not measured for that, `banded` whether bands were
-    taken out, `motion` what moved, and `registration` what is known of the whole picture's motion. From `judge`:
-    `changed` and `blurred` say that it is another picture than the rest image, `odd` that it may be so by dead pixels,
-    `as_before` that it is again as at the capture.
+    taken out, `motion` what moved, found at `found_ns`, and `registration` what is known of the whole picture's motion.
+    From `judge`: `changed` and `blurred` say that it is another picture than the rest image, `odd` that it may be so by
+    dead pixels, `as_before` that it is again as at the capture.
     """
 
     image: UInt8[np.ndarray, 'h w']
@@ -37,6 +37,7 @@ class Frame:
     banded: bool = False
     registration: Registration | None = None
     motion: DisplacementField | None = None
+    found_ns: int = 0
     features: Features | None = None
     untouched: bool = False
     changed: bool = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tactile_nodes.clock import perf_ns
 from tactile_nodes.pipeline.frame import Frame
 from tactile_nodes.sensing.flow.methods import DisplacementField
 from tactile_nodes.sensing.picture.registration import Registration
@@ -30,7 +31,7 @@ class MeasureMemory:
 
 
 def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
-    """Find what moved; a frame in which nothing does has no motion, without being measured."""
+    """Find what moved, and its features; a frame in which nothing does has no motion, without being measured."""
     frame.registration = registration = memory.registration
     _straighten(memory, rest, frame)
     assert frame.straight is not None
@@ -43,12 +44,7 @@ def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
         frame.motion = _beside_whole(memory, registration, rest, frame)
     else:
         frame.motion = rest.flow.displacement(frame.image)
-    frame.banded, frame.untouched = memory.banded, frame.motion is rest.still
-
-
-def sum_up(rest: PreparedRest, frame: Frame) -> None:
-    """The features of what moved, region by region."""
-    assert frame.motion is not None
+    frame.banded, frame.untouched, frame.found_ns = memory.banded, frame.motion is rest.still, perf_ns()
     frame.features = rest.still_features if frame.untouched else rest.encoding.encode(frame.motion)
 
 

@@ -48,6 +48,16 @@ class Memory:
         self.measure.begin(rest)
         self.judge.begin(rest)
 
+    @property
+    def learned(self) -> tuple[object, ...]:
+        """What took many frames to learn: rest image, how the whole picture moved, how many pixels are dead."""
+        moved, rest = self.measure.registration, self.rest
+        return (
+            rest.in_use.prepared.reference_id if rest.in_use else '',
+            (moved.straightening, moved.settled) if moved else None,
+            rest.dead.count,
+        )
+
     def saved(self) -> bytes:
         """All of it, as a safetensors file."""
         arrays: dict[str, np.ndarray] = {}

@@ -1,4 +1,4 @@
-"""At the end: the message of what was found."""
+"""At the end: the messages of what was found."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.messages import types
 from tactile_nodes.pipeline.frame import Frame
+from tactile_nodes.pipeline.judge_force import JudgedForce
+from tactile_nodes.sensing.explain.model import ForceMap
 from tactile_nodes.sensing.features import FeatureEncoding, Features
+from tactile_nodes.sensing.geometry import BinGrid
 
 
 def tell(
@@ -29,6 +32,26 @@ def tell(
         reasons=frame.reasons,
         stages=stages,
         **conversions.feature_fields(frame.features or nothing),
+    )
+
+
+def tell_force(
+    found: ForceMap,
+    judged: JudgedForce,
+    bins: BinGrid,
+    *,
+    head: types.Header,
+    provenance: types.Provenance,
+    stages: types.StageTimes,
+) -> types.ForceDistribution:
+    """What a model found, and what there is to say of it."""
+    verdict = judged.verdict
+    fields = conversions.force_fields(
+        found.normal_force_n, bins, judged.touching,
+        total_sigma_n=verdict.sigma_n, unlikeness=found.unlikeness, acting=found.acting,
+    )  # fmt: skip
+    return types.ForceDistribution(
+        header=head, status=verdict.status, reasons=verdict.reasons, provenance=provenance, stages=stages, **fields
     )
 
 

@@ -25,7 +25,7 @@ from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.model_file import load_model
 from tactile_nodes.nodes.calibrator import CalibratorNode
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
-from tactile_nodes.pipeline.estimating import Inputs
+from tactile_nodes.pipeline.ready_model import Inputs
 
 Advertise = Callable[[Topic], Publisher]
 PRESSES = 6

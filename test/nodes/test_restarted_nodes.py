@@ -103,6 +103,45 @@ def test_a_kept_rest_image_that_is_damaged_is_told_and_a_new_one_captured(
     assert 'the one from before the restart is of no use' in ''.join(capsys.readouterr())
 
 
+def features_after_a_knock(born: Born, clock: SteppedClock, killed: bool) -> types.FlowFeatures:
+    """Of a frame with something on the gel, long after the camera was knocked, by one node or by two."""
+    node, bus = born(FlowFeaturesNode, *SMALL)
+    for number in range(14):
+        if killed and number == 13:
+            node, bus = born(FlowFeaturesNode, *SMALL)
+        found = bus.subscribe('/flow_features', topics.FLOW_FEATURES.type_name, Qos('queue', 20))
+        pixels = np.roll(PRESSED if number == 13 else PATTERN, 2 if number > 2 else 0, axis=0)
+        camera = bus.advertise('/image_raw', topics.IMAGE.type_name, Qos('latest', 1))
+        camera.publish(image(pixels, clock.now_ns()))
+        run(node)
+        clock.advance(0.5)
+    received = found.take()
+    assert received is not None
+    message: types.FlowFeatures = received.message
+    return message
+
+
+def test_what_flow_features_learned_of_a_knock_is_not_lost_by_a_restart(
+    launch: Path, born: Born, clock: SteppedClock
+) -> None:
+    lived = features_after_a_knock(born, clock, killed=False)
+    shutil.rmtree(launch)
+    killed = features_after_a_knock(born, clock, killed=True)
+    assert lived.moved > 1.9
+    assert killed.moved == pytest.approx(lived.moved, abs=0.01)
+    np.testing.assert_allclose(killed.values, lived.values, atol=0.02)
+
+
+def test_a_kept_memory_that_is_damaged_leaves_the_rest_image(
+    launch: Path, born: Born, capsys: pytest.CaptureFixture[str]
+) -> None:
+    features_of(born, PATTERN)
+    assert features_of(born, PATTERN).reasons == 0
+    (launch / 'flow_features.memory').write_bytes(b'damaged')
+    assert features_of(born, PATTERN).reasons == 0
+    assert 'only the rest image is left' in ''.join(capsys.readouterr())
+
+
 def test_the_force_estimator_comes_back_with_the_model_that_took_over(
     launch: Path, born: Born, small_model: Path, tmp_path: Path
 ) -> None:

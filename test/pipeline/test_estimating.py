@@ -15,7 +15,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.pipeline.estimating import MOST_EARLIER, Estimating
-from tactile_nodes.pipeline.force_status import Judged, judged
+from tactile_nodes.pipeline.judge_force import Judged, judged
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.model import ForceMap
 from tactile_nodes.sensing.explain.splines import value_and_slopes

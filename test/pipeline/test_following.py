@@ -15,7 +15,7 @@ from tactile_nodes import conversions
 from tactile_nodes.messages import types
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.following import Following, FollowingParams
-from tactile_nodes.pipeline.force_status import judged
+from tactile_nodes.pipeline.judge_force import judged
 from tactile_nodes.pipeline.methods import InverseCompositionalParams
 from tactile_nodes.sensing.explain.model import ForceMap
 

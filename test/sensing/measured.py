@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_nodes.messages import types
 from tactile_nodes.pipeline.frame import Frame
-from tactile_nodes.pipeline.measure import MeasureMemory, measure, sum_up
+from tactile_nodes.pipeline.measure import MeasureMemory, measure
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.picture.quality import PictureLikeness
@@ -40,5 +40,4 @@ class Measured:
         """What is found of a frame."""
         frame = Frame(image, types.Header(), at_ns)
         measure(self._memory, self.rest, frame)
-        sum_up(self.rest, frame)
         return frame

@@ -11,7 +11,7 @@ import pytest
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.flow.choice import make_flow
-from tactile_nodes.sensing.picture.registered import Registered
+from tactile_nodes.sensing.picture.registration import Registered
 from tactile_nodes.sensors import MaskSettings, load_sensor
 from tactile_nodes.sensors.covering import polygons_of
 

@@ -19,7 +19,7 @@ from tactile_nodes.learning.transfer.fit import Transfer
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.paths import check_output
-from tactile_nodes.pipeline.estimating import Inputs
+from tactile_nodes.pipeline.ready_model import Inputs
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from tactile_nodes.learning.datasets.simulated import recipe_id
 from tactile_nodes.learning.evaluation.scores import percentile, share
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.pipeline.force_status import FORCE, judged_alone
+from tactile_nodes.pipeline.judge_force import FORCE, judged_alone
 from tactile_nodes.sensing import metrics
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.explain.reading import Contact

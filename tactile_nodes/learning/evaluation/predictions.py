@@ -11,7 +11,7 @@ from jaxtyping import Float, Float32, Int
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
-from tactile_nodes.pipeline.force_status import judged_alone
+from tactile_nodes.pipeline.judge_force import judged_alone
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid

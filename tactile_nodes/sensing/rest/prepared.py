@@ -12,7 +12,7 @@ from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encod
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod, require_like
 from tactile_nodes.sensing.picture.quality import MARKED_SHARE, require_rest_image
-from tactile_nodes.sensing.picture.registered import Registered
+from tactile_nodes.sensing.picture.registration import Registered
 from tactile_nodes.sensing.picture.rolling_bands import RollingBands
 from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck, StillnessOptions
 from tactile_nodes.sensing.rest.reference import content_id

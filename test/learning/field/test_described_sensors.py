@@ -24,7 +24,7 @@ from tactile_nodes.learning.field.fit import described
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.pipeline.estimating import Estimating
-from tactile_nodes.pipeline.force_status import FORCE, judged
+from tactile_nodes.pipeline.judge_force import FORCE, judged
 from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.spread import FieldSpread

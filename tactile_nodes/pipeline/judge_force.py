@@ -1,13 +1,18 @@
-"""What reasons say of a force: whether it may be used, and how far it may be off."""
+"""What there is to say of a force: the reasons to doubt it, whether anything touches, how far it may be off."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from tactile_nodes.messages import types
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.pipeline.ready_model import Ready
+from tactile_nodes.pipeline.reasons import ALTERED, INVALID, UNMEASURED, WITHOUT_A_NUMBER
 from tactile_nodes.sensing.explain.likeness import known
 from tactile_nodes.sensing.explain.model import OK_TIMES, ForceMap
+from tactile_nodes.sensing.explain.reading import Contact
+from tactile_nodes.sensing.judge.stamped import ByStamp
+from tactile_nodes.sensing.picture.quality import ContactDetector
 
 FORCE = types.ForceDistribution
 
@@ -18,21 +23,6 @@ LEAST_CONFIDENCE = 0.85
 """Share of the known regions that a live launch asks for (config/live.yaml)."""
 
 LEAST_DOUBT_N = 0.05
-
-UNMEASURED = (
-    FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE | FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE
-)
-"""Nothing is known of such a frame: its numbers are NaN."""
-
-ALTERED = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
-"""Regions of such a picture show motion a little other than those that a model learned from."""
-
-INVALID = UNMEASURED | FORCE.REASON_NOT_FINITE | FORCE.REASON_PICTURE_LOST
-
-WITHOUT_A_NUMBER = (
-    FORCE.REASON_STALE | FORCE.REASON_REST_DOUBTFUL | FORCE.REASON_CALIBRATION_AGEING | FORCE.REASON_UNLIKE_TRAINING
-)
-"""By how much a force is off for these nobody can say, so they alone are enough not to call it ok."""
 
 KNOCKED_SHARE = 0.1
 """Share of the total, and of the least force called a contact, that it may be off by after a knock."""
@@ -49,6 +39,18 @@ in one picture tells, and frames before it do not, either; the next one does.
 """
 
 
+class ForceMemory:
+    """What is remembered of the forces before: whether anything touched, and the total while nothing did.
+
+    `calibration` are the reasons that the state of the calibration adds, by stamp.
+    """
+
+    def __init__(self, threshold_n: float) -> None:
+        self.contact = ContactDetector(threshold_n)
+        self.free_n: float | None = None
+        self.calibration = ByStamp(0)
+
+
 @dataclass(frozen=True)
 class Judged:
     """The standard deviation of the total with all that is known of a frame, its status, and the reasons if not ok."""
@@ -56,6 +58,53 @@ class Judged:
     sigma_n: float
     status: int
     reasons: int
+
+
+@dataclass(frozen=True)
+class JudgedForce:
+    """The verdict, and the contacts that are told: none while nothing touches."""
+
+    verdict: Judged
+    touching: tuple[Contact, ...]
+
+
+def judge_force(
+    memory: ForceMemory, ready: Ready, features: types.FlowFeatures, found: ForceMap, least_confidence: float
+) -> JudgedForce:
+    """Of the force that a model found in features; fewer regions than `least_confidence` speak against it."""
+    reasons = int(features.reasons | ready.reasons | _reasons(ready, features, found, least_confidence))
+    touching, begun_n = _contact(memory, found, reasons)
+    reasons |= memory.calibration.at(stamp_ns(features.header.stamp))
+    verdict = judged(found, reasons, begun_n, unsure_of=ready.unsure_of)
+    return JudgedForce(verdict, _touching(memory, found) if touching else ())
+
+
+def _reasons(ready: Ready, features: types.FlowFeatures, found: ForceMap, least_confidence: float) -> int:
+    reasons = found_reasons(found, least_confidence)
+    if features.reasons & UNMEASURED:
+        reasons &= ~FORCE.REASON_NOT_FINITE
+    if features.untouched:
+        reasons &= ~FORCE.REASON_UNLIKE_TRAINING
+    if (features.image_width, features.image_height) != ready.inputs.image_size:
+        reasons |= FORCE.REASON_OTHER_IMAGE
+    return int(reasons)
+
+
+def _contact(memory: ForceMemory, found: ForceMap, reasons: int) -> tuple[bool, float]:
+    """Whether anything touches, and by how much force grew since a frame in which nothing did."""
+    before_n, memory.free_n = memory.free_n, None
+    if reasons & INVALID:
+        return False, 0.0
+    touching = memory.contact.update(found.total_n)
+    if not touching:
+        memory.free_n = found.total_n
+    return touching, found.total_n - before_n if touching and before_n is not None else 0.0
+
+
+def _touching(memory: ForceMemory, found: ForceMap) -> tuple[Contact, ...]:
+    """The strongest contact, and the others that are above the threshold."""
+    least_n = memory.contact.threshold_n
+    return (found.contacts[0], *(each for each in found.contacts[1:] if each.force_n >= least_n))
 
 
 def found_reasons(found: ForceMap, least_confidence: float = LEAST_CONFIDENCE) -> int:
@@ -99,15 +148,3 @@ def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, unsure_of: in
 def judged_alone(found: ForceMap) -> Judged:
     """The same by what a force says of itself: as of an undisturbed picture."""
     return judged(found, found_reasons(found))
-
-
-def calibration_reasons(state: types.CalibrationState) -> int:
-    """What a calibration's state adds to the reasons of every force."""
-    kind = types.CalibrationState
-    by_level = {
-        kind.LEVEL_AGEING: FORCE.REASON_CALIBRATION_AGEING,
-        kind.LEVEL_INVALID: FORCE.REASON_CALIBRATION_INVALID,
-    }
-    moved = FORCE.REASON_FOREIGN_MOTION if state.reasons & kind.REASON_PICTURE_MOVED else 0
-    dented = FORCE.REASON_REST_DOUBTFUL if state.reasons & kind.REASON_DENTED_REST else 0
-    return int(by_level.get(state.level, 0) | moved | dented)

@@ -1,0 +1,138 @@
+"""A model that can be used at once, and the features that it reads."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tactile_nodes import conversions
+from tactile_nodes.errors import ModelError
+from tactile_nodes.messages import types
+from tactile_nodes.model_file import LoadedModel, find_model, load_model
+from tactile_nodes.pipeline.methods import told
+from tactile_nodes.pipeline.reasons import ALTERED, UNMEASURED
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
+from tactile_nodes.sensing.explain.network import NetworkReadout
+from tactile_nodes.sensing.features import Features
+from tactile_nodes.sensing.flow.choice import make_flow
+
+FORCE = types.ForceDistribution
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What features are like: how motion is measured, how it is summed up, and in images of which size (px)."""
+
+    method: str
+    layout: FeatureLayout
+    image_size: tuple[int, int]
+
+    @classmethod
+    def of_model(cls, loaded: LoadedModel) -> Inputs:
+        """Those that a model learned from."""
+        return cls(told(make_flow(*loaded.flow)), loaded.model.layout, loaded.image_size)
+
+    @classmethod
+    def of_message(cls, message: types.FlowFeatures) -> Inputs:
+        """Those that come in."""
+        layout = FeatureLayout(message.encoding, message.rows, message.cols, message.channels)
+        return cls(message.method, layout, (message.image_width, message.image_height))
+
+    @property
+    def pixels(self) -> str:
+        """The size of the images in words."""
+        width, height = self.image_size
+        return f'{width}x{height} pixels'
+
+    def unlike(self, found: Inputs) -> str:
+        """What of these is needed and comes in otherwise: '440x440 pixels and not 400x400 pixels', or nothing."""
+        pairs = (
+            (f'{self.layout}', f'{found.layout}'), _told_apart(self.method, found.method),
+            (self.pixels, found.pixels),
+        )  # fmt: skip
+        return ', '.join(f'{mine} and not {other}' for mine, other in pairs if mine != other)
+
+
+def _told_apart(method: str, other: str) -> tuple[str, str]:
+    """Two flows, 'name(option=1, other=2)', with only the options in which they differ, if that is all."""
+    (name, *options), (other_name, *other_options) = (re.split('[(,)] ?', each) for each in (method, other))
+    if name != other_name or len(options) != len(other_options):
+        return f'the flow {method}', other
+    unlike = [pair for pair in zip(options, other_options, strict=True) if pair[0] != pair[1]]
+    needed, found = (', '.join(pair[side] for pair in unlike) for side in (0, 1))
+    return f'the flow {name} with {needed}' if needed else found, found
+
+
+def _estimator(loaded: LoadedModel, compiled: bool) -> ForceEstimator:
+    """What reads by a model, by compiled loops or numpy; run once, so that its first frame takes no longer.
+
+    Raises:
+        ModelError: its numbers are such that nothing can be read by them.
+    """
+    estimator, layout = ForceEstimator(loaded.model, compiled=compiled), loaded.model.layout
+    still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
+    try:
+        if isinstance(readout := estimator.model.readout, FieldReadout):
+            readout.prepare()
+        estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
+    except (ValueError, ArithmeticError, LookupError) as error:
+        raise ModelError(
+            f'model {loaded.model_id} holds numbers by which nothing can be read ({error}); '
+            'train it again or fetch it again'
+        ) from error
+    return estimator
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A model that was read, checked and run once.
+
+    `name` is what it was asked for by; a calibrated model's provenance names it as the calibration, too. `inputs` are
+    the features that it reads.
+    """
+
+    name: str
+    file: Path
+    loaded: LoadedModel
+    inputs: Inputs
+    estimator: ForceEstimator
+    provenance: types.Provenance
+
+    @property
+    def unsure_of(self) -> int:
+        """Reasons for which nobody can say how far off it is: a network's errors in altered pictures follow no rule."""
+        return ALTERED if isinstance(self.loaded.model.readout, NetworkReadout) else 0
+
+    @property
+    def reasons(self) -> int:
+        """What speaks against every force of it, unless that is within what is usual."""
+        return int(FORCE.REASON_UNCALIBRATED) if self.loaded.of_description else 0
+
+    def explain(self, features: types.FlowFeatures) -> ForceMap:
+        """What explains the motion of one frame; of one that was not measured nothing is known.
+
+        Raises:
+            ModelError, MessageError: the features are none that the model can read.
+        """
+        if features.reasons & UNMEASURED:
+            return unknown_forces(self.loaded.model.bins)
+        seen = conversions.features_array(features)
+        if not np.isfinite(seen.values).all():
+            return unknown_forces(self.loaded.model.bins)
+        return self.estimator.at_rest(seen) if features.untouched else self.estimator.predict(seen)
+
+    @classmethod
+    def read(cls, name: str, compiled: bool = False) -> Ready:
+        """From a file, or one that ships. Raises ModelError."""
+        file = find_model(name)
+        loaded = load_model(file)
+        calibrated = loaded.card.get('data', {}).get('origin') == 'calibration'
+        provenance = types.Provenance(
+            model=file.stem, model_id=loaded.model_id, gel=loaded.gel,
+            calibration_id=loaded.model_id if calibrated else '',
+        )  # fmt: skip
+        return cls(name, file, loaded, Inputs.of_model(loaded), _estimator(loaded, compiled), provenance)
