@@ -1,5 +1,7 @@
 """Starts the sensors of a hand: the live launch for each, in a namespace of its own, and again when one has ended.
 
+For pictures that are played from a bag, the computing part of the replay launch.
+
 What a sensor lacks (a camera that is not plugged in, a model that is no file) stands in ``/diagnostics``, of ``launch``
 below its name, and ends none of the others. A camera that is away for a while is the matter of its camera node.
 """
@@ -37,6 +39,7 @@ class HandSensorsParams(NodeParams):
     hand: str = parameter('two_fingers', 'name of a hand that ships, or its file', read_only=True)
     views: bool = parameter(False, 'publish what RViz and Foxglove draw of each sensor', read_only=True)
     monitor: bool = parameter(True, 'watch whether the calibration of each sensor holds', read_only=True)
+    replay: bool = parameter(False, 'compute forces of pictures that are played from a bag', read_only=True)
 
 
 class HandSensorsNode(Node):
@@ -94,9 +97,12 @@ class HandSensorsNode(Node):
         file = Path(self._folder.name) / f'{sensor.name}.yaml'
         file.write_text(parameter_text(sensor, self._hand, open_within_s=WAITS_S if number else 0.0), 'utf-8')
         arguments = arguments_of(sensor, self.names.namespace, file)
-        for name in ('views', 'monitor'):
-            arguments[name] = str(getattr(self.params, name)).lower()
-        launch = share_directory() / 'launch' / 'live.launch.yaml'
+        if self.params.replay:
+            arguments = {name: arguments[name] for name in ('namespace', 'sensor', 'model', 'config')}
+            arguments |= {'bag': '', 'play': 'false'}
+        else:
+            arguments |= {name: str(getattr(self.params, name)).lower() for name in ('views', 'monitor')}
+        launch = share_directory() / 'launch' / f'{"replay" if self.params.replay else "live"}.launch.yaml'
         return LaunchService(launch, arguments, screen=screen, log_base=log_directory() / 'hand' / sensor.name)
 
 

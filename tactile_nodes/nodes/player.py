@@ -8,6 +8,7 @@ be changed on the way. The node ends when it has played everything.
 
 from __future__ import annotations
 
+import fnmatch
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -44,17 +45,23 @@ class PlayerParams(NodeParams):
     rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001)
     loop: bool = parameter(False, 'begin again at the end', read_only=True)
     start_offset: float = parameter(0.0, 'seconds into the bag to begin at', minimum=0.0, read_only=True)
-    wait_for: str = parameter('', 'node that has to listen before playing, for half a minute at most', read_only=True)
+    wait_for: str = parameter(
+        '', 'node that has to listen to all topics before playing, for half a minute at most', read_only=True
+    )
     delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
     clock_hz: float = parameter(
         0.0, 'publish the time of the bag on /clock at this rate; 0.0: not', minimum=0.0, read_only=True
     )
-    topics: tuple[str, ...] = parameter((), 'topics to play; empty: all', read_only=True)
+    topics: tuple[str, ...] = parameter(
+        (), "topics to play; '*/image_raw' are those of that name of every sensor; empty: all", read_only=True
+    )
     topics_if_there: tuple[str, ...] = parameter((), 'further topics, played if the bag holds them', read_only=True)
     remap: tuple[str, ...] = parameter((), 'rules from:=to for the names of topics', read_only=True)
     paused: bool = parameter(False, 'begin paused', read_only=True)
     answer: str = parameter(
-        '', 'topic that follows from what is played: the player ends when nothing more comes of it', read_only=True
+        '',
+        "topic that follows from what is played, or '*/' and its name: the player ends when nothing more comes of it",
+        read_only=True,
     )
 
 
@@ -125,22 +132,39 @@ class PlayerNode(Node):
     def _advertise(self) -> dict[str, Publisher]:
         rules = tuple(parse_remap(rule) for rule in self.params.remap)
         names = replace(self.names, remaps=(*rules, *self.names.remaps))
-        wanted = {self.names.resolve(name) for name in self.params.topics}
-        if unknown := wanted - self.reader.topics.keys():
-            raise BagError(f'{self.reader.path} holds no {", ".join(sorted(unknown))}; see: tactile bag info')
-        if wanted:
-            wanted |= {self.names.resolve(name) for name in self.params.topics_if_there}
+        self._wanted = self._named(self.params.topics)
+        if unknown := self._wanted - self.reader.topics.keys():
+            raise BagError(f'{self.reader.path} holds no {", ".join(sorted(unknown))}{self._others(unknown)}')
+        wanted = self._wanted | self._named(self.params.topics_if_there) if self._wanted else self._wanted
         played = [topic for topic in self.reader.topics.values() if self._plays(topic, wanted)]
         return {topic.name: self._publisher(topic, names.resolve(topic.name)) for topic in played}
 
-    def _hear_answers(self) -> Subscription | None:
-        if not self.params.answer:
-            return None
-        if (topic := topics.in_table(self.params.answer)) is None:
-            raise ConfigurationError(f'answer: {self.params.answer} is no topic of this package; see docs/topics.md')
-        name = self.names.resolve(self.params.answer)
-        made = self.bus.subscribe(name, topic.type_name, Qos('latest', 1), self.full_name)
-        self._ends.append(made)
+    def _named(self, names: tuple[str, ...]) -> set[str]:
+        """Full names; those with a star are looked for in the bag, and stay as they are where none is found."""
+        found = set[str]()
+        for name in names:
+            like = fnmatch.filter(self.reader.topics, name) if '*' in name else [self.names.resolve(name)]
+            found |= set(like or [name])
+        return found
+
+    def _others(self, unknown: set[str]) -> str:
+        """Of topics that are not there: whose there are."""
+        last = {each.rpartition('/')[2] for each in unknown}
+        others = sorted(topic for topic in self.reader.topics if topic.rpartition('/')[2] in last)
+        if not others:
+            return '; see: tactile bag info'
+        return f', but {", ".join(others)}; name the sensor (namespace:=), or its hand (tactile launch replay_hand)'
+
+    def _hear_answers(self) -> tuple[Subscription, ...]:
+        """One subscription for each sensor of which something is played."""
+        if not (answer := self.params.answer):
+            return ()
+        if (topic := topics.in_table(answer)) is None:
+            raise ConfigurationError(f'answer: {answer} is no topic of this package; see docs/topics.md')
+        sensors = sorted({each.rpartition('/')[0] for each in self._wanted})
+        names = [answer.replace('*', sensor) for sensor in sensors] if '*' in answer else [self.names.resolve(answer)]
+        made = tuple(self.bus.subscribe(name, topic.type_name, Qos('latest', 1), self.full_name) for name in names)
+        self._ends.extend(made)
         return made
 
     def _plays(self, topic: BagTopic, wanted: set[str]) -> bool:
@@ -179,7 +203,7 @@ class PlayerNode(Node):
 
     def _let_others_finish(self) -> None:
         self.playback.wait(_REST_S)
-        while self._answers is not None and self._answers.take() is not None:
+        while [each for each in self._answers if each.take() is not None]:
             self.playback.wait(_QUIET_S)
 
     def _wait_until(self, holds: Callable[[], bool], at_most_s: float) -> None:
@@ -189,11 +213,13 @@ class PlayerNode(Node):
             self.playback.wait(MEET_S)
 
     def _is_heard(self) -> bool:
-        """Whether the node listens to anything played that is waited for, if one is."""
-        node = f'{self.names.namespace.rstrip("/")}/{self.params.wait_for}'
-        played = {publisher.topic for publisher in self._publishers.values()}
-        ends = (end for peer in self.bus.graph().participants for end in peer.subscriptions)
-        return not self.params.wait_for or any(end.node == node and end.name in played for end in ends)
+        """Whether the node that is waited for, if one is, listens; of several sensors that of each."""
+        if not self.params.wait_for:
+            return True
+        ends = [end for peer in self.bus.graph().participants for end in peer.subscriptions]
+        heard = {end.name for end in ends if end.node.rpartition('/')[2] == self.params.wait_for}
+        sensors = {topic.rpartition('/')[0] for topic in self._wanted or self._publishers}
+        return all(any(topic.startswith(f'{sensor}/') for topic in heard) for sensor in sensors)
 
     def _has_met_all(self) -> bool:
         """Whether those are connected who are there already, so that they hear the first message."""

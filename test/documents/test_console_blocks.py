@@ -13,6 +13,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -42,10 +43,10 @@ MINUTES = re.compile(
 
 WITH_A_RIG = re.compile(
     r'/rig/|/emulated_rig|/calibrator/|force_views_node|sync_input|touch_views|undo_calibration|--compare|bag sync'
-    r'|sync_edge|train --dataset|evaluate .*--dataset'
+    r'|sync_edge|train --dataset|evaluate .*--dataset|both_fingers'
 )
 """What asks a node that the live launch does not start, or for what minutes with a rig make (test/cli tries what a bag
-of a rig becomes)."""
+of a rig becomes, test/nodes that of a hand)."""
 
 OF_A_RIG = re.compile(r'/rig/(pause|resume|stop|acknowledge)|/emulated_rig')
 """Of these what is asked of a rig, which `make documents` starts."""
@@ -135,9 +136,15 @@ def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
     with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
+            said: list[str] = []
             for line in process.stdout:
+                said.append(line)
                 if 'new rest image' in line:
                     break
+            threading.Thread(target=said.extend, args=(process.stdout,), daemon=True).start()  # it never waits for us
+            force = ['tactile', 'topic', 'echo', '--once', '/force_distribution']
+            heard = subprocess.run(force, cwd=folder, env=environment, check=False, capture_output=True, timeout=120)
+            assert heard.returncode == 0, (said, heard.stderr)
             record = ['tactile', 'bag', 'record', '-o', 'press1', '--duration', '2']
             subprocess.run(record, cwd=folder, env=environment, check=True, capture_output=True)
             for name in ('run1', 'press1_again', 'replayed', 'grasp1', 'grasp2', 'touch'):

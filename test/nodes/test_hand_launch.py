@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -12,12 +13,15 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import monotonic_s
+from tactile_nodes.messages import stamp_ns, types
 
 DOMAIN = 73
 PATIENCE_S = 60.0
@@ -90,3 +94,75 @@ def test_a_hand_that_is_none_is_one_sentence_and_a_failure(tmp_path: Path) -> No
     assert process.returncode == 1
     assert "unknown parameter 'soruce'" in output.splitlines()[-1]
     assert 'Traceback' not in output
+
+
+PRESS = Path(__file__).parents[2] / 'examples/press_bag'
+
+
+@pytest.fixture(scope='module')
+def two_pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example bag as two sensors of a hand recorded it, the right one a millisecond later."""
+    folder = tmp_path_factory.mktemp('two') / 'bag'
+    writer = BagWriter(folder)
+    with BagReader(PRESS) as press:
+        topics_there = [press.topics[name] for name in ('/reference_image', '/image_raw')]
+        for name in ('left', 'right'):
+            for topic in topics_there:
+                writer.add_topic(dataclasses.replace(topic, name=f'/{name}{topic.name}'))
+        for number, message in enumerate(press.messages([topic.name for topic in topics_there])):
+            for later, name in enumerate(('left', 'right')):
+                at_ns = message.log_ns + later * 1_000_000
+                writer.write(f'/{name}{message.topic}', message.data, at_ns, at_ns, number)
+    writer.close()
+    return folder
+
+
+def replayed(tmp_path: Path, launch: str, bag: Path, *arguments: str) -> tuple[int, str]:
+    """What a replay ends with; it records into `made`."""
+    made = ['rate:=20.0', f'record:={tmp_path / "made"}', f'bag:={bag}']
+    command = [sys.executable, '-m', 'tactile_nodes', 'launch', launch, *made, *arguments]
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(DOMAIN), 'ROS_LOG_DIR': str(tmp_path)}
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    return ended.returncode, ended.stdout + ended.stderr
+
+
+def totals(bag: BagReader, sensor: str) -> dict[int, float]:
+    """By stamp (N)."""
+    return {stamp_ns(each.header.stamp): each.total for each in of_topic(bag, f'{sensor}/force_distribution')}
+
+
+def require_the_forces_of_the_press(found: dict[int, float]) -> None:
+    """As the example bag has them, whose 25 pictures an earlier release read."""
+    with BagReader(PRESS) as press:
+        assert found == pytest.approx(totals(press, ''), abs=0.02)
+
+
+def of_topic(bag: BagReader, topic: str) -> list[types.ForceDistribution]:
+    return [bag.decode(message) for message in bag.messages([topic])]
+
+
+def test_one_sensor_of_a_hand_is_replayed_by_its_namespace(tmp_path: Path, two_pressed: Path) -> None:
+    code, said = replayed(tmp_path, 'replay', two_pressed, 'namespace:=right')
+    assert code == 0, said
+    with BagReader(tmp_path / 'made') as made:
+        require_the_forces_of_the_press(totals(made, '/right'))
+        assert not [topic for topic in made.topics if topic.startswith('/left')]
+
+
+def test_all_sensors_of_a_hand_are_replayed_at_once_with_their_sum(tmp_path: Path, two_pressed: Path) -> None:
+    code, said = replayed(tmp_path, 'replay_hand', two_pressed)
+    assert code == 0, said
+    with BagReader(tmp_path / 'made') as made:
+        left, right = (totals(made, sensor) for sensor in ('/left', '/right'))
+        sums = [made.decode(message) for message in made.messages(['/hand_wrench'])]
+    require_the_forces_of_the_press(left)
+    assert left == right
+    assert len(sums) > 10
+    assert max(len(each.sensors) for each in sums) == 2
+
+
+def test_a_bag_of_a_hand_names_its_sensors_to_who_replays_it_as_one(tmp_path: Path, two_pressed: Path) -> None:
+    code, said = replayed(tmp_path, 'replay', two_pressed)
+    assert code != 0
+    assert '/left/image_raw' in said.splitlines()[-1]
+    assert 'replay_hand' in said.splitlines()[-1]

@@ -7,10 +7,11 @@ import sys
 from collections.abc import Callable
 from datetime import datetime
 
+from tactile_nodes.bag.apart import pictures_apart
 from tactile_nodes.bag.compare import TIMINGS, compare
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.bus.topics import FLOW_FEATURES, FORCE_DISTRIBUTION, IMAGE
 from tactile_nodes.cli.bag import sync as bag_sync
 from tactile_nodes.cli.session import duration
 from tactile_nodes.clock import NS_PER_S
@@ -124,7 +125,8 @@ def _play(arguments: argparse.Namespace) -> int:
 
 def _info(arguments: argparse.Namespace) -> int:
     with BagReader(arguments.bag) as bag:
-        print('\n'.join(['', *info_lines(bag), '']))
+        apart = pictures_apart(bag, (FORCE_DISTRIBUTION.name, FLOW_FEATURES.name, IMAGE.name))
+        print('\n'.join(['', *info_lines(bag), *([f'{"Sensors:":<{_LABEL}}{apart}'] if apart else []), '']))
         _warn(bag)
     return 0
 
