@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.drift.cases import COURSES, PER_S, Bench, Course, Effort, Point, follow
+from benchmarks.drift.cases import COURSES, PERIOD_S, Bench, Course, Effort, Point, follow
 from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
 from benchmarks.harness.report import opening, shown, table
 from benchmarks.harness.running import Run
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 ABOUT = """\
 Where the monitor first says ageing and invalid, and how wrong the forces of that sensor are there. Seconds: from the
-change to the higher level, where changes come at once; two pictures a second are looked at."""
+change to the higher level, where changes come at once; a picture every two seconds is looked at."""
 NOTHING_WRONG = """\
 **Nothing wrong** for {hours:g} simulated hours of presses by tips, balls and punches, alone, in pairs and dragged
 ({pictures} pictures): {alarms} alarms, {alarmed_s:g} s of them. The largest motion told was {largest_px:.4f} px; of the
@@ -96,7 +96,7 @@ def undisturbed(loaded: LoadedModel, hours: float, progress: Progress, effort: E
             if at_s % 60 == 0:
                 bar.advance(1, f'{alarms} alarms')
     share = bench.monitor.verdict.unlike_share
-    return Hours(hours, pictures, alarms, alarmed / PER_S, largest_px, share)
+    return Hours(hours, pictures, alarms, alarmed * PERIOD_S, largest_px, share)
 
 
 def _summary(course: Course, points: Sequence[Point]) -> list[str]:

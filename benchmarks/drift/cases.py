@@ -11,6 +11,7 @@ import numpy as np
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.nodes.drift_monitor import DriftMonitorParams
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -25,7 +26,8 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
 NS_PER_S = 1_000_000_000
-PER_S, WATCHED_S = 2, 20
+PERIOD_S, WATCHED_S = DriftMonitorParams().check_s, 20
+"""A picture is looked at so often, as live; and for so long after a change."""
 """Pictures a second that the monitor looks at, and how long it is given for each extent of a change."""
 SEED, REACH_MM, DEEPEST_MM = 3, 12.0, 2.0
 REST_FRAMES = 16
@@ -175,26 +177,25 @@ class Bench:
     def watch(self, sensor: Sensor, for_s: float = WATCHED_S) -> float | None:
         """Let the monitor look for a while, half of it at presses; after how many seconds the level rose."""
         before, risen, bodies = self.monitor.verdict.level, None, self._effort.bodies
-        for number in range(round(for_s * PER_S)):
+        for number in range(round(for_s / PERIOD_S)):
             presses = bodies[number // 8 % len(bodies)] if number % 4 >= 2 else ()
-            self.monitor.frame(self._at(number / PER_S), sensor.picture(presses))
+            self.monitor.frame(self._at(number * PERIOD_S), sensor.picture(presses))
             if risen is None and self.monitor.verdict.level > before:
-                risen = number / PER_S
+                risen = number * PERIOD_S
         self._now_s += for_s
         return risen
 
     def rest_for_hours(self, hours: float) -> Iterator[tuple[float, Verdict]]:
         """Presses by one body after another while nothing is wrong, as fast as they can be computed."""
         sensor, reader, bodies = self.sensor(self._gel), self.reader, self._effort.bodies
-        for number in range(round(hours * 3600 * PER_S)):
-            at_s = number / PER_S
+        for number in range(round(hours * 3600 / PERIOD_S)):
+            at_s = number * PERIOD_S
             presses = bodies[round(at_s // 4) % len(bodies)] if at_s % 4 >= 1 else ()
             picture, at_ns = sensor.picture(presses), self._at(at_s)
             self.monitor.frame(at_ns, picture)
-            if number % 2 == 0:
-                found = reader.read(picture)
-                touching = found.total_n >= reader.threshold_n
-                self.monitor.force(at_ns, found.total_n, found.unlikeness, in_contact=touching)
+            found = reader.read(picture)
+            touching = found.total_n >= reader.threshold_n
+            self.monitor.force(at_ns, found.total_n, found.unlikeness, in_contact=touching)
             yield at_s, self.monitor.verdict
 
     def compare(self, sensor: Sensor, how: str) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.messages import types
+from tactile_nodes.nodes.drift_monitor import DriftMonitorParams
 from tactile_nodes.pipeline.drifting import Calibrated, Told, usable
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.following import Following, FollowingParams
@@ -24,7 +25,7 @@ from tactile_nodes.pipeline.reasons import calibration_reasons
 from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.picture.motion import PictureMotion
 
-REST_FRAMES, CHECK_S = 16, 0.5
+REST_FRAMES, CHECK_S = 16, DriftMonitorParams().check_s
 """What config/live.yaml and the drift monitor's parameters say."""
 
 Values = Callable[[np.ndarray], np.ndarray]
