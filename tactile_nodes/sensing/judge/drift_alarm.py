@@ -13,6 +13,8 @@ RELEASE = 0.7
 """A level ends when the number is below this share of the limit that began it."""
 WINDOW_S, LEAST_S, LEAST_VALUES = 6.0, 3.0, 3
 """The median is over the last seconds of evidence, and says nothing before it spans some of them."""
+FEWEST, OLDEST_S = 4, 30.0
+"""Where evidence is rare, as of a gel that is pressed again and again, it is over so many values, none older."""
 
 
 CLEARED = 0.35
@@ -51,7 +53,7 @@ class Alarm:
             self._values.clear()
             self.set(value)
         self._values.append((stamp_ns, value))
-        while stamp_ns - self._values[0][0] > WINDOW_S * NS_PER_S:
+        while self._outdated(stamp_ns):
             self._values.popleft()
         span_s = (stamp_ns - self._values[0][0]) / NS_PER_S
         if len(self._values) >= LEAST_VALUES and span_s >= LEAST_S:
@@ -64,6 +66,11 @@ class Alarm:
         risen = self._level_by((0.0, *self.limits))
         kept = min(self.level, self._level_by(held))
         self.level = max(risen, kept)
+
+    def _outdated(self, stamp_ns: int) -> bool:
+        """Whether the oldest value counts no more."""
+        age_s = (stamp_ns - self._values[0][0]) / NS_PER_S
+        return age_s > OLDEST_S or (age_s > WINDOW_S and len(self._values) > FEWEST)
 
     def clear(self) -> None:
         """Forget everything: what it was measured against is no more."""

@@ -33,6 +33,13 @@ def test_a_single_value_however_large_is_no_alarm() -> None:
     assert fed(Alarm(1.0, 3.0), [0.0] * 6 + [1000.0] + [0.0] * 6).level == Level.VALID
 
 
+def test_rare_evidence_counts_for_half_a_minute() -> None:
+    """A gel that is pressed again and again is seen at rest every 8 s."""
+    assert fed(Alarm(1.0), [0.0] * 4 + [2.0], every_s=8.0).level == Level.VALID
+    assert fed(Alarm(1.0), [2.0] * 3, every_s=8.0).level == Level.AGEING
+    assert fed(Alarm(1.0), [2.0] * 3, every_s=16.0).level == Level.VALID  # 32 s
+
+
 def test_values_around_a_limit_do_not_flap() -> None:
     alarm, levels = Alarm(1.0), []
     for number in range(400):
