@@ -94,7 +94,15 @@ def run(arguments: argparse.Namespace) -> int:
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')
     _say_objection(made.objection)
+    _list(arguments)
     return 0
+
+
+def _list(arguments: argparse.Namespace) -> None:
+    """Put the calibration onto the list of the lab's gels."""
+    from tactile_nodes.learning.calibrating.listing import listed
+
+    print(listed(arguments.output, Path(arguments.sensor or '').stem))
 
 
 def _say_curve(points: Sequence[Point]) -> None:
@@ -144,6 +152,7 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
         unknown = '' if math.isfinite(force + place) else ' (nan: not known)'
         print(f'{when}: force RMSE {force:.4f} N, place {place:.3f} mm{unknown}')
     _say_objection(made.objection)
+    _list(arguments)
     return 0
 
 

@@ -33,6 +33,7 @@ VERBS = {
     'press': 'press by hand with a ball and a scale, and be told where, how hard, and when it is enough',
     'train': 'make a force model from simulated or recorded presses',
     'calibrate': 'transfer a model to another gel by a few presses',
+    'gels': 'list the calibrations of this lab, and which of them is due',
     'tune': 'find the smallest configuration that is good or fast enough',
     'evaluate': 'score a force model on presses that it never saw',
     'model': 'take a trained model elsewhere: export it as ONNX',

@@ -20,13 +20,17 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.gel_list import GelList
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
-from tactile_nodes.pipeline.drifting import Calibrated, Told, state_message, usable
+from tactile_nodes.pipeline.drifting import Calibrated, Told, kept_in, state_message, usable
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.picture.motion import PictureMotion
 from tactile_nodes.sensing.rest.reference import content_id
+
+KEEP_EVERY_NS = 3600 * NS_PER_S
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,7 @@ class DriftMonitorNode(Node):
         self._states, self._told = self.create_publisher(topics.CALIBRATION_STATE), Told()
         self._looked_ns = 0
         self._reference_id = ''
+        self._gels, self._kept, self._kept_ns = GelList(), ('', 0, 0), 0
         self._rest_shape: tuple[int, ...] = ()
         self._taken_out: PictureMotion | None = None
         self.create_subscription(topics.MODEL_IN_USE, self._on_model)
@@ -123,11 +128,24 @@ class DriftMonitorNode(Node):
     def _tell(self, at_ns: int, *, of_rest: bool = False) -> None:
         verdict = self._monitor.verdict
         from_ns = self._told.holds_from_ns(verdict, at_ns, of_rest=of_rest)
-        self._states.publish(state_message(verdict, at_ns, from_ns, self._calibrated, self._reference_id))
+        state = state_message(verdict, at_ns, from_ns, self._calibrated, self._reference_id)
+        self._states.publish(state)
+        self._keep(state, at_ns)
         self.report(
             'calibration', Health(verdict.level), verdict.text, compared_with=self._calibrated.origin,
             moved_px=verdict.moved_px, lost=verdict.lost, unlike_share=verdict.unlike_share,
         )  # fmt: skip
+
+    def _keep(self, state: types.CalibrationState, at_ns: int) -> None:
+        """In the list of the lab's gels: what is new, and each hour that all is as it was."""
+        told = state.model_id, state.level, state.reasons
+        if told == self._kept and 0 <= at_ns - self._kept_ns < KEEP_EVERY_NS:
+            return
+        self._kept, self._kept_ns = told, at_ns
+        try:
+            kept_in(self._gels, state)
+        except ConfigurationError as error:
+            self.log.warn(str(error))
 
 
 def main() -> int:

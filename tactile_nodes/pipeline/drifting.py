@@ -9,7 +9,8 @@ from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.gel_list import GelList
+from tactile_nodes.messages import stamp_ns, time_from_ns, types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.geometry import centre_crop
@@ -115,6 +116,25 @@ class Told:
         """For a verdict that rests on an image of a stamp."""
         better, self._level = verdict.level < self._level, verdict.level
         return at_ns if of_rest or better else at_ns + round(LEAD_S * NS_PER_S)
+
+
+LEVELS = {
+    types.CalibrationState.LEVEL_VALID: 'valid',
+    types.CalibrationState.LEVEL_AGEING: 'ageing',
+    types.CalibrationState.LEVEL_INVALID: 'invalid',
+}
+
+
+def kept_in(gels: GelList, state: types.CalibrationState) -> bool:
+    """Keep in the list of the lab's gels what a state says of a calibration; whether the list has that one.
+
+    Raises:
+        ConfigurationError: the list cannot be used.
+    """
+    if (level := LEVELS.get(state.level)) is None:
+        return False
+    remedy = '' if level == 'valid' else state.text
+    return gels.look(state.model_id, level, remedy, stamp_ns(state.header.stamp))
 
 
 def state_message(

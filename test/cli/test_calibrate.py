@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -364,3 +365,33 @@ def test_a_bag_that_was_cut_off_before_its_first_press_is_refused(
     said = capsys.readouterr()
     assert f'{cut} is cut off at byte 300000' in said.out
     assert said.err == f'no press of {cut} can be used: there is none\n'
+
+
+def test_a_calibration_is_on_the_list_of_gels_with_its_presses_and_errors(
+    calibrated: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loaded = load_model(calibrated)
+    capsys.readouterr()
+    assert main(['gels', '--json']) == 0
+    (found,) = [each for each in json.loads(capsys.readouterr().out) if each['model_id'] == loaded.model_id]
+    assert (found['gel'], found['presses'], found['due']) == ('second', 36, '')
+    assert found['error_n'] == loaded.card['training']['calibration']['after']['force_rmse_n']
+    assert found['made_ns'] > 0
+    assert main(['gels']) == 0
+    (line,) = [each for each in capsys.readouterr().out.splitlines() if each.startswith(loaded.model_id)]
+    assert 'second' in line
+    assert 'not known' in line  # no drift monitor has seen it
+
+
+def test_a_calibration_can_be_forgotten_and_added_again(
+    calibrated: Path, model: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model_id = load_model(calibrated).model_id
+    assert main(['gels', 'forget', model_id]) == 0
+    assert main(['gels', 'forget', model_id]) == 1
+    assert main(['gels', 'add', str(calibrated), '--sensor', 'finger']) == 0
+    assert main(['gels', 'add', str(model)]) == 1  # calibrated for nothing
+    capsys.readouterr()
+    main(['gels', '--json'])
+    (found,) = [each for each in json.loads(capsys.readouterr().out) if each['model_id'] == model_id]
+    assert (found['sensor'], found['presses']) == ('finger', 36)

@@ -43,7 +43,7 @@ MINUTES = re.compile(
 
 WITH_A_RIG = re.compile(
     r'/rig/|/emulated_rig|/calibrator/|force_views_node|sync_input|touch_views|undo_calibration|--compare|bag sync'
-    r'|sync_edge|train --dataset|evaluate .*--dataset|both_fingers'
+    r'|sync_edge|train --dataset|evaluate .*--dataset|both_fingers|gels add'
 )
 """What asks a node that the live launch does not start, or for what minutes with a rig make (test/cli tries what a bag
 of a rig becomes, test/nodes that of a hand)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -18,6 +19,7 @@ from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
+from tactile_nodes.gel_list import Calibration, GelList
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.nodes.drift_monitor import DriftMonitorNode, DriftMonitorParams
 from tactile_nodes.pipeline.drifting import FILE, FIRST, GEL, rest_picture
@@ -188,3 +190,22 @@ def test_an_independent_sensor_is_listened_to_where_one_is_named(bench: Callable
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_FORCE_RATIO)
     assert state.force_ratio == pytest.approx(0.8, rel=0.01)
     assert state.force_ratio_contacts >= 10
+
+
+def test_what_is_found_of_a_calibration_is_kept_in_the_list_of_gels(
+    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv('TACTILE_GELS', str(tmp_path / 'gels.sqlite'))
+    gels = GelList()
+    gels.add(Calibration('0123456789ab', gel='some gel'))
+    tested = bench()
+    tested.model(REST)
+    tested.rest(REST)
+    tested.pictures(REST)
+    (found,) = gels.calibrations()
+    assert (found.level, found.remedy) == ('valid', '')
+    tested.pictures(np.roll(REST, 2, axis=1), begin_s=20)
+    (found,) = gels.calibrations()
+    assert found.level == 'invalid'
+    assert 'capture' in found.remedy
+    assert found.looked_ns > START_NS + 20 * S

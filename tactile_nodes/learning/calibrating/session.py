@@ -11,6 +11,7 @@ from typing import ClassVar
 from tactile_nodes.errors import ModelError, TactileError
 from tactile_nodes.learning.calibrating.calibrator import Calibrator, Fitted, StopRule
 from tactile_nodes.learning.calibrating.files import Source
+from tactile_nodes.learning.calibrating.listing import listed
 from tactile_nodes.learning.calibrating.live_model import LiveModel
 from tactile_nodes.learning.calibrating.presses import Presses, Written, finish, new_file, take_presses
 from tactile_nodes.learning.field.calibration import pressed_by
@@ -82,6 +83,7 @@ class CalibrationSession:
         self._tell(_summary(made))
         if self._written.made is not None and self._written.made.field:
             self._tell(f'force field {self._written.made.field}')
+        self._tell(listed(file))
         if live is not None and live.present:
             live.use(file)
             self._tell('the force estimator uses it now; back to the one before: its service ~/undo_calibration')

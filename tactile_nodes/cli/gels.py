@@ -1,0 +1,123 @@
+"""``tactile gels``: the calibrations of this lab, and which of them is due."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tactile_nodes.gel_list import Calibration, GelList
+
+DESCRIPTION = """\
+List the calibrations of this lab: which gel, by how many presses, how far off, and how each has held since.
+
+`tactile calibrate` and `tactile launch calibrate` add what they make; the drift monitor of a live launch keeps what it
+finds."""
+EPILOG = """\
+examples:
+  tactile gels                            all of them, those that are due marked
+  tactile gels --after 30                 those older than 30 days are due, too
+  tactile gels add gel-7.safetensors      one that was made elsewhere, or before
+  tactile gels look collection/           what the drift monitor said in bags
+  tactile gels forget 6faa5caaacb8        off the list; the model file stays
+
+The list is one SQLite file, ~/.local/share/tactile_nodes/gels.sqlite or what TACTILE_GELS names.
+"""
+AFTER_DAYS = 90.0
+HEAD = ('model', 'gel', 'sensor', 'made', 'presses', 'error [mN]', 'drift', 'due')
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the verb."""
+    parser.add_argument('--after', type=float, default=AFTER_DAYS, metavar='DAYS', help='age at which one is due')
+    parser.add_argument('--json', action='store_true', help='print the list as JSON')
+    actions = parser.add_subparsers(dest='action', metavar='add|look|forget')
+    add = actions.add_parser('add', help='add model files to the list')
+    add.add_argument('models', nargs='+', help='calibrated model files')
+    add.add_argument('--sensor', default='', help='the sensor that the gel is in')
+    look = actions.add_parser('look', help='take from bags what the drift monitor said')
+    look.add_argument('bags', nargs='+', help='bags of live sensing')
+    forget = actions.add_parser('forget', help='take a calibration off the list')
+    forget.add_argument('model_id', help='its model id, as the list has it')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """List, or change the list."""
+    from tactile_nodes.gel_list import GelList
+
+    known = GelList()
+    if arguments.action == 'add':
+        return _add(known, arguments.models, arguments.sensor)
+    if arguments.action == 'look':
+        return _look(known, arguments.bags)
+    if arguments.action == 'forget':
+        return _forget(known, arguments.model_id)
+    return _list(known, arguments.after, as_json=arguments.json)
+
+
+def _add(known: GelList, models: list[str], sensor: str) -> int:
+    from tactile_nodes.learning.calibrating.listing import calibration_of
+
+    for name in models:
+        file = Path(name)
+        found = calibration_of(file, sensor=sensor, made_ns=file.stat().st_mtime_ns if file.exists() else 0)
+        known.add(found)
+        print(f'{name}: model {found.model_id} of gel {found.gel or "(not named)"} is on the list')
+    return 0
+
+
+def _look(known: GelList, bags: list[str]) -> int:
+    from tactile_nodes.bag.reader import BagReader
+    from tactile_nodes.bus.topics import CALIBRATION_STATE
+    from tactile_nodes.pipeline.drifting import kept_in
+
+    for path in bags:
+        with BagReader(path) as bag:
+            topics = [name for name in bag.topics if name.rpartition('/')[2] == CALIBRATION_STATE.name.strip('/')]
+            states = [bag.decode(message) for message in bag.messages(topics)] if topics else []
+        count = sum(kept_in(known, state) for state in states)
+        print(f'{path}: {count} of {len(states)} words of the drift monitor are about calibrations on the list')
+    return 0
+
+
+def _forget(known: GelList, model_id: str) -> int:
+    from tactile_nodes.errors import ConfigurationError
+
+    if not known.forget(model_id):
+        raise ConfigurationError(f'{known.file} has no model {model_id}; see: tactile gels')
+    print(f'{model_id} is off the list; its file is where it was')
+    return 0
+
+
+def _list(known: GelList, after_days: float, *, as_json: bool) -> int:
+    from tactile_nodes.clock import wall_ns
+
+    now_ns, found = wall_ns(), known.calibrations()
+    if as_json:
+        print(json.dumps([{**asdict(each), 'due': each.due(now_ns, after_days)} for each in found], indent=1))
+        return 0
+    if not found:
+        print(f'no calibration is in {known.file} yet; tactile calibrate adds what it makes, tactile gels add others')
+        return 0
+    rows = [HEAD, *(_row(each, each.due(now_ns, after_days)) for each in found)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(HEAD))]
+    for row in rows:
+        print('  '.join(f'{cell:<{width}}' for cell, width in zip(row, widths, strict=True)).rstrip())
+    return 0
+
+
+def _row(each: Calibration, due: str) -> tuple[str, ...]:
+    return (
+        each.model_id, each.gel or '-', each.sensor or '-', _date(each.made_ns), str(each.presses or '-'),
+        '-' if each.error_n is None else f'{1e3 * each.error_n:.1f}',
+        f'{each.level} {_date(each.looked_ns)}' if each.level else 'not known',
+        due if Path(each.file).exists() else f'{due + "; " if due else ""}its file is gone: {each.file}',
+    )  # fmt: skip
+
+
+def _date(at_ns: int) -> str:
+    return f'{datetime.fromtimestamp(at_ns / 1e9):%Y-%m-%d}' if at_ns else '-'

@@ -1,0 +1,135 @@
+"""The calibrations of a lab in one SQLite file: what was made when, by how many presses, and how it has held since."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.paths import PACKAGE
+
+NS_PER_DAY = 86_400_000_000_000
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """One calibration; times are ns since 1970, 0 where not known.
+
+    `error_n` is the force RMSE (N) on presses held out; `level` what the drift monitor said of it last ('valid',
+    'ageing', 'invalid'; empty: nothing yet), `looked_ns` when, and `remedy` the same in words, with what to do.
+    """
+
+    model_id: str
+    gel: str = ''
+    sensor: str = ''
+    file: str = ''
+    source: str = ''
+    made_ns: int = 0
+    presses: int = 0
+    error_n: float | None = None
+    level: str = ''
+    looked_ns: int = 0
+    remedy: str = ''
+
+    def due(self, now_ns: int, after_days: float) -> str:
+        """Why it should be made anew; empty while it need not."""
+        if self.level in {'ageing', 'invalid'}:
+            return self.remedy or self.level
+        days = (now_ns - self.made_ns) / NS_PER_DAY
+        return f'older than {after_days:g} days' if self.made_ns and days > after_days else ''
+
+
+_CREATE = """
+CREATE TABLE IF NOT EXISTS calibrations (
+    model_id TEXT PRIMARY KEY, gel TEXT, sensor TEXT, file TEXT, source TEXT, made_ns INTEGER, presses INTEGER,
+    error_n REAL, level TEXT, looked_ns INTEGER, remedy TEXT)"""
+_ADD = """
+INSERT OR REPLACE INTO calibrations VALUES (
+    :model_id, :gel, :sensor, :file, :source, :made_ns, :presses, :error_n, :level, :looked_ns, :remedy)"""
+_ALL = """
+SELECT model_id, gel, sensor, file, source, made_ns, presses, error_n, level, looked_ns, remedy FROM calibrations
+ORDER BY made_ns DESC, model_id"""
+_LOOK = 'UPDATE calibrations SET level = ?, remedy = ?, looked_ns = ? WHERE model_id = ?'
+
+
+def list_file() -> Path:
+    """``$TACTILE_GELS``, else ``$XDG_DATA_HOME/tactile_nodes/gels.sqlite``, else ``~/.local/share/…``."""
+    if chosen := os.environ.get('TACTILE_GELS'):
+        return Path(chosen).expanduser()
+    return Path(os.environ.get('XDG_DATA_HOME') or Path.home() / '.local/share') / PACKAGE / 'gels.sqlite'
+
+
+class GelList:
+    """The list in a file, which is made when the first calibration is added."""
+
+    def __init__(self, file: Path | None = None) -> None:
+        self.file = file or list_file()
+
+    def add(self, calibration: Calibration) -> None:
+        """Add a calibration; one with the same model id is replaced.
+
+        Raises:
+            ConfigurationError: the file cannot be written, or is no such list.
+        """
+        with self._open(create=True) as database:
+            database.execute(_ADD, asdict(calibration))
+
+    def look(self, model_id: str, level: str, remedy: str, at_ns: int) -> bool:
+        """Keep what the drift monitor said last of a calibration; whether the list has it. Older words change nothing.
+
+        Raises:
+            ConfigurationError: as above.
+        """
+        if not self.file.exists():
+            return False
+        with self._open() as database:
+            asked = database.execute('SELECT looked_ns FROM calibrations WHERE model_id = ?', (model_id,))
+            known = asked.fetchone()
+            if known is not None and known[0] <= at_ns:
+                database.execute(_LOOK, (level, remedy, at_ns, model_id))
+        return known is not None
+
+    def forget(self, model_id: str) -> bool:
+        """Take a calibration off the list, not its file; whether it was there. Raises ConfigurationError."""
+        if not self.file.exists():
+            return False
+        with self._open() as database:
+            return bool(database.execute('DELETE FROM calibrations WHERE model_id = ?', (model_id,)).rowcount)
+
+    def calibrations(self) -> list[Calibration]:
+        """All of them, the newest first.
+
+        Raises:
+            ConfigurationError: the file cannot be read, or is no such list.
+        """
+        if not self.file.exists():
+            return []
+        with self._open() as database:
+            return [Calibration(*row) for row in database.execute(_ALL).fetchall()]
+
+    @contextmanager
+    def _open(self, *, create: bool = False) -> Iterator[sqlite3.Connection]:
+        try:
+            if create:
+                self.file.parent.mkdir(parents=True, exist_ok=True)
+            with closing(sqlite3.connect(self.file, timeout=10.0)) as database, database:
+                database.execute('PRAGMA trusted_schema = OFF')  # nothing that the file defines is run
+                if create:
+                    database.execute(_CREATE)
+                _require_table(database)
+                yield database
+        except (sqlite3.Error, OSError, TypeError) as error:
+            raise ConfigurationError(
+                f'{self.file} is no list of calibrations that can be used ({error}); move it away, '
+                'or name another one by TACTILE_GELS'
+            ) from error
+
+
+def _require_table(database: sqlite3.Connection) -> None:
+    found = {(kind, name) for kind, name in database.execute('SELECT type, name FROM sqlite_master')}
+    if ('table', 'calibrations') not in found or {kind for kind, _ in found} & {'view', 'trigger'}:
+        raise sqlite3.DatabaseError('it has no table of calibrations, or more than tables')

@@ -1,0 +1,47 @@
+"""A calibration goes onto the list of the lab's gels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tactile_nodes.clock import wall_ns
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.gel_list import Calibration, GelList
+from tactile_nodes.model_file import load_model
+
+
+def calibration_of(file: Path, *, sensor: str = '', made_ns: int = 0) -> Calibration:
+    """What the card of a model file says of its calibration, or of its training on recorded presses.
+
+    Raises:
+        ModelError: there is no such file, or it follows from no press on a real gel.
+    """
+    loaded = load_model(file)
+    if _mapping(loaded.card.get('data')).get('origin') not in {'calibration', 'recorded'}:
+        raise ModelError(f'{file} is made of no press on a gel of this lab; make a calibration: tactile calibrate')
+    made = _mapping(_mapping(loaded.card.get('training')).get('calibration'))
+    error_n = _mapping(made.get('after')).get('force_rmse_n')
+    presses = made.get('presses', loaded.card['data'].get('samples'))
+    return Calibration(
+        loaded.model_id, loaded.gel, sensor, str(file.resolve()),
+        source=str(_mapping(loaded.card.get('source')).get('model', '')),
+        made_ns=made_ns,
+        presses=presses if isinstance(presses, int) else 0,
+        error_n=float(error_n) if isinstance(error_n, int | float) else None,
+    )  # fmt: skip
+
+
+def listed(file: Path, sensor: str = '') -> str:
+    """Put a calibration that was made just now onto the list; what to say of that, also where it cannot be."""
+    known = GelList()
+    try:
+        known.add(calibration_of(file, sensor=sensor, made_ns=wall_ns()))
+    except (ConfigurationError, ModelError) as error:
+        return f'not on the list of gels: {error}'
+    return f'on the list of gels ({known.file}); see: tactile gels'
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}

@@ -1,0 +1,100 @@
+"""The calibrations of a lab: kept in one file, with what the drift monitor said since, and which is due."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.gel_list import NS_PER_DAY, Calibration, GelList, list_file
+
+DAY = NS_PER_DAY
+SEVEN = Calibration('a1', gel='gel-7', file='gel-7.safetensors', made_ns=10 * DAY, presses=100, error_n=0.012)
+EIGHT = Calibration('b2', gel='gel-8', made_ns=20 * DAY)
+
+
+@pytest.fixture
+def gels(tmp_path: Path) -> GelList:
+    return GelList(tmp_path / 'lab' / 'gels.sqlite')
+
+
+def test_what_was_added_is_there_the_newest_first(gels: GelList) -> None:
+    assert gels.calibrations() == []
+    gels.add(SEVEN)
+    gels.add(EIGHT)
+    assert GelList(gels.file).calibrations() == [EIGHT, SEVEN]
+
+
+def test_the_same_model_added_again_takes_its_own_place(gels: GelList) -> None:
+    gels.add(Calibration('a1', gel='wrong'))
+    gels.add(SEVEN)
+    assert gels.calibrations() == [SEVEN]
+
+
+def test_what_the_drift_monitor_said_last_is_kept_and_older_words_are_not(gels: GelList) -> None:
+    gels.add(SEVEN)
+    assert gels.look('a1', 'ageing', 'calibrate again', 15 * DAY)
+    assert gels.look('a1', 'valid', '', 12 * DAY)
+    (found,) = gels.calibrations()
+    assert (found.level, found.remedy, found.looked_ns) == ('ageing', 'calibrate again', 15 * DAY)
+
+
+def test_a_model_that_is_not_on_the_list_is_not_put_there_by_a_look(gels: GelList) -> None:
+    assert not gels.look('a1', 'valid', '', 0)
+    assert not gels.file.exists()
+    gels.add(EIGHT)
+    assert not gels.look('a1', 'valid', '', 0)
+    assert gels.calibrations() == [EIGHT]
+
+
+def test_what_is_forgotten_is_gone(gels: GelList) -> None:
+    assert not gels.forget('a1')
+    gels.add(SEVEN)
+    assert gels.forget('a1')
+    assert gels.calibrations() == []
+
+
+@pytest.mark.parametrize(
+    ('level', 'now_days', 'due'),
+    [
+        ('', 11, ''),
+        ('valid', 100, ''),
+        ('valid', 101, 'older than 90 days'),
+        ('ageing', 11, 'ageing: calibrate again'),
+        ('invalid', 101, 'ageing: calibrate again'),
+    ],
+)
+def test_a_calibration_is_due_when_it_drifted_or_is_old(level: str, now_days: int, due: str) -> None:
+    found = Calibration('a1', made_ns=10 * DAY, level=level, remedy='ageing: calibrate again')
+    assert found.due(now_days * DAY, 90) == due
+
+
+def test_one_without_a_date_is_not_called_old() -> None:
+    assert Calibration('a1').due(1000 * DAY, 90) == ''
+
+
+@pytest.mark.parametrize('content', [b'no database at all', b''])
+def test_another_file_is_one_sentence(gels: GelList, content: bytes) -> None:
+    gels.file.parent.mkdir()
+    gels.file.write_bytes(content)
+    with pytest.raises(ConfigurationError, match='no list of calibrations'):
+        gels.calibrations()
+
+
+def test_a_file_that_defines_more_than_tables_is_refused(gels: GelList) -> None:
+    gels.add(SEVEN)
+    with sqlite3.connect(gels.file) as database:
+        database.execute('CREATE TRIGGER more AFTER INSERT ON calibrations BEGIN DELETE FROM calibrations; END')
+    database.close()
+    with pytest.raises(ConfigurationError, match='more than tables'):
+        gels.add(EIGHT)
+
+
+def test_the_file_is_where_the_environment_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv('TACTILE_GELS', str(tmp_path / 'own.sqlite'))
+    assert list_file() == tmp_path / 'own.sqlite'
+    monkeypatch.delenv('TACTILE_GELS')
+    monkeypatch.setenv('XDG_DATA_HOME', str(tmp_path))
+    assert list_file() == tmp_path / 'tactile_nodes' / 'gels.sqlite'
