@@ -144,7 +144,8 @@ def sensor(folder: Path, period_s: float, *words: str) -> Iterator[Sensor]:
     start_ns = clock.now_ns() + 20 * NS_PER_S
     config, (port, _, _) = folder / 'live.yaml', free_ports()
     config.write_text(CONFIG.format(period_s=period_s, start_ns=start_ns), encoding='ascii')
-    chosen = (f'config:={config}', f'page_port:={port}', f'bags:={folder}/', '--noninteractive', *words)
+    sensed = 'model:=fast', 'contact:=tip'
+    chosen = (f'config:={config}', f'page_port:={port}', f'bags:={folder}/', *sensed, '--noninteractive', *words)
     launch, bus = Launch(chosen, folder / 'launch.log', clock, 'live'), ZmqBus()
     try:
         made = Sensor(launch, bus, clock, start_ns, period_s, f'http://127.0.0.1:{port}/', folder)
