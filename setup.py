@@ -135,12 +135,14 @@ setup(
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
         'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
         'compiled': [],  # what it brought comes with all installs now
+        'cluster': ['distributed>=2025.1,<2027'],
         'mesh': ['trimesh>=4.6,<6', 'embreex>=2.17,<5'],
         'dds': ['cyclonedds==11.0.1'],  # tactile_nodes/dds/endpoints.py uses a part of it that may change
         'docs': ['mkdocs>=1.6,<2', 'mkdocs-material>=9.7,<10', 'mkdocstrings[python]>=1,<2'],
         'dev': [
             'beartype>=0.20,<1',
             'cyclonedds==11.0.1',
+            'distributed>=2025.1,<2027',
             'embreex>=2.17,<5',
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',

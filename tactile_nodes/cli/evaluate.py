@@ -49,13 +49,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--table', type=Path, metavar='FILE.csv', help='also write each sample, told beside true')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write the scores as JSON')
 
+    parser.add_argument(
+        '--on',
+        default='',
+        metavar='tcp://HOST:8786',
+        help='simulate on a Dask cluster (default: processes of this machine)',
+    )
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the tables of scores."""
     from tactile_nodes.learning.evaluation.tables import report
+    from tactile_nodes.learning.tasks import on_cluster
 
     _check(arguments)
-    evaluated = [_evaluated(name, arguments) for name in arguments.model]
+    with on_cluster(arguments.on):
+        evaluated = [_evaluated(name, arguments) for name in arguments.model]
     print(report(evaluated))
     if arguments.json:
         scores = [each.as_dict() for each in evaluated]

@@ -52,6 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--compare', nargs='+', type=Path, metavar='RUN', help='compare folders of runs; train nothing')
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='with --compare: also draw their curves')
 
+    parser.add_argument(
+        '--on',
+        default='',
+        metavar='tcp://HOST:8786',
+        help='simulate on a Dask cluster (default: processes of this machine)',
+    )
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Train as the arguments say; 0 when the model is written."""
@@ -59,18 +66,20 @@ def run(arguments: argparse.Namespace) -> int:
         return compare(arguments)
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.learning.tasks import on_cluster
     from tactile_nodes.learning.training.train import train
 
     if arguments.picture:
         raise ConfigurationError('--picture draws the curves of runs; name them with --compare RUN RUN')
-    train(
-        chosen_config(arguments),
-        progress=TerminalProgress(),
-        command=shlex.join(['tactile', *sys.argv[1:]]),
-        runs=arguments.runs,
-        fresh=arguments.fresh,
-        forced=arguments.force,
-    )
+    with on_cluster(arguments.on):
+        train(
+            chosen_config(arguments),
+            progress=TerminalProgress(),
+            command=shlex.join(['tactile', *sys.argv[1:]]),
+            runs=arguments.runs,
+            fresh=arguments.fresh,
+            forced=arguments.force,
+        )
     return 0
 
 

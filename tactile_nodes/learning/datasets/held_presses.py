@@ -22,6 +22,7 @@ from tactile_nodes.learning.datasets.simulated import (
     simulate,
 )
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.tasks import Arrays
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.optics import Optics
 
@@ -46,8 +47,8 @@ def simulate_held(config: TrainConfig, pictures: int, progress: Progress) -> Dat
     return _joined(first, blocks, pictures - 1)
 
 
-def _render_block(further: int, block: Block) -> int:
-    """So many further pictures of each press, beside the same rest image; returns the number of presses."""
+def _render_block(further: int, block: Block) -> Arrays:
+    """So many further pictures of each press, beside the same rest image."""
     config = block.config
     optics = Optics(config.gel, contact_table(config.gel))
     frames, flow, encoding = config.data.frames_per_rest_image, config.make_flow(), config.make_encoding()
@@ -60,14 +61,10 @@ def _render_block(further: int, block: Block) -> int:
         encoding.encode(flow.displacement(cropped(config, optics.render((press,), seed))))
         for press in presses if press.depth_mm > 0 for seed in islice(seeds, further)
     ]  # fmt: skip
-    draft = block.file.with_suffix('.part.npz')
-    np.savez(
-        draft,
-        features=np.array([each.values for each in seen], np.float16),
-        confidence=np.array([each.confidence for each in seen], np.float32),
-    )
-    draft.replace(block.file)
-    return block.presses
+    return {
+        'features': np.array([each.values for each in seen], np.float16),
+        'confidence': np.array([each.confidence for each in seen], np.float32),
+    }
 
 
 def _joined(first: Dataset, blocks: Sequence[Block], further: int) -> Dataset:

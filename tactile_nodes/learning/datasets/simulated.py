@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -25,6 +23,7 @@ from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.plans import planned_presses, press_count
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.tasks import Arrays, make_files
 from tactile_nodes.sensing.geometry import BinGrid, centre_crop
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.optics import Optics, mix
@@ -144,20 +143,11 @@ def blocks_of_first(config: TrainConfig, presses: int, name: str) -> list[Block]
 
 
 def render(
-    blocks: list[Block], make: Callable[[Block], int], progress: Progress, title: str = 'rendering presses'
+    blocks: Sequence[Block], make: Callable[[Block], Arrays], progress: Progress, title: str = 'rendering presses'
 ) -> None:
-    """Make the files of blocks that have none yet, in processes of their own."""
-    if not (blocks := [block for block in blocks if not block.file.is_file()]):
-        return
-    processes = blocks[0].config.data.processes
-    # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the pool.
-    deaf = signal.SIGINT, signal.SIG_IGN
-    with (
-        multiprocessing.get_context('spawn').Pool(min(processes, len(blocks)), signal.signal, deaf) as pool,
-        progress.bar(title, sum(block.presses for block in blocks)) as bar,
-    ):
-        for presses in pool.imap_unordered(make, blocks):
-            bar.advance(presses)
+    """Make the files of blocks that have none yet. Raises ConfigurationError: the cluster in use cannot be used."""
+    if blocks:
+        make_files(make, [(block.file, block) for block in blocks], blocks[0].config.data.processes, progress, title)
 
 
 def _load(files: list[Path]) -> Dataset:
@@ -181,8 +171,8 @@ def _confidence_rows(sizes: list[tuple[int, int]]) -> Int[np.ndarray, ' samples'
     return np.concatenate(rows)
 
 
-def _render_block(block: Block) -> int:
-    """Make one block and write it (in a process of its own); returns its number of presses."""
+def _render_block(block: Block) -> Arrays:
+    """The samples of one block (in a process of its own)."""
     config = block.config
     table = contact_table(config.gel)
     optics = Optics(config.gel, table)
@@ -199,15 +189,11 @@ def _render_block(block: Block) -> int:
         features.append(encoded.values.astype(np.float16))
         confidence.append(encoded.confidence)
         presses.append((press.x_mm, press.y_mm, press.depth_mm, table.force_at(press.depth_mm)))
-    draft = block.file.with_suffix('.part.npz')
-    np.savez(
-        draft,
-        features=np.stack(features),
-        presses=np.array(presses, np.float32),
-        confidence=np.stack(confidence if _differ(confidence) else confidence[:1]),
-    )
-    draft.replace(block.file)
-    return block.presses
+    return {
+        'features': np.stack(features),
+        'presses': np.array(presses, np.float32),
+        'confidence': np.stack(confidence if _differ(confidence) else confidence[:1]),
+    }
 
 
 def _differ(arrays: list[np.ndarray]) -> bool:

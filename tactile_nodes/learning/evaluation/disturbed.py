@@ -9,9 +9,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import multiprocessing
-import os
-import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +21,7 @@ from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.plans import random_presses
 from tactile_nodes.learning.datasets.simulated import Dataset, recipe_id
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.tasks import Arrays, make_files
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.disturbances import dimmed, knocked, other_markers
@@ -99,22 +97,10 @@ def disturbed_samples(config: TrainConfig, progress: Progress) -> dict[str, Data
     disturbances = possible(config)
     folder = paths.cache_directory() / 'datasets' / 'unlike'
     folder.mkdir(parents=True, exist_ok=True)
-    jobs = [(config, each, folder / f'{_key(config, each)}.npz') for each in disturbances]
-    missing = [job for job in jobs if not job[2].is_file()]
-    if missing:
-        _render_all(missing, config.data.processes, progress)
-    return {each.name: _load(file) for _, each, file in jobs}
-
-
-def _render_all(jobs: list[tuple[TrainConfig, Disturbance, Path]], processes: int, progress: Progress) -> None:
-    # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the pool.
-    deaf = signal.SIGINT, signal.SIG_IGN
-    with (
-        multiprocessing.get_context('spawn').Pool(min(processes, len(jobs)), signal.signal, deaf) as pool,
-        progress.bar('rendering novel inputs', len(jobs)) as bar,
-    ):
-        for name in pool.imap_unordered(_render, jobs):
-            bar.advance(1, name)
+    files = {each.name: folder / f'{_key(config, each)}.npz' for each in disturbances}
+    jobs = [(files[each.name], (config, each)) for each in disturbances]
+    make_files(_render, jobs, config.data.processes, progress, 'rendering novel inputs')
+    return {name: _load(file) for name, file in files.items()}
 
 
 def _key(config: TrainConfig, disturbance: Disturbance) -> str:
@@ -123,9 +109,9 @@ def _key(config: TrainConfig, disturbance: Disturbance) -> str:
     return hashlib.sha256(json.dumps(what).encode()).hexdigest()[:16]
 
 
-def _render(job: tuple[TrainConfig, Disturbance, Path]) -> str:
-    """Make and write the samples of one disturbance (in a process of its own); returns its name."""
-    config, disturbance, file = job
+def _render(job: tuple[TrainConfig, Disturbance]) -> Arrays:
+    """The samples of one disturbance (in a process of its own)."""
+    config, disturbance = job
     before, after = disturbance.gel_before(config.gel), disturbance.gel_after(config.gel)
     tip = contact_table(before)
     others = {name: contact_table(before, name) for name in INDENTERS if name == disturbance.indenter}
@@ -146,13 +132,12 @@ def _render(job: tuple[TrainConfig, Disturbance, Path]) -> str:
         features.append(encoded.values.astype(np.float16))
         confidence.append(encoded.confidence)
         presses.append((press.x_mm, press.y_mm, press.depth_mm, force_n))
-    draft = file.with_suffix(f'.{os.getpid()}.part.npz')
     # A flow may judge every frame, so that each has a confidence of its own: a covered lens shows there.
-    np.savez(
-        draft, features=np.stack(features), presses=np.array(presses, np.float32), confidence=np.stack(confidence)
-    )  # fmt: skip
-    draft.replace(file)
-    return disturbance.name
+    return {
+        'features': np.stack(features),
+        'presses': np.array(presses, np.float32),
+        'confidence': np.stack(confidence),
+    }
 
 
 def _pressed(planned: Press, indenter: str, others: dict[str, ContactTable], force_n: float) -> Press:

@@ -1,0 +1,129 @@
+"""Tasks over the processes of this machine, or over a cluster of Dask; each result follows from its job alone.
+
+So results are the same to the bit whatever works on them, as long as processors and libraries are alike.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from tactile_nodes import __version__
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.progress import Progress
+
+Job = TypeVar('Job')
+Result = TypeVar('Result')
+Arrays = Mapping[str, np.ndarray]
+
+CONNECT_S, WORKERS_S = 10.0, 30.0
+RETRIES = 3
+"""How often a task is given to another worker, whose worker was killed."""
+
+_SCHEDULER: ContextVar[str] = ContextVar('scheduler', default='')
+
+
+@contextmanager
+def on_cluster(scheduler: str) -> Iterator[None]:
+    """Within this, tasks go to the workers of the Dask scheduler at an address; '': to processes of this machine."""
+    before = _SCHEDULER.set(scheduler)
+    try:
+        yield
+    finally:
+        _SCHEDULER.reset(before)
+
+
+def make_files(
+    make: Callable[[Job], Arrays], jobs: Sequence[tuple[Path, Job]], processes: int, progress: Progress, title: str
+) -> None:
+    """Make the file of each job that has none yet, of the arrays that `make` returns for it.
+
+    A file is written as soon as its task is done, so nothing that was finished is lost when a worker, this process or
+    the scheduler is killed.
+
+    Raises:
+        ConfigurationError: the cluster cannot be used; says why.
+    """
+    missing = [(file, job) for file, job in jobs if not file.is_file()]
+    if not missing:
+        return
+    with progress.bar(title, len(missing)) as bar:
+        for number, arrays in done(make, [job for _, job in missing], processes):
+            file = missing[number][0]
+            draft = file.with_suffix('.part.npz')
+            np.savez(draft, **arrays)  # type: ignore[arg-type]
+            draft.replace(file)
+            bar.advance()
+
+
+def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> Iterator[tuple[int, Result]]:
+    """Results as they come, each with the number of its job; on the cluster in use, or in so many processes here.
+
+    Raises:
+        ConfigurationError: the cluster cannot be used; says why.
+    """
+    if scheduler := _SCHEDULER.get():
+        yield from _done_on(scheduler, make, jobs)
+        return
+    # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the pool.
+    deaf = signal.SIGINT, signal.SIG_IGN
+    with multiprocessing.get_context('spawn').Pool(min(processes, len(jobs)), signal.signal, deaf) as pool:
+        yield from pool.imap_unordered(partial(_numbered, make), enumerate(jobs))
+
+
+def _numbered(make: Callable[[Job], Result], numbered: tuple[int, Job]) -> tuple[int, Result]:
+    return numbered[0], make(numbered[1])
+
+
+def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
+    try:
+        from distributed import Client, KilledWorker, as_completed
+    except ImportError as error:
+        raise ConfigurationError("a cluster needs Dask: pip install 'tactile_nodes[cluster]'") from error
+    try:
+        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, TimeoutError, ValueError) as error:
+        raise ConfigurationError(
+            f'no Dask scheduler answers at {scheduler} ({error}); start one with: dask scheduler'
+        ) from error
+    with client:
+        _require_workers(client, scheduler)
+        futures = {client.submit(make, job, pure=False, retries=RETRIES): number for number, job in enumerate(jobs)}
+        try:
+            for future, result in as_completed(futures, loop=client.loop, with_results=True):  # type: ignore[no-untyped-call]
+                yield futures[future], result
+        except KilledWorker as error:
+            raise ConfigurationError(
+                f'workers of {scheduler} ended again and again in one task ({error}); what was finished is kept, and '
+                'the same command goes on from there'
+            ) from error
+
+
+def _require_workers(client: Any, scheduler: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=WORKERS_S)
+    except TimeoutError as error:
+        raise ConfigurationError(
+            f'{scheduler} has no workers; start some with: dask worker {scheduler} --nthreads 1 --nworkers 4'
+        ) from error
+    try:
+        versions = set(client.run(_version).values())
+    except (ImportError, AttributeError) as error:
+        raise ConfigurationError(
+            f'workers of {scheduler} cannot import this package ({error}); install version {__version__} for them'
+        ) from error
+    if versions != {__version__}:
+        found = ', '.join(sorted(versions - {__version__}))
+        raise ConfigurationError(f'workers of {scheduler} have version {found} of this package, not {__version__}')
+
+
+def _version() -> str:
+    return __version__

@@ -1,0 +1,123 @@
+"""Work that is shared out: the same results from processes here and from a cluster, whatever becomes of its workers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes.clock import monotonic_s
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.tasks import Arrays, done, make_files, on_cluster
+
+pytest.importorskip('distributed')
+
+JOBS = list(range(6))
+
+
+def drawn(seed: int) -> Arrays:
+    """Numbers that follow from a seed."""
+    return {'numbers': np.random.default_rng(seed).normal(size=1000)}
+
+
+def drawn_or_killed(job: tuple[int, str]) -> Arrays:
+    """The same; the first worker that takes the seed 3 is killed in the midst of it."""
+    seed, once = job
+    if seed == 3 and not Path(once).exists():
+        Path(once).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return drawn(seed)
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[str]:
+    """The address of a scheduler of this machine, with so many workers, as `dask scheduler` and `dask worker` start."""
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=':0') as made:
+        yield made.scheduler_address
+
+
+@pytest.fixture(scope='module')
+def two_workers() -> Iterator[str]:
+    with cluster(2) as scheduler:
+        yield scheduler
+
+
+def bytes_of(folder: Path) -> list[bytes]:
+    return [np.load(folder / f'{seed}.npz')['numbers'].tobytes() for seed in JOBS]
+
+
+def test_files_are_the_same_to_the_bit_whatever_made_them(tmp_path: Path, two_workers: str) -> None:
+    made = {}
+    for name, scheduler, processes in (('one', '', 1), ('two', '', 2), ('cluster', two_workers, 1)):
+        folder = tmp_path / name
+        folder.mkdir()
+        with on_cluster(scheduler):
+            make_files(drawn, [(folder / f'{seed}.npz', seed) for seed in JOBS], processes, Progress(), 'drawing')
+        made[name] = bytes_of(folder)
+    assert made['one'] == made['two'] == made['cluster']
+    assert len(set(made['one'])) == len(JOBS)
+
+
+def test_a_worker_that_is_killed_costs_nothing_but_its_task_once_more(tmp_path: Path, two_workers: str) -> None:
+    jobs = [(tmp_path / f'{seed}.npz', (seed, str(tmp_path / 'killed'))) for seed in JOBS]
+    with on_cluster(two_workers):
+        make_files(drawn_or_killed, jobs, 1, Progress(), 'drawing')
+    assert (tmp_path / 'killed').exists()
+    assert bytes_of(tmp_path) == [drawn(seed)['numbers'].tobytes() for seed in JOBS]
+
+
+def test_what_is_there_is_not_made_again(tmp_path: Path) -> None:
+    jobs = [(tmp_path / f'{seed}.npz', seed) for seed in JOBS]
+    for file, _ in jobs[:3]:
+        np.savez(file, numbers=np.zeros(3))
+    make_files(drawn, jobs, 2, Progress(), 'drawing')
+    assert [len(np.load(file)['numbers']) for file, _ in jobs] == [3, 3, 3, 1000, 1000, 1000]
+
+
+def test_results_come_with_the_number_of_their_job() -> None:
+    found = dict(done(drawn, JOBS, 2))
+    assert all((found[seed]['numbers'] == drawn(seed)['numbers']).all() for seed in JOBS)
+
+
+def test_a_scheduler_that_is_not_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('tactile_nodes.learning.tasks.CONNECT_S', 0.5)
+    begun_s = monotonic_s()
+    with (
+        on_cluster('tcp://127.0.0.1:1'),
+        pytest.raises(ConfigurationError, match='no Dask scheduler answers at tcp://127'),
+    ):
+        list(done(drawn, JOBS, 1))
+    assert monotonic_s() - begun_s < 20
+
+
+def test_a_scheduler_without_workers_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('tactile_nodes.learning.tasks.WORKERS_S', 0.5)
+    with cluster(0) as scheduler, on_cluster(scheduler), pytest.raises(ConfigurationError, match='has no workers'):
+        list(done(drawn, JOBS, 1))
+
+
+def test_a_client_that_is_killed_loses_nothing_that_was_finished(tmp_path: Path) -> None:
+    """Each task writes when it is done; the same command makes the rest."""
+    program = (
+        'import os, sys\nfrom pathlib import Path\n'
+        'from tactile_nodes.learning.progress import Progress\nfrom tactile_nodes.learning import tasks\n'
+        'import numpy as np\n'
+        'def make(job):\n    return {"numbers": np.full(3, job)}\n'
+        'def done(make, jobs, processes):\n    for number, job in enumerate(jobs):\n'
+        '        if number == 2: os.kill(os.getpid(), 9)\n        yield number, make(job)\n'
+        'tasks.done = done\n'
+        f'tasks.make_files(make, [(Path({str(tmp_path)!r}) / f"{{n}}.npz", n) for n in range(6)], 1, Progress(), "x")\n'
+    )
+    ended = subprocess.run([sys.executable, '-c', program], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    assert sorted(each.name for each in tmp_path.glob('*.npz')) == ['0.npz', '1.npz']
