@@ -81,7 +81,7 @@ class Estimating:
         elif self._earlier:
             self._earlier.pop()
         self._back = None
-        self.now = ready
+        self.now, self._from = ready, ready.provenance
         self._memory.contact = replace(self._memory.contact, threshold_n=ready.loaded.model.contact_threshold_n)
 
     def answer(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.pipeline.estimating import MOST_EARLIER, Estimating
 from tactile_nodes.pipeline.judge_force import Judged, judged
+from tactile_nodes.pipeline.ready_model import Ready
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.model import ForceMap
 from tactile_nodes.sensing.explain.splines import value_and_slopes
@@ -175,3 +177,12 @@ def test_models_to_go_back_to_are_kept_up_to_a_number() -> None:
     assert back == models[-2 : -MOST_EARLIER - 2 : -1]
     with pytest.raises(ModelError, match='nothing to return to'):
         estimating.previous()
+
+
+def test_a_force_names_the_file_in_use_also_where_another_holds_the_same_model(tmp_path: Path) -> None:
+    estimating = Estimating('fast')
+    same = Path(shutil.copy(find_model('fast'), tmp_path / 'copy.safetensors'))
+    names = [estimating.answer(features(estimating, 0.5), '', 0.85, 0.0).provenance.model]
+    estimating.take(Ready.read(str(same)))
+    names.append(estimating.answer(features(estimating, 0.5), '', 0.85, 0.0).provenance.model)
+    assert names == ['fast', 'copy']
