@@ -85,7 +85,7 @@ def _numbered(make: Callable[[Job], Result], numbered: tuple[int, Job]) -> tuple
 
 def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
     try:
-        from distributed import Client, KilledWorker, as_completed
+        from distributed import CancelledError, Client, KilledWorker, as_completed
     except ImportError as error:
         raise ConfigurationError("a cluster needs Dask: pip install 'tactile_nodes[cluster]'") from error
     try:
@@ -98,12 +98,12 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
         _require_workers(client, scheduler)
         futures = {client.submit(make, job, pure=False, retries=RETRIES): number for number, job in enumerate(jobs)}
         try:
-            for future, result in as_completed(futures, loop=client.loop, with_results=True):  # type: ignore[no-untyped-call]
-                yield futures[future], result
-        except KilledWorker as error:
+            for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
+                yield futures[future], future.result()
+        except (KilledWorker, CancelledError) as error:
             raise ConfigurationError(
-                f'workers of {scheduler} ended again and again in one task ({error}); what was finished is kept, and '
-                'the same command goes on from there'
+                f'the scheduler {scheduler} ended, or workers did so again and again in one task ({_line(error)}); what was '
+                'finished is kept, and the same command goes on from there'
             ) from error
 
 
@@ -123,6 +123,10 @@ def _require_workers(client: Any, scheduler: str) -> None:
     if versions != {__version__}:
         found = ', '.join(sorted(versions - {__version__}))
         raise ConfigurationError(f'workers of {scheduler} have version {found} of this package, not {__version__}')
+
+
+def _line(error: BaseException) -> str:
+    return ' '.join(str(error).split())
 
 
 def _version() -> str:
