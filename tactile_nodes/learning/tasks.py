@@ -102,8 +102,8 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
                 yield futures[future], future.result()
         except (KilledWorker, CancelledError) as error:
             raise ConfigurationError(
-                f'the scheduler {scheduler} ended, or workers did so again and again in one task ({_line(error)}); what was '
-                'finished is kept, and the same command goes on from there'
+                f'the scheduler {scheduler} ended, or workers did so again and again in one task ({_line(error)}); '
+                'what was finished is kept, and the same command goes on from there'
             ) from error
 
 
