@@ -15,15 +15,17 @@ from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
-from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.bus.protocol import Bus, Qos, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
-from tactile_nodes.pipeline.hand_forces import HandForces
+from tactile_nodes.pipeline.hand_forces import HandForces, ReplayedForces
 from tactile_nodes.sensors import load_hand
 from tactile_nodes.viewing import force_shapes
 
 REPORT_PERIOD_S = 1.0
+QUEUE = 1000
+"""Forces of a sensor that wait in a replay, which shall lose none."""
 WHY = 'no force of this time, an invalid one, or one of a model that knows no shear'
 
 
@@ -32,6 +34,9 @@ class HandWrenchParams(NodeParams):
     """Parameters of the hand wrench node."""
 
     hand: str = parameter('two_fingers', 'name of a hand that ships, or its file', read_only=True)
+    replay: bool = parameter(
+        False, 'forces are computed from a bag, and each sum waits for all sensors', read_only=True
+    )
 
 
 class HandWrenchNode(Node):
@@ -43,7 +48,7 @@ class HandWrenchNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._hand = load_hand(self.params.hand)
-        self._forces = HandForces(self._hand)
+        self._forces = ReplayedForces(self._hand) if self.params.replay else HandForces(self._hand)
         self._last: types.HandWrench | None = None
         self._sums = self._told = 0
         self._wrench = self.create_publisher(topics.HAND_WRENCH)
@@ -51,7 +56,8 @@ class HandWrenchNode(Node):
         self._transforms.publish(force_shapes.hand_transforms(self._hand, self.clock.now_ns()))
         for name in self._hand.names:
             there = f'{name}/{topics.FORCE_DISTRIBUTION.name}'
-            self.create_subscription(replace(topics.FORCE_DISTRIBUTION, name=there), self._taking(name))
+            qos = Qos('queue', QUEUE) if self.params.replay else topics.FORCE_DISTRIBUTION.qos
+            self.create_subscription(replace(topics.FORCE_DISTRIBUTION, name=there, qos=qos), self._taking(name))
         self.create_timer(REPORT_PERIOD_S, self._report)
 
     def _taking(self, name: str) -> Callable[[Received], None]:

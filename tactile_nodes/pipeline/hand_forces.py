@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from tactile_nodes.sensors import Hand, HandSensor
 
 PATIENCE = 3
 """Sums in a row that a sensor may be missing from before it is awaited no longer: forces may be late by a frame."""
+MOST_AHEAD = 600
 _UNKNOWN = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
 
 
@@ -54,6 +56,33 @@ class HandForces:
         self._missed = {each: 0 if each in gathered else missed + 1 for each, missed in self._missed.items()}
         self._newest_ns = max(stamp_ns(each.header.stamp) for each in gathered.values())
         return summed(self._hand, gathered, self._newest_ns)
+
+
+class ReplayedForces:
+    """The same of forces that a replay brings: in order for each sensor, but one sensor may run ahead of another.
+
+    A sum waits for all sensors, so it does not depend on who is ahead; for one that says nothing for `MOST_AHEAD`
+    forces of another, as it is not in the bag, no longer.
+    """
+
+    def __init__(self, hand: Hand) -> None:
+        self._hand = hand
+        self._frame_ns = round(NS_PER_S / hand.fps)
+        self._waiting: dict[str, deque[types.ForceDistribution]] = {name: deque() for name in hand.names}
+
+    def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
+        """A force of the sensor `name`; the sums that are due by it."""
+        self._waiting[name].append(force)
+        due = []
+        while all(self._waiting.values()) or any(len(each) > MOST_AHEAD for each in self._waiting.values()):
+            due.append(self._sum())
+        return due
+
+    def _sum(self) -> types.HandWrench:
+        first = {name: stamp_ns(each[0].header.stamp) for name, each in self._waiting.items() if each}
+        together = {name: at_ns for name, at_ns in first.items() if at_ns <= min(first.values()) + self._frame_ns}
+        forces = {name: self._waiting[name].popleft() for name in together}
+        return summed(self._hand, forces, max(together.values()))
 
 
 def summed(hand: Hand, forces: dict[str, types.ForceDistribution], at_ns: int) -> types.HandWrench:

@@ -9,7 +9,7 @@ import pytest
 
 from tactile_nodes import conversions
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.pipeline.hand_forces import HandForces
+from tactile_nodes.pipeline.hand_forces import MOST_AHEAD, HandForces, ReplayedForces
 from tactile_nodes.sensors import Hand, HandSensor, Mounting
 
 MS = 1_000_000
@@ -136,3 +136,28 @@ def test_a_sum_of_nothing_is_not_zero_but_unknown() -> None:
     assert math.isnan(made.wrench.force.x)
     assert made.wrench_covariance[0] == -1.0
     assert made.margins == []
+
+
+def test_sums_of_a_replay_are_those_of_the_live_run_whichever_sensor_runs_ahead() -> None:
+    left = [('left', pressed(17 * number, 1.0 + number)) for number in range(8)]
+    right = [('right', pressed(17 * number + 3, 2.0 + number)) for number in range(8)]
+    live = sums(HandForces(HAND), *(each for pair in zip(left, right, strict=True) for each in pair))
+    for order in (left + right, right + left, left[:5] + right[:2] + left[5:] + right[2:]):
+        found = sums(ReplayedForces(HAND), *order)
+        assert [(stamp_ns(each.header.stamp), each.wrench.force.y) for each in found] == [
+            (stamp_ns(each.header.stamp), each.wrench.force.y) for each in live
+        ]
+        assert all(each.sensors == ['left', 'right'] for each in found)
+
+
+def test_a_picture_that_one_sensor_lost_is_summed_without_it_in_a_replay() -> None:
+    left = [('left', pressed(17 * number, 1.0)) for number in range(4)]
+    right = [('right', pressed(17 * number + 3, 2.0)) for number in (0, 1, 3)]
+    found = sums(ReplayedForces(HAND), *left, *right)
+    assert [each.missing for each in found] == [[], [], ['right'], []]
+
+
+def test_a_replay_waits_for_no_sensor_that_is_not_in_the_bag() -> None:
+    found = sums(ReplayedForces(HAND), *(('left', pressed(17 * number, 1.0)) for number in range(MOST_AHEAD + 3)))
+    assert len(found) == 3
+    assert found[0].missing == ['right']
