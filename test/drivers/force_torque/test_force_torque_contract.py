@@ -158,7 +158,7 @@ def test_a_sensor_that_is_lost_says_so_and_comes_back_by_itself(hardware: Rig) -
     assert back.flags & Flag.RESTARTED
     assert back.dropped > before.dropped
     assert_counted([before, back])
-    assert not read(sensor, 30)[-1].flags
+    read_until(sensor, lambda sample: not sample.flags)  # of a machine with other work the sensor may be late at first
     assert sensor.description['times lost'] == '1'
 
 
