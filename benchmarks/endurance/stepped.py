@@ -31,6 +31,7 @@ from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, SteppedClock
 from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.drift_monitor import DriftMonitorNode
@@ -150,6 +151,8 @@ def stepped(hours: float, progress: Progress, period_s: int = 60, rest_frames: i
     """Sense for so many hours of the clock, with a press and a look at the process in each period."""
     frames, answers, watched = round(hours * 3600 * FPS), Answers(), Watched()
     pictures, process, period = Pictures(period_s, rest_frames), psutil.Process(), FPS * period_s
+    if frames < period:
+        raise ConfigurationError(f'{hours:g} hours are less than one period of {period_s:g} s; ask for more (--hours)')
     with _pipeline() as pipeline, progress.bar('stepped clock', frames // period) as bar:
         for frame in range(frames):
             picture, number = pictures.of(frame)
