@@ -119,3 +119,8 @@ class DatasetError(TactileError):
 
 class ModelError(TactileError):
     """A model file that is missing, damaged, foreign, or made for other inputs."""
+
+
+def in_a_line(error: object) -> str:
+    """What an error says, without its line breaks."""
+    return ' '.join(str(error).split())

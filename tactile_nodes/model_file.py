@@ -19,7 +19,7 @@ import safetensors.numpy
 from jaxtyping import UInt8
 from safetensors import SafetensorError
 
-from tactile_nodes.errors import ModelError
+from tactile_nodes.errors import ModelError, in_a_line
 from tactile_nodes.files import TEXT_BYTES, read_plain
 from tactile_nodes.paths import is_file, share_directory, write_whole
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
@@ -230,7 +230,7 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> 
         raise
     except (SafetensorError, LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
         raise ModelError(
-            f'{path} lacks a part of the model, or has one that cannot be ({_in_a_line(error)}); '
+            f'{path} lacks a part of the model, or has one that cannot be ({in_a_line(error)}); '
             'train it again or fetch it again'
         ) from error
 
@@ -250,10 +250,6 @@ def _check_finite(arrays: Mapping[str, np.ndarray]) -> None:
     for name, array in arrays.items():
         if array.dtype.kind == 'f' and not np.isfinite(array).all():
             raise ValueError(f'{name} holds what is no number')
-
-
-def _in_a_line(error: Exception) -> str:
-    return ' '.join(str(error).split())
 
 
 def _foreign(path: Path, data: bytes) -> str:

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tactile_nodes.cli.columns import columns
+
 if TYPE_CHECKING:
     from tactile_nodes.drivers.camera.v4l2_devices import UsbCamera
 
@@ -35,9 +37,7 @@ def run(_: argparse.Namespace) -> int:
         print('no camera is plugged in; without one use source:=simulated')
         return 0
     rows = [('source', 'device', 'name'), *((source, each.path, each.name) for source, each in sources(found))]
-    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
-    for source, device, name in rows:
-        print(f'{source:<{widths[0]}}  {device:<{widths[1]}}  {name}')
+    print(columns(rows))
     return 0
 
 

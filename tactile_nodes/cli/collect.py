@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_nodes.cli.session import positive_float
+from tactile_nodes.cli.running.session import positive_float
 
 if TYPE_CHECKING:
     from tactile_nodes.collection.plan.plan import Plan, Point

@@ -9,6 +9,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tactile_nodes.cli.columns import columns
+
 if TYPE_CHECKING:
     from tactile_nodes.gel_list import Calibration, GelList
 
@@ -80,7 +82,7 @@ def _look(known: GelList, bags: list[str]) -> int:
             topics = [name for name in bag.topics if name.rpartition('/')[2] == CALIBRATION_STATE.name.strip('/')]
             states = [bag.decode(message) for message in bag.messages(topics)] if topics else []
         count = sum(kept_in(known, state) for state in states)
-        print(f'{path}: {count} of {len(states)} words of the drift monitor are about calibrations on the list')
+        print(f'{path}: {count} of {len(states)} states of the drift monitor are of calibrations on the list')
     return 0
 
 
@@ -103,10 +105,7 @@ def _list(known: GelList, after_days: float, *, as_json: bool) -> int:
     if not found:
         print(f'no calibration is in {known.file} yet; tactile calibrate adds what it makes, tactile gels add others')
         return 0
-    rows = [HEAD, *(_row(each, each.due(now_ns, after_days)) for each in found)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEAD))]
-    for row in rows:
-        print('  '.join(f'{cell:<{width}}' for cell, width in zip(row, widths, strict=True)).rstrip())
+    print(columns([HEAD, *(_row(each, each.due(now_ns, after_days)) for each in found)]))
     return 0
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import Verbs, completed, is_hidden, joined, positive_float
+from tactile_nodes.cli.running.session import Verbs, completed, is_hidden, joined, positive_float
 from tactile_nodes.errors import BusError, ServiceError
 
 if TYPE_CHECKING:

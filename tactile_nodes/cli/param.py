@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import Verbs, completed, is_hidden, joined
+from tactile_nodes.cli.running.session import Verbs, completed, is_hidden, joined
 from tactile_nodes.errors import ConfigurationError, ServiceError
 
 if TYPE_CHECKING:

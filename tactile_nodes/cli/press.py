@@ -8,7 +8,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_nodes.cli.session import positive_float, positive_int
+from tactile_nodes.cli.running.session import positive_float, positive_int
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.field.body import KnownBody

@@ -7,7 +7,7 @@ from typing import Any
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import (
+from tactile_nodes.cli.running.session import (
     Verbs,
     completed,
     full_type,
@@ -105,7 +105,7 @@ def call(arguments: argparse.Namespace) -> int:
 
 
 def _call_once(bus: Any, service: str, type_name: str, request: Any, timeout_s: float) -> None:
-    from tactile_nodes.cli.text import to_python
+    from tactile_nodes.cli.running.text import to_python
 
     print(f'requester: making request: {to_python(request)}\n', flush=True)
     response = bus.call(service, type_name, request, timeout_s)

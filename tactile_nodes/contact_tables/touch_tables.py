@@ -25,7 +25,7 @@ import numpy as np
 
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.touch_bodies import HEIGHTS, LARGEST_BYTES, body_of, is_mesh, is_number
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, in_a_line
 from tactile_nodes.files import check_size, read_text
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.touch.table import SPACING_MM, TouchTable
@@ -187,7 +187,7 @@ def _described(file: Path) -> Contact:
     try:
         said = yaml.safe_load(read_text(file))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        told = ' '.join(str(getattr(error, 'strerror', None) or error).split())
+        told = in_a_line(getattr(error, 'strerror', None) or error)
         raise ConfigurationError(f'cannot read the contact {file} ({told}); check it') from error
     if not isinstance(said, dict) or 'body' not in said:
         raise ConfigurationError(f'{file} describes no contact: it needs at least: body: ring')

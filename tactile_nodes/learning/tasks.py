@@ -5,6 +5,7 @@ So results are the same to the bit whatever works on them, as long as processors
 
 from __future__ import annotations
 
+import io
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,8 +18,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tactile_nodes import __version__
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, in_a_line
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.paths import write_whole
 
 Job = TypeVar('Job')
 Result = TypeVar('Result')
@@ -42,12 +44,17 @@ def on_cluster(scheduler: str) -> Iterator[None]:
 
 
 def make_files(
-    make: Callable[[Job], Arrays], jobs: Sequence[tuple[Path, Job]], processes: int, progress: Progress, title: str
+    make: Callable[[Job], Arrays],
+    jobs: Sequence[tuple[Path, Job]],
+    processes: int,
+    progress: Progress,
+    title: str,
+    steps: Callable[[Job], int] = lambda _: 1,
 ) -> None:
     """Make the file of each job that has none yet, of the arrays that `make` returns for it.
 
     A file is written as soon as its task is done, so nothing that was finished is lost when a worker, this process or
-    the scheduler is killed.
+    the scheduler is killed. `progress` tells of so many `steps` of each job.
 
     Raises:
         ConfigurationError: the cluster cannot be used; says why.
@@ -55,13 +62,13 @@ def make_files(
     missing = [(file, job) for file, job in jobs if not file.is_file()]
     if not missing:
         return
-    with progress.bar(title, len(missing)) as bar:
+    with progress.bar(title, sum(steps(job) for _, job in missing)) as bar:
         for number, arrays in done(make, [job for _, job in missing], processes):
-            file = missing[number][0]
-            draft = file.with_suffix('.part.npz')
-            np.savez(draft, **arrays)  # type: ignore[arg-type]
-            draft.replace(file)
-            bar.advance()
+            file, job = missing[number]
+            content = io.BytesIO()
+            np.savez(content, **arrays)  # type: ignore[arg-type]
+            write_whole(file, content.getvalue())
+            bar.advance(steps(job))
 
 
 def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> Iterator[tuple[int, Result]]:
@@ -102,7 +109,7 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
                 yield futures[future], future.result()
         except (KilledWorker, CancelledError) as error:
             raise ConfigurationError(
-                f'the scheduler {scheduler} ended, or workers did so again and again in one task ({_line(error)}); '
+                f'the scheduler {scheduler} ended, or workers did so again and again in one task ({in_a_line(error)}); '
                 'what was finished is kept, and the same command goes on from there'
             ) from error
 
@@ -112,7 +119,7 @@ def _require_workers(client: Any, scheduler: str) -> None:
         client.wait_for_workers(1, timeout=WORKERS_S)
     except TimeoutError as error:
         raise ConfigurationError(
-            f'{scheduler} has no workers; start some with: dask worker {scheduler} --nthreads 1 --nworkers 4'
+            f'{scheduler} has no workers; start some with: dask worker {scheduler} --no-nanny --nthreads 1'
         ) from error
     try:
         versions = set(client.run(_version).values())
@@ -123,10 +130,6 @@ def _require_workers(client: Any, scheduler: str) -> None:
     if versions != {__version__}:
         found = ', '.join(sorted(versions - {__version__}))
         raise ConfigurationError(f'workers of {scheduler} have version {found} of this package, not {__version__}')
-
-
-def _line(error: BaseException) -> str:
-    return ' '.join(str(error).split())
 
 
 def _version() -> str:

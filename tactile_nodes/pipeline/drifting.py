@@ -118,23 +118,16 @@ class Told:
         return at_ns if of_rest or better else at_ns + round(LEAD_S * NS_PER_S)
 
 
-LEVELS = {
-    types.CalibrationState.LEVEL_VALID: 'valid',
-    types.CalibrationState.LEVEL_AGEING: 'ageing',
-    types.CalibrationState.LEVEL_INVALID: 'invalid',
-}
-
-
 def kept_in(gels: GelList, state: types.CalibrationState) -> bool:
     """Keep in the list of the lab's gels what a state says of a calibration; whether the list has that one.
 
     Raises:
         ConfigurationError: the list cannot be used.
     """
-    if (level := LEVELS.get(state.level)) is None:
+    if state.level not in {Level.VALID, Level.AGEING, Level.INVALID}:
         return False
-    remedy = '' if level == 'valid' else state.text
-    return gels.look(state.model_id, level, remedy, stamp_ns(state.header.stamp))
+    level, remedy = Level(state.level), '' if state.level == Level.VALID else state.text
+    return gels.look(state.model_id, level.name.lower(), remedy, stamp_ns(state.header.stamp))
 
 
 def state_message(

@@ -19,11 +19,11 @@ class Frame:
     """What came, and what each stage has found of it so far.
 
     `image` has its dead pixels filled in from `mend` on; `level` is its mean grey. `reasons` are what speaks against
-    its force, as in a `ForceDistribution`. From `measure`: `straight` is the image where the rest image has it, `seen`
-    how still it is, if that was looked at, `still` whether it was not measured for that, `banded` whether bands were
-    taken out, `motion` what moved, found at `found_ns`, and `registration` what is known of the whole picture's motion.
-    From `judge`: `changed` and `blurred` say that it is another picture than the rest image, `odd` that it may be so by
-    dead pixels, `as_before` that it is again as at the capture.
+    its force, as in a `ForceDistribution`. `registration` is what is known of the whole picture's motion. From
+    `measure`: `straight` is the image where the rest image has it, `seen` how still it is, if that was looked at,
+    `still` whether it was not measured for that, `banded` whether bands were taken out, and `motion` what moved, found
+    at `found_ns`. From `judge`: `changed` and `blurred` say that it is another picture than the rest image, `odd` that
+    it may be so by dead pixels, `as_before` that it is again as at the capture.
     """
 
     image: UInt8[np.ndarray, 'h w']

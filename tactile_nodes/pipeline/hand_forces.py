@@ -17,6 +17,7 @@ from tactile_nodes.sensors import Hand, HandSensor
 PATIENCE = 3
 """Sums in a row that a sensor may be missing from before it is awaited no longer: forces may be late by a frame."""
 MOST_AHEAD = 600
+"""Forces of one sensor that wait for another in a replay: ten seconds at 60 a second."""
 _UNKNOWN = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
 
 

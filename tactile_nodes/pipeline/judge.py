@@ -8,7 +8,6 @@ from tactile_nodes.sensing.picture.knocks import KNOCK_PX
 from tactile_nodes.sensing.picture.quality import sharpness
 from tactile_nodes.sensing.picture.quietness import EXPLAINED
 from tactile_nodes.sensing.picture.registration import FEW_FOUND, Registration
-from tactile_nodes.sensing.picture.stillness import Stillness
 from tactile_nodes.sensing.rest.in_use import RestInUse
 
 FORCE = types.ForceDistribution
@@ -104,7 +103,9 @@ def _look_closer(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> None:
     memory.unlooked = 0 if moved is None or moved.maybe else memory.unlooked + 1
     if moved is None or not moved.settled or memory.unlooked % LOOK_EVERY:
         return
-    if (seen := _seen(rest, frame)) is None or seen.motion > NO_TOUCH:
+    assert frame.straight is not None
+    seen = frame.seen or rest.prepared.stillness(frame.straight)
+    if seen is None or seen.motion > NO_TOUCH:
         return
     gone = seen.unexplained or moved.explained < EXPLAINED
     memory.gone = memory.gone or gone if rest.another else gone
@@ -116,10 +117,3 @@ def _look_closer(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> None:
     # What blur takes of the pattern no lamp brings back.
     lit = other_light or (memory.gone and not memory.soft) or seen.noise_grey > BEYOND_NOISE * usual
     memory.told = lit * FORCE.REASON_LIGHT_CHANGED | noisy * FORCE.REASON_BLURRED
-
-
-def _seen(rest: RestInUse, frame: Frame) -> Stillness | None:
-    """How still a frame is; looked at, if it was not yet."""
-    assert frame.straight is not None
-    able = rest.prepared.check is not None and rest.prepared.check.able
-    return frame.seen if able and frame.seen is not None else rest.prepared.stillness(frame.straight)

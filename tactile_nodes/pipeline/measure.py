@@ -32,7 +32,7 @@ class MeasureMemory:
 
 def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
     """Find what moved, and its features; a frame in which nothing does has no motion, without being measured."""
-    frame.registration = registration = memory.registration
+    registration = memory.registration
     _straighten(memory, rest, frame)
     assert frame.straight is not None
     frame.still, frame.seen = rest.check.judged(frame.straight) if rest.check else (False, None)
@@ -64,7 +64,6 @@ def _beside_whole(
     assert frame.straight is not None
     found = rest.flow.displacement(frame.straight)
     if _bands_begin(memory, rest, frame, found):
-        _straighten(memory, rest, frame)
         found = rest.flow.displacement(frame.straight)
     field = registration.without(found)
     for _ in range(KNOCK_ROUNDS):
@@ -79,9 +78,10 @@ def _beside_whole(
 
 
 def _bands_begin(memory: MeasureMemory, rest: PreparedRest, frame: Frame, found: DisplacementField) -> bool:
-    """Whether bands are there that were not there before, asked where little is found again."""
+    """Take out bands that were not there before, asked where little is found again; whether there are any."""
     if found.confidence is None or memory.banded or found.confidence.sum() >= rest.least_sure:
         return False
     assert frame.straight is not None
-    memory.banded = rest.bands.without(frame.straight) is not frame.straight
+    straight, frame.straight = frame.straight, rest.bands.without(frame.straight)
+    memory.banded = frame.straight is not straight
     return memory.banded

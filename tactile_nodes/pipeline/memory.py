@@ -78,7 +78,8 @@ class Memory:
                 raise ConfigurationError(
                     f'saved was what {told["measuring"]} remembers, and motion is measured by {self._measuring} now'
                 )
-            found = _Putting(arrays, self.rest.measuring).together(told['memory'])
+            if not isinstance(found := _Putting(arrays, self.rest.measuring).together(told['memory']), Memory):
+                raise TypeError(f'{type(found).__name__} is no memory')
         except (SafetensorError, ValueError, KeyError, TypeError, IndexError) as error:
             raise ConfigurationError(f'this is nothing that was remembered ({error}); begin anew') from error
         vars(self).update(vars(found))
@@ -152,7 +153,7 @@ class _Putting:
         makes: dict[str, Callable[[Any], Any]] = {
             'array': self._array, 'rest': self._rest, 'check': self._check, 'class': self._object
         }  # fmt: skip
-        return makes[next(iter(told))](told)
+        return makes[next(iter(told), '')](told)
 
     def _array(self, told: Any) -> np.ndarray:
         return np.array(self._arrays[told['array']])

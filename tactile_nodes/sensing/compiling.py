@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from functools import cache
 from types import ModuleType
 
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, in_a_line
 
 PARTS = ('response', 'field', 'patches', 'told', 'stillness', 'weights', 'axisymmetric', 'pictures')
 """What is compiled, each by itself, the longest first."""
@@ -79,6 +79,6 @@ def load_compiled(name: str, tell: Callable[[str], None]) -> ModuleType:
             return importlib.import_module(f'tactile_nodes.sensing.loops.{name}')
     except (ImportError, OSError, RuntimeError) as error:  # not installed, without LLVM, without a folder to keep them
         raise ConfigurationError(
-            f'numba cannot compile the inner loops here ({" ".join(str(error).split())}); '
+            f'numba cannot compile the inner loops here ({in_a_line(error)}); '
             'try pip install numba, or set the parameter compiled to false'
         ) from error

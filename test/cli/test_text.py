@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactile_nodes.cli.text import Shown, field_of, to_csv, to_python, to_yaml
+from tactile_nodes.cli.running.text import Shown, field_of, to_csv, to_python, to_yaml
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import types
 

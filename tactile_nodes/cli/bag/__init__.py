@@ -13,7 +13,7 @@ from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FLOW_FEATURES, FORCE_DISTRIBUTION, IMAGE
 from tactile_nodes.cli.bag import sync as bag_sync
-from tactile_nodes.cli.session import duration
+from tactile_nodes.cli.running.session import duration
 from tactile_nodes.clock import NS_PER_S
 
 DESCRIPTION = 'Record topics into rosbag2 MCAP folders, and play them again.'

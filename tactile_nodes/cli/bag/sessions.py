@@ -17,7 +17,7 @@ from tactile_nodes.bag.recording import describe
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.runtime import run_until
-from tactile_nodes.cli.session import ended_by_signals, joined
+from tactile_nodes.cli.running.session import ended_by_signals, joined
 from tactile_nodes.clock import NS_PER_S, monotonic_s
 from tactile_nodes.errors import BagError
 from tactile_nodes.nodes.player import PlayerNode

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from tactile_nodes.bus.names import absolute
-from tactile_nodes.cli import session
+from tactile_nodes.cli.running import session
 from tactile_nodes.errors import TactileError
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from tactile_nodes.cli.dataset import building, importing
-from tactile_nodes.cli.session import Verbs
+from tactile_nodes.cli.running.session import Verbs
 
 DESCRIPTION = 'Make a training set of the bags of a collection, or of pictures and a table, and say what it holds.'
 EPILOG = """\

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from tactile_nodes.bus.names import absolute_namespace
 from tactile_nodes.cli import view
-from tactile_nodes.cli.session import joined
+from tactile_nodes.cli.running.session import joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable

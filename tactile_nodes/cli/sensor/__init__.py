@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from tactile_nodes.cli.running.session import Verbs
 from tactile_nodes.cli.sensor import check, new
-from tactile_nodes.cli.session import Verbs
 
 DESCRIPTION = (
     'Make the description of a sensor from its pictures and a few questions, and judge pictures beside a description.'

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tactile_nodes.cli.running.session import positive_float
 from tactile_nodes.cli.sensor import pictures
 from tactile_nodes.cli.sensor.check import tell
 from tactile_nodes.cli.sensor.questions import answered, depths, modulus, size
-from tactile_nodes.cli.session import positive_float
 
 if TYPE_CHECKING:
     from tactile_nodes.drivers.camera.contract import Picture

@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_nodes.cli.session import count, positive_int
+from tactile_nodes.cli.running.session import count, positive_int
 
 if TYPE_CHECKING:
     from tactile_nodes.drivers.camera.contract import Picture

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tactile_nodes.cli.session import positive_float
+from tactile_nodes.cli.running.session import positive_float
 
 if TYPE_CHECKING:
     from tactile_nodes.sensing.inspection.describing import Answers, Understood

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import Verbs, completed, full_type, is_hidden, joined, type_of_topic
+from tactile_nodes.cli.running.session import Verbs, completed, full_type, is_hidden, joined, type_of_topic
 from tactile_nodes.cli.topic import echo as topic_echo
 from tactile_nodes.cli.topic import pub as topic_pub
 from tactile_nodes.cli.topic import rate as topic_rate

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import (
+from tactile_nodes.cli.running.session import (
     Verbs,
     completed,
     count,
@@ -25,7 +25,7 @@ from tactile_nodes.viewing.gaps import SequenceGaps
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Bus, Received
     from tactile_nodes.bus.subscription import Subscription
-    from tactile_nodes.cli.text import Shown
+    from tactile_nodes.cli.running.text import Shown
 
 QUEUE = 1000
 NS_PER_S, LOOK_EVERY_NS = 1_000_000_000, 50_000_000
@@ -147,7 +147,7 @@ def _info(received: Received) -> dict[str, Any]:
 
 
 def _text(message: Any, info: dict[str, Any], arguments: argparse.Namespace) -> str:
-    from tactile_nodes.cli import text
+    from tactile_nodes.cli.running import text
 
     if arguments.raw:
         return f'{message!r}\n---\n'
@@ -160,7 +160,7 @@ def _text(message: Any, info: dict[str, Any], arguments: argparse.Namespace) -> 
 
 
 def _shown(arguments: argparse.Namespace) -> Shown:
-    from tactile_nodes.cli.text import TRUNCATE_LENGTH, Shown
+    from tactile_nodes.cli.running.text import TRUNCATE_LENGTH, Shown
 
     length = TRUNCATE_LENGTH if arguments.truncate_length is None else arguments.truncate_length
     return Shown(None if arguments.full_length else length, not arguments.no_arr, not arguments.no_str)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import (
+from tactile_nodes.cli.running.session import (
     Verbs,
     completed,
     count,
@@ -128,7 +128,7 @@ def _wait_for_listeners(publisher: Publisher, clock: Clock, wanted: int, longest
 
 
 def _publish_all(bus: ProcessBus, publisher: Publisher, values: dict[str, Any], arguments: argparse.Namespace) -> None:
-    from tactile_nodes.cli.text import to_python
+    from tactile_nodes.cli.running.text import to_python
 
     times = 1 if arguments.once else arguments.times
     next_ns = bus.clock.now_ns()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import Verbs, completed, joined, own_name, positive_int
+from tactile_nodes.cli.running.session import Verbs, completed, joined, own_name, positive_int
 from tactile_nodes.errors import MessageError
 
 if TYPE_CHECKING:

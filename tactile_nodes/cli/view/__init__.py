@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from tactile_nodes.bus.names import absolute_namespace
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.session import completed, ended_by_signals, joined, own_name, positive_float
+from tactile_nodes.cli.running.session import completed, ended_by_signals, joined, own_name, positive_float
 
 if TYPE_CHECKING:
     from rich.console import Console

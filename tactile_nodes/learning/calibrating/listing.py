@@ -9,6 +9,7 @@ from typing import Any
 from tactile_nodes.clock import wall_ns
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.gel_list import Calibration, GelList
+from tactile_nodes.learning.calibrating.files import CALIBRATION
 from tactile_nodes.model_file import load_model
 
 
@@ -19,7 +20,7 @@ def calibration_of(file: Path, *, sensor: str = '', made_ns: int = 0) -> Calibra
         ModelError: there is no such file, or it follows from no press on a real gel.
     """
     loaded = load_model(file)
-    if _mapping(loaded.card.get('data')).get('origin') not in {'calibration', 'recorded'}:
+    if _mapping(loaded.card.get('data')).get('origin') not in {CALIBRATION, 'recorded'}:
         raise ModelError(f'{file} is made of no press on a gel of this lab; make a calibration: tactile calibrate')
     made = _mapping(_mapping(loaded.card.get('training')).get('calibration'))
     error_n = _mapping(made.get('after')).get('force_rmse_n')

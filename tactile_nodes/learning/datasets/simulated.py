@@ -147,7 +147,8 @@ def render(
 ) -> None:
     """Make the files of blocks that have none yet. Raises ConfigurationError: the cluster in use cannot be used."""
     if blocks:
-        make_files(make, [(block.file, block) for block in blocks], blocks[0].config.data.processes, progress, title)
+        jobs = [(block.file, block) for block in blocks]
+        make_files(make, jobs, blocks[0].config.data.processes, progress, title, lambda block: block.presses)
 
 
 def _load(files: list[Path]) -> Dataset:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tactile_nodes.errors import ModelError
+from tactile_nodes.errors import ModelError, in_a_line
 from tactile_nodes.learning.onnx_files.graph import Writer
 from tactile_nodes.learning.onnx_files.network import write_network
 from tactile_nodes.learning.onnx_files.parts import write_answer, write_inputs
@@ -71,9 +71,8 @@ def export_onnx(loaded: LoadedModel, file: Path) -> int:
     try:
         content = onnx_bytes(loaded)
     except (ArithmeticError, LookupError, TypeError, ValueError, MemoryError) as error:
-        reason = ' '.join(str(error).split())
         raise ModelError(
-            f'model {loaded.model_id} holds what no gel has and cannot be exported ({reason}); train it again'
+            f'model {loaded.model_id} holds what no gel has and cannot be exported ({in_a_line(error)}); train it again'
         ) from error
     try:
         write_whole(file, content)

@@ -18,7 +18,7 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.cli import bag as command
-from tactile_nodes.cli.session import ended_by_signals
+from tactile_nodes.cli.running.session import ended_by_signals
 from tactile_nodes.messages import types
 
 FORCE = 'tactile_nodes/msg/ForceDistribution'
