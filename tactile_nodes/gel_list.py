@@ -79,7 +79,7 @@ class GelList:
             database.execute(_ADD, asdict(calibration))
 
     def look(self, model_id: str, level: str, remedy: str, at_ns: int) -> bool:
-        """Keep the drift monitor's last state of a calibration; whether the list has it. An older state changes nothing.
+        """Keep the drift monitor's last state of a calibration; whether the list has it. An older one changes nothing.
 
         Raises:
             ConfigurationError: as above.
