@@ -134,6 +134,7 @@ setup(
         'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
         'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
+        'bridge': ['eclipse-zenoh>=1.10,<2', 'cryptography>=44,<51'],
         'compiled': [],  # what it brought comes with all installs now
         'cluster': ['distributed>=2025.1,<2027'],
         'mesh': ['trimesh>=4.6,<6', 'embreex>=2.17,<5'],
@@ -141,8 +142,10 @@ setup(
         'docs': ['mkdocs>=1.6,<2', 'mkdocs-material>=9.7,<10', 'mkdocstrings[python]>=1,<2'],
         'dev': [
             'beartype>=0.20,<1',
+            'cryptography>=44,<51',
             'cyclonedds==11.0.1',
             'distributed>=2025.1,<2027',
+            'eclipse-zenoh>=1.10,<2',
             'embreex>=2.17,<5',
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',

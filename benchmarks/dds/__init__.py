@@ -14,10 +14,11 @@ from contextlib import ExitStack, contextmanager
 from importlib.metadata import version
 from typing import Any
 
-from benchmarks.dds.ends import Bridge, Ends, Times
+from benchmarks.dds.ends import Bridge, Ends
 from benchmarks.harness.declaration import Benchmark, Result, argument
 from benchmarks.harness.report import columns, opening, percentiles
 from benchmarks.harness.running import Run
+from benchmarks.streams import Times
 from tactile_nodes.dds.opening import require_cyclone
 
 DEFAULT_DOMAIN = 99
@@ -104,7 +105,13 @@ def page(result: Mapping[str, Any]) -> str:
 BENCHMARK = Benchmark(
     name='dds',
     about=__doc__,
-    sources=('benchmarks/dds/**', 'tactile_nodes/dds/**', 'tactile_nodes/bus/**', 'tactile_nodes/messages/**'),
+    sources=(
+        'benchmarks/dds/**',
+        'benchmarks/streams.py',
+        'tactile_nodes/dds/**',
+        'tactile_nodes/bus/**',
+        'tactile_nodes/messages/**',
+    ),
     page=page,
     measure=measured,
     arguments=(

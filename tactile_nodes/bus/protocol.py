@@ -177,6 +177,11 @@ class Graph:
                         'give this sensor a namespace or a ROS_DOMAIN_ID of its own'
                     )
 
+    def host_of(self, topic: str) -> str:
+        """The machine whose process publishes `topic`; '' of nobody, or where the graph does not tell."""
+        hosts = (peer.host for peer in self.participants for end in peer.publishers if end.name == topic)
+        return next(hosts, '')
+
     def subscriptions(self, topic: str | None = None) -> list[Endpoint]:
         return [end for peer in self.participants for end in peer.subscriptions if topic in {None, end.name}]
 

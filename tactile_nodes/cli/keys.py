@@ -8,7 +8,9 @@ DESCRIPTION = 'Make and show the keys by which machines know each other; see the
 EPILOG = """\
 on each of two machines:
   tactile keys create robot           (lab, on the other one)
-  tactile keys show                   prints the public key: give it to the other machine as robot.key
+  tactile keys show                   which keys there are, by their SHA-256 fingerprints
+  tactile keys show robot             prints the public key, for the file robot.key of the other machine, say with
+                                      ssh robot tactile keys show robot > ~/.config/tactile_nodes/keys/robot.key
 """
 
 
@@ -17,24 +19,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest='action', required=True, metavar='create|show')
     create = actions.add_parser('create', help='make a pair of keys; those that exist are never overwritten')
     create.add_argument('name', help="the machine's name, say")
-    show = actions.add_parser('show', help='print public keys; the secret ones stay where they are')
-    show.add_argument('name', nargs='?', help='of this name only')
+    show = actions.add_parser('show', help='list keys, or print a public one; secret ones stay where they are')
+    show.add_argument('name', nargs='?', help='print the public key of this name')
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Make keys, or show them."""
-    from tactile_nodes.bus.bridge.keys import create_keys, keys_directory, read_public
+    from tactile_nodes.bus.bridge.keys import create_keys, fingerprint, keys_directory, read_public
     from tactile_nodes.errors import ConfigurationError
 
     if arguments.action == 'create':
         public, secret = create_keys(arguments.name)
         print(f'public key, for the other machine:  {public}\nsecret key, for this machine alone: {secret}')
         return 0
+    if arguments.name:
+        print(read_public(arguments.name).decode(), end='')
+        return 0
     folder = keys_directory()
-    names = [arguments.name] if arguments.name else sorted(file.stem for file in folder.glob('*.key'))
+    names = sorted(file.stem for file in folder.glob('*.key'))
     if not names:
         raise ConfigurationError(f'there are no keys in {folder}; make some with: tactile keys create NAME')
     for name in names:
         mine = 'own' if (folder / f'{name}.key_secret').exists() else 'of another machine'
-        print(f'{name}  {read_public(name).decode()}  {mine}')
+        print(f'{name}  {fingerprint(read_public(name))}  {mine}')
     return 0

@@ -1,8 +1,9 @@
-"""Joins the bus of this machine with that of another, over one TCP port; one such node a machine.
+"""Joins the bus of this machine with those of others, over one TCP port; one such node a machine.
 
-One side listens, the other connects. Topics are sent when somebody over there wants them; services, those of
-parameters too, can be called from there; the nodes over there are in ``tactile node list``. Keys: ``tactile keys create
-NAME`` on each side, then give each the other's public key.
+One side listens, the others connect; for all to see all, each listens, and connects to those before it. Topics are sent
+when somebody over there wants them; services, those of parameters too, can be called from there; the nodes over there
+are in ``tactile node list``. Keys: ``tactile keys create NAME`` on each side, then give each the other's public key.
+Needs the extra `bridge`.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from dataclasses import dataclass
 
 from tactile_nodes.bus.bridge.bridge import Bridge
 from tactile_nodes.bus.bridge.keys import read_pair, read_public
-from tactile_nodes.bus.bridge.link import PLAIN_TCP, Address, Link, Security
-from tactile_nodes.bus.bridge.talk import Choice
+from tactile_nodes.bus.bridge.link import PLAIN_TCP, Address, Security, open_session
+from tactile_nodes.bus.bridge.talk import VERSION, Choice
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
@@ -32,13 +33,11 @@ _CLOCKS_APART_MS = 5.0
 class BridgeParams(NodeParams):
     """Parameters of the bridge node."""
 
-    listen: str = parameter(
-        '', 'host:port to listen at (0.0.0.0:7460: all networks); or else set connect', read_only=True
-    )
-    connect: str = parameter('', "host:port of the other machine's bridge; or else set listen", read_only=True)
+    listen: str = parameter('', 'host:port to listen at (0.0.0.0:7460: all networks)', read_only=True)
+    connect: str = parameter('', 'host:port of the bridges of other machines, with commas between', read_only=True)
     key: str = parameter('', "name or path of this machine's own keys (tactile keys create NAME)", read_only=True)
     peers: tuple[str, ...] = parameter(
-        (), 'public keys of the other machines that may connect: names, paths or keys', read_only=True
+        (), 'public keys of the other machines that may connect: names or paths', read_only=True
     )
     plain_tcp: str = parameter(
         '', f'to do without keys on a network, in words: {PLAIN_TCP}', choices=('', PLAIN_TCP), read_only=True
@@ -59,18 +58,18 @@ class BridgeNode(Node):
         chosen = self.params
         if not isinstance(bus, ZmqBus):
             raise ConfigurationError('a bridge needs the bus between processes')
-        if bool(chosen.listen) == bool(chosen.connect):
-            raise ConfigurationError('set either listen or connect to host:port, say -p connect:=192.168.0.7:7460')
-        self._place = Address.parse(chosen.listen or chosen.connect)
+        listen = Address.parse(chosen.listen) if chosen.listen else None
+        connect = tuple(map(Address.parse, filter(None, chosen.connect.replace(' ', '').split(','))))
+        if not (listen or connect):
+            raise ConfigurationError('set listen or connect to host:port, say -p connect:=192.168.0.7:7460')
         security = _security(chosen)
-        link = Link(
-            self._place, listens=bool(chosen.listen), name=bus.uid, security=security, plain_tcp=chosen.plain_tcp
-        )
-        self._bridge = Bridge(bus, link, Choice(chosen.send, chosen.receive, chosen.serve))
-        self._refused = 0
+        session = open_session(listen, connect, security, chosen.plain_tcp)
+        self._bridge = Bridge(bus, session, Choice(chosen.send, chosen.receive, chosen.serve))
         self.create_timer(_CHECK_PERIOD_S, self._report)
         words = 'with keys' if security.own else 'WITHOUT KEYS'
-        self.log.info(f'{"listens at" if chosen.listen else "connects to"} {self._place}, {words}')
+        ends = [f'listens at {listen}'] if listen else []
+        ends += [f'connects to {", ".join(map(str, connect))}'] if connect else []
+        self.log.info(f'{" and ".join(ends)}, {words}')
 
     def on_close(self) -> None:
         self._bridge.close()
@@ -86,14 +85,14 @@ class BridgeNode(Node):
             self.report(
                 'connection', level, f'{host}: {words}', clock_ahead_ms=apart_ms, malformed=self._bridge.malformed
             )
-        if self._bridge.refused > self._refused:
-            self._refused = self._bridge.refused
-            self.report('keys', Level.WARN, 'somebody was kept out whose key is not among the parameter peers')
+        for version in set(self._bridge.strangers.values()):
+            words = f'a machine there speaks version {version} of the bridge, and this one {VERSION}: update the older'
+            self.report('version', Level.WARN, words)
 
     def _alone(self) -> str:
-        if self.params.listen:
-            return f'nobody is connected at {self._place}'
-        return f'no answer from {self._place}; it keeps trying: does the bridge there run, and allow our key?'
+        if not self.params.connect:
+            return f'nobody is connected at {self.params.listen}'
+        return f'no answer from {self.params.connect}; it keeps trying: does the bridge there run, and allow our key?'
 
 
 def _security(chosen: BridgeParams) -> Security:

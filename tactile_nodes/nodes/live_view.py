@@ -7,6 +7,7 @@ and, while somebody watches, ``image_raw``, ``flow_features`` and ``force_field`
 
 from __future__ import annotations
 
+import platform
 import sys
 from dataclasses import dataclass
 
@@ -64,6 +65,7 @@ class _Shown:
     health: Feeds
     forces: Feeds
     pictures: Feeds
+    force_topic: str
     watched: bool = False
 
 
@@ -107,7 +109,8 @@ class LiveViewNode(Node):
         health.add(topics.CALIBRATION_STATE, scene.add_calibration)
         forces.add(topics.TRUE_FORCE, scene.add_truth)
         forces.add(topics.FORCE_DISTRIBUTION, scene.add_force)
-        return _Shown(name, scene, Controls(self.bus, namespace), health, forces, pictures)
+        force_topic = resolve(topics.FORCE_DISTRIBUTION.name)
+        return _Shown(name, scene, Controls(self.bus, namespace), health, forces, pictures, force_topic)
 
     def _announce(self) -> None:
         self.log.info(f'the live view is at {self.server.url}')
@@ -140,6 +143,8 @@ class LiveViewNode(Node):
         each.health.drain()
         if watching:
             each.scene.controls = each.controls.available()
+            host = self.bus.graph().host_of(each.force_topic)
+            each.scene.host = host if host != platform.node() else ''
         if watching != each.watched:
             each.watched = watching
             self._open(each.scene, each.pictures) if watching else each.pictures.close()

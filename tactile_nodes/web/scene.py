@@ -34,6 +34,8 @@ class Scene:
         self.controls: dict[str, bool] = {}
         self.hand: Any = None
         """The last HandWrench, of a sensor that is one of a hand."""
+        self.host = ''
+        """The machine that the force comes from, where it is another one."""
         self._images: OrderedDict[int, Received] = OrderedDict()
         self._motions: OrderedDict[int, Any] = OrderedDict()
         self._truths: OrderedDict[int, Any] = OrderedDict()
@@ -185,6 +187,7 @@ class Scene:
                 'calibration': telling.calibration(self._calibration),
                 'recording': self.recording.told(),
                 'controls': self.controls,
+                'host': self.host,
             }
             self._slow = now_ns, told
         return told

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from socket import gethostname
 from typing import Any
 
 import numpy as np
@@ -43,8 +44,12 @@ def pressed(stamp_ns: int, normal_n: float, shear_n: float) -> types.ForceDistri
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> Iterator[str]:
-    """Of the page of a hand: 1 N presses the left finger and 0.1 N drag it, 1.5 N and 0.6 N the right one."""
+def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Of the page of a hand: 1 N presses the left finger and 0.1 N drag it, 1.5 N and 0.6 N the right one.
+
+    It is seen from a machine that calls itself lab.
+    """
+    monkeypatch.setattr('platform.node', lambda: 'lab')
     (tmp_path / 'hand.yaml').write_text(HAND)
     bus, done = InProcessBus(), threading.Event()
     told = parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/hand.yaml', '-p', 'port:=0'])
@@ -83,6 +88,7 @@ def test_all_sensors_are_seen_together_and_one_alone_when_it_is_chosen(page: Any
     expect(tiles.nth(0)).to_contain_text('1.000 N')
     expect(tiles.nth(1)).to_contain_text('1.500 N')
     expect(tiles.nth(2)).to_contain_text('WAITING')
+    expect(tiles.locator('.host')).to_have_text([f'on {gethostname()}', f'on {gethostname()}', ''])
     expect(page.locator('#missing')).to_have_text('missing: thumb')
     # Into the left gel is the hand's +y, into the right its -y: 0.5 N are left. Two variances of 0.01 N: 0.014 N.
     expect(page.locator('#force')).to_have_text('x +0.700 ± 0.014   y −0.500 ± 0.014   z +0.000 ± 0.014')
@@ -90,6 +96,7 @@ def test_all_sensors_are_seen_together_and_one_alone_when_it_is_chosen(page: Any
     expect(page.locator('#slips')).to_contain_text('right, margin 0.20')
     tiles.nth(1).click()
     expect(page.locator('#namespace')).to_have_text('/right')
+    expect(page.locator('#host')).to_have_text(f'on {gethostname()}')
     expect(page.locator('#total')).to_have_text('1.500')
     page.locator('#all').click()
     expect(tiles).to_have_count(3)

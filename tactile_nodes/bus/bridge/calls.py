@@ -1,74 +1,80 @@
-"""Calls of services that cross a bridge: those that we passed on and wait for, those that we answer."""
+"""Calls of services that cross a bridge: those that are passed on, and those that are answered."""
 
 from __future__ import annotations
 
-import secrets
 import threading
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tactile_nodes import messages
+from tactile_nodes.bus.bridge.talk import fits
 from tactile_nodes.bus.protocol import Reply
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.errors import MessageError, ServiceError, ServiceUnavailableError, TactileError
 from tactile_nodes.messages.services import request_type, response_type
 
+if TYPE_CHECKING:
+    import zenoh
+
 _CALL_S = 30.0
 _MOST_CALLS = 64
 
 
-class BridgeCalls:
-    """Used by the bridge's thread alone; the calls that it answers run in threads of their own."""
+def pass_on(session: zenoh.Session, key: str, host: str, service: tuple[str, str], request: Any, reply: Reply) -> None:
+    """Have a service (its name and type) of `host` called; `reply` is given the response or the error, once."""
+    from zenoh.handlers import Callback
 
-    def __init__(self) -> None:
-        self._waiting: dict[bytes, tuple[bytes, str, Reply]] = {}
-        self._free = threading.Semaphore(_MOST_CALLS)
+    name, type_name = service
+    answered = threading.Event()
 
-    def ask(self, peer: bytes, name: str, type_name: str, data: bytes, reply: Reply) -> list[bytes]:
-        """Remember who waits; the frames that ask."""
-        call_id = secrets.token_bytes(8)
-        self._waiting[call_id] = (peer, type_name, reply)
-        return [b'call', call_id, name.encode(), type_name.encode(), data]
+    def answer(outcome: Any) -> None:
+        if not answered.is_set():
+            answered.set()
+            reply(outcome)
 
-    def hear(self, call_id: bytes, outcome: bytes, data: bytes) -> None:
-        """An answer has come."""
-        _, type_name, reply = self._waiting.pop(call_id)
-        if outcome != b'ok':
-            reply(ServiceError(data.decode(errors='replace')))
+    def hear(came: zenoh.Reply) -> None:
+        if came.ok is None:
+            answer(ServiceError(came.err.payload.to_bytes().decode(errors='replace') if came.err else 'no answer'))
             return
         try:
-            reply(messages.decode(data, response_type(type_name)))
+            answer(messages.decode(came.ok.payload.to_bytes(), response_type(type_name)))
         except MessageError as error:
-            reply(error)
+            answer(error)
 
-    def lose(self, peer: bytes, host: str) -> None:
-        """No answers will come from there."""
-        for call_id in [call_id for call_id, (asked, _, _) in self._waiting.items() if asked == peer]:
-            _, _, reply = self._waiting.pop(call_id)
-            reply(ServiceUnavailableError(f'the connection to {host} was lost during the call'))
+    def lose() -> None:
+        answer(ServiceUnavailableError(f'the connection to {host} was lost during the call'))
 
-    def answer(self, bus: ZmqBus, allowed: bool, call: list[bytes], send: Callable[[list[Any]], None]) -> None:
-        """Have a service of this machine called for another one, and `send` what it says.
+    data, words = messages.encode(request), f'{name}\n{type_name}'.encode()
+    session.get(key, Callback(hear, lose), payload=data, attachment=words, timeout=_CALL_S)
 
-        Raises:
-            MessageError, ValueError: no call.
-        """
-        call_id, name, type_name, data = call
-        service, kind = name.decode(), type_name.decode()
-        request = messages.decode(data, request_type(kind))
 
-        def work() -> None:
-            try:
-                response = messages.encode(bus.call_here(service, kind, request, _CALL_S))
-                send([b'answer', call_id, b'ok', response])
-            except TactileError as error:
-                send([b'answer', call_id, b'error', str(error).encode()])
-            finally:
-                self._free.release()
+class CallAnswers:
+    """Answers calls of services of this machine, each in a thread of its own."""
 
-        if not allowed:
-            send([b'answer', call_id, b'error', f'{service} may not be called from other machines'.encode()])
+    def __init__(self, bus: ZmqBus, allowed: tuple[str, ...]) -> None:
+        self._bus = bus
+        self._allowed = allowed
+        self._free = threading.Semaphore(_MOST_CALLS)
+
+    def answer(self, query: zenoh.Query) -> None:
+        """Answer one call. Raises one of `MALFORMED`: it is none."""
+        if query.payload is None or query.attachment is None:
+            raise MessageError('a call without a service or a request')
+        name, _, type_name = query.attachment.to_bytes().decode().partition('\n')
+        request = messages.decode(query.payload.to_bytes(), request_type(type_name))
+        if not fits(name, self._allowed):
+            query.reply_err(f'{name} may not be called from other machines')
         elif not self._free.acquire(blocking=False):
-            send([b'answer', call_id, b'error', b'too many calls at once'])
+            query.reply_err('too many calls at once')
         else:
-            threading.Thread(target=work, name='bridge call', daemon=True).start()
+            work = (query, name, type_name, request)
+            threading.Thread(target=self._call, args=work, name='bridge call', daemon=True).start()
+
+    def _call(self, query: zenoh.Query, name: str, type_name: str, request: Any) -> None:
+        try:
+            response = messages.encode(self._bus.call_here(name, type_name, request, _CALL_S))
+            query.reply(query.key_expr, response)
+        except TactileError as error:
+            query.reply_err(str(error))
+        finally:
+            query.drop()
+            self._free.release()

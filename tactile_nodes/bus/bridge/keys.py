@@ -1,24 +1,30 @@
-"""Keys by which machines know each other: a pair of files a machine, the secret one for its user's eyes alone."""
+"""Keys by which machines know each other: a pair of files a machine, the secret one for its user's eyes alone.
+
+The secret file holds a private key and the certificate that belongs to it, the public one the certificate alone (PEM).
+Certificates are signed by their own keys: who may connect is said by name, not by an authority. They do not expire,
+and are valid from 1970 on, since a robot's clock may be wrong.
+"""
 
 from __future__ import annotations
 
 import os
 import re
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
-
-import zmq
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import read_plain
 
-_KEY = re.compile(r'[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}')  # 32 bytes in Z85 (ZeroMQ RFC 32)
-_NAME = re.compile(r'[\w.-]+', re.ASCII)
+_NAME = re.compile(r'[\w.-]{1,64}', re.ASCII)
+_PART = re.compile(rb'-----BEGIN ([A-Z ]+)-----\n[A-Za-z0-9+/=\n]+-----END \1-----\n')
+_SECRET, _PUBLIC = b'PRIVATE KEY', b'CERTIFICATE'
+_FOREVER = (datetime(1970, 1, 1), datetime(9999, 12, 31))  # UTC (RFC 5280, 4.1.2.5)
 
 
 @dataclass(frozen=True)
 class KeyPair:
-    """A machine's public and secret CURVE key, in Z85."""
+    """A machine's certificate and private key, in PEM."""
 
     public: bytes
     secret: bytes = field(repr=False)
@@ -35,21 +41,23 @@ def create_keys(name: str, folder: Path | None = None) -> tuple[Path, Path]:
     """Make a pair of keys; the files of the public and of the secret one.
 
     Raises:
-        ConfigurationError: there are keys of that name, or they cannot be written.
+        ConfigurationError: there are keys of that name, they cannot be written, or what makes them is not installed.
     """
     if not _NAME.fullmatch(name):
-        raise ConfigurationError(f'{name!r} cannot be the name of keys: letters, digits, dots, dashes and _ only')
+        raise ConfigurationError(
+            f'{name!r} cannot be the name of keys: up to 64 letters, digits, dots, dashes and _ only'
+        )
     folder = folder or keys_directory()
     public, secret = folder / f'{name}.key', folder / f'{name}.key_secret'
-    pair = zmq.curve_keypair()
+    pair = _make_pair(name)
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if public.exists():  # the secret one is not opened if it exists; this one must not be orphaned either
             raise FileExistsError(17, os.strerror(17), str(public))
-        for file, lines in ((secret, pair), (public, pair[:1])):
+        for file, text in ((secret, pair.secret + pair.public), (public, pair.public)):
             descriptor = os.open(file, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
             with os.fdopen(descriptor, 'wb') as opened:
-                opened.write(b'\n'.join(lines) + b'\n')
+                opened.write(text)
     except FileExistsError as error:
         raise ConfigurationError(
             f'there are keys named {name!r} in {folder}; remove them first, or choose another name'
@@ -66,38 +74,76 @@ def read_pair(name: str) -> KeyPair:
         ConfigurationError: there are none, others may read them, or the file holds something else.
     """
     file = _file(name, '.key_secret')
-    lines = _lines(file, 'make them with: tactile keys create NAME')
-    if len(lines) != 2:
+    parts = _parts(file, 'make them with: tactile keys create NAME')
+    if list(parts) != [_SECRET, _PUBLIC]:
         raise ConfigurationError(f'{file} holds no pair of keys; make one with: tactile keys create NAME')
     if file.stat().st_mode & 0o077:
         raise ConfigurationError(f'others may read the secret key {file}; forbid it with: chmod 600 {file}')
-    return KeyPair(*lines)
+    return KeyPair(parts[_PUBLIC], parts[_SECRET])
 
 
 def read_public(name: str) -> bytes:
-    """Another machine's public key: the key itself, the name of its file in the folder of keys, or its path.
+    """Another machine's certificate, by the name of its file in the folder of keys, or by its path.
 
     Raises:
         ConfigurationError: no such key.
     """
-    if _KEY.fullmatch(name):
-        return name.encode()
     file = _file(name, '.key')
-    lines = _lines(file, f'copy the public key that "tactile keys show" prints on the other machine to {file}')
-    if len(lines) != 1:
+    parts = _parts(file, f'what "tactile keys show NAME" prints on the other machine belongs into {file}')
+    if list(parts) != [_PUBLIC]:
         raise ConfigurationError(f'{file} holds no public key alone; the secret one must not leave its machine')
-    return lines[0]
+    return parts[_PUBLIC]
+
+
+def fingerprint(public: bytes) -> str:
+    """A certificate's SHA-256 fingerprint, as ``openssl x509 -fingerprint -sha256`` tells it, without the colons."""
+    import ssl
+    from hashlib import sha256
+
+    return sha256(ssl.PEM_cert_to_DER_cert(public.decode())).hexdigest()
+
+
+def _make_pair(name: str) -> KeyPair:
+    try:
+        from cryptography import x509
+        from cryptography.hazmat.primitives import hashes, serialization
+        from cryptography.hazmat.primitives.asymmetric import ec
+    except ImportError as error:
+        raise ConfigurationError(
+            f"keys are made by cryptography ({error}); install it with: pip install 'tactile_nodes[bridge]'"
+        ) from error
+    key = ec.generate_private_key(ec.SECP256R1())
+    who = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
+    certificate = (
+        x509.CertificateBuilder()
+        .subject_name(who)
+        .issuer_name(who)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(_FOREVER[0])
+        .not_valid_after(_FOREVER[1])
+        .add_extension(x509.SubjectAlternativeName([x509.DNSName(name)]), critical=False)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    plain = serialization.NoEncryption()
+    return KeyPair(
+        certificate.public_bytes(serialization.Encoding.PEM),
+        key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, plain),
+    )
 
 
 def _file(name: str, ending: str) -> Path:
     return Path(name).expanduser() if '/' in name else keys_directory() / f'{name}{ending}'
 
 
-def _lines(file: Path, advice: str) -> list[bytes]:
+def _parts(file: Path, advice: str) -> dict[bytes, bytes]:
+    """The parts of a PEM file by their labels, in their order."""
     try:
-        lines = read_plain(file, 4096).decode('ascii').split()
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_plain(file, 16384)
+    except OSError as error:
         raise ConfigurationError(f'cannot read the key {file}; {advice}') from error
-    if not all(map(_KEY.fullmatch, lines)):
+    parts = {match[1]: match[0] for match in _PART.finditer(text)}
+    if not parts:
         raise ConfigurationError(f'{file} holds no key; {advice}')
-    return [line.encode() for line in lines]
+    return parts

@@ -1,25 +1,33 @@
-"""One TCP connection to the bridges of other machines: encrypted, and open to those whose keys are allowed."""
+"""One Zenoh session over one TCP port: encrypted, and open to those whose keys are allowed.
+
+Zenoh's own finding of others (multicast, gossip) is off, and so are its shared memory and its administration: nothing
+is reached but the address that was given, and nothing listens but the one that was asked for.
+"""
 
 from __future__ import annotations
 
-import errno
+import base64
 import ipaddress
+import json
 import re
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import zmq
-from zmq.utils import z85
+from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.bus.bridge.keys import KeyPair
-from tactile_nodes.bus.zeromq.sockets import Longest, open_socket
 from tactile_nodes.errors import AddressInUseError, BusError, ConfigurationError
+
+if TYPE_CHECKING:
+    import zenoh
 
 PLAIN_TCP = 'anyone on this network may read and send'
 _ADDRESS = re.compile(r'(tcp://)?(?P<host>\[[0-9a-fA-F:.]+\]|[\w.*-]+):(?P<port>\d{1,5})')
-_QUEUE = 8  # messages; what does not fit waits in its own topic's queue, where the newest wins
-_ZAP = 'inproc://zeromq.zap.01'
+GONE_AFTER_MS = 3000
+_RETRY = {'period_init_ms': 100, 'period_max_ms': 2000, 'period_increase_factor': 2}
+LONGEST_BYTES = 128 << 20
+_CONNECTIONS = '0-5', '6-7'
+"""The priorities of two TCP connections to the one port: pictures, of low priority, do not stand before forces."""
+_QUEUE_BYTES = 256 << 10  # in the kernel, for each connection; it would hold seconds of a slow one
 
 
 @dataclass(frozen=True)
@@ -28,6 +36,9 @@ class Security:
 
     own: KeyPair | None = None
     peers: tuple[bytes, ...] = ()
+
+
+OPEN = Security()
 
 
 @dataclass(frozen=True)
@@ -47,106 +58,91 @@ class Address:
         match = _ADDRESS.fullmatch(text)
         if not match or not 0 < int(match['port']) < 65536:
             raise ConfigurationError(f'{text!r} is no address; write host:port, say 192.168.0.7:7460')
-        return cls(match['host'], int(match['port']))
+        return cls('0.0.0.0' if match['host'] == '*' else match['host'], int(match['port']))  # noqa: S104
 
     def is_loopback(self) -> bool:
         """Whether only this machine can reach it."""
         try:
             return self.host == 'localhost' or ipaddress.ip_address(self.host.strip('[]')).is_loopback
-        except ValueError:  # a name, or all interfaces
+        except ValueError:  # a name
             return False
 
     def __str__(self) -> str:
         return f'{self.host}:{self.port}'
 
 
-class Link:
-    """A listening end, which any number of others join, or a connecting one, which comes back by itself.
+def open_session(
+    listen: Address | None, connect: Sequence[Address] = (), security: Security = OPEN, plain_tcp: str = ''
+) -> zenoh.Session:
+    """A session that listens for any number of others, that connects to some and comes back by itself, or both.
 
     Raises:
-        ConfigurationError: unencrypted, and reachable by others, without the words that allow it.
+        ConfigurationError: unencrypted, and reachable by others, without the words that allow it; or no Zenoh.
         AddressInUseError: somebody else listens there.
         BusError: the address cannot be used.
     """
+    ends = [*([listen] if listen else []), *connect]
+    far = [address for address in ends if not address.is_loopback()]
+    if security.own is None and far and plain_tcp != PLAIN_TCP:
+        raise ConfigurationError(
+            f'a connection over {far[0]} without keys could be read and used by anyone on the network; make keys '
+            f'with: tactile keys create NAME, or set plain_tcp to {PLAIN_TCP!r}'
+        )
+    try:
+        import zenoh
+    except ImportError as error:
+        raise ConfigurationError(
+            f"a bridge needs Zenoh ({error}); install it with: pip install 'tactile_nodes[bridge]'"
+        ) from error
+    settings = zenoh.Config()
+    for place, value in _settings(listen, connect, security).items():
+        settings.insert_json5(place, json.dumps(value))
+    try:
+        return zenoh.open(settings)
+    except zenoh.ZError as error:
+        raise _translated(str(error), ends[0]) from error
 
-    def __init__(self, address: Address, *, listens: bool, name: str, security: Security, plain_tcp: str = '') -> None:
-        if security.own is None and not address.is_loopback() and plain_tcp != PLAIN_TCP:
-            raise ConfigurationError(
-                f'a connection over {address} without keys could be read and used by anyone on the network; make keys '
-                f'with: tactile keys create NAME, or set plain_tcp to {PLAIN_TCP!r}'
-            )
-        self.refused = 0
-        self._allowed = set(security.peers)
-        self._context = zmq.Context()
-        self._zap = open_socket(self._context, zmq.REP, Longest.CALL)
-        self._zap.bind(_ZAP)
-        self.socket = open_socket(self._context, zmq.ROUTER if listens else zmq.DEALER, Longest.PICTURE)
-        self.listens = listens
-        self._set_options(name, security, ipv6=':' in address.host)
-        try:
-            (self.socket.bind if listens else self.socket.connect)(f'tcp://{address}')
-        except zmq.ZMQError as error:
-            self.close()
-            raise _translated(error, address) from error
 
-    def watch_with(self, watch: Callable[[Any, Callable[[], None]], None], on_readable: Callable[[], None]) -> None:
-        """Register the sockets with a loop, whose thread is the only one to use this link from then on."""
-        watch(self.socket, on_readable)
-        watch(self._zap, self._judge)
-
-    def send(self, peer: bytes, frames: list[Any]) -> bool:
-        """Send to `peer` (b'' for the one that we connect to); false when there is no room or no connection."""
-        try:
-            self.socket.send_multipart([peer, *frames] if self.listens else frames, zmq.NOBLOCK)
-        except zmq.ZMQError:
-            return False
-        return True
-
-    def receive(self) -> tuple[bytes, list[bytes]] | None:
-        """Who said what; None when there is nothing more."""
-        try:
-            frames = self.socket.recv_multipart(zmq.NOBLOCK)
-        except zmq.Again:
-            return None
-        return (frames[0], frames[1:]) if self.listens else (b'', frames)
-
-    def close(self) -> None:
-        """Disconnect."""
-        self._context.destroy(linger=100)
-
-    def _set_options(self, name: str, security: Security, *, ipv6: bool) -> None:
-        options: dict[int, Any] = {
-            zmq.SNDHWM: _QUEUE,
-            zmq.RCVHWM: _QUEUE,
-            zmq.LINGER: 100,
-            zmq.HEARTBEAT_IVL: 1000,
-            zmq.HEARTBEAT_TIMEOUT: 3000,
-            zmq.RECONNECT_IVL: 100,
-            zmq.RECONNECT_IVL_MAX: 2000,
-            zmq.IPV6: int(ipv6),
+def _settings(listen: Address | None, connect: Sequence[Address], security: Security) -> dict[str, Any]:
+    """What differs from Zenoh's defaults, by its place in the configuration (Zenoh's DEFAULT_CONFIG.json5)."""
+    protocol = 'tls' if security.own else 'tcp'
+    found: dict[str, Any] = {
+        'mode': 'peer',
+        'listen/endpoints': [f'{protocol}/{listen}'] if listen else [],
+        'connect/endpoints': [
+            f'{protocol}/{address}?prio={priorities}' for address in connect for priorities in _CONNECTIONS
+        ],
+        'transport/unicast/max_links': len(_CONNECTIONS),
+        f'transport/link/{protocol}': {'so_sndbuf': _QUEUE_BYTES},
+        'connect/exit_on_failure': False,
+        'connect/timeout_ms': -1,
+        'connect/retry': _RETRY,
+        'scouting/multicast/enabled': False,
+        'scouting/gossip/enabled': False,
+        'open/return_conditions/connect_scouted': False,
+        'transport/shared_memory/enabled': False,
+        'transport/link/tx/lease': GONE_AFTER_MS,
+        'transport/link/rx/max_message_size': LONGEST_BYTES,
+    }
+    if security.own is not None:
+        own, secret = (base64.b64encode(text).decode() for text in (security.own.public, security.own.secret))
+        found['transport/link/tls'] |= {
+            'root_ca_certificate_base64': base64.b64encode(b''.join(security.peers)).decode(),
+            'listen_certificate_base64': own,
+            'listen_private_key_base64': secret,
+            'connect_certificate_base64': own,
+            'connect_private_key_base64': secret,
+            'enable_mtls': True,
+            'verify_name_on_connect': False,  # the key is known; the name under which it is reached may be any
         }
-        if self.listens:
-            options |= {zmq.ROUTER_MANDATORY: 1, zmq.ROUTER_HANDOVER: 1}
-        else:
-            options |= {zmq.ROUTING_ID: name.encode(), zmq.IMMEDIATE: 1}
-        if security.own is not None:
-            options |= {zmq.CURVE_PUBLICKEY: security.own.public, zmq.CURVE_SECRETKEY: security.own.secret}
-            options |= {zmq.CURVE_SERVER: 1} if self.listens else {zmq.CURVE_SERVERKEY: security.peers[0]}
-        for option, value in options.items():
-            self.socket.set(option, value)
-
-    def _judge(self) -> None:
-        """Answer ZeroMQ's question (RFC 27) whether somebody may connect."""
-        version, request, _, _, _, mechanism, *credentials = self._zap.recv_multipart()
-        allowed = mechanism == b'NULL' or (mechanism == b'CURVE' and z85.encode(credentials[0]) in self._allowed)
-        self.refused += not allowed
-        self._zap.send_multipart([version, request, *((b'200', b'') if allowed else (b'400', b'unknown')), b'', b''])
+    return found
 
 
-def _translated(error: zmq.ZMQError, address: Address) -> BusError:
-    if error.errno == errno.EADDRINUSE:
+def _translated(text: str, address: Address) -> BusError:
+    if 'os error 98' in text:  # EADDRINUSE
         return AddressInUseError(
             f'port {address.port} is taken on {address.host}; end the program that listens there (ss -ltnp sport = '
             f':{address.port} names it), or choose another port'
         )
-    return BusError(f'cannot use {address}: {error.strerror}; is it an address of this machine?')
+    reason = text.partition('[')[2].partition(' at /')[0] or text
+    return BusError(f'cannot use {address}: {reason}; is it an address of this machine?')

@@ -17,7 +17,6 @@ from agents import IMAGE, NUMBER, until
 
 import tactile_nodes
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.bridge.link import Address, Link, Security
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.zeromq import wire
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
@@ -124,12 +123,6 @@ def test_every_socket_of_a_bus_has_its_limit(join: Join) -> None:
         bus._hub._receivers['/n', NUMBER].socket: Longest.TEXT,
     }
     assert [end.get(zmq.MAXMSGSIZE) for end in made] == list(made.values())
-
-
-def test_a_bridge_takes_in_no_more_than_a_picture() -> None:
-    link = Link(Address('127.0.0.1', 47_993), listens=False, name='lab', security=Security())
-    assert link.socket.get(zmq.MAXMSGSIZE) == Longest.PICTURE
-    link.close()
 
 
 @pytest.mark.parametrize('length', [64, 20_000_000])

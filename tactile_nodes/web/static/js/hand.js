@@ -5,7 +5,7 @@ import { Link } from './link.js';
 import { drawMap } from './map.js';
 import { pictureOf, takeApart } from './packet.js';
 import { Scales } from './scale.js';
-import { OLD_S, statusOf } from './status.js';
+import { OLD_S, hostOf, statusOf } from './status.js';
 import { drawSurface, takeCells } from './surface.js';
 
 const GAIN = 50; // of the arrows of motion
@@ -71,6 +71,7 @@ class Tile {
     const trusted = this.isLive && this.told.force.status !== 'invalid';
     this.place.dataset.status = status;
     this.place.classList.toggle('stale', !this.isLive);
+    this.find('host').textContent = hostOf(this.told);
     this.find('word').textContent = word;
     this.find('reason').textContent = reason;
     this.find('total').textContent = trusted ? `${this.told.force.total_n.toFixed(3)} N` : '– N';

@@ -8,7 +8,7 @@ import { drawMap } from './map.js';
 import { pictureOf, takeApart } from './packet.js';
 import { showContacts, showMap, showNet, showSlow, showStatus, showTotal } from './panels.js';
 import { Scales } from './scale.js';
-import { OLD_S, statusOf } from './status.js';
+import { OLD_S, hostOf, statusOf } from './status.js';
 import { drawSurface, takeCells } from './surface.js';
 
 const $ = (id) => document.getElementById(id);
@@ -74,6 +74,7 @@ function draw() {
   $('true-key').hidden = !chart.hasTruth;
   const isLive = watch();
   const slow = JSON.stringify(told.slow);
+  $('host').textContent = hostOf(told);
   if (slow !== page.slow) showSlow(told.slow, Math.round(page.shown.length / 2), isLive);
   page.slow = slow;
 }

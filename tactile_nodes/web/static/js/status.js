@@ -17,6 +17,11 @@ export function statusOf(told, age, isLive, isOpen) {
   return [told.force.status, WORDS[told.force.status], [...told.force.reasons, ...advice].join(' ') || touch];
 }
 
+/** 'on robot' of a sensor of another machine; '' of this one. */
+export function hostOf(told) {
+  return told?.slow.host ? ` on ${told.slow.host}` : '';
+}
+
 /** The worst that a node says of itself. */
 function complaint(told) {
   const health = told?.slow.health ?? [];
