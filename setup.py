@@ -30,10 +30,18 @@ NODES = [
     'guarded_approach',
     'hand_sensors',
     'hand_wrench',
+    'simulated_gripper',
+    'guarded_grasp',
     'dds_bridge',
     'foxglove_bridge',
     'composed',
 ]
+
+
+def module_of(node: str) -> str:
+    """The module of a node, which may lie in a folder of its kind."""
+    (file,) = (ROOT / 'tactile_nodes' / 'nodes').rglob(f'{node}.py')
+    return '.'.join(file.relative_to(ROOT).with_suffix('').parts)
 
 
 def shared_files() -> list[tuple[str, list[str]]]:
@@ -170,7 +178,7 @@ setup(
     entry_points={
         'console_scripts': [
             'tactile = tactile_nodes.cli.main:main',
-            *(f'tactile_{name}_node = tactile_nodes.nodes.{name}:main' for name in NODES),
+            *(f'tactile_{name}_node = {module_of(name)}:main' for name in NODES),
         ],
     },
 )

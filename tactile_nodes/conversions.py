@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.errors import ImageError, MessageError
-from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.messages import stamp_ns, time_from_ns, types
 from tactile_nodes.sensing.explain.reading import Acting, Contact, Region, SurfaceField
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, Crop, grey
@@ -20,6 +20,7 @@ from tactile_nodes.sensing.picture.motion import TERMS, PictureMotion
 if TYPE_CHECKING:
     from tactile_nodes.sensing.judge.drift_verdict import Verdict
     from tactile_nodes.sensors import Sensor
+    from tactile_nodes.simulation.optics import Press
     from tactile_nodes.simulation.scene import Truth
 
 MILLI = 1e-3
@@ -265,6 +266,34 @@ def _region_fields(region: Region | None) -> dict[str, float]:
         region.slip_share,
     )  # fmt: skip
     return dict(zip(REGION_FIELDS, map(float, numbers), strict=True))
+
+
+def touch_message(stamp_ns: int, frame_id: str, press: Press) -> types.SimulatedTouch:
+    """What touches a simulated gel, to tell its camera."""
+    return types.SimulatedTouch(
+        header=header(stamp_ns, frame_id), x=press.x_mm * MILLI, y=press.y_mm * MILLI, depth=press.depth_mm * MILLI,
+        drag_x=press.shift_mm[0] * MILLI, drag_y=press.shift_mm[1] * MILLI,
+    )  # fmt: skip
+
+
+def press_of(message: types.SimulatedTouch) -> tuple[int, Press]:
+    """The reverse: when it is so, and what touches."""
+    from tactile_nodes.simulation.optics import Press  # here, for few processes simulate
+
+    x_mm, y_mm, depth_mm, *drag_mm = (
+        each / MILLI for each in (message.x, message.y, message.depth, message.drag_x, message.drag_y)
+    )
+    return stamp_ns(message.header.stamp), Press(x_mm, y_mm, depth_mm, shift_mm=(drag_mm[0], drag_mm[1]))
+
+
+def gripper_state(stamp_ns: int, opening_mm: float) -> types.JointState:
+    """How far a gripper is open."""
+    return types.JointState(header=header(stamp_ns, ''), name=['gripper'], position=np.array([opening_mm * MILLI]))
+
+
+def opening_mm(state: types.JointState) -> float | None:
+    """How far a gripper is open; None of a message that does not tell one number."""
+    return float(state.position[0]) / MILLI if len(state.position) == 1 else None
 
 
 def truth_fields(truth: Truth, bins: BinGrid) -> dict[str, Any]:

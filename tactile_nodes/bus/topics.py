@@ -124,6 +124,31 @@ HAND_WRENCH = Topic(
     holds='N and N·m of sensors whose pictures were captured within a frame time, with covariance; margins to slip',
     lost='the forces of its sensors give it again',
 )
+HELD = Topic(
+    'held',
+    'tactile_nodes/msg/SimulatedTouch',
+    'what a simulated gripper does to the gel of a simulated camera',
+    Qos('queue', 50),
+    200.0,
+    recorded=False,
+    frame=_SURFACE,
+    holds='m: place, depth in the gel, drag since it touched',
+)
+GRIPPER_COMMAND = Topic(
+    'gripper_command',
+    'std_msgs/msg/Float64',
+    'how far a gripper shall open: the distance of its fingers at rest [m]',
+    _LATEST,
+    holds='m',
+)
+JOINT_STATES = Topic(
+    'joint_states',
+    'sensor_msgs/msg/JointState',
+    'how far a gripper is open: the distance of its fingers at rest [m]',
+    _RECENT,
+    100.0,
+    holds='m',
+)
 # What other tools draw; made by the node force_views, each only while somebody listens to it.
 FORCE_MAP = Topic(
     'force_map',
@@ -303,7 +328,7 @@ TOPICS = {
         IMAGE, CAMERA_INFO, REFERENCE_IMAGE, FLOW_FEATURES, FORCE_DISTRIBUTION, FORCE_FIELD, WRENCH, TRUE_FORCE,
         MODEL_IN_USE, CALIBRATION_IMAGE, CALIBRATION_STATE, DIAGNOSTICS, ROSOUT, CLOCK, FORCE_TORQUE,
         FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, PRESS_IMAGE, PRESS, RIG_STATE, SYNC_EDGE, FORCE_MAP, PRESSURE_MAP,
-        FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC, HAND_WRENCH,
+        FORCE_POINTS, CONTACT, CONTACT_MARKERS, TF_STATIC, HAND_WRENCH, HELD, GRIPPER_COMMAND, JOINT_STATES,
     )
 }  # fmt: skip
 

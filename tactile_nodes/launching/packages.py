@@ -88,8 +88,12 @@ def own_executables() -> dict[str, str]:
     """
     package = importlib.util.find_spec(f'{OWN}.nodes')
     folders = (package.submodule_search_locations if package else None) or []
-    modules = [module.stem for folder in folders for module in Path(folder).glob('[a-z]*.py')]
-    return {f'{stem.removesuffix("_node")}_node': f'{OWN}.nodes.{stem}' for stem in sorted(modules)}
+    found = {}
+    for folder in map(Path, folders):
+        for module in sorted(folder.rglob('[a-z]*.py'), key=lambda file: file.stem):
+            name = '.'.join(module.relative_to(folder).with_suffix('').parts)
+            found[f'{module.stem.removesuffix("_node")}_node'] = f'{OWN}.nodes.{name}'
+    return found
 
 
 def source_environment(command: list[str]) -> dict[str, str]:

@@ -1040,6 +1040,15 @@ class SerialTraffic(Message):
     data: NDArray[Any]
     def __init__(self, header: Header = ..., port: str = ..., sent: bool = ..., data: NDArray[Any] = ...) -> None: ...
 
+class SimulatedTouch(Message):
+    header: Header
+    x: float
+    y: float
+    depth: float
+    drag_x: float
+    drag_y: float
+    def __init__(self, header: Header = ..., x: float = ..., y: float = ..., depth: float = ..., drag_x: float = ..., drag_y: float = ...) -> None: ...
+
 class StageTimes(Message):
     acquire: float
     flow: float

@@ -13,6 +13,7 @@ from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.runtime import NodeFactory, run_nodes
 from tactile_nodes.errors import ConfigurationError, TactileError
+from tactile_nodes.launching import packages
 
 KNOWN = (
     'camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'rig', 'emulated_rig', 'sync_input',
@@ -22,6 +23,8 @@ KNOWN = (
     'guarded_approach',
     'hand_sensors',
     'hand_wrench',
+    'simulated_gripper',
+    'guarded_grasp',
     'dds_bridge',
     'foxglove_bridge',
 )  # fmt: skip
@@ -36,7 +39,7 @@ def node_class(name: str) -> type[Node]:
     short = name.removesuffix('_node')
     if short not in KNOWN:
         raise ConfigurationError(f'there is no node {name!r} to compose; known are: {", ".join(KNOWN)}')
-    module = importlib.import_module(f'tactile_nodes.nodes.{short}')
+    module = importlib.import_module(packages.own_executables()[f'{short}_node'])
     found = [
         entry
         for entry in vars(module).values()

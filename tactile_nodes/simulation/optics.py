@@ -134,13 +134,24 @@ class Optics:
 
     def _drag(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
         """What sticking and being dragged adds."""
+        table, contact_mm = self._dragged(press)
+        offset = self._flat_mm - np.array([press.x_mm, press.y_mm, 0], np.float32)
+        return table.displacement_mm(contact_mm, offset, press.shift_mm)
+
+    def drag_n(self, press: Press) -> tuple[float, float]:
+        """The force along x and y on the gel of a tip that sticks and was dragged."""
+        if not (press.touching and any(press.shift_mm)):
+            return 0.0, 0.0
+        table, contact_mm = self._dragged(press)
+        return table.force_n(contact_mm, press.shift_mm)
+
+    def _dragged(self, press: Press) -> tuple[ShearTable, float]:
+        """What dragging the contact of a press does, and its radius."""
         table = self._tables[press.indenter]
         if press.indenter not in self._shear:
             layer = Layer(self._gel.layer_mm, self._gel.shear_modulus_mpa, self._gel.poisson_ratio)
             self._shear[press.indenter] = solve_shear(layer, table)
-        contact = float(np.interp(press.depth_mm, table.depth_mm, table.contact_mm))
-        offset = self._flat_mm - np.array([press.x_mm, press.y_mm, 0], np.float32)
-        return self._shear[press.indenter].displacement_mm(contact, offset, press.shift_mm)
+        return self._shear[press.indenter], float(np.interp(press.depth_mm, table.depth_mm, table.contact_mm))
 
     def project(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'markers 2']:
         """Pixel of each marker in the camera image."""

@@ -219,8 +219,8 @@ class Scene:
 class WorldScene(Scene):
     """A scene that shows a world which something moves: what shapes the gel there, and the force there."""
 
-    def __init__(self, world: SharedWorld) -> None:
-        super().__init__(world.gel, world, table=next(iter(world.tables.values())), others=world.tables)
+    def __init__(self, world: SharedWorld, bins: BinGrid | None = None) -> None:
+        super().__init__(world.gel, world, bins, table=next(iter(world.tables.values())), others=world.tables)
         self._world = world
 
     def presses_at(self, time_ns: int) -> tuple[Shaping, ...]:
@@ -232,16 +232,23 @@ class WorldScene(Scene):
         press, force_n = self._world.press_at(time_ns), self._world.force_at(time_ns)
         if press.depth_mm <= 0 or force_n <= 0:
             press = Press(0.0, 0.0, min(press.depth_mm, 0.0), press.indenter)
-        return truth_of(press, self._world.tables[press.indenter], self.bins, force_n)
+        drag_n = self.optics.drag_n(press)
+        return truth_of(press, self._world.tables[press.indenter], self.bins, force_n, drag_n)
 
 
-def truth_of(press: Press, table: ContactTable, bins: BinGrid, force_n: float | None = None) -> Truth:
-    """The paper's label for one press: its force (the table's unless given) in the bin of its centre."""
-    forces = np.zeros(bins.count, np.float32)
+def truth_of(
+    press: Press,
+    table: ContactTable,
+    bins: BinGrid,
+    force_n: float | None = None,
+    drag_n: tuple[float, float] = (0.0, 0.0),
+) -> Truth:
+    """The paper's label for one press: its force (the table's unless given) in the bin of its centre, its drag too."""
+    forces = np.zeros((bins.count, 3), np.float32)
     total_n = table.force_at(press.depth_mm) if force_n is None else force_n
-    forces[bins.bin_of(press.x_mm, press.y_mm)] = total_n
-    normal = forces.reshape(bins.rows, bins.cols)
-    return Truth(normal, total_n, (press.x_mm, press.y_mm), press.touching, np.zeros((*normal.shape, 2), np.float32))
+    forces[bins.bin_of(press.x_mm, press.y_mm)] = *drag_n, total_n
+    binned = forces.reshape(bins.rows, bins.cols, 3)
+    return Truth(binned[..., 2], total_n, (press.x_mm, press.y_mm), press.touching, binned[..., :2])
 
 
 def truth_of_touch(touch: Touch, table: TouchTable, shear_modulus_mpa: float, bins: BinGrid) -> Truth:

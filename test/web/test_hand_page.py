@@ -18,7 +18,7 @@ from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.messages import types
-from tactile_nodes.nodes.hand_wrench import HandWrenchNode
+from tactile_nodes.nodes.hand.hand_wrench import HandWrenchNode
 from tactile_nodes.nodes.live_view import LiveViewNode
 
 pytestmark = IN_CHROMIUM

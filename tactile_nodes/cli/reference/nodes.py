@@ -5,14 +5,12 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
-import pkgutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
 from typing import Any
 
-from tactile_nodes import nodes
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
@@ -20,10 +18,11 @@ from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.launching import packages
 
 _FIRST = (
     'camera', 'flow_features', 'force_estimator', 'drift_monitor', 'force_views', 'live_view', 'recorder', 'player',
-    'hand_sensors', 'hand_wrench', 'rig', 'guarded_approach',
+    'hand_sensors', 'hand_wrench', 'guarded_grasp', 'simulated_gripper', 'rig', 'guarded_approach',
 )  # fmt: skip
 """The way of a frame, then what looks at it, then the rig; all others follow by name."""
 _PUBLISHES, _RECEIVES, _SERVES = (
@@ -67,9 +66,9 @@ class Ends:
 @cache
 def node_kinds() -> tuple[NodeKind, ...]:
     """All nodes: each module of `tactile_nodes.nodes` that defines one."""
-    names = [entry.name for entry in pkgutil.iter_modules(nodes.__path__)]
-    ordered = sorted(names, key=lambda name: (_FIRST.index(name) if name in _FIRST else len(_FIRST), name))
-    return tuple(NodeKind(name, kind) for name in ordered for kind in _classes(name))
+    modules = {module.rpartition('.')[2]: module for module in packages.own_executables().values()}
+    ordered = sorted(modules, key=lambda name: (_FIRST.index(name) if name in _FIRST else len(_FIRST), name))
+    return tuple(NodeKind(name, kind) for name in ordered for kind in _classes(modules[name]))
 
 
 def ends_of(kind: type[Node]) -> Ends:
@@ -106,7 +105,7 @@ def ends_of_every_node() -> Ends:
 
 
 def _classes(name: str) -> list[type[Node]]:
-    module = importlib.import_module(f'{nodes.__name__}.{name}')
+    module = importlib.import_module(name)
     found = [entry for entry in vars(module).values() if inspect.isclass(entry) and issubclass(entry, Node)]
     return [entry for entry in found if entry.__module__ == module.__name__]
 

@@ -16,6 +16,7 @@ from tactile_nodes.params import parameter
 if TYPE_CHECKING:
     from tactile_nodes.sensing.geometry import BinGrid
     from tactile_nodes.simulation.scene import Truth
+    from tactile_nodes.simulation.worlds import ToldWorld
 
 Picture = npt.NDArray[np.uint8]
 
@@ -32,8 +33,9 @@ class SceneSettings:
     world: str = parameter('', 'name of a world that a node of this process shares, whose tip presses instead')
     seed: int = parameter(1, 'where and how deep the tip presses')
     contact: str = parameter(
-        'tip', 'what touches the gel: tip; mixed, the tip and other bodies in turn; or one contact alone: ring, edge, '
-        'two and so on, a mesh (STL, OBJ, PLY), heights (NPY), or a description (YAML)',
+        'tip', 'what touches the gel: tip; mixed, the tip and other bodies in turn; held, what a simulated gripper '
+        'holds; or one contact alone: ring, edge, two and so on, a mesh (STL, OBJ, PLY), heights (NPY), or a '
+        'description (YAML)',
     )  # fmt: skip
     start_ns: int = parameter(
         0, "nothing touches the gel before this time of the host's time base; 0: a second after the start", minimum=0
@@ -145,6 +147,16 @@ class KnowsTruth(Protocol):
 
     def truth(self, stamp_ns: int) -> Truth:
         """The force on the gel in the frame with this stamp."""
+        ...
+
+
+@runtime_checkable
+class IsTold(Protocol):
+    """A camera of a made world that somebody else moves, and that takes in what touches there."""
+
+    @property
+    def told(self) -> ToldWorld | None:
+        """Where to put what touches; None when it moves by itself."""
         ...
 
 

@@ -27,7 +27,7 @@ from tactile_nodes.simulation.scene import Scene, TouchSchedule, Truth, WorldSce
 from tactile_nodes.simulation.touch.table import TouchTable
 
 NAME = 'the simulated camera'
-TIP, MIXED = 'tip', 'mixed'
+TIP, MIXED, HELD = 'tip', 'mixed', 'held'
 REST_BEFORE_FIRST_PRESS_NS = NS_PER_S  # time for the rest image, which must show an untouched gel
 
 Told = Callable[[str], None]
@@ -54,6 +54,7 @@ class SimulatedCamera:
         self._told = told
         self._scene: Scene | None = None
         self._world: worlds.SharedWorld | None = None
+        self._told_world: worlds.ToldWorld | None = None
         self._start_ns = 0
         self._sequence = -1
         self._dropped = 0
@@ -90,8 +91,15 @@ class SimulatedCamera:
             scene.schedule = _schedule(self._settings.scene, begins_ns, scene)
         if self._settings.scene.world:
             scene.schedule = Untouched()
+        if self._settings.scene.contact == HELD:
+            self._told_world, scene = _held(scene)
         self._scene, self._world = scene, None
         self._sequence, self._dropped = -1, 0
+
+    @property
+    def told(self) -> worlds.ToldWorld | None:
+        """Where to put what a simulated gripper does, if that is what touches."""
+        return self._told_world
 
     @property
     def bins(self) -> BinGrid:
@@ -146,9 +154,19 @@ def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str =
     return scene
 
 
+def _held(scene: Scene) -> tuple[worlds.ToldWorld, WorldScene]:
+    """A world that a gripper tells; what dragging a contact takes is found now, and not when somebody first pulls."""
+    world = worlds.ToldWorld(scene.gel, contact_table(scene.gel))
+    made = WorldScene(world, scene.bins)
+    world.put(1, Press(0.0, 0.0, 0.1, shift_mm=(0.1, 0.0)))
+    made.render(1)
+    world.put(2, Press(0.0, 0.0, -1.0))
+    return world, made
+
+
 def _bodies(contact: str, gel: Gel, told: Told | None) -> dict[str, TouchTable]:
     """What touches the gel beside its tip; a contact that nobody has solved yet takes some ten seconds."""
-    if contact in ('', TIP):
+    if contact in ('', TIP, HELD):
         return {}
     if contact == MIXED:
         return ready_contacts(gel)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from tactile_nodes.messages import stamp_ns, types
 
 DOMAIN = 73
 PATIENCE_S = 60.0
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
@@ -96,7 +98,21 @@ def test_a_hand_that_is_none_is_one_sentence_and_a_failure(tmp_path: Path) -> No
     assert 'Traceback' not in output
 
 
-PRESS = Path(__file__).parents[2] / 'examples/press_bag'
+def test_grasp_of_simulated_fingers_holds_what_is_pulled_by_the_pictures_alone(tmp_path: Path) -> None:
+    hand = (ROOT / 'config/hands/gripping_fingers.yaml').read_text().replace('fps: 60.0', 'fps: 30.0')
+    (tmp_path / 'hand.yaml').write_text(hand)
+    words = f'hand:={tmp_path}/hand.yaml', 'page:=false', 'object_mm:=45.0', 'pull_n:=0.4', 'hold_s:=7.0'
+    command = [sys.executable, '-m', 'tactile_nodes', 'launch', 'grasp', *words]
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(DOMAIN), 'ROS_LOG_DIR': str(tmp_path)}
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=150, check=False)
+    told = re.search(r'held for 7.\d s .* ([0-9.]+) N in the end', ran.stdout)
+    assert told is not None, ran.stdout + ran.stderr
+    # 0.2 N on each side: with the hand's friction of 0.8 a margin of 0.4 asks for 0.42 N and the margin's uncertainty.
+    assert float(told[1]) == pytest.approx(0.44, abs=0.06)
+    assert ran.returncode == 0
+
+
+PRESS = ROOT / 'examples/press_bag'
 
 
 @pytest.fixture(scope='module')

@@ -1,0 +1,210 @@
+"""Close two fingers on something until a force is felt, and hold it, harder while it is pulled: the slip margin guards.
+
+As `guarded`: one small step, then a force whose images were taken after the gripper had come to rest, then the next.
+While the thing is held, it is held as hard as the margin asks for: with the friction that the hand's file tells, a
+margin of m at a force of N leaves the wanted margin w at N (1 - m) / (1 - w). It is never held less hard again, since
+whoever pulls may pull again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.collection.press.guarded import OK, Felt
+from tactile_nodes.errors import DeviceFaultError
+from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.params import parameter
+
+NS_PER_MS = NS_PER_S // 1000
+THERE_MM = 0.01
+
+
+@dataclass(frozen=True)
+class GraspSettings:
+    """What force and margin are sought, and when the grasp is given up."""
+
+    target_n: float = parameter(0.3, 'force of each finger to reach and to hold [N]', minimum=0.01)
+    band_n: float = parameter(0.02, 'a force so near to the target is the target [N]', minimum=0.001)
+    touch_n: float = parameter(0.03, 'below, nothing is touched, and steps are long [N]', minimum=0.001)
+    limit_n: float = parameter(0.9, 'no finger presses harder [N]', minimum=0.02)
+    margin: float = parameter(
+        0.4, 'slip margin to keep while something is held, 1 no shear, 0 slips', minimum=0.05, maximum=0.95
+    )
+    hold_s: float = parameter(15.0, 'how long it is held [s]', minimum=0.0)
+    search_mm: float = parameter(0.4, 'how much the opening closes at once while nothing is touched [mm]', minimum=0.01)
+    step_mm: float = parameter(0.1, 'longest change of the opening once something is touched [mm]', minimum=0.001)
+    stiffness_n_mm: float = parameter(
+        0.3, 'steepest rise of the force as the opening closes that is expected [N/mm]', minimum=0.01
+    )
+    gain: float = parameter(0.7, 'share of the error that a step makes good', minimum=0.05, maximum=1.0)
+    least_mm: float = parameter(5.0, 'opening at which nothing is there to be gripped [mm]', minimum=0.0)
+    stale_ms: float = parameter(
+        1000.0, 'without a newer force nothing moves; when it is older than this, the grasp ends [ms]', minimum=1.0
+    )
+    seconds: float = parameter(60.0, 'the grasp is given up when nothing is held after so long [s]', minimum=0.1)
+
+    def __post_init__(self) -> None:
+        if self.limit_n <= self.target_n + self.search_mm * self.stiffness_n_mm:
+            raise ValueError(
+                'limit_n must be above target_n by more than one step of search_mm raises the force, '
+                f'{self.search_mm * self.stiffness_n_mm:g} N'
+            )
+        if not self.band_n <= self.touch_n < self.target_n:
+            raise ValueError('band_n, touch_n and target_n must rise in this order')
+
+
+@dataclass(frozen=True)
+class FeltByHand:
+    """What the loop needs of all fingers: when their images were taken, the forces in N, the least slip margin."""
+
+    stamp_ns: int
+    least_n: float
+    greatest_n: float
+    margin: float = math.nan
+    status: int = OK
+    reasons: int = 0
+
+    @classmethod
+    def of(cls, wrench: types.HandWrench, fingers: Mapping[str, Felt]) -> FeltByHand:
+        """What the hand and each finger said last; of different pictures the oldest counts.
+
+        The margin is told to the safe side by one standard deviation; NaN where no finger tells one.
+        """
+        forces = [each.force_n for each in fingers.values()]
+        margins = [
+            each.margin - (each.margin_sigma if math.isfinite(each.margin_sigma) else 0.0)
+            for each in wrench.margins if math.isfinite(each.margin)
+        ]  # fmt: skip
+        oldest_ns = min(stamp_ns(wrench.header.stamp), *(each.stamp_ns for each in fingers.values()))
+        status = max(each.status for each in fingers.values())
+        reasons = 0
+        for each in fingers.values():
+            reasons |= each.reasons
+        return cls(oldest_ns, min(forces), max(forces), min(margins, default=math.nan), status, reasons)
+
+
+@dataclass
+class Grasped:
+    """What was held: the opening at which both fingers felt something, and what they felt from then on."""
+
+    opening_mm: float = math.nan
+    began_ns: int = 0
+    ended_ns: int = 0
+    first_n: float = math.nan
+    last_n: float = math.nan
+    greatest_n: float = 0.0
+    least_margin: float = math.inf
+    steps: int = 0
+
+    @property
+    def seconds(self) -> float:
+        """For how long it was held."""
+        return (self.ended_ns - self.began_ns) / NS_PER_S if self.began_ns else 0.0
+
+    def __str__(self) -> str:
+        margin = f'{self.least_margin:.2f}' if math.isfinite(self.least_margin) else 'not told'
+        return (
+            f'held for {self.seconds:.1f} s from an opening of {self.opening_mm:.1f} mm on: {self.first_n:.2f} N at '
+            f'first, {self.last_n:.2f} N in the end, {self.greatest_n:.2f} N at most; least slip margin {margin}; '
+            f'{self.steps} steps'
+        )
+
+
+class Grasp:
+    """Decides on each command; fed with forces, openings and times by hand or by a node.
+
+    Args:
+        settings: what is sought.
+        start_ns: when the grasp begins.
+    """
+
+    def __init__(self, settings: GraspSettings, start_ns: int) -> None:
+        self._settings = settings
+        self._start_ns = self._rest_ns = start_ns
+        self._last_ns = 0
+        self._command_mm = math.nan
+        self._target_n = settings.target_n
+        self._most_n = settings.limit_n - settings.step_mm * settings.stiffness_n_mm - 3 * settings.band_n
+        self._margin = math.inf
+        self.grasped = Grasped()
+
+    @property
+    def done(self) -> bool:
+        """Whether it was held for as long as asked."""
+        return bool(self.grasped.began_ns) and self.grasped.seconds >= self._settings.hold_s
+
+    @property
+    def strained(self) -> bool:
+        """Whether it is held as hard as it may be, and the margin is not what was asked for."""
+        return self._margin < self._settings.margin and self._target_n >= self._most_n
+
+    def command_mm(self, now_ns: int, opening_mm: float, felt: FeltByHand | None) -> float | None:
+        """What to command the gripper now; None: nothing new.
+
+        Raises:
+            DeviceFaultError: the grasp must end; whatever is held stays held until the gripper is told otherwise.
+        """
+        if math.isnan(self._command_mm):
+            self._command_mm = opening_mm
+        if abs(opening_mm - self._command_mm) > THERE_MM:
+            self._rest_ns = now_ns
+        self._check(now_ns, opening_mm, felt)
+        if felt is None or felt.stamp_ns <= max(self._rest_ns, self._last_ns):
+            return None
+        self._last_ns = felt.stamp_ns
+        self._note(felt, opening_mm)
+        closing_mm = self._closing_mm(felt) if felt.status == OK else 0.0
+        if closing_mm == 0:
+            return None
+        self.grasped.steps += 1
+        self._command_mm -= closing_mm
+        self._rest_ns = now_ns
+        return self._command_mm
+
+    def _check(self, now_ns: int, opening_mm: float, felt: FeltByHand | None) -> None:
+        s = self._settings
+        newest_ns = self._start_ns if felt is None else felt.stamp_ns
+        if (age_ms := (now_ns - newest_ns) / NS_PER_MS) > s.stale_ms:
+            raise DeviceFaultError(
+                f'the newest force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; look at the sensors'
+            )
+        if felt is not None and felt.greatest_n > s.limit_n:
+            raise DeviceFaultError(f'a finger presses with {felt.greatest_n:.2f} N, above the limit of {s.limit_n:g} N')
+        if opening_mm <= s.least_mm:
+            raise DeviceFaultError(f'nothing was felt down to an opening of {opening_mm:.1f} mm')
+        if not self.grasped.began_ns and now_ns - self._start_ns > s.seconds * NS_PER_S:
+            raise DeviceFaultError(f'{s.target_n:g} N were not reached within {s.seconds:g} s')
+        if self.grasped.began_ns and felt is not None and felt.status == OK and felt.greatest_n < s.touch_n:
+            raise DeviceFaultError('what was held is gone')
+
+    def _note(self, felt: FeltByHand, opening_mm: float) -> None:
+        """It is held from the first force at the target on."""
+        found, force_n = self.grasped, felt.least_n
+        if felt.status != OK:
+            return
+        if not found.began_ns and force_n >= self._target_n - self._settings.band_n:
+            found.began_ns, found.first_n, found.opening_mm = felt.stamp_ns, force_n, opening_mm
+        if found.began_ns:
+            found.ended_ns, found.last_n = felt.stamp_ns, force_n
+            found.greatest_n = max(found.greatest_n, felt.greatest_n)
+            if math.isfinite(felt.margin):
+                self._margin = felt.margin
+                found.least_margin = min(found.least_margin, felt.margin)
+                self._target_n = self._as_hard_as_asked(felt)
+
+    def _as_hard_as_asked(self, felt: FeltByHand) -> float:
+        """The force at which the wanted margin is left, no less than before and no more than is allowed."""
+        asked_n = felt.least_n * (1.0 - felt.margin) / (1.0 - self._settings.margin)
+        return max(self._target_n, min(asked_n, self._most_n))
+
+    def _closing_mm(self, felt: FeltByHand) -> float:
+        s = self._settings
+        if felt.least_n < s.touch_n and felt.greatest_n < s.touch_n:
+            return s.search_mm
+        error_n = self._target_n - felt.least_n
+        if abs(error_n) <= s.band_n or (error_n < 0 and self.grasped.began_ns):
+            return 0.0
+        return max(-s.step_mm, min(s.step_mm, s.gain * error_n / s.stiffness_n_mm))

@@ -1,0 +1,142 @@
+"""An example of a controller on the forces of a hand: closes two fingers on something, and holds it while it is pulled.
+
+Subscribes ``hand_wrench``, ``joint_states`` and the ``force_distribution`` of each finger; publishes
+``gripper_command``; offers ``~/stop`` (std_srvs/Trigger). It closes until each finger feels ``target_n``, then holds
+as hard as the slip margin asks for, and opens at the end. When a force is old or too large it says why and leaves the
+gripper as it is: whatever it holds would fall (docs/robots.md).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.runtime import run_node
+from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection.press.guarded import Felt
+from tactile_nodes.collection.press.guarded_grasp import FeltByHand, Grasp, GraspSettings
+from tactile_nodes.errors import DeviceError
+from tactile_nodes.messages import types
+from tactile_nodes.params import parameter
+from tactile_nodes.sensors import load_hand
+
+LOOK_PERIOD_S = 0.005
+CHECK_PERIOD_S = 1.0
+
+
+@dataclass(frozen=True)
+class GuardedGraspParams(NodeParams):
+    """Parameters of the guarded grasp node."""
+
+    READ_ONLY: ClassVar[bool] = True
+
+    hand: str = parameter('gripping_fingers', 'name of a hand of two sensors, or its file')
+    grasp: GraspSettings = field(default_factory=GraspSettings)
+
+
+class GuardedGraspNode(Node):
+    """Takes forces in, looks two hundred times a second whether the next command is due, and ends with the grasp."""
+
+    NAME = 'guarded_grasp'
+    PARAMS = GuardedGraspParams
+
+    def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
+        super().__init__(bus, arguments, clock)
+        self._names = load_hand(self.params.hand).names
+        self._fingers: dict[str, Felt] = {}
+        self._wrench: Any = None
+        self._opening_mm: float | None = None
+        self._opened_mm = 0.0
+        self._grasp: Grasp | None = None
+        self._command = self.create_publisher(topics.GRIPPER_COMMAND)
+        self.create_subscription(topics.HAND_WRENCH, self._on_wrench)
+        self.create_subscription(topics.JOINT_STATES, self._on_state)
+        for name in self._names:
+            there = f'{name}/{topics.FORCE_DISTRIBUTION.name}'
+            self.create_subscription(replace(topics.FORCE_DISTRIBUTION, name=there), self._taking(name))
+        self.create_trigger('~/stop', self._stop_grasp)
+        self.create_timer(LOOK_PERIOD_S, self._look)
+        self.create_timer(CHECK_PERIOD_S, self._report)
+
+    def _on_wrench(self, received: Received) -> None:
+        self._wrench = received.message
+
+    def _on_state(self, received: Received) -> None:
+        self._opening_mm = conversions.opening_mm(received.message)
+
+    def _taking(self, name: str) -> Callable[[Received], None]:
+        def take(received: Received) -> None:
+            self._fingers[name] = Felt.of(received.message)
+
+        return take
+
+    def _look(self) -> None:
+        felt, opening_mm = self._felt(), self._opening_mm
+        if opening_mm is None or felt is None:
+            return
+        if self._grasp is None:  # both are there: it begins
+            self._grasp = Grasp(self.params.grasp, self.clock.now_ns())
+            self._opened_mm = opening_mm
+            self.log.info(f'closing from {opening_mm:.1f} mm')
+        try:
+            command_mm = self._grasp.command_mm(self.clock.now_ns(), opening_mm, felt)
+        except DeviceError as error:
+            self.fail('grasp', error)
+            return
+        if command_mm is not None:
+            self._go(command_mm)
+        if self._grasp.done:
+            self._go(self._opened_mm)
+            self._end(str(self._grasp.grasped))
+
+    def _felt(self) -> FeltByHand | None:
+        if self._wrench is None or len(self._fingers) < len(self._names):
+            return None
+        return FeltByHand.of(self._wrench, self._fingers)
+
+    def _go(self, opening_mm: float) -> None:
+        self._command.publish(types.Float64(data=opening_mm * conversions.MILLI))
+
+    def _report(self) -> None:
+        if self._grasp is None:
+            missing = [name for name in self._names if name not in self._fingers]
+            lacks = ', '.join(filter(None, [
+                'no opening of the gripper' if self._opening_mm is None else '',
+                f'no force of {" and ".join(missing)}' if missing else '',
+                'no hand_wrench' if self._wrench is None else '',
+            ]))  # fmt: skip
+            self.report('grasp', Level.WARN, f'waits: {lacks}')
+        else:
+            self._report_grasp(self._grasp)
+
+    def _report_grasp(self, grasp: Grasp) -> None:
+        if grasp.strained:
+            self.report('grasp', Level.WARN, 'held as hard as allowed (grasp.limit_n), and the slip margin is less')
+        else:
+            self.report('grasp', Level.OK, 'holding' if grasp.grasped.began_ns else 'closing')
+
+    def _end(self, words: str) -> None:
+        self.report('grasp', Level.OK, words)
+        self.log.info(words)
+        self.stop()
+
+    def _stop_grasp(self) -> str:
+        self._end('stopped on request; the gripper stays as it is')
+        return 'the grasp ends, and the gripper stays as it is'
+
+
+def main() -> int:
+    """The program ``guarded_grasp_node``."""
+    return run_node(GuardedGraspNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

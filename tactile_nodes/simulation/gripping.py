@@ -1,0 +1,115 @@
+"""An object between two gels that face each other: how deep its round ends are in them, and when it slips.
+
+The fingers are stiff and move slowly, so forces balance at every moment: both gels press with the same force, and bear
+a pull by their stiffnesses. An end sticks to its gel up to the friction that its force allows (Coulomb); beyond, the
+object slides until it is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_nodes.simulation.gel import Gel
+from tactile_nodes.simulation.mechanics import ContactTable, Layer
+from tactile_nodes.simulation.optics import Press
+from tactile_nodes.simulation.shear import ShearTable, solve_shear
+
+SLIDES_MM_S = 10.0
+"""How fast an object slides that is pulled harder than it is held."""
+LOST_MM = 6.0
+"""How far it slides until it is out of the grip."""
+_FORCES = 400
+
+
+class Finger:
+    """One gel, and what a round end does to it."""
+
+    def __init__(self, gel: Gel, table: ContactTable) -> None:
+        self._table = table
+        self._shear: ShearTable = solve_shear(Layer(gel.layer_mm, gel.shear_modulus_mpa, gel.poisson_ratio), table)
+
+    @property
+    def greatest_n(self) -> float:
+        """The force at the greatest depth that is known."""
+        return float(self._table.force_at(float(self._table.depth_mm.max())))
+
+    def force_n(self, depth_mm: float) -> float:
+        """The force at a depth; none above the gel."""
+        return self._table.force_at(max(0.0, depth_mm))
+
+    def depths_mm(self, forces_n: np.ndarray) -> np.ndarray:
+        """How deep an end is under forces."""
+        known_mm = self._table.depth_mm
+        known_n = np.array([self._table.force_at(each) for each in known_mm.tolist()])
+        depths: np.ndarray = np.interp(forces_n, known_n, known_mm)
+        return depths
+
+    def drag_n(self, depth_mm: float, drag_mm: float) -> float:
+        """The drag on the gel of an end that was dragged so far at a depth."""
+        return self.stiffness_n_mm(depth_mm) * drag_mm if depth_mm > 0 else 0.0
+
+    def stiffness_n_mm(self, depth_mm: float) -> float:
+        """Drag for one mm of sideways motion at a depth."""
+        contact_mm = float(np.interp(depth_mm, self._table.depth_mm, self._table.contact_mm))
+        return self._shear.force_n(contact_mm, (1.0, 0.0))[0]
+
+
+@dataclass(frozen=True)
+class Gripped:
+    """What is gripped: its width at rest, and the friction between its ends and the gels."""
+
+    width_mm: float = 30.0
+    friction: float = 0.9
+
+
+class Hold(NamedTuple):
+    """How an object is held: the force on each gel, depths in them, the drag that sticks, and how far it has slid."""
+
+    normal_n: float
+    depth_mm: tuple[float, float]
+    drag_mm: float
+    slid_mm: float
+    slips: bool
+
+
+class Grip:
+    """Two fingers about an object; `hold` follows it from moment to moment."""
+
+    def __init__(self, fingers: Sequence[Finger], gripped: Gripped) -> None:
+        first, second = fingers
+        self._fingers, self._gripped = (first, second), gripped
+        self._forces_n = np.linspace(0.0, min(each.greatest_n for each in fingers), _FORCES)
+        self._depths_mm = np.stack([each.depths_mm(self._forces_n) for each in fingers])
+        self._slid_mm = 0.0
+
+    @property
+    def lost(self) -> bool:
+        """Whether it has slid out."""
+        return self._slid_mm >= LOST_MM
+
+    def hold(self, opening_mm: float, pull_n: float, since_s: float) -> Hold:
+        """How it is held at an opening and a pull, `since_s` after the last time that this was asked."""
+        squeezed_mm = self._gripped.width_mm - opening_mm
+        if self.lost or squeezed_mm <= 0:
+            gap_mm = -1.0 if self.lost else squeezed_mm / 2
+            return Hold(0.0, (gap_mm, gap_mm), 0.0, self._slid_mm, False)
+        normal_n = float(np.interp(squeezed_mm, self._depths_mm.sum(axis=0), self._forces_n))
+        depths = tuple(float(np.interp(normal_n, self._forces_n, each)) for each in self._depths_mm)
+        stiffness = [each.stiffness_n_mm(depth) for each, depth in zip(self._fingers, depths, strict=True)]
+        stuck_mm = self._gripped.friction * normal_n / max(stiffness)
+        wanted_mm = pull_n / sum(stiffness)
+        slips = wanted_mm > stuck_mm
+        self._slid_mm += SLIDES_MM_S * since_s * slips
+        return Hold(normal_n, (depths[0], depths[1]), min(wanted_mm, stuck_mm), self._slid_mm, slips)
+
+
+def touches(hold: Hold, along: Sequence[tuple[float, float]]) -> list[Press]:
+    """What shapes the gel of each finger, by the direction (x, y) of the pull along its surface."""
+    return [
+        Press(hold.slid_mm * x, hold.slid_mm * y, depth_mm, shift_mm=(hold.drag_mm * x, hold.drag_mm * y))
+        for depth_mm, (x, y) in zip(hold.depth_mm, along, strict=True)
+    ]

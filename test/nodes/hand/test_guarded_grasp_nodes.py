@@ -1,0 +1,143 @@
+"""The guarded grasp with its simulated gripper, as nodes on one bus; forces are told here as gels and models would."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactile_nodes import conversions
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.runtime import run_until
+from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.clock import NS_PER_S, monotonic_s
+from tactile_nodes.emulators.gripper import finger_of
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.messages import types
+from tactile_nodes.messages.services import TRIGGER
+from tactile_nodes.nodes.hand.guarded_grasp import GuardedGraspNode
+from tactile_nodes.nodes.hand.simulated_gripper import SimulatedGripperNode
+from tactile_nodes.pipeline.hand_forces import HandForces
+from tactile_nodes.sensors import load_hand
+from tactile_nodes.simulation.gripping import Finger
+from tactile_nodes.simulation.optics import Press
+
+PATIENCE_S = 60.0
+SIGMA_N = 0.005
+HAND = load_hand('gripping_fingers')
+
+
+class Feeling:
+    """In the place of cameras and models: the force of each touch that the gripper tells, and their sum."""
+
+    def __init__(self, bus: InProcessBus, finger: Finger) -> None:
+        self._finger = finger
+        self._forces = HandForces(HAND)
+        self._held = {
+            name: bus.subscribe(f'/{name}/held', topics.HELD.type_name, Qos('latest', 1)) for name in HAND.names
+        }
+        force, wrench = topics.FORCE_DISTRIBUTION, topics.HAND_WRENCH
+        self._out = {name: bus.advertise(f'/{name}/{force.name}', force.type_name, force.qos) for name in HAND.names}
+        self._sum = bus.advertise(f'/{wrench.name}', wrench.type_name, wrench.qos)
+        self._clock = bus.clock
+
+    def tell(self) -> None:
+        now_ns = self._clock.now_ns()
+        for name, end in self._held.items():
+            if (received := end.take()) is not None:
+                force = self._of(now_ns, conversions.press_of(received.message)[1])
+                self._out[name].publish(force)
+                for each in self._forces.add(name, force):
+                    self._sum.publish(each)
+
+    def _of(self, now_ns: int, press: Press) -> types.ForceDistribution:
+        normal_n = self._finger.force_n(press.depth_mm)
+        x_n, y_n = (self._finger.drag_n(press.depth_mm, each) for each in press.shift_mm)
+        touched = [types.Contact(force=normal_n, shear_x=x_n, shear_y=y_n)] if normal_n else []
+        return types.ForceDistribution(
+            header=conversions.header(now_ns, 'x'), rows=1, cols=1, normal_force=np.array([normal_n], np.float32),
+            total=normal_n, in_contact=bool(touched), contacts=touched,
+            wrench=types.Wrench(force=types.Vector3(x=x_n, y=y_n, z=-normal_n)),
+            wrench_covariance=np.eye(6).reshape(-1) * SIGMA_N**2,
+        )  # fmt: skip
+
+
+class Loop:
+    """Gripper and grasp at work; `go_on` lets them feel until a condition holds."""
+
+    def __init__(self, finger: Finger, *words: str) -> None:
+        self.bus = InProcessBus()
+        arguments = parse_arguments(['--ros-args', *(part for word in words for part in ('-p', word))])
+        self.gripper, self.grasp = SimulatedGripperNode(self.bus, arguments), GuardedGraspNode(self.bus, arguments)
+        command = topics.GRIPPER_COMMAND
+        self._commands = self.bus.subscribe(f'/{command.name}', command.type_name, Qos('queue', 10_000))
+        self._feeling = Feeling(self.bus, finger)
+        self.commands_mm: list[float] = []
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=run_until, args=([self.gripper, self.grasp], self._done))
+
+    def __enter__(self) -> Loop:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._done.set()
+        self._thread.join()
+        self.bus.close()
+
+    def go_on(self, until: Callable[[], object]) -> None:
+        deadline_s = monotonic_s() + PATIENCE_S
+        while not until():
+            assert monotonic_s() < deadline_s
+            self._feeling.tell()
+            while (received := self._commands.take()) is not None:
+                self.commands_mm.append(received.message.data * 1e3)
+            self.bus.clock.sleep_until(self.bus.clock.now_ns() + NS_PER_S // 100)
+
+    def said(self) -> str:
+        told = [each for each in self.grasp.diagnostics.message(0).status if each.name.endswith('grasp')]
+        return ' '.join(str(entry.message) for entry in told)
+
+
+@pytest.fixture(scope='module')
+def finger() -> Finger:
+    return finger_of(HAND.sensors[0])
+
+
+def test_object_is_held_while_it_is_pulled_and_let_go_at_the_end(finger: Finger) -> None:
+    pulled = 'pull_n:=0.4', 'pull_after_s:=0.3', 'pull_n_s:=1.0'
+    with Loop(finger, 'object_mm:=47.0', 'grasp.hold_s:=2.0', *pulled) as loop:
+        loop.go_on(lambda: 'held for' in loop.said())
+        loop.go_on(lambda: loop.commands_mm[-1:] == [pytest.approx(50.0)])  # as far open as at first
+        assert loop.grasp.failure is None
+        assert min(loop.commands_mm) < 47.0
+        # 0.2 N on each side; with the hand's friction of 0.8 a margin of 0.4 asks for 0.42 N.
+        last_n = float(re.search(r'([0-9.]+) N in the end', loop.said())[1])  # type: ignore[index]
+        assert last_n == pytest.approx(0.42, abs=0.05)
+
+
+def test_grasp_that_finds_nothing_ends_with_a_sentence_and_the_status_of_a_failure(finger: Finger) -> None:
+    with Loop(finger, 'object_mm:=10.0', 'open_mm:=40.0', 'grasp.least_mm:=37.0') as loop:
+        loop.go_on(lambda: loop.grasp.failure is not None)
+        assert str(loop.grasp.failure).startswith('nothing was felt down to an opening of 3')
+
+
+def test_stopping_leaves_the_gripper_as_it_is(finger: Finger) -> None:
+    with Loop(finger, 'object_mm:=47.0') as loop:
+        loop.go_on(lambda: loop.said() == 'holding')
+        told = loop.bus.call('/guarded_grasp/stop', TRIGGER, types.Trigger_Request(), 5.0)
+        assert told.message == 'the grasp ends, and the gripper stays as it is'
+        loop.go_on(lambda: loop.said() == 'stopped on request; the gripper stays as it is')
+        assert loop.commands_mm[-1] < 47.0
+
+
+def test_hand_of_one_finger_is_no_gripper(tmp_path: Path) -> None:
+    (tmp_path / 'one.yaml').write_text('frame: hand\nsensors: [{name: left}]\n')
+    with pytest.raises(ConfigurationError, match=r'a gripper has two fingers; .*one.yaml has 1'):
+        SimulatedGripperNode(InProcessBus(), parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/one.yaml']))
