@@ -15,75 +15,52 @@ from tactile_nodes.sensing.grasp import grasp_margin, moved_wrench
 from tactile_nodes.sensors import Hand, HandSensor
 
 PATIENCE = 3
-"""Sums in a row that a sensor may be missing from before it is awaited no longer: forces may be late by a frame."""
-MOST_AHEAD = 600
-"""Forces of one sensor that wait for another in a replay: ten seconds at 60 a second."""
+"""Frames that one sensor may be behind another, live: forces are late by one or two on a busy machine."""
+REPLAYED = 600
+"""The same in a replay, where one may run ahead: ten seconds at 60 a second."""
 _UNKNOWN = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
 
 
 class HandForces:
-    """Gathers a force of each sensor. A sum is made as soon as all are there that were there lately.
+    """Sums forces that were captured within a frame time: a sum waits for all sensors, of which some may be late.
 
-    So a sensor that falls silent delays a few sums, by a frame each, and then no more; one that comes back is in the
-    sum again at once.
+    For one that says nothing while another is more than `patience` frames ahead sums wait no longer, until it speaks
+    again. So what is summed does not depend on who is ahead.
     """
 
-    def __init__(self, hand: Hand) -> None:
+    def __init__(self, hand: Hand, patience: int = PATIENCE) -> None:
         self._hand = hand
+        self._patience = patience
         self._frame_ns = round(NS_PER_S / hand.fps)
-        self._gathered: dict[str, Any] = {}
-        self._missed = dict.fromkeys(hand.names, 0)
+        self._waiting: dict[str, deque[types.ForceDistribution]] = {name: deque() for name in hand.names}
+        self._silent: set[str] = set()
         self._newest_ns = 0
 
     def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
         """A force of the sensor `name`; the sums that are due by it, mostly one or none."""
-        captured_ns = stamp_ns(force.header.stamp)
-        if captured_ns <= self._newest_ns - self._frame_ns:
+        if stamp_ns(force.header.stamp) <= self._newest_ns - self._frame_ns:
             return []  # what was captured with it has been summed long ago
-        due = []
-        if self._gathered and (name in self._gathered or not self._belongs(captured_ns)):
-            due.append(self._sum())
-        self._gathered[name] = force
-        if all(each in self._gathered or missed >= PATIENCE for each, missed in self._missed.items()):
-            due.append(self._sum())
-        return due
-
-    def _belongs(self, captured_ns: int) -> bool:
-        stamps = [captured_ns, *(stamp_ns(each.header.stamp) for each in self._gathered.values())]
-        return max(stamps) - min(stamps) <= self._frame_ns
-
-    def _sum(self) -> types.HandWrench:
-        gathered, self._gathered = self._gathered, {}
-        self._missed = {each: 0 if each in gathered else missed + 1 for each, missed in self._missed.items()}
-        self._newest_ns = max(stamp_ns(each.header.stamp) for each in gathered.values())
-        return summed(self._hand, gathered, self._newest_ns)
-
-
-class ReplayedForces:
-    """The same of forces that a replay brings: in order for each sensor, but one sensor may run ahead of another.
-
-    A sum waits for all sensors, so it does not depend on who is ahead; for one that says nothing for `MOST_AHEAD`
-    forces of another, as it is not in the bag, no longer.
-    """
-
-    def __init__(self, hand: Hand) -> None:
-        self._hand = hand
-        self._frame_ns = round(NS_PER_S / hand.fps)
-        self._waiting: dict[str, deque[types.ForceDistribution]] = {name: deque() for name in hand.names}
-
-    def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
-        """A force of the sensor `name`; the sums that are due by it."""
         self._waiting[name].append(force)
+        self._silent.discard(name)
         due = []
-        while all(self._waiting.values()) or any(len(each) > MOST_AHEAD for each in self._waiting.values()):
+        while self._is_due():
             due.append(self._sum())
         return due
+
+    def _is_due(self) -> bool:
+        longest = max(map(len, self._waiting.values()))
+        lacking = {name for name, forces in self._waiting.items() if not forces} - self._silent
+        if lacking and longest > self._patience:
+            self._silent |= lacking
+            return True
+        return longest > 0 and not lacking
 
     def _sum(self) -> types.HandWrench:
         first = {name: stamp_ns(each[0].header.stamp) for name, each in self._waiting.items() if each}
         together = {name: at_ns for name, at_ns in first.items() if at_ns <= min(first.values()) + self._frame_ns}
         forces = {name: self._waiting[name].popleft() for name in together}
-        return summed(self._hand, forces, max(together.values()))
+        self._newest_ns = max(together.values())
+        return summed(self._hand, forces, self._newest_ns)
 
 
 def summed(hand: Hand, forces: dict[str, types.ForceDistribution], at_ns: int) -> types.HandWrench:

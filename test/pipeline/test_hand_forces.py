@@ -9,7 +9,7 @@ import pytest
 
 from tactile_nodes import conversions
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.pipeline.hand_forces import MOST_AHEAD, HandForces, ReplayedForces
+from tactile_nodes.pipeline.hand_forces import REPLAYED, HandForces
 from tactile_nodes.sensors import Hand, HandSensor, Mounting
 
 MS = 1_000_000
@@ -88,21 +88,28 @@ def test_without_friction_the_larger_slip_share_goes_first() -> None:
     assert math.isnan(made.margins[0].margin)
 
 
-def test_a_sensor_that_falls_silent_delays_three_sums_by_a_frame_and_then_no_more() -> None:
+def test_a_sensor_that_falls_silent_is_awaited_for_three_frames_and_then_no_more() -> None:
     forces = HandForces(HAND)
     sums(forces, ('left', pressed(0, 1.0)), ('right', pressed(8, 1.0)))
     made = [sums(forces, ('left', pressed(16.7 * frame, 1.0))) for frame in range(1, 7)]
     stamps = [[round((stamp_ns(each.header.stamp) - START) / MS, 1) for each in due] for due in made]
-    assert stamps == [[], [16.7], [33.4], [50.1, 66.8], [83.5], [100.2]]
+    assert stamps == [[], [], [], [16.7, 33.4, 50.1, 66.8], [83.5], [100.2]]
     assert {tuple(each.missing) for due in made for each in due} == {('right',)}
 
 
-def test_a_force_that_is_late_once_costs_one_sum_and_not_those_after_it() -> None:
-    # The second of the right finger comes only after the third of the left one.
+def test_a_force_that_is_late_by_a_frame_or_two_is_in_its_sum() -> None:
+    # The second of the right finger comes only after the fourth of the left one.
     forces = HandForces(HAND)
-    order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('right', 25), ('right', 42), ('left', 51)]
+    order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('left', 51), ('right', 25), ('right', 42)]
     made = sums(forces, *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
-    assert [each.missing for each in made] == [[], ['right'], [], []]
+    assert [round((stamp_ns(each.header.stamp) - START) / MS) for each in made] == [8, 25, 42]
+    assert [each.missing for each in made] == [[], [], []]
+
+
+def test_a_picture_that_was_lost_is_missing_from_its_own_sum_alone() -> None:
+    order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('right', 42)]
+    made = sums(HandForces(HAND), *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
+    assert [each.missing for each in made] == [[], ['right'], []]
 
 
 def test_a_sensor_that_is_back_is_in_the_sum_again() -> None:
@@ -143,7 +150,7 @@ def test_sums_of_a_replay_are_those_of_the_live_run_whichever_sensor_runs_ahead(
     right = [('right', pressed(17 * number + 3, 2.0 + number)) for number in range(8)]
     live = sums(HandForces(HAND), *(each for pair in zip(left, right, strict=True) for each in pair))
     for order in (left + right, right + left, left[:5] + right[:2] + left[5:] + right[2:]):
-        found = sums(ReplayedForces(HAND), *order)
+        found = sums(HandForces(HAND, REPLAYED), *order)
         assert [(stamp_ns(each.header.stamp), each.wrench.force.y) for each in found] == [
             (stamp_ns(each.header.stamp), each.wrench.force.y) for each in live
         ]
@@ -153,11 +160,12 @@ def test_sums_of_a_replay_are_those_of_the_live_run_whichever_sensor_runs_ahead(
 def test_a_picture_that_one_sensor_lost_is_summed_without_it_in_a_replay() -> None:
     left = [('left', pressed(17 * number, 1.0)) for number in range(4)]
     right = [('right', pressed(17 * number + 3, 2.0)) for number in (0, 1, 3)]
-    found = sums(ReplayedForces(HAND), *left, *right)
+    found = sums(HandForces(HAND, REPLAYED), *left, *right)
     assert [each.missing for each in found] == [[], [], ['right'], []]
 
 
 def test_a_replay_waits_for_no_sensor_that_is_not_in_the_bag() -> None:
-    found = sums(ReplayedForces(HAND), *(('left', pressed(17 * number, 1.0)) for number in range(MOST_AHEAD + 3)))
-    assert len(found) == 3
+    found = sums(HandForces(HAND, REPLAYED), *(('left', pressed(17 * number, 1.0)) for number in range(REPLAYED + 3)))
+    assert len(found) == REPLAYED + 3
+    assert all(each.missing == ['right'] for each in found)
     assert found[0].missing == ['right']

@@ -19,7 +19,7 @@ from tactile_nodes.bus.protocol import Bus, Qos, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
-from tactile_nodes.pipeline.hand_forces import HandForces, ReplayedForces
+from tactile_nodes.pipeline.hand_forces import PATIENCE, REPLAYED, HandForces
 from tactile_nodes.sensors import load_hand
 from tactile_nodes.viewing import force_shapes
 
@@ -48,7 +48,7 @@ class HandWrenchNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._hand = load_hand(self.params.hand)
-        self._forces = ReplayedForces(self._hand) if self.params.replay else HandForces(self._hand)
+        self._forces = HandForces(self._hand, REPLAYED if self.params.replay else PATIENCE)
         self._last: types.HandWrench | None = None
         self._sums = self._told = 0
         self._wrench = self.create_publisher(topics.HAND_WRENCH)
