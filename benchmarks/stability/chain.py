@@ -14,7 +14,6 @@ from functools import cache
 import numpy as np
 
 from tactile_nodes import conversions
-from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.drift_monitor import DriftMonitorParams
 from tactile_nodes.pipeline.drifting import Calibrated, Told, usable
@@ -42,20 +41,17 @@ class Watching:
         )
         self._monitor = DriftMonitor(self._calibrated.limits)
         self._monitor.use_calibration(self._calibrated.picture())
-        self._looked_ns: int | None = None
         self._stamps = Told()
 
     def rest(self, stamp_ns: int, picture: np.ndarray) -> tuple[int, int]:
         """Take a new rest image; from which stamp on forces carry which reasons."""
         self._monitor.rest(picture)
-        self._looked_ns = 0
         return self._told(stamp_ns, of_rest=True)
 
     def look(self, stamp_ns: int, picture: np.ndarray, taken_out: PictureMotion | None) -> tuple[int, int] | None:
         """The same of a frame, if it is time to look at one again."""
-        if self._looked_ns is None or 0 <= stamp_ns - self._looked_ns < CHECK_S * NS_PER_S:
+        if not self._monitor.is_due(stamp_ns, CHECK_S):
             return None
-        self._looked_ns = stamp_ns
         self._monitor.frame(stamp_ns, picture, taken_out)
         return self._told(stamp_ns)
 

@@ -43,7 +43,9 @@ class DriftMonitorParams(NodeParams):
     source: str = parameter(
         '', 'the source of the camera; the simulated gel stands in only if it is `simulated`', read_only=True
     )
-    check_s: float = parameter(2.0, 'time between two pictures that are looked at', minimum=0.05)
+    check_s: float = parameter(
+        2.0, 'time between two pictures that are looked at; a quarter of it while something seems wrong', minimum=0.05
+    )
     force_topic: str = parameter(
         '', 'topic of an independent force sensor (WrenchStamped); empty: none', read_only=True
     )
@@ -61,7 +63,6 @@ class DriftMonitorNode(Node):
         self._calibrated = Calibrated(self.params.model, simulated=self.params.source == 'simulated')
         self._monitor = DriftMonitor(self._calibrated.limits)
         self._states, self._told = self.create_publisher(topics.CALIBRATION_STATE), Told()
-        self._looked_ns = 0
         self._reference_id = ''
         self._gels, self._kept, self._kept_ns = GelList(), ('', 0, 0), 0
         self._rest_shape: tuple[int, ...] = ()
@@ -97,8 +98,7 @@ class DriftMonitorNode(Node):
 
     def _on_image(self, received: Received) -> None:
         at_ns = stamp_ns(received.message.header.stamp)
-        if self._reference_id and not 0 <= at_ns - self._looked_ns < self.params.check_s * NS_PER_S:
-            self._looked_ns = at_ns
+        if self._monitor.is_due(at_ns, self.params.check_s):
             self._monitor.frame(at_ns, self._cut(received.message), self._taken_out)
             self._tell(at_ns)
 

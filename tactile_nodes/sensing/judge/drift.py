@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensing.judge.drift_alarm import Alarm, Level
+from tactile_nodes.sensing.judge.drift_alarm import NS_PER_S, Alarm, Level
 from tactile_nodes.sensing.judge.drift_verdict import Reason, Verdict
 from tactile_nodes.sensing.judge.force_check import (
     ContactFrames,
@@ -32,6 +32,10 @@ from tactile_nodes.sensing.picture.quality import FAINT_LIGHT, FAR_LIGHT
 from tactile_nodes.sensing.picture.rolling_bands import RollingBands
 
 STANDARD_GRAVITY = 9.80665
+SOONER = 0.25
+"""Of the time between two looks, while something seems wrong."""
+STRAIGHT_PX = 0.1
+"""What is taken out of a picture by less is no reason not to look for dead pixels in it: most often it is chance."""
 PLAIN_CONTRAST = 0.3
 """A picture with less of its contrast is dim or covered; one with more that is not found again shows something else."""
 
@@ -89,13 +93,14 @@ class DriftMonitor:
         self._calibration: PictureComparison | None = None
         self._last_rest: np.ndarray | None = None
         self._bands: RollingBands | None = None
-        self._dead = DeadPixels(looks=1)
+        self._dead = DeadPixels(looks=1, seldom=1)
         self._since_rest: PictureChange | None = None
         self._since_calibration: PictureChange | None = None
         self._splitter, self._comparison = ContactSplitter(), ForceComparison()
         self._unlike_contacts, self._scale = UnlikeContacts(), Scale()
         self._ratio: ForceRatio | None = None
         self._quiet_ns: int | None = None
+        self._looked_ns = 0
         self._is_calibrated = True
 
     def use_calibration(self, picture: UInt8[np.ndarray, 'h w'] | None, *, calibrated: bool = True) -> None:
@@ -130,6 +135,18 @@ class DriftMonitor:
         self._dead.beside(self._last_rest)
         self._compare_rest(picture)
 
+    def is_due(self, stamp_ns: int, every_s: float) -> bool:
+        """Whether to look at a picture again; while something seems wrong four times as often.
+
+        So what is wrong is told soon, and so is that it is over, and a gel that is pressed is seen at rest meanwhile.
+        """
+        alarms = self._moved, self._light, self._lost, self._other
+        share = SOONER if any(each.suspects for each in alarms) else 1.0
+        if self._rest is None or 0 <= stamp_ns - self._looked_ns < share * every_s * NS_PER_S:
+            return False
+        self._looked_ns = stamp_ns
+        return True
+
     def frame(self, stamp_ns: int, picture: UInt8[np.ndarray, 'h w'], taken_out: PictureMotion | None = None) -> None:
         """Take a picture of the gel, touched or not, now and then; nothing before there is a rest image.
 
@@ -138,7 +155,7 @@ class DriftMonitor:
         """
         if self._rest is None or self._last_rest is None:
             return
-        picture = self._without_dead(picture, self._rest, straight=taken_out is None)
+        picture = self._without_dead(picture, self._rest, straight=taken_out is None or _is_small(taken_out))
         if taken_out is not None and picture.shape == self._last_rest.shape:
             picture = Straightening(taken_out, picture.shape)(picture, self._last_rest)
         if self._bands is not None and picture.shape == self._last_rest.shape:
@@ -250,6 +267,11 @@ class DriftMonitor:
     def _take(self, ratio: ForceRatio) -> None:
         self._ratio = ratio
         self._force.set(ratio.off)
+
+
+def _is_small(motion: PictureMotion) -> bool:
+    """Whether pixels lie where they lay in the rest image, to within what their greys show."""
+    return max(map(abs, motion.terms)) < STRAIGHT_PX
 
 
 def _darker(contrast: float) -> float:

@@ -59,6 +59,11 @@ class Alarm:
         if len(self._values) >= LEAST_VALUES and span_s >= LEAST_S:
             self.set(float(np.median([each for _, each in self._values])))
 
+    @property
+    def suspects(self) -> bool:
+        """Whether the last value alone is beyond the limit, or the level says so."""
+        return self.level > Level.VALID or (bool(self._values) and self._values[-1][1] >= self.limits[0])
+
     def set(self, value: float) -> None:
         """Take a number that needs no more of its kind, such as the mean of many."""
         self.value = value

@@ -88,10 +88,13 @@ class Filling:
 
 
 class DeadPixels:
-    """Keeps which pixels are dead beside one rest image, and fills them in; `looks` tell that they are."""
+    """Keeps which pixels are dead beside one rest image, and fills them in; `looks` tell that they are.
 
-    def __init__(self, looks: int = SEEN) -> None:
-        self._needed = looks
+    After looks in vain one in `seldom` frames is looked at.
+    """
+
+    def __init__(self, looks: int = SEEN, seldom: int = SELDOM) -> None:
+        self._needed, self._seldom = looks, seldom
         self._rest: np.ndarray | None = None
         self._filling: Filling | None = None
         self._greys = np.zeros(0, np.uint8)
@@ -142,7 +145,7 @@ class DeadPixels:
         the pixels that are off, in some frames, are they dead.
         """
         self._looks += 1
-        if self._rest is None or (self._looks > IN_VAIN and self._looks % SELDOM):
+        if self._rest is None or (self._looks > IN_VAIN and self._looks % self._seldom):
             return False
         off = _off(image, self._rest)
         if not 0 < np.count_nonzero(off) <= MOST_SHARE * off.size or around(off)[off].min() < LEAST_AROUND:

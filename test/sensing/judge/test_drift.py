@@ -244,3 +244,38 @@ def test_a_wavering_picture_does_not_flap(monitor: DriftMonitor) -> None:
         monitor.change(number * S // 2, dataclasses.replace(NOTHING, size_px=size_px))
         levels.append(monitor.verdict.level)
     assert sum(one != other for one, other in pairwise(levels)) == 1
+
+
+def test_while_something_seems_wrong_it_looks_four_times_as_often(monitor: DriftMonitor, plain: Seen) -> None:
+    untouched, moved = plain.picture(), knocked(0.3).picture()
+
+    def looked_s(picture: np.ndarray, begin_s: float) -> list[float]:
+        found = []
+        for number in range(61):
+            at_s = begin_s + 0.1 * number
+            if monitor.is_due(round(at_s * S), 2.0):
+                monitor.frame(round(at_s * S), picture)
+                found.append(round(at_s - begin_s, 1))
+        return found
+
+    assert looked_s(untouched, 100.0) == [0.0, 2.0, 4.0, 6.0]
+    assert looked_s(moved, 108.0) == [0.0, *(round(0.5 * number, 1) for number in range(1, 13))]
+    assert monitor.verdict.level is Level.INVALID
+    # The fault is over: one look tells, and the next may wait again.
+    assert looked_s(untouched, 114.5) == [0.0, 2.0, 4.0, 6.0]
+    assert monitor.verdict.level is Level.VALID
+
+
+def test_dead_pixels_are_found_however_late_the_gel_is_let_go(monitor: DriftMonitor, plain: Seen) -> None:
+    stuck = np.random.default_rng(3).random(plain.picture().shape) < 0.05
+
+    def seen(presses: tuple[Press, ...], seed: int) -> np.ndarray:
+        return np.where(stuck, np.uint8(255), plain.picture(presses, seed))
+
+    for number in range(20):
+        monitor.frame(number * S // 2, seen(PRESSED, number))
+    assert monitor.verdict.reasons == Reason.LOST_REGIONS
+    monitor.frame(10 * S, seen((), 30))
+    assert monitor.verdict.level is Level.VALID
+    monitor.frame(11 * S, seen(PRESSED, 31))  # and while it is pressed again
+    assert monitor.verdict.level is Level.VALID
