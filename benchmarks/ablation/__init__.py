@@ -64,6 +64,7 @@ BENCHMARK = Benchmark(
     measure=measure,
     cases=tuple(BY_NAME),
     in_parts=True,
+    tasks=True,
     example="""\
 examples:
   tactile bench ablation --only 'dead pixels'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from benchmarks.harness.declaration import Benchmark
 from tactile_nodes.errors import ConfigurationError
 
-NOT_TOLD = 'help', 'redraw'
+NOT_TOLD = 'help', 'redraw', 'processes', 'on'
 
 
 def parser_of(benchmark: Benchmark) -> argparse.ArgumentParser:
@@ -34,6 +35,17 @@ def fill(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
     if benchmark.quick:
         parser.add_argument(
             '--quick', action='store_true', help='little of it, to see that it runs; too little to quote'
+        )
+    if benchmark.tasks:
+        parser.add_argument(
+            '--processes', type=int, default=len(os.sched_getaffinity(0)), metavar='N',
+            help='of this machine that work side by side (default: one a processor, %(default)s)',
+        )  # fmt: skip
+        parser.add_argument(
+            '--on',
+            default='',
+            metavar='tcp://HOST:8786',
+            help='work on a Dask cluster, started in this checkout with PYTHONPATH=. (docs/training.md)',
         )
     _add_files(parser, benchmark)
     parser.epilog = benchmark.example or f'example: tactile bench {benchmark.name}'

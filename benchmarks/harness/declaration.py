@@ -80,6 +80,8 @@ class Benchmark:
         page: what is printed; unless `by_hand` also the page beside the JSON file, in Markdown.
         measure: of the arguments to a result. Of a benchmark `in_parts` that of one case, and each part is measured,
             kept and dated by itself.
+        tasks: its parts are tasks, for processes of this machine (``--processes``) or a cluster (``--on``): the cases
+            of a benchmark `in_parts`, else those that it gives to `Run.parts`.
         arguments: those that no other benchmark has; cases: what ``--only`` chooses from.
         seed, quick: whether it takes ``--seed`` (and what it is by default) and ``--quick``.
         draw: writes charts into a folder; their names begin with that of the result.
@@ -101,6 +103,7 @@ class Benchmark:
     arguments: tuple[Argument, ...] = ()
     cases: tuple[str, ...] = ()
     in_parts: bool = False
+    tasks: bool = False
     seed: int | None = None
     quick: bool = False
     draw: Callable[[Told, Path, str], None] | None = None

@@ -33,14 +33,26 @@ class Parts:
 
     def get(self, name: str, make: Callable[[], Any]) -> Any:
         """A part as JSON holds it: the one that was kept, or a new one."""
-        file = None if self._folder is None else self._folder / f'{_file_name(name)}.json'
-        if file is not None and file.is_file():
-            self.found += 1
-            return json.loads(file.read_text(encoding='utf-8'))
-        text = json.dumps(make())
+        kept = self.kept(name)
+        return self.keep(name, make()) if kept is None else kept
+
+    def kept(self, name: str) -> Any:
+        """A part that was kept; None: it is to be measured."""
+        file = self._file(name)
+        if file is None or not file.is_file():
+            return None
+        self.found += 1
+        return json.loads(file.read_text(encoding='utf-8'))
+
+    def keep(self, name: str, measured: Any) -> Any:
+        """Keep a part; it is returned as JSON holds it."""
+        text, file = json.dumps(measured), self._file(name)
         if file is not None:
             write_whole(file, text.encode())
         return json.loads(text)
+
+    def _file(self, name: str) -> Path | None:
+        return None if self._folder is None else self._folder / f'{_file_name(name)}.json'
 
     def forget(self) -> None:
         """All is done."""

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness.command import check, command_of, parser_of
+from benchmarks.harness.command import NOT_TOLD, check, command_of, parser_of
 from benchmarks.harness.declaration import Benchmark, Result
 from benchmarks.harness.parts import Parts
 from benchmarks.harness.report import surroundings
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress, TerminalProgress
+from tactile_nodes.learning.tasks import Job, done, on_cluster
 
 NOTES = '## Notes'
 
@@ -35,7 +36,8 @@ class Run:
         self.cases: tuple[str, ...] = tuple(chosen or benchmark.cases)
         self.folder, self.name = _place(benchmark, arguments)
         self.about = {} if benchmark.in_parts else surroundings(self.command)
-        told = {key: value for key, value in vars(arguments).items() if key != 'output'}
+        told = {key: value for key, value in vars(arguments).items() if key not in {'output', *NOT_TOLD}}
+        self._processes: int = getattr(arguments, 'processes', 1)
         self._parts = Parts.of(benchmark.name, told)
 
     def part(self, name: str, make: Callable[[], Any]) -> Any:
@@ -45,6 +47,27 @@ class Run:
         if self._parts.found > before:
             self.progress.say(f'{name}: as it was measured before the run was ended')
         return found
+
+    def parts(self, make: Callable[[Job], Any], jobs: Mapping[str, Job], title: str) -> dict[str, Any]:
+        """The same of many that are tasks: `make` is given each job, in another process or on another machine."""
+        found = {name: kept for name in jobs if (kept := self._parts.kept(name)) is not None}
+        missing = [name for name in jobs if name not in found]
+        with self.progress.bar(title, len(jobs)) as bar:
+            bar.advance(len(found))
+            for number, measured in done(make, [jobs[name] for name in missing], self._processes) if missing else ():
+                found[missing[number]] = self._parts.keep(missing[number], measured)
+                bar.advance(1, missing[number])
+        return {name: found[name] for name in jobs}
+
+    def cases_of(self, jobs: Sequence[tuple[Benchmark, argparse.Namespace]]) -> Iterator[tuple[int, Result]]:
+        """Each case as it is measured, with its number: one after another here, or as tasks."""
+        if not self.benchmark.tasks:
+            yield from ((number, _case(job, self)) for number, job in enumerate(jobs))
+            return
+        with self.progress.bar(self.benchmark.name, len(jobs)) as bar:
+            for number, measured in done(_case, jobs, self._processes):
+                bar.advance(1, self.cases[number])
+                yield number, measured
 
     def earlier(self) -> Result:
         """The result that stands where this one goes.
@@ -73,7 +96,8 @@ def run(benchmark: Benchmark, arguments: argparse.Namespace) -> int:
     else:
         check(benchmark, arguments)
         running = Run(benchmark, arguments)
-        result = _measured(benchmark, arguments, running)
+        with on_cluster(getattr(arguments, 'on', '')):
+            result = _measured(benchmark, arguments, running)
         running.end()
     print(benchmark.page(result))
     return int(benchmark.failed(result))
@@ -83,12 +107,18 @@ def _measured(benchmark: Benchmark, arguments: argparse.Namespace, running: Run)
     if not benchmark.in_parts:
         return running.keep(benchmark.measure(arguments, running))
     result = running.earlier()
-    for case in running.cases:
-        chosen = argparse.Namespace(**{**vars(arguments), 'only': [case]})
-        about = surroundings(command_of(parser_of(benchmark), chosen, f'tactile bench {benchmark.name}'))
-        result[case] = {**about, **benchmark.measure(chosen, running)}
+    chosen = [argparse.Namespace(**{**vars(arguments), 'only': [case]}) for case in running.cases]
+    for number, measured in running.cases_of([(benchmark, each) for each in chosen]):
+        result[running.cases[number]] = measured
         running.keep(result)
     return result
+
+
+def _case(job: tuple[Benchmark, argparse.Namespace], running: Run | None = None) -> Result:
+    """One case of a benchmark in parts, and where it was measured; in another process without bars."""
+    benchmark, chosen = job
+    about = surroundings(command_of(parser_of(benchmark), chosen, f'tactile bench {benchmark.name}'))
+    return {**about, **benchmark.measure(chosen, running or Run(benchmark, chosen, Progress()))}
 
 
 def redraw(benchmark: Benchmark, file: Path) -> Result:

@@ -14,14 +14,14 @@ and the status of every message. Everything is simulation; docs/results/stabilit
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import partial
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import cv2
 
-from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Part, Result, argument, at_once
+from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
 from benchmarks.harness.running import Run
 from benchmarks.stability.cases import CASES, Case, named
 from benchmarks.stability.chain import Chain
@@ -31,74 +31,71 @@ from benchmarks.stability.plots import draw
 from benchmarks.stability.scores import Answer, Score, score
 from benchmarks.stability.stream import Change, Plan, World, force_n
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.progress import Bar, Progress
 
 PROFILES = ('paper', 'fast', 'field')
+Parts = Callable[[Callable[['Stream'], Any], Mapping[str, 'Stream'], str], dict[str, Any]]
 QUICK = Plan(presses=3, before=2, coming=6, after=12)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """The disturbances that were asked for."""
-    cv2.setNumThreads(1)
     cases = named(arguments.only) if arguments.only else list(CASES)
     if not cases:
         known = ', '.join(dict.fromkeys(each.family for each in CASES))
         raise ConfigurationError(f'no disturbance is called {arguments.only!r}; families are: {known}')
     plan = replace(QUICK if arguments.quick else Plan(), seed=arguments.seed)
-    return measure(
-        cases, arguments.profiles, plan, run.progress,
-        largest_only=arguments.quick, part=run.part,
-    )  # fmt: skip
+    return measure(cases, arguments.profiles, plan, run.parts, largest_only=arguments.quick)
 
 
 def measure(
-    cases: Sequence[Case],
-    profiles: Sequence[str],
-    plan: Plan,
-    progress: Progress,
-    *,
-    largest_only: bool = False,
-    part: Part = at_once,
+    cases: Sequence[Case], profiles: Sequence[str], plan: Plan, parts: Parts, *, largest_only: bool = False
 ) -> Result:
-    """All numbers of the page."""
-    world = World()
+    """All numbers of the page, of streams that `parts` has measured, as `Run.parts`."""
     levels = {case: case.levels[-1:] if largest_only else case.levels for case in cases}
-    read_by = partial(follow, world, profiles=profiles, plan=plan)
-    with progress.bar('disturbances', 1 + sum(map(len, levels.values()))) as bar:
-        undisturbed, floor = read_by(Change()), floor_n(world, Change(), plan)
-        bar.advance(1)
-        found = [
-            {'family': case.family, 'name': case.name, 'unit': case.unit, 'held_at': case.held_at,
-             'points': part(f'{case.family} {case.name} {case.unit}', partial(
-                 _points, case, levels[case], read_by, lambda change: floor_n(world, change, plan), bar
-             ))}
-            for case in cases
-        ]  # fmt: skip
+    jobs = {'undisturbed': Stream('', 0.0, tuple(profiles), plan)} | {
+        f'{case.key} {level:g}': Stream(case.key, float(level), tuple(profiles), plan)
+        for case in cases for level in levels[case]
+    }  # fmt: skip
+    found = parts(_followed, jobs, 'disturbances')
     return {
         'plan': asdict(plan),
         'profiles': list(profiles),
-        'undisturbed': {name: asdict(each) for name, each in undisturbed.items()},
-        'floor_n': floor,
-        'cases': found,
-    }
+        'undisturbed': found['undisturbed']['scores'],
+        'floor_n': found['undisturbed']['floor_n'],
+        'cases': [
+            {'family': case.family, 'name': case.name, 'unit': case.unit, 'held_at': case.held_at,
+             'points': [found[f'{case.key} {level:g}'] for level in levels[case]]}
+            for case in cases
+        ],
+    }  # fmt: skip
 
 
-def _points(
-    case: Case,
-    levels: Sequence[float],
-    read_by: Callable[[Change], dict[str, Score]],
-    floor_of: Callable[[Change], float],
-    bar: Bar,
-) -> list[dict[str, Any]]:
-    """One disturbance at each level."""
-    points: list[dict[str, Any]] = []
-    for level in levels:
-        change = case.at(level)
-        points.append({'level': level, 'scores': {name: asdict(each) for name, each in read_by(change).items()}})
-        if level in case.held_at:
-            points[-1]['floor_n'] = floor_of(change)
-        bar.advance(1, f'{case.name} {level:g} {case.unit}')
-    return points
+class Stream(NamedTuple):
+    """A disturbance, by its key, at a level; '' is none. A task of its own."""
+
+    case: str
+    level: float
+    profiles: tuple[str, ...]
+    plan: Plan
+
+
+def _followed(stream: Stream) -> dict[str, Any]:
+    """What each profile makes of a stream, and the least error that is possible where errors shall stay small."""
+    cv2.setNumThreads(1)
+    world = _world()
+    case = next((each for each in CASES if each.key == stream.case), None)
+    change = Change() if case is None else case.at(stream.level)
+    scores = follow(world, change, stream.profiles, stream.plan)
+    told: dict[str, Any] = {'level': stream.level, 'scores': {name: asdict(each) for name, each in scores.items()}}
+    if case is None or stream.level in case.held_at:
+        told['floor_n'] = floor_n(world, change, stream.plan)
+    return told
+
+
+@cache
+def _world() -> World:
+    """The gel that the models were made for, once for all streams of a process."""
+    return World()
 
 
 def follow(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, Score]:
@@ -129,6 +126,7 @@ BENCHMARK = Benchmark(
     draw=draw,
     seed=Plan.seed,
     quick=True,
+    tasks=True,
     files=('stability.json', 'stability.md', *(f'stability_{family.replace(" ", "_")}.png' for family in FAMILIES)),
     arguments=(
         argument('--only', metavar='NAME', help='only disturbances whose name holds this, or of this family'),

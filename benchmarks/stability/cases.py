@@ -45,6 +45,11 @@ class Case:
     change: Callable[[float], Change]
     held_at: tuple[float, ...] = ()
 
+    @property
+    def key(self) -> str:
+        """What names it among all."""
+        return f'{self.family} {self.name} {self.unit}'
+
     def at(self, level: float) -> Change:
         """What it does at a level."""
         return self.change(float(level))

@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tactile_nodes.cli import cluster
+
 if TYPE_CHECKING:
     from tactile_nodes.learning.evaluation.evaluate import Evaluation
 
@@ -48,13 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='also draw error maps and curves')
     parser.add_argument('--table', type=Path, metavar='FILE.csv', help='also write each sample, told beside true')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write the scores as JSON')
-
-    parser.add_argument(
-        '--on',
-        default='',
-        metavar='tcp://HOST:8786',
-        help='simulate on a Dask cluster (default: processes of this machine)',
-    )
+    cluster.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

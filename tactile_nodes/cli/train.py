@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tactile_nodes.cli import cluster
+
 if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig
 
@@ -51,13 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--compare', nargs='+', type=Path, metavar='RUN', help='compare folders of runs; train nothing')
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='with --compare: also draw their curves')
-
-    parser.add_argument(
-        '--on',
-        default='',
-        metavar='tcp://HOST:8786',
-        help='simulate on a Dask cluster (default: processes of this machine)',
-    )
+    cluster.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

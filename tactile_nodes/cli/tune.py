@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tactile_nodes.cli import cluster
+
 if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig
     from tactile_nodes.learning.tuning.search import RecordedSource, SimulatedSource
@@ -56,6 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='share of samples of the untouched gel, where the bags hold such images (default: 0.05)',
     )  # fmt: skip
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
+    cluster.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -64,6 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
+    from tactile_nodes.learning.tasks import on_cluster
     from tactile_nodes.learning.tuning.profile import said_of, table_of, write_profile
     from tactile_nodes.learning.tuning.search import RecordedSource, Wish, candidates, tune
     from tactile_nodes.paths import check_output
@@ -76,7 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_output(arguments.output)
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     source = _source(arguments)
-    tuned = tune(source, wish, progress, command, among)
+    with on_cluster(arguments.on):
+        tuned = tune(source, wish, progress, command, among)
     print(table_of(tuned).markdown())
     presses = None
     if isinstance(source, RecordedSource):

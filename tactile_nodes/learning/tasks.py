@@ -107,6 +107,13 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
         try:
             for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
                 yield futures[future], future.result()
+        except RuntimeError as error:
+            if 'deserialization' not in str(error):
+                raise
+            raise ConfigurationError(
+                f'the scheduler {scheduler} cannot import {make.__module__}; start it, and its workers, where that is: '
+                'for benchmarks in a checkout, with PYTHONPATH=.'
+            ) from error
         except (KilledWorker, CancelledError) as error:
             raise ConfigurationError(
                 f'the scheduler {scheduler} ended, or workers did so again and again in one task ({in_a_line(error)}); '

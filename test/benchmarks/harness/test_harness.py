@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 import os
 import subprocess
 from collections.abc import Mapping
@@ -22,6 +23,7 @@ from benchmarks.harness.report import in_turn, opening, quartiles
 from benchmarks.harness.running import Run, run
 from benchmarks.harness.workers import own_bus
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.progress import Progress
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -48,6 +50,10 @@ COUNTING = Benchmark(
         argument('--images', type=Path, help='of what'),
     ),
 )
+
+
+def case_told(arguments: argparse.Namespace, _: Run) -> dict[str, Any]:
+    return {'measured': arguments.only}
 
 
 def counted(words: list[str], benchmark: Benchmark = COUNTING) -> int:
@@ -162,6 +168,37 @@ def test_a_run_that_was_killed_goes_on_and_one_that_ended_begins_anew(tmp_path: 
     going_on.forget()
     assert Parts(tmp_path / 'parts').get('a 1', lambda: measured('a 1')) == ['a 1']
     assert made == ['a 1', 'a 2', 'a 3', 'a 1']
+
+
+ROOTS = Benchmark(
+    name='roots', about='Roots.', sources=(), page=lambda result: ' '.join(result['roots']), tasks=True,
+    measure=lambda _, run: {'roots': run.parts(math.sqrt, {'four': 4.0, 'nine': 9.0}, 'roots')},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize('processes', ['1', '2'])
+def test_tasks_give_the_same_whatever_the_number_of_processes(tmp_path: Path, processes: str) -> None:
+    assert counted(['--processes', processes, '-o', str(tmp_path)], ROOTS) == 0
+    result = json.loads((tmp_path / 'roots.json').read_text())
+    assert result['roots'] == {'four': 2.0, 'nine': 3.0}
+    assert 'processes' not in result['command']
+
+
+def test_tasks_that_were_done_before_a_kill_are_not_done_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = {'four': 2.5}
+    monkeypatch.setattr(Parts, 'kept', lambda _, name: kept.get(name))
+    arguments = parser_of(ROOTS).parse_args([])
+    assert ROOTS.measure(arguments, Run(ROOTS, arguments, Progress())) == {'roots': {'four': 2.5, 'nine': 3.0}}
+
+
+def test_cases_of_a_benchmark_in_parts_are_tasks_too(tmp_path: Path) -> None:
+    both = Benchmark(
+        name='both', about='Two parts.', sources=(), page=json.dumps, measure=case_told, cases=('one', 'two'),
+        in_parts=True, tasks=True,
+    )  # fmt: skip
+    assert counted(['--processes', '2', '-o', str(tmp_path)], both) == 0
+    result = json.loads((tmp_path / 'both.json').read_text())
+    assert [result[name]['measured'] for name in ('one', 'two')] == [['one'], ['two']]
 
 
 def test_parts_are_of_one_configuration_and_one_state_of_the_source(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as draw
 
 from benchmarks.harness.report import surroundings
-from benchmarks.stability import follow, measure, read
+from benchmarks.stability import Stream, follow, measure, read
 from benchmarks.stability.cases import CASES, Case, named
 from benchmarks.stability.floor import bound, floor_n, least_ratio
 from benchmarks.stability.page import page, picture_of
 from benchmarks.stability.plots import draw as draw_plots
 from benchmarks.stability.scores import OK
 from benchmarks.stability.stream import DURING, HELD, REST, Change, Plan, World
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation import disturbances as disturb
 
 ONE = Plan(presses=1, before=1, coming=4, rest=1, after=1)
@@ -38,12 +38,16 @@ def test_every_disturbance_grows_and_says_at_which_levels_it_shall_hold(case: Ca
     assert isinstance(case.at(case.levels[0]), Change)
 
 
+def in_turn(make: Callable[[Stream], Any], jobs: Mapping[str, Stream], _: str) -> dict[str, Any]:
+    return {name: make(job) for name, job in jobs.items()}
+
+
 @pytest.fixture(scope='module')
 def short() -> dict[str, Any]:
     """The bench of three disturbances, of one press each."""
     cases = [named('lost pixels')[0], named('all black')[0], dataclasses.replace(named('noise')[0], levels=(4,))]
     result = surroundings('tactile bench stability --quick')
-    return result | measure(cases, ['fast'], ONE, Progress(), largest_only=True)
+    return result | measure(cases, ['fast'], ONE, in_turn, largest_only=True)
 
 
 def test_short_form_tells_of_every_family_asked_for_on_page_and_plots(short: dict[str, Any], tmp_path: Path) -> None:

@@ -1,0 +1,13 @@
+"""The argument of verbs that simulate: where."""
+
+from __future__ import annotations
+
+import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """``--on``, for `tactile_nodes.learning.tasks.on_cluster`."""
+    parser.add_argument(
+        '--on', default='', metavar='tcp://HOST:8786',
+        help='simulate on a Dask cluster (default: processes of this machine)',
+    )  # fmt: skip
