@@ -62,7 +62,7 @@ def test_links_of_the_description_lead_to_files_that_exist_and_work_elsewhere(me
 def test_programs_claim_no_name_that_others_use(source: Path) -> None:
     (entries,) = source.parent.glob('*.egg-info/entry_points.txt')
     names = re.findall(r'^(\w+) = ', entries.read_text(), re.MULTILINE)
-    assert len(names) == 20
+    assert len(names) == 22
     assert [name for name in names if not name.startswith('tactile')] == []
 
 

@@ -70,5 +70,5 @@ def test_what_is_no_hand_is_refused(tmp_path: Path, text: str, said: str) -> Non
 
 
 def test_a_hand_that_is_not_there_is_told_beside_those_that_ship() -> None:
-    with pytest.raises(ConfigurationError, match=r"there is no hand 'three'.*: two_fingers"):
+    with pytest.raises(ConfigurationError, match=r"there is no hand 'three'.*: gripping_fingers, two_fingers"):
         load_hand('three')
