@@ -29,7 +29,8 @@ from tactile_nodes.simulation.optics import Press
 
 ELSEWHERE = re.compile(
     r'/dev/|rig:=real|my_rig|\bros2\b|rviz2|colcon|rosdep|/opt/ros|camera\.local|192\.168|0\.0\.0\.0|SUBNET|/robot/'
-    r'|^(pip|make|ruff|source|cd|mkdir|export|cp) |\bdask\b|\bssh\b|python -m pytest|TACTILE_ROS|NAME-OF|gel:=NAME|/data/|venv'
+    r'|^(pip|make|ruff|source|cd|mkdir|export|cp) |\bdask\b|\bssh\b|python -m pytest'
+    r'|TACTILE_ROS|NAME-OF|gel:=NAME|/data/|venv'
     r'|^tactile reference$|train run\.yaml|by_hand/|mine\.yaml|tcp://HOST'
 )
 """Devices, other machines, ROS 2, code that the reader writes, and what prepares or changes a checkout: CI runs
