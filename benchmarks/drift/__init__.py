@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 ABOUT = """\
 Where the monitor first says ageing and invalid, and how wrong the forces of that sensor are there. Seconds: from the
-change to the higher level, where changes come at once; a picture every two seconds is looked at."""
+change to the higher level, where changes come at once; a picture is looked at every two seconds, and
+every half second while something seems wrong."""
 NOTHING_WRONG = """\
 **Nothing wrong** for {hours:g} simulated hours of presses by tips, balls and punches, alone, in pairs and dragged
 ({pictures} pictures): {alarms} alarms, {alarmed_s:g} s of them. The largest motion told was {largest_px:.4f} px; of the

@@ -16,7 +16,7 @@ from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import centre_crop
-from tactile_nodes.sensing.judge.drift import DriftMonitor, Limits
+from tactile_nodes.sensing.judge.drift import SOONER, DriftMonitor, Limits
 from tactile_nodes.sensing.judge.drift_alarm import Level
 from tactile_nodes.sensing.judge.drift_verdict import Reason, Verdict
 from tactile_nodes.sensing.metrics import root_mean_square
@@ -27,8 +27,7 @@ from tactile_nodes.simulation.optics import Optics, Press
 
 NS_PER_S = 1_000_000_000
 PERIOD_S, WATCHED_S = DriftMonitorParams().check_s, 20
-"""A picture is looked at so often, as live; and for so long after a change."""
-"""Pictures a second that the monitor looks at, and how long it is given for each extent of a change."""
+"""A picture is looked at so often, as live, more often while something seems wrong; and for so long after a change."""
 SEED, REACH_MM, DEEPEST_MM = 3, 12.0, 2.0
 REST_FRAMES = 16
 CONTACT_HZ, INDEPENDENT_HZ, INDEPENDENT_NOISE_N, DELAY_S = 30, 200, 0.01, 0.01
@@ -177,11 +176,13 @@ class Bench:
     def watch(self, sensor: Sensor, for_s: float = WATCHED_S) -> float | None:
         """Let the monitor look for a while, half of it at presses; after how many seconds the level rose."""
         before, risen, bodies = self.monitor.verdict.level, None, self._effort.bodies
-        for number in range(round(for_s / PERIOD_S)):
-            presses = bodies[number // 8 % len(bodies)] if number % 4 >= 2 else ()
-            self.monitor.frame(self._at(number * PERIOD_S), sensor.picture(presses))
+        for at_s in np.arange(0.0, for_s, SOONER * PERIOD_S).tolist():
+            if not self.monitor.is_due(at_ns := self._at(at_s), PERIOD_S):
+                continue
+            presses = bodies[int(at_s // 16) % len(bodies)] if at_s % 8 >= 4 else ()
+            self.monitor.frame(at_ns, sensor.picture(presses))
             if risen is None and self.monitor.verdict.level > before:
-                risen = number * PERIOD_S
+                risen = at_s
         self._now_s += for_s
         return risen
 
