@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import bridges
-from benchmarks.bridges.network import network
+from benchmarks.bridges.network import Cable, network
 from benchmarks.harness.command import parser_of
 from benchmarks.harness.running import run
 from tactile_nodes.errors import ConfigurationError
@@ -17,8 +17,8 @@ from tactile_nodes.errors import ConfigurationError
 @pytest.fixture
 def two_hosts() -> None:
     try:
-        with network():
-            pass
+        with network() as made:
+            made.lay(Cable(mbit=100.0, loss_percent=1.0))  # needs tc and iptables
     except ConfigurationError as error:
         pytest.skip(str(error))
 
