@@ -64,7 +64,8 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
                 part = run.part(f'{each.name}, round {number + 1}', measure)
                 for kind, values in part.items():
                     found[each.name][kind].append(values)
-    run.about['versions'] |= {name: version(name) for name in ('eclipse-zenoh', 'cyclonedds')}
+    used = ['eclipse-zenoh', *(['cyclonedds'] if not arguments.no_dds else [])]
+    run.about['versions'] |= {name: version(name) for name in used}
     return {'rounds': arguments.rounds, 'seconds': arguments.seconds, 'contenders': found}
 
 

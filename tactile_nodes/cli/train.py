@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tactile_nodes.cli import cluster
+from tactile_nodes.cli.running import cluster
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig

@@ -12,7 +12,8 @@ from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors import HandSensor, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.gripping import Finger, Grip, Gripped, Hold
+from tactile_nodes.simulation.optics import Press
+from tactile_nodes.simulation.touch.gripping import Finger, Grip, Gripped, Hold
 
 WIDTHS_MM = 25.0, 45.0
 
@@ -86,6 +87,14 @@ def pull_along(sensor: HandSensor) -> tuple[float, float]:
     """
     x, y, _ = sensor.frame.parent_from_surface[2, :3].tolist()
     return x, y
+
+
+def touches(hold: Hold, along: Sequence[tuple[float, float]]) -> list[Press]:
+    """What shapes the gel of each finger, by the direction (x, y) of the pull along its surface."""
+    return [
+        Press(hold.slid_mm * x, hold.slid_mm * y, depth_mm, shift_mm=(hold.drag_mm * x, hold.drag_mm * y))
+        for depth_mm, (x, y) in zip(hold.depth_mm, along, strict=True)
+    ]
 
 
 def _within(value: float, most: float) -> float:

@@ -16,7 +16,7 @@ from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
-from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.bus.protocol import Bus, Graph, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors import load_hand
@@ -135,15 +135,15 @@ class LiveViewNode(Node):
             'page', Level.OK, f'{server.url}, {watching or "nobody"} watching', viewers=watching,
             turned_away=server.door.refused, refused=server.complaints.refused,
         )  # fmt: skip
+        graph = self.bus.graph() if watching else Graph()
         for each in self._sensors.values():
-            self._look_at(each)
+            self._look_at(each, graph.host_of(each.force_topic))
 
-    def _look_at(self, each: _Shown) -> None:
+    def _look_at(self, each: _Shown, host: str) -> None:
         watching = self.server.watching_of(each.name) > 0
         each.health.drain()
         if watching:
             each.scene.controls = each.controls.available()
-            host = self.bus.graph().host_of(each.force_topic)
             each.scene.host = host if host != platform.node() else ''
         if watching != each.watched:
             each.watched = watching

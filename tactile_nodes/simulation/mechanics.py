@@ -54,6 +54,10 @@ class ContactTable:
         root = max(force_n, 0.0) ** (1 / self._power)
         return float(np.interp(root, self._roots, self.depth_mm))
 
+    def contact_at(self, depth_mm: float) -> float:
+        """The radius of the contact at an indentation."""
+        return float(np.interp(depth_mm, self.depth_mm, self.contact_mm))
+
     def displacement_at(
         self, depth_mm: float
     ) -> tuple[Float32[np.ndarray, 'radii heights'], Float32[np.ndarray, 'radii heights']]:

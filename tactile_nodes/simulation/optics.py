@@ -19,8 +19,8 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.camera import camera_of, camera_turn, pupil, shade, through_jpeg
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.markers import domed, place_markers
-from tactile_nodes.simulation.mechanics import ContactTable, Layer
-from tactile_nodes.simulation.shear import ShearTable, solve_shear
+from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.shear import ShearTable, shear_of
 from tactile_nodes.simulation.touch.table import Placed, Touch, TouchTable
 
 TAPS = np.arange(-3, 5)
@@ -140,8 +140,6 @@ class Optics:
 
     def drag_n(self, press: Press) -> tuple[float, float]:
         """The force along x and y on the gel of a tip that sticks and was dragged."""
-        if not (press.touching and any(press.shift_mm)):
-            return 0.0, 0.0
         table, contact_mm = self._dragged(press)
         return table.force_n(contact_mm, press.shift_mm)
 
@@ -149,9 +147,8 @@ class Optics:
         """What dragging the contact of a press does, and its radius."""
         table = self._tables[press.indenter]
         if press.indenter not in self._shear:
-            layer = Layer(self._gel.layer_mm, self._gel.shear_modulus_mpa, self._gel.poisson_ratio)
-            self._shear[press.indenter] = solve_shear(layer, table)
-        return self._shear[press.indenter], float(np.interp(press.depth_mm, table.depth_mm, table.contact_mm))
+            self._shear[press.indenter] = shear_of(self._gel, table)
+        return self._shear[press.indenter], table.contact_at(press.depth_mm)
 
     def project(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'markers 2']:
         """Pixel of each marker in the camera image."""

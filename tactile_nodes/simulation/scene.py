@@ -232,7 +232,7 @@ class WorldScene(Scene):
         press, force_n = self._world.press_at(time_ns), self._world.force_at(time_ns)
         if press.depth_mm <= 0 or force_n <= 0:
             press = Press(0.0, 0.0, min(press.depth_mm, 0.0), press.indenter)
-        drag_n = self.optics.drag_n(press)
+        drag_n = self.optics.drag_n(press) if press.touching and any(press.shift_mm) else (0.0, 0.0)
         return truth_of(press, self._world.tables[press.indenter], self.bins, force_n, drag_n)
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32
 
+from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, Layer, wave_numbers
 
 
@@ -82,6 +83,11 @@ def shear_per_newton(
     kr = np.outer(radius_mm, k)
     even, twin = (j0(kr) * load) @ (along + across), -(jv(2, kr) * load) @ (along - across)
     return even, twin, -2 * (j1(kr) * load) @ up
+
+
+def shear_of(gel: Gel, table: ContactTable) -> ShearTable:
+    """The table of a gel's own layer."""
+    return solve_shear(Layer(gel.layer_mm, gel.shear_modulus_mpa, gel.poisson_ratio), table)
 
 
 def solve_shear(layer: Layer, table: ContactTable, steps: int = 6) -> ShearTable:

@@ -91,7 +91,7 @@ class ToldWorld:
         return (self.press_at(time_ns),)
 
     def force_at(self, time_ns: int) -> float:
-        return self._table.force_at(max(0.0, self.press_at(time_ns).depth_mm))
+        return self._table.force_at(self.press_at(time_ns).depth_mm)
 
 
 _worlds: dict[str, SharedWorld] = {}

@@ -1,1 +1,1 @@
-"""What the verbs that look at a running system share: joining the bus, and messages as text."""
+"""What verbs share that look at a running system, or have others work: the bus, messages as text, a cluster."""

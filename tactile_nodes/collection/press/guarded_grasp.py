@@ -13,12 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.collection.press.guarded import OK, Felt
+from tactile_nodes.collection.press.guarded import NS_PER_MS, OK, Felt
 from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 
-NS_PER_MS = NS_PER_S // 1000
 THERE_MM = 0.01
 
 

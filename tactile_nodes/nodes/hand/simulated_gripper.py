@@ -17,11 +17,10 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
-from tactile_nodes.emulators.gripper import Gripper, GripperSettings, finger_of, pull_along
+from tactile_nodes.emulators.gripper import Gripper, GripperSettings, finger_of, pull_along, touches
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors import load_hand
-from tactile_nodes.simulation.gripping import touches
 
 PERIOD_S = 0.005
 STATES_PERIOD_S = 0.01

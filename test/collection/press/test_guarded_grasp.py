@@ -19,7 +19,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.sensing.grasp import grasp_margin
 from tactile_nodes.sensors import load_hand
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.gripping import Finger
+from tactile_nodes.simulation.touch.gripping import Finger
 
 TICK_NS = NS_PER_S // 200
 FRAME_TICKS, LATE_TICKS = 3, 8  # 66 frames a second, 40 ms late

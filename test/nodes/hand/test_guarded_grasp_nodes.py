@@ -25,8 +25,8 @@ from tactile_nodes.nodes.hand.guarded_grasp import GuardedGraspNode
 from tactile_nodes.nodes.hand.simulated_gripper import SimulatedGripperNode
 from tactile_nodes.pipeline.hand_forces import HandForces
 from tactile_nodes.sensors import load_hand
-from tactile_nodes.simulation.gripping import Finger
 from tactile_nodes.simulation.optics import Press
+from tactile_nodes.simulation.touch.gripping import Finger
 
 PATIENCE_S = 60.0
 SIGMA_N = 0.005
@@ -57,7 +57,7 @@ class Feeling:
                     self._sum.publish(each)
 
     def _of(self, now_ns: int, press: Press) -> types.ForceDistribution:
-        normal_n = self._finger.force_n(press.depth_mm)
+        normal_n = self._finger.table.force_at(press.depth_mm)
         x_n, y_n = (self._finger.drag_n(press.depth_mm, each) for each in press.shift_mm)
         touched = [types.Contact(force=normal_n, shear_x=x_n, shear_y=y_n)] if normal_n else []
         return types.ForceDistribution(

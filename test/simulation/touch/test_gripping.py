@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
+from tactile_nodes.emulators.gripper import touches
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.gripping import LOST_MM, SLIDES_MM_S, Finger, Grip, Gripped, touches
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.scene import WorldScene
+from tactile_nodes.simulation.touch.gripping import LOST_MM, SLIDES_MM_S, Finger, Grip, Gripped
 from tactile_nodes.simulation.worlds import ToldWorld
 
 

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable, Layer
-from tactile_nodes.simulation.optics import Press
-from tactile_nodes.simulation.shear import ShearTable, solve_shear
+from tactile_nodes.simulation.mechanics import ContactTable
+from tactile_nodes.simulation.shear import shear_of
 
 SLIDES_MM_S = 10.0
 """How fast an object slides that is pulled harder than it is held."""
@@ -29,33 +28,16 @@ class Finger:
     """One gel, and what a round end does to it."""
 
     def __init__(self, gel: Gel, table: ContactTable) -> None:
-        self._table = table
-        self._shear: ShearTable = solve_shear(Layer(gel.layer_mm, gel.shear_modulus_mpa, gel.poisson_ratio), table)
+        self.table = table
+        self._shear = shear_of(gel, table)
 
-    @property
-    def greatest_n(self) -> float:
-        """The force at the greatest depth that is known."""
-        return float(self._table.force_at(float(self._table.depth_mm.max())))
-
-    def force_n(self, depth_mm: float) -> float:
-        """The force at a depth; none above the gel."""
-        return self._table.force_at(max(0.0, depth_mm))
-
-    def depths_mm(self, forces_n: np.ndarray) -> np.ndarray:
-        """How deep an end is under forces."""
-        known_mm = self._table.depth_mm
-        known_n = np.array([self._table.force_at(each) for each in known_mm.tolist()])
-        depths: np.ndarray = np.interp(forces_n, known_n, known_mm)
-        return depths
+    def stiffness_n_mm(self, depth_mm: float) -> float:
+        """Drag for one mm of sideways motion at a depth."""
+        return self._shear.force_n(self.table.contact_at(depth_mm), (1.0, 0.0))[0]
 
     def drag_n(self, depth_mm: float, drag_mm: float) -> float:
         """The drag on the gel of an end that was dragged so far at a depth."""
         return self.stiffness_n_mm(depth_mm) * drag_mm if depth_mm > 0 else 0.0
-
-    def stiffness_n_mm(self, depth_mm: float) -> float:
-        """Drag for one mm of sideways motion at a depth."""
-        contact_mm = float(np.interp(depth_mm, self._table.depth_mm, self._table.contact_mm))
-        return self._shear.force_n(contact_mm, (1.0, 0.0))[0]
 
 
 @dataclass(frozen=True)
@@ -82,8 +64,9 @@ class Grip:
     def __init__(self, fingers: Sequence[Finger], gripped: Gripped) -> None:
         first, second = fingers
         self._fingers, self._gripped = (first, second), gripped
-        self._forces_n = np.linspace(0.0, min(each.greatest_n for each in fingers), _FORCES)
-        self._depths_mm = np.stack([each.depths_mm(self._forces_n) for each in fingers])
+        self._forces_n = np.linspace(0.0, min(float(each.table.force_n[-1]) for each in fingers), _FORCES)
+        depths = [[each.table.depth_at(force_n) for force_n in self._forces_n.tolist()] for each in fingers]
+        self._squeezed_mm = np.sum(depths, axis=0)
         self._slid_mm = 0.0
 
     @property
@@ -97,19 +80,12 @@ class Grip:
         if self.lost or squeezed_mm <= 0:
             gap_mm = -1.0 if self.lost else squeezed_mm / 2
             return Hold(0.0, (gap_mm, gap_mm), 0.0, self._slid_mm, False)
-        normal_n = float(np.interp(squeezed_mm, self._depths_mm.sum(axis=0), self._forces_n))
-        depths = tuple(float(np.interp(normal_n, self._forces_n, each)) for each in self._depths_mm)
-        stiffness = [each.stiffness_n_mm(depth) for each, depth in zip(self._fingers, depths, strict=True)]
+        normal_n = float(np.interp(squeezed_mm, self._squeezed_mm, self._forces_n))
+        first_mm, second_mm = (each.table.depth_at(normal_n) for each in self._fingers)
+        first, second = self._fingers
+        stiffness = first.stiffness_n_mm(first_mm), second.stiffness_n_mm(second_mm)
         stuck_mm = self._gripped.friction * normal_n / max(stiffness)
         wanted_mm = pull_n / sum(stiffness)
         slips = wanted_mm > stuck_mm
         self._slid_mm += SLIDES_MM_S * since_s * slips
-        return Hold(normal_n, (depths[0], depths[1]), min(wanted_mm, stuck_mm), self._slid_mm, slips)
-
-
-def touches(hold: Hold, along: Sequence[tuple[float, float]]) -> list[Press]:
-    """What shapes the gel of each finger, by the direction (x, y) of the pull along its surface."""
-    return [
-        Press(hold.slid_mm * x, hold.slid_mm * y, depth_mm, shift_mm=(hold.drag_mm * x, hold.drag_mm * y))
-        for depth_mm, (x, y) in zip(hold.depth_mm, along, strict=True)
-    ]
+        return Hold(normal_n, (first_mm, second_mm), min(wanted_mm, stuck_mm), self._slid_mm, slips)
