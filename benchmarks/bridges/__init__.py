@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from benchmarks.bridges.network import Network
     from tactile_nodes.learning.progress import Progress
 
-OURS, DDS = 'bridge', 'DDS bridge'
+OURS, FOUND, DDS = 'bridge', 'bridge, found by multicast', 'DDS bridge'
 CUT_S, LATEST_S = 5.0, 30.0
 GOOD = 'good: 1 Gbit/s'
 ABOUT = """\
@@ -53,7 +53,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     from benchmarks.bridges.hosts import Contender
     from benchmarks.bridges.network import network
 
-    contenders = [Contender(OURS, share_directory())]
+    contenders = [Contender(OURS, share_directory()), Contender(FOUND, share_directory(), found=True)]
     contenders += [Contender(DDS, share_directory(), dds=True)] if not arguments.no_dds else []
     contenders += [Contender(f'bridge of {tree.name}', tree.resolve()) for tree in arguments.beside]
     found: dict[str, dict[str, list[Any]]] = {each.name: {'cables': [], 'troubles': []} for each in contenders}

@@ -37,6 +37,8 @@ class Contender:
     name: str
     tree: Path
     dds: bool = False
+    found: bool = False
+    """The hosts are given no address, and find each other."""
 
 
 class Side:
@@ -156,9 +158,13 @@ def _settings(contender: Contender, name: str = 'lab') -> tuple[list[str], list[
             ['discovery_range:=SUBNET', "send:=['/**']"],
             ['discovery_range:=SUBNET', "send:=['/nothing']", f'take:=[{wanted}]'],
         )
+    theirs = [f'key:={name}', 'peers:=[robot]']
+    if contender.found and name == 'lab':
+        looking = [f'listen:=0.0.0.0:{PORT}', 'discover:=true']
+        return [*looking, 'key:=robot', 'peers:=[lab]'], [*looking, *theirs]
     return (
         [f'listen:={ADDRESSES[0]}:{PORT}', 'key:=robot', 'peers:=[lab]'],
-        [f'connect:={ADDRESSES[0]}:{PORT}', f'key:={name}', 'peers:=[robot]'],
+        [f'connect:={ADDRESSES[0]}:{PORT}', *theirs],
     )
 
 

@@ -1,9 +1,9 @@
 """Joins the bus of this machine with those of others, over one TCP port; one such node a machine.
 
-One side listens, the others connect; for all to see all, each listens, and connects to those before it. Topics are sent
-when somebody over there wants them; services, those of parameters too, can be called from there; the nodes over there
-are in ``tactile node list``. Keys: ``tactile keys create NAME`` on each side, then give each the other's public key.
-Needs the extra `bridge`.
+One side listens, the others connect; for all to see all, each listens, and connects to those before it, or looks for
+the others of its network (``discover``). Topics are sent when somebody over there wants them; services, those of
+parameters too, can be called from there; the nodes over there are in ``tactile node list``. Keys: ``tactile keys create
+NAME`` on each side, then give each the other's public key. Needs the extra `bridge`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import sys
 from dataclasses import dataclass
 
 from tactile_nodes.bus.bridge.bridge import Bridge
+from tactile_nodes.bus.bridge.finding import Finder, Group
 from tactile_nodes.bus.bridge.keys import read_pair, read_public
 from tactile_nodes.bus.bridge.link import PLAIN_TCP, Address, Security, open_session
 from tactile_nodes.bus.bridge.talk import VERSION, Choice
@@ -35,6 +36,9 @@ class BridgeParams(NodeParams):
 
     listen: str = parameter('', 'host:port to listen at (0.0.0.0:7460: all networks)', read_only=True)
     connect: str = parameter('', 'host:port of the bridges of other machines, with commas between', read_only=True)
+    discover: bool = parameter(
+        False, 'find the bridges of this network that listen at the same port, by multicast', read_only=True
+    )
     key: str = parameter('', "name or path of this machine's own keys (tactile keys create NAME)", read_only=True)
     peers: tuple[str, ...] = parameter(
         (), 'public keys of the other machines that may connect: names or paths', read_only=True
@@ -58,21 +62,46 @@ class BridgeNode(Node):
         chosen = self.params
         if not isinstance(bus, ZmqBus):
             raise ConfigurationError('a bridge needs the bus between processes')
-        listen = Address.parse(chosen.listen) if chosen.listen else None
-        connect = tuple(map(Address.parse, filter(None, chosen.connect.replace(' ', '').split(','))))
-        if not (listen or connect):
+        self._host_bus = bus
+        self._listen = Address.parse(chosen.listen) if chosen.listen else None
+        self._connect = list(map(Address.parse, filter(None, chosen.connect.replace(' ', '').split(','))))
+        if not (self._listen or self._connect):
             raise ConfigurationError('set listen or connect to host:port, say -p connect:=192.168.0.7:7460')
-        security = _security(chosen)
-        session = open_session(listen, connect, security, chosen.plain_tcp)
-        self._bridge = Bridge(bus, session, Choice(chosen.send, chosen.receive, chosen.serve))
+        if chosen.discover and not self._listen:
+            raise ConfigurationError('to be found, listen as well: -p listen:=0.0.0.0:7460')
+        self._security = _security(chosen)
+        self._group = Group(self._listen) if chosen.discover and self._listen else None
+        self._bridge = self._opened()
+        self._finder = Finder(self._group, self._security, chosen.plain_tcp) if self._group else None
         self.create_timer(_CHECK_PERIOD_S, self._report)
-        words = 'with keys' if security.own else 'WITHOUT KEYS'
-        ends = [f'listens at {listen}'] if listen else []
-        ends += [f'connects to {", ".join(map(str, connect))}'] if connect else []
-        self.log.info(f'{" and ".join(ends)}, {words}')
+        if self._finder is not None:
+            self.create_timer(_CHECK_PERIOD_S, self._find)
+        self._say_ends()
+
+    def _opened(self) -> Bridge:
+        chosen, further = self.params, self._group.settings() if self._group else {}
+        session = open_session(self._listen, self._connect, self._security, chosen.plain_tcp, further)
+        return Bridge(self._host_bus, session, Choice(chosen.send, chosen.receive, chosen.serve))
+
+    def _say_ends(self) -> None:
+        ends = [f'listens at {self._listen}'] if self._listen else []
+        ends += ['looks for others'] if self._group else []
+        ends += [f'connects to {", ".join(map(str, self._connect))}'] if self._connect else []
+        self.log.info(f'{", ".join(ends)}; {"with keys" if self._security.own else "WITHOUT KEYS"}')
 
     def on_close(self) -> None:
+        if self._finder is not None:
+            self._finder.close()
         self._bridge.close()
+
+    def _find(self) -> None:
+        """Connect to older bridges than this one that have been found, too."""
+        if self._finder is None or not (missing := self._finder.missing(self._bridge.linked())):
+            return
+        self._connect += [each for each in missing if each not in self._connect]
+        self._bridge.close()
+        self._bridge = self._opened()
+        self._say_ends()
 
     def _report(self) -> None:
         connected = self._bridge.connected()
@@ -90,9 +119,12 @@ class BridgeNode(Node):
             self.report('version', Level.WARN, words)
 
     def _alone(self) -> str:
-        if not self.params.connect:
-            return f'nobody is connected at {self.params.listen}'
-        return f'no answer from {self.params.connect}; it keeps trying: does the bridge there run, and allow our key?'
+        if self._group:
+            return f'nobody is found who listens at port {self._group.listen.port} and allows our key; it keeps looking'
+        if not self._connect:
+            return f'nobody is connected at {self._listen}'
+        ends = ', '.join(map(str, self._connect))
+        return f'no answer from {ends}; it keeps trying: does the bridge there run, and allow our key?'
 
 
 def _security(chosen: BridgeParams) -> Security:

@@ -80,6 +80,10 @@ class Bridge(Loop):
         """The machines at the other end, and how far their clocks are from ours."""
         return [(peer.state.host, peer.clock) for peer in list(self._peers.values())]
 
+    def linked(self) -> list[str]:
+        """The identities of the sessions that ours is connected to."""
+        return [str(each) for each in self._session.info.peers_zid()]
+
     def participants(self) -> tuple[Participant, ...]:
         return self._remotes
 

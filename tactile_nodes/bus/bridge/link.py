@@ -1,7 +1,8 @@
 """One Zenoh session over one TCP port: encrypted, and open to those whose keys are allowed.
 
 Zenoh's own finding of others (multicast, gossip) is off, and so are its shared memory and its administration: nothing
-is reached but the address that was given, and nothing listens but the one that was asked for.
+is reached but the address that was given, and nothing listens but the one that was asked for. Being found is asked for
+by further settings (`tactile_nodes.bus.bridge.finding`).
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ import base64
 import ipaddress
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.bus.bridge.keys import KeyPair
@@ -72,9 +74,15 @@ class Address:
 
 
 def open_session(
-    listen: Address | None, connect: Sequence[Address] = (), security: Security = OPEN, plain_tcp: str = ''
+    listen: Address | None,
+    connect: Sequence[Address] = (),
+    security: Security = OPEN,
+    plain_tcp: str = '',
+    further: Mapping[str, Any] = MappingProxyType({}),
 ) -> zenoh.Session:
     """A session that listens for any number of others, that connects to some and comes back by itself, or both.
+
+    `further` settings are those of Zenoh, by their place in its configuration.
 
     Raises:
         ConfigurationError: unencrypted, and reachable by others, without the words that allow it; or no Zenoh.
@@ -95,7 +103,7 @@ def open_session(
             f"a bridge needs Zenoh ({error}); install it with: pip install 'tactile_nodes[bridge]'"
         ) from error
     settings = zenoh.Config()
-    for place, value in _settings(listen, connect, security).items():
+    for place, value in {**_settings(listen, connect, security), **further}.items():
         settings.insert_json5(place, json.dumps(value))
     try:
         return zenoh.open(settings)

@@ -353,7 +353,12 @@ def test_bridge_of_another_version_is_named_and_nothing_is_taken_from_it(
         (['connect:=nowhere'], "'nowhere' is no address; write host:port"),
         (['listen:=127.0.0.1:7461', 'key:=robot'], 'set peers to the public keys'),
         (['listen:=127.0.0.1:7461', 'key:=nobody', 'peers:=[lab]'], 'cannot read the key'),
-        (['listen:=192.0.2.1:7461', 'key:=robot', 'peers:=[lab]'], 'is it an address of this machine?'),
+        (['listen:=192.0.2.77:7461', 'key:=robot', 'peers:=[lab]'], 'is it an address of this machine?'),
+        (['connect:=127.0.0.1:7461', 'discover:=true'], 'to be found, listen as well'),
+        (
+            ['listen:=192.0.2.77:7461', 'discover:=true', 'key:=robot', 'peers:=[lab]'],
+            '192.0.2.77 is no address of this machine',
+        ),
     ],
 )
 def test_bridge_that_cannot_or_should_not_be_is_one_sentence(

@@ -1,4 +1,4 @@
-"""A bridge between two machines on a cable: two network namespaces and a pair of virtual Ethernet devices."""
+"""Bridges between machines on a cable or a switch: network namespaces and virtual Ethernet devices."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,30 @@ def cable() -> Iterator[tuple[str, str]]:
         pytest.skip('network namespaces are not permitted here')
     finally:
         for name in names:
+            subprocess.run(['ip', 'netns', 'delete', name], check=False, capture_output=True)
+
+
+@pytest.fixture
+def switch() -> Iterator[list[str]]:
+    """The names of four network namespaces, connected to one switch."""
+    switch, names = f'tn{os.getpid()}s', [f'tn{os.getpid()}{letter}' for letter in 'abcd']
+    try:
+        _ip('netns', 'add', switch)
+        _ip('-n', switch, 'link', 'add', switch, 'type', 'bridge')
+        _ip('-n', switch, 'link', 'set', switch, 'up')
+        for number, name in enumerate(names, 1):
+            _ip('netns', 'add', name)
+            _ip('link', 'add', name, 'type', 'veth', 'peer', 'name', f'{name}s')
+            _ip('link', 'set', name, 'netns', name)
+            _ip('link', 'set', f'{name}s', 'netns', switch)
+            _ip('-n', switch, 'link', 'set', f'{name}s', 'master', switch, 'up')
+            _ip('-n', name, 'address', 'add', f'10.213.9.{number}/24', 'dev', name)
+            _ip('-n', name, 'link', 'set', name, 'up')
+        yield names
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip('network namespaces are not permitted here')
+    finally:
+        for name in (switch, *names):
             subprocess.run(['ip', 'netns', 'delete', name], check=False, capture_output=True)
 
 
@@ -88,3 +113,38 @@ def test_topics_and_services_cross_a_network_and_come_back_after_the_cable_was_p
     before = len(lab.heard('/n'))
     until(lambda: robot.say('/n', next(numbers)) or len(lab.heard('/n')) > before, 'it to be heard again', 15.0)
     until(lambda: '/camera' in lab.nodes())
+
+
+LOOKING = 'listen:=0.0.0.0:7460', 'discover:=true'
+
+
+def test_those_that_look_for_each_other_need_no_address_and_a_stranger_finds_nobody(
+    switch: list[str], tmp_path: Path
+) -> None:
+    for name in ('robot', 'lab', 'desk', 'stranger'):
+        create_keys(name, tmp_path)
+    with tempfile.TemporaryDirectory(prefix='tb') as folder, ExitStack() as stack:
+
+        def machine(number: int, name: str, *peers: str, again: str = '') -> Machine:
+            words = *LOOKING, f'key:={name}', f'peers:=[{", ".join(peers)}]'
+            made = Machine(switch[number], Path(folder) / f'{number}{again}', tmp_path, *words)
+            made.agent.add_node(f'/{name}{again}')
+            return made
+
+        def seen_by(one: Machine) -> set[str]:
+            return set(one.agent.nodes()) & {'/robot', '/lab', '/desk', '/lab2', '/stranger'}
+
+        stranger = machine(3, 'stranger', 'robot', 'lab', 'desk')
+        robot = machine(0, 'robot', 'lab', 'desk')
+        lab = machine(1, 'lab', 'robot', 'desk')
+        desk = machine(2, 'desk', 'robot', 'lab')
+        for one in (robot, desk, stranger):
+            stack.callback(one.close)
+        for one in (robot, lab, desk):
+            until(lambda one=one: seen_by(one) == {'/robot', '/lab', '/desk'}, 'all three', 30.0)
+        lab.close()
+        lab = machine(1, 'lab', 'robot', 'desk', again='2')
+        stack.callback(lab.close)
+        for one in (robot, lab, desk):
+            until(lambda one=one: seen_by(one) == {'/robot', '/lab2', '/desk'}, 'all after a restart', 30.0)
+        assert seen_by(stranger) == {'/stranger'}
