@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -200,6 +201,23 @@ def test_the_lightest_press_that_is_asked_for_is_seen_and_so_is_letting_go(name:
     held = (Press(0.0, 0.0, table.depth_at(0.85 * 20 * NEWTON_PER_GRAM)),)
     assert [watch.see(optics.render(held, 100 + each)) for each in range(HELD)] == [MOVING] * (HELD - 1) + [STEADY]
     assert [watch.see(optics.render((), 200 + each)) for each in range(HELD)] == [UNTOUCHED] * HELD
+
+
+def test_a_press_is_held_still_though_the_picture_flickers_where_it_shows_the_rim_of_the_gel() -> None:
+    """A ball near a corner did that by itself: regions with half of their markers beyond it moved by a pixel."""
+    straight = load_sensor('speckle_membrane')
+    camera = replace(straight.camera, position_mm=(0.6, -0.8, -20.0), tilt_deg=(1.0, -1.5), roll_deg=2.0)
+    sensor = replace(straight, camera=camera)
+    optics = Optics(gel_of(sensor), contact_table(gel_of(sensor)))
+
+    def seen(presses: tuple[Press, ...], number: int, flicker_px: int) -> np.ndarray:
+        picture = optics.render(presses, number).copy()
+        picture[4:36, 80:176] = np.roll(picture[4:36, 80:176], flicker_px, axis=1)
+        return picture
+
+    watch = Watch(sensor, [seen((), each, 0) for each in range(RESTS)])
+    states = [watch.see(seen((Press(0.0, 0.0, 0.6),), 100 + each, each % 3 - 1)) for each in range(2 * HELD)]
+    assert states[HELD - 1 :] == [STEADY] * (HELD + 1)
 
 
 def test_a_recording_that_ends_is_told(tmp_path: Path) -> None:

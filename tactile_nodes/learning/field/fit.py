@@ -19,6 +19,7 @@ from jaxtyping import Float, Int
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies
+from tactile_nodes.learning.field.camera import camera_told, in_words
 from tactile_nodes.learning.field.judging import ROOM, UNFITTED, Chosen, Judge, passes_of, spread_of, told
 from tactile_nodes.learning.field.presses import STEP, AllPressures, BodyPresses, known_of, noise_px, presses_of
 from tactile_nodes.learning.progress import Progress
@@ -48,7 +49,7 @@ class FieldFit:
 
     `by` are the presses. `errors` are of those held out, read by the field alone; `curve` those with fewer of them.
     `offset_n` is the force that they seem to begin at, and its standard deviation; `left_out` how many presses were too
-    deep for the linear layer.
+    deep for the linear layer; `camera` is how the camera looks otherwise than it is described, in words.
     """
 
     readout: FieldReadout
@@ -60,6 +61,7 @@ class FieldFit:
     curve: tuple[Point, ...] = ()
     offset_n: tuple[float, float] = (0.0, 0.0)
     left_out: int = 0
+    camera: str = ''
 
     @property
     def presses(self) -> int:
@@ -72,7 +74,10 @@ class FieldFit:
         if not self.misfits:
             return f'{self.form}: no press says more'
         left = ', '.join(f'{name} {value:.2f}' for name, value in self.misfits.items())
-        return f'{self.form}: what held-out presses leave unexplained is {left} times what is expected{self.deep}'
+        return (
+            f'{self.form}: what held-out presses leave unexplained is {left} times what is expected'
+            f'{self.camera}{self.deep}'
+        )
 
     @property
     def deep(self) -> str:
@@ -167,12 +172,18 @@ def fit_field(
     pressures = AllPressures(regions, bodies)
     count, chosen = len(rows), pressures.linear(rows, dataset.presses[rows][:, 3].astype(float))
     rows, fold = rows[chosen], fold[chosen]
-    start = _nominal(regions, scaling)
-    judge = Judge(regions.terms_of_patches(known_of(scaling)), scaling, regions, dataset, bodies.is_a_ball, start)
-    with (progress or Progress()).bar('fitting the force field', len(rows) + 2) as bar:
+    with (progress or Progress()).bar('fitting the force field', len(rows) + 4) as bar:
+        start, softer = _nominal(regions, scaling), 1.0
         presses = presses_of(regions, pressures, scaling, dataset, rows, advance=bar.advance)
         if (gain := presses.gain(start)) > 0 and abs(math.log(gain)) > math.log(STEP) / 2:
-            presses = presses_of(regions, pressures, scaling, dataset, rows, softer=gain)
+            softer = gain
+        seen_by = camera_told(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance)
+        if seen_by != sensor:
+            regions = regions_of(seen_by, scaling)
+            start = _nominal(regions, scaling)
+        if seen_by != sensor or softer != 1:
+            presses = presses_of(regions, pressures, scaling, dataset, rows, softer=softer)
+        judge = Judge(regions.terms_of_patches(known_of(scaling)), scaling, regions, dataset, bodies.is_a_ball, start)
         found = Chosen.of(judge, presses, fold)
         bar.advance(1, found.form)
         held = judge.read(found.form, presses, fold, found.held)
@@ -181,7 +192,8 @@ def fit_field(
     readout = judge.readout(found.form, found.shares, len(rows), ROOM * max(held.misfit, 1.0))
     offset = presses.offset_n(start, fold)
     return FieldFit(
-        readout, found.form, found.gain, presses, found.misfits, held.errors, points, offset, count - len(rows)
+        readout, found.form, found.gain, presses, found.misfits, held.errors, points, offset, count - len(rows),
+        in_words(sensor, seen_by),
     )  # fmt: skip
 
 

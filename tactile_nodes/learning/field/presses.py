@@ -7,12 +7,12 @@ ball's does. Forces count in steps: within one the pressure has one shape.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Complex, Float, Float32, Int
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -194,21 +194,42 @@ def presses_of(
     advance: Callable[[int], object] = lambda _: None,
 ) -> BodyPresses:
     """Some samples of a data set; `softer` is how many times as soft the gel is as its description says."""
-    known = known_of(scaling)
-    motion = (dataset.features[rows].astype(np.float32) - scaling.mean).reshape(len(rows), -1, 2)[:, known]
-    sure = dataset.confidence[dataset.rest[rows]].reshape(len(rows), -1)[:, known]
+    known, motion = motion_of(scaling, dataset, rows)
     place, force = dataset.presses[rows][:, :2].astype(float), dataset.presses[rows][:, 3].astype(float)
-    motion, which = motion.astype(float), pressures.bodies.of[rows]
-    kinds = np.column_stack([which, Pressures.steps(force * softer)])
     terms, centre = np.zeros((len(rows), len(known), 2, TERMS), np.float32), place.copy()
-    for body, step in np.unique(kinds, axis=0).tolist():
-        same, shape = np.flatnonzero((kinds == (body, step)).all(axis=1)), pressures.each[body].at(step)
-        centre[same] += shape.centre_mm
-        spectrum = regions.layer.points(shape.place_mm, shape.force_n)
+    for same, centre_mm, spectrum in shapes_of(regions, pressures, dataset, rows, softer):
+        centre[same] += centre_mm
         terms[same] = regions.terms_of_pressure(place[same], spectrum, known) * force[same, None, None, None]
         advance(len(same))
-    weights = region_weights(motion, sure, noise_px(scaling), DOUBT)
-    return BodyPresses(terms, motion, weights, centre, force, rows)
+    return BodyPresses(terms, motion, weights_of(scaling, dataset, rows, motion), centre, force, rows)
+
+
+def motion_of(
+    scaling: InputScaling, dataset: Dataset, rows: Int[np.ndarray, ' n']
+) -> tuple[Int[np.ndarray, ' known'], Float[np.ndarray, 'n known 2']]:
+    """The known regions, and what they moved by since rest (px)."""
+    known = known_of(scaling)
+    motion = (dataset.features[rows].astype(np.float32) - scaling.mean).reshape(len(rows), -1, 2)[:, known]
+    return known, motion.astype(float)
+
+
+def weights_of(
+    scaling: InputScaling, dataset: Dataset, rows: Int[np.ndarray, ' n'], motion: Float[np.ndarray, 'n known 2']
+) -> Float[np.ndarray, 'n known']:
+    """One over the variance that is expected of each motion."""
+    sure = dataset.confidence[dataset.rest[rows]].reshape(len(rows), -1)[:, known_of(scaling)]
+    return region_weights(motion, sure, noise_px(scaling), DOUBT)
+
+
+def shapes_of(
+    regions: Regions, pressures: AllPressures, dataset: Dataset, rows: Int[np.ndarray, ' n'], softer: float
+) -> Iterator[tuple[Int[np.ndarray, ' same'], Float[np.ndarray, ' 2'], Complex[np.ndarray, 'ky kx']]]:
+    """Which samples share the shape of their pressure, the middle of that beside their place (mm), and its spectrum."""
+    kinds = np.column_stack([pressures.bodies.of[rows], Pressures.steps(dataset.presses[rows][:, 3] * softer)])
+    for body, step in np.unique(kinds, axis=0).tolist():
+        shape = pressures.each[body].at(step)
+        spectrum = regions.layer.points(shape.place_mm, shape.force_n)
+        yield np.flatnonzero((kinds == (body, step)).all(axis=1)), shape.centre_mm, spectrum
 
 
 def known_of(scaling: InputScaling) -> Int[np.ndarray, ' known']:

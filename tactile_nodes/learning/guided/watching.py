@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from tactile_nodes.learning.imported.agreement import middles
+from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -50,6 +51,7 @@ class Watch:
         self._rest = Measuring(flow, encoding).beside(self._cut(average(rests)))
         places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in _sides(sensor))), axis=-1)
         seen = View(sensor).shares_of(places.reshape(-1, 2))
+        self._usable = Regions(sensor, REGIONS, REGIONS).usable.reshape(REGIONS, REGIONS)
         self._place_of = np.linalg.lstsq(_with_one(seen), places.reshape(-1, 2), rcond=None)[0]
         self._noise_px = max(LEAST_NOISE_PX, *(_most(self._looked_at(each)[0]) for each in rests))
         self.state, self.place_mm = UNTOUCHED, (np.nan, np.nan)
@@ -78,14 +80,17 @@ class Watch:
 
     def _looked_at(self, picture: UInt8[np.ndarray, 'h w']) -> tuple[np.ndarray, tuple[float, float]]:
         seen = self._rest.features(self._cut(picture))
-        motion = seen.values * (seen.confidence >= 0.5)[..., None]
-        x, y = (_with_one(middles(np.square(motion).sum(axis=-1)[None])) @ self._place_of)[0].tolist()
+        followed = (seen.confidence >= 0.5) & self._usable
+        motion = np.where(followed[..., None], seen.values, np.nan)
+        moved = np.nan_to_num(np.square(motion).sum(axis=-1))
+        x, y = (_with_one(middles(moved[None])) @ self._place_of)[0].tolist()
         return motion, (x, y)
 
 
 def _most(motion: Float[np.ndarray, 'rows cols 2']) -> float:
-    """By which the regions move most, but for the hundredth that may be lost."""
-    return float(np.percentile(np.hypot(motion[..., 0], motion[..., 1]), 99))
+    """By which the regions move most, but for a hundredth; NaN of those that are not followed, which do not count."""
+    moved = np.hypot(motion[..., 0], motion[..., 1])
+    return float(np.nanpercentile(moved, 99)) if np.isfinite(moved).any() else 0.0
 
 
 def _with_one(values: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 3']:

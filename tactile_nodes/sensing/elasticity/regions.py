@@ -45,6 +45,9 @@ Seven simulated gels are read 1 % off with it, with the fourth power 6 %."""
 THICKNESSES = 4
 """Of a dome: the layer is solved so thick as it is in the middle, at its rim, and between."""
 
+Fields = list[Float32[np.ndarray, 'depths 3 loads sets y x']]
+"""Of each thickness of the layer, as `fields_of` has them."""
+
 LOADS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
 """Into the gel, along x, along y: a column each."""
 
@@ -252,15 +255,32 @@ class Regions:
         told: np.ndarray = np.einsum('rd,nd...->nr...', self._told_by[known], terms)
         return told
 
+    def fields_under(self, spectrum: Inexact[np.ndarray, 'ky kx']) -> Fields:
+        """What a pressure does in the gel, whatever sees it."""
+        domed = self.sensor.gel.dome_radius_mm > 0
+        return [fields_of(layer, spectrum, pressed_only=not domed) for _, layer in self._layers]
+
+    def motion_as_described(
+        self, places_mm: Float[np.ndarray, 'presses 2'], fields: Fields, known: Int[np.ndarray, ' known']
+    ) -> Float32[np.ndarray, 'presses known 2']:
+        """Motion (px) of some windows under 1 N of a pressure about each place, if depths count as `nominal_shares`."""
+        terms = self._seen_in([each[:, :, :, :1] for each in fields], places_mm, known)
+        return np.asarray(terms[..., 0] @ self.nominal_shares[::3].astype(np.float32))
+
     def _pressure_on_parts(
         self, places_mm: Float[np.ndarray, 'presses 2'], spectrum: Inexact[np.ndarray, 'ky kx'], parts: np.ndarray
     ) -> Float32[np.ndarray, 'presses n 2 terms']:
         """The same of windows, or dots."""
-        domed = self.sensor.gel.dome_radius_mm > 0
-        in_layers = [fields_of(layer, spectrum, pressed_only=not domed) for _, layer in self._layers]
+        found = self._seen_in(self.fields_under(spectrum), places_mm, parts)
+        return found.reshape(len(places_mm), len(parts), 2, TERMS)
+
+    def _seen_in(
+        self, in_layers: Fields, places_mm: Float[np.ndarray, 'presses 2'], parts: np.ndarray
+    ) -> Float32[np.ndarray, 'presses n 2 depths sets']:
+        domed, sets = self.sensor.gel.dome_radius_mm > 0, in_layers[0].shape[3]
         shares, loads = self._as_thick(places_mm), self._loads_at(places_mm)[..., 0]
         seen, jacobian = self.rays.points_mm[:, parts, :, :2], self.rays.px_per_mm[:, parts]
-        found = np.zeros((len(places_mm), len(parts), 2, DEPTHS, 3), np.float32)
+        found = np.zeros((len(places_mm), len(parts), 2, DEPTHS, sets), np.float32)
         for number, place in enumerate(places_mm):
             fields = in_layers[0][:, :, 0]
             if domed:
@@ -268,7 +288,7 @@ class Regions:
                 fields = np.einsum('dclsyx,l->dcsyx', there, loads[number])
             at = (seen - place) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
             for depth in range(DEPTHS):
-                sampled = sampled_at(fields[depth].reshape(9, *fields.shape[-2:]), at[depth])
-                sampled = sampled.reshape(3, 3, len(parts), -1)
+                sampled = sampled_at(fields[depth].reshape(3 * sets, *fields.shape[-2:]), at[depth])
+                sampled = sampled.reshape(3, sets, len(parts), -1)
                 found[number, :, :, depth] = np.einsum('rnpc,csrn->rps', jacobian[depth], sampled) / ALONG**2
-        return found.reshape(len(places_mm), len(parts), 2, TERMS)
+        return found

@@ -1,0 +1,148 @@
+"""How a camera looks at its gel, told by presses: six numbers that a description seldom has right.
+
+Where the pupil is along the surface, how the camera is tilted and turned, and how large its picture is. They move what
+all regions see at once, so ten presses tell them; to fit each region for itself takes a hundred. Places are in the
+frame of the presses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.field.presses import AllPressures, motion_of, shapes_of, weights_of
+from tactile_nodes.learning.transfer.fit import WORTH
+from tactile_nodes.sensing.elasticity.regions import Fields, Regions
+from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.sensors import Sensor
+
+USUAL = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 0.03])
+"""Standard deviations of the prior: of the place along x and y (mm), of both tilts and the roll (degrees), of the
+logarithm of the focal length. They decide where presses do not: a camera aside shows nearly what a tilted one does."""
+
+LEAST, MOST = 5, 30
+"""Presses that are needed, and that are used: more tell hardly more of six numbers."""
+
+VARIED, LOOKS = 0.05, 8
+"""By how much of its standard deviation each number is varied, and how often all of them are, at most."""
+
+
+def camera_told(
+    regions: Regions,
+    pressures: AllPressures,
+    scaling: InputScaling,
+    dataset: Dataset,
+    rows: Int[np.ndarray, ' n'],
+    fold: Int[np.ndarray, ' n'],
+    softer: float = 1.0,
+    advance: Callable[[int], object] = lambda _: None,
+) -> Sensor:
+    """The sensor with the camera that presses tell; as described, where presses held out are explained nearly as well.
+
+    Printed dots are described by where they are on the gel, which follows from the camera: of them it stays.
+    `softer` is as `presses_of` has it; `advance` is called as the work goes on, twice.
+    """
+    sensor = regions.sensor
+    if len(rows) < LEAST or len(np.unique(fold)) < 2 or sensor.pattern.kind == 'dots':
+        advance(2)
+        return sensor
+    few = np.arange(len(rows))[:: math.ceil(len(rows) / MOST)]
+    seen = _Seen.of(regions, pressures, scaling, dataset, rows[few], softer)
+    rest = fold[few] != fold[0]
+    found = seen.fitted(rest)
+    advance(1)
+    described = np.zeros(len(USUAL))
+    better = seen.misfit(found, rest) * WORTH < seen.misfit(described, rest)
+    camera = looking(sensor, seen.fitted(np.ones(len(few), bool))) if better else sensor
+    advance(1)
+    return camera
+
+
+def looking(sensor: Sensor, by: Float[np.ndarray, ' 6']) -> Sensor:
+    """A sensor whose camera looks otherwise, by so many times what is `USUAL`."""
+    x, y, about_x, about_y, roll, larger = (by * USUAL).tolist()
+    camera, scale = sensor.camera, math.exp(larger)
+    right, down, away = camera.position_mm
+    return replace(sensor, camera=replace(
+        camera, position_mm=(right + x, down + y, away), roll_deg=camera.roll_deg + roll,
+        tilt_deg=(camera.tilt_deg[0] + about_x, camera.tilt_deg[1] + about_y),
+        focal_px=(scale * camera.focal_px[0], scale * camera.focal_px[1]),
+        focal_px_per_rad=scale * camera.focal_px_per_rad,
+    ))  # fmt: skip
+
+
+def in_words(described: Sensor, told: Sensor) -> str:
+    """How a camera looks otherwise than it is described, as the end of a sentence; '' where it does not."""
+    if told == described:
+        return ''
+    before, after = described.camera, told.camera
+    along = [new - old for old, new in zip(before.position_mm, after.position_mm, strict=True)]
+    about = [new - old for old, new in zip(before.tilt_deg, after.tilt_deg, strict=True)]
+    larger = 100 * (after.focal_lengths_px[0] / before.focal_lengths_px[0] - 1)
+    return (
+        f'; beside its description the camera is {along[0]:+.2f} mm along x and {along[1]:+.2f} mm along y, tilted by '
+        f'{about[0]:+.1f} and {about[1]:+.1f} degrees, turned by {after.roll_deg - before.roll_deg:+.1f}, its focal '
+        f'length {larger:+.1f} %'
+    )
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Presses, what moved under them, and what their pressures do in the gel: the same whatever camera looks at it."""
+
+    regions: Regions
+    known: Int[np.ndarray, ' known']
+    motion: Float[np.ndarray, 'n known 2']
+    sure: Float[np.ndarray, 'n known 1']
+    presses: Float[np.ndarray, 'n 4']
+    fields: list[tuple[Int[np.ndarray, ' same'], Fields]]
+
+    @classmethod
+    def of(
+        cls, regions: Regions, pressures: AllPressures, scaling: InputScaling, dataset: Dataset,
+        rows: Int[np.ndarray, ' n'], softer: float,
+    ) -> _Seen:  # fmt: skip
+        known, motion = motion_of(scaling, dataset, rows)
+        shapes = shapes_of(regions, pressures, dataset, rows, softer)
+        fields = [(same, regions.fields_under(spectrum)) for same, _, spectrum in shapes]
+        sure = np.sqrt(weights_of(scaling, dataset, rows, motion))[..., None]
+        return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), fields)
+
+    def told(self, by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, 'n known 2']:
+        """What a camera that looks otherwise would see of a gel of the described stiffness, over what is expected."""
+        regions = replace(self.regions, sensor=looking(self.regions.sensor, by))
+        moved = np.zeros(self.motion.shape)
+        for same, fields in self.fields:
+            one = regions.motion_as_described(self.presses[same, :2], fields, self.known)
+            moved[same] = one * self.presses[same, 3][:, None, None]
+        return np.asarray(moved * self.sure)
+
+    def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, ' numbers']:
+        """What is left over of some presses, and of the prior, if the gel is as soft as they say."""
+        told, motion = self.told(by)[rest], (self.motion * self.sure)[rest]
+        return np.concatenate([(motion - _gain(told, motion) * told).ravel(), by])
+
+    def fitted(self, rest: Bool[np.ndarray, ' n']) -> Float[np.ndarray, ' 6']:
+        """How the camera looks by some presses."""
+        from scipy.optimize import least_squares
+
+        begin = np.zeros(len(USUAL))
+        found = least_squares(partial(self.left, rest), begin, diff_step=VARIED, x_scale=1.0, xtol=0.01, max_nfev=LOOKS)
+        return np.asarray(found.x)
+
+    def misfit(self, by: Float[np.ndarray, ' 6'], rest: Bool[np.ndarray, ' n']) -> float:
+        """What is left over of the others, if the gel is as soft as these presses say."""
+        told, motion = self.told(by), self.motion * self.sure
+        left = (motion - _gain(told[rest], motion[rest]) * told)[~rest]
+        return float(np.sqrt(np.square(left).mean()))
+
+
+def _gain(told: np.ndarray, motion: np.ndarray) -> float:
+    """How many times as soft as described a gel is."""
+    return float((told * motion).sum() / max(np.square(told).sum(), 1e-12))
