@@ -80,6 +80,9 @@ def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> 
     if scheduler := _SCHEDULER.get():
         yield from _done_on(scheduler, make, jobs)
         return
+    if min(processes, len(jobs)) == 1:  # a task may have tasks of its own, which no process of a pool may give away
+        yield from ((number, make(job)) for number, job in enumerate(jobs))
+        return
     # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the pool.
     deaf = signal.SIGINT, signal.SIG_IGN
     with multiprocessing.get_context('spawn').Pool(min(processes, len(jobs)), signal.signal, deaf) as pool:

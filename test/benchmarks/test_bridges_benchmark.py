@@ -33,12 +33,14 @@ def test_bridges_benchmark_reports_a_cable_and_its_troubles(
     words = ['--seconds', '0.5', '--rounds', '1', '--no-dds', '-o', str(tmp_path)]
     assert run(bridges.BENCHMARK, parser_of(bridges.BENCHMARK).parse_args(words)) == 0
     assert '# Between machines' in capsys.readouterr().out
-    (found,) = json.loads((tmp_path / 'bridges.json').read_text())['contenders'].values()
-    good = found['cables'][0][bridges.GOOD]
-    for kind in ('forces', 'pictures'):
-        assert 0.0 < good[kind]['came'] <= 1.0
-        assert good[kind]['p50'] > 0.0
-    (troubles,) = found['troubles']
-    assert troubles['back_s'] > 0.0
-    assert troubles['again_s'] > 0.0
-    assert troubles['stranger'] == 0
+    contenders = json.loads((tmp_path / 'bridges.json').read_text())['contenders']
+    assert list(contenders) == [bridges.OURS, bridges.FOUND]
+    for found in contenders.values():
+        good = found['cables'][0][bridges.GOOD]
+        for kind in ('forces', 'pictures'):
+            assert 0.0 < good[kind]['came'] <= 1.0
+            assert good[kind]['p50'] > 0.0
+        (troubles,) = found['troubles']
+        assert troubles['back_s'] > 0.0
+        assert troubles['again_s'] > 0.0
+        assert troubles['stranger'] == 0

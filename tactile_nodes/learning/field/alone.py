@@ -14,6 +14,7 @@ import numpy as np
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import Pressed, known_presses
+from tactile_nodes.learning.field.camera import in_words
 from tactile_nodes.learning.field.fit import fit_field, regions_of
 from tactile_nodes.learning.field.judging import Held
 from tactile_nodes.learning.field.presses import Pressures
@@ -120,9 +121,7 @@ def transfer_alone(
         if source.tips
         else 'the model has nothing that reads tips'
     )
-    told = (
-        f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}{fit.camera}{fit.deep}'
-    )
+    told = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}{in_words(fit.looks)}{fit.deep}'
     return Transfer(
         fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, said, told,
         fit.curve,

@@ -29,8 +29,9 @@ logarithm of the focal length. They decide where presses do not: a camera aside 
 LEAST, MOST = 5, 30
 """Presses that are needed, and that are used: more tell hardly more of six numbers."""
 
-VARIED, LOOKS = 0.05, 8
-"""By how much of its standard deviation each number is varied, and how often all of them are, at most."""
+VARIED, ENOUGH, LOOKS = 0.05, 0.01, 8
+"""By how much of its usual size each number is varied, what change of it is none, and how often all are varied at most.
+"""
 
 
 def camera_told(
@@ -42,31 +43,31 @@ def camera_told(
     fold: Int[np.ndarray, ' n'],
     softer: float = 1.0,
     advance: Callable[[int], object] = lambda _: None,
+    usual: Float[np.ndarray, ' 6'] = USUAL,
 ) -> Sensor:
     """The sensor with the camera that presses tell; as described, where presses held out are explained nearly as well.
 
     Printed dots are described by where they are on the gel, which follows from the camera: of them it stays.
-    `softer` is as `presses_of` has it; `advance` is called as the work goes on, twice.
+    `softer` is as `presses_of` has it; `advance` is called as the work goes on, twice; `usual` is the prior.
     """
     sensor = regions.sensor
-    if len(rows) < LEAST or len(np.unique(fold)) < 2 or sensor.pattern.kind == 'dots':
+    if len(rows) < LEAST or len(np.unique(fold)) < 2 or sensor.pattern.kind == 'dots' or not usual.any():
         advance(2)
         return sensor
     few = np.arange(len(rows))[:: math.ceil(len(rows) / MOST)]
-    seen = _Seen.of(regions, pressures, scaling, dataset, rows[few], softer)
+    seen = _Seen.of(regions, pressures, scaling, dataset, rows[few], softer, usual)
     rest = fold[few] != fold[0]
     found = seen.fitted(rest)
     advance(1)
-    described = np.zeros(len(USUAL))
-    better = seen.misfit(found, rest) * WORTH < seen.misfit(described, rest)
-    camera = looking(sensor, seen.fitted(np.ones(len(few), bool))) if better else sensor
+    better = seen.misfit(found, rest) * WORTH < seen.misfit(np.zeros(len(usual)), rest)
+    camera = looking(sensor, usual * seen.fitted(np.ones(len(few), bool))) if better else sensor
     advance(1)
     return camera
 
 
 def looking(sensor: Sensor, by: Float[np.ndarray, ' 6']) -> Sensor:
-    """A sensor whose camera looks otherwise, by so many times what is `USUAL`."""
-    x, y, about_x, about_y, roll, larger = (by * USUAL).tolist()
+    """A sensor whose camera looks otherwise, by six numbers as `USUAL` has them."""
+    x, y, about_x, about_y, roll, larger = by.tolist()
     camera, scale = sensor.camera, math.exp(larger)
     right, down, away = camera.position_mm
     return replace(sensor, camera=replace(
@@ -77,18 +78,26 @@ def looking(sensor: Sensor, by: Float[np.ndarray, ' 6']) -> Sensor:
     ))  # fmt: skip
 
 
-def in_words(described: Sensor, told: Sensor) -> str:
+def looked_otherwise(described: Sensor, told: Sensor) -> Float[np.ndarray, ' 6']:
+    """By which six numbers `looking` makes one of the other."""
+
+    def six(sensor: Sensor) -> np.ndarray:
+        camera = sensor.camera
+        scale = math.log(camera.focal_lengths_px[0])
+        return np.array([*camera.position_mm[:2], *camera.tilt_deg, camera.roll_deg, scale])
+
+    by: np.ndarray = six(told) - six(described)
+    return by
+
+
+def in_words(by: Float[np.ndarray, ' 6']) -> str:
     """How a camera looks otherwise than it is described, as the end of a sentence; '' where it does not."""
-    if told == described:
+    if not by.any():
         return ''
-    before, after = described.camera, told.camera
-    along = [new - old for old, new in zip(before.position_mm, after.position_mm, strict=True)]
-    about = [new - old for old, new in zip(before.tilt_deg, after.tilt_deg, strict=True)]
-    larger = 100 * (after.focal_lengths_px[0] / before.focal_lengths_px[0] - 1)
+    x, y, about_x, about_y, roll, larger = by.tolist()
     return (
-        f'; beside its description the camera is {along[0]:+.2f} mm along x and {along[1]:+.2f} mm along y, tilted by '
-        f'{about[0]:+.1f} and {about[1]:+.1f} degrees, turned by {after.roll_deg - before.roll_deg:+.1f}, its focal '
-        f'length {larger:+.1f} %'
+        f'; beside its description the camera is {x:+.2f} mm along x and {y:+.2f} mm along y, tilted by {about_x:+.1f} '
+        f'and {about_y:+.1f} degrees, turned by {roll:+.1f}, its focal length {100 * math.expm1(larger):+.1f} %'
     )
 
 
@@ -101,22 +110,24 @@ class _Seen:
     motion: Float[np.ndarray, 'n known 2']
     sure: Float[np.ndarray, 'n known 1']
     presses: Float[np.ndarray, 'n 4']
+    usual: Float[np.ndarray, ' 6']
     fields: list[tuple[Int[np.ndarray, ' same'], Fields]]
 
     @classmethod
     def of(
         cls, regions: Regions, pressures: AllPressures, scaling: InputScaling, dataset: Dataset,
-        rows: Int[np.ndarray, ' n'], softer: float,
+        rows: Int[np.ndarray, ' n'], softer: float, usual: Float[np.ndarray, ' 6'],
     ) -> _Seen:  # fmt: skip
         known, motion = motion_of(scaling, dataset, rows)
         shapes = shapes_of(regions, pressures, dataset, rows, softer)
         fields = [(same, regions.fields_under(spectrum)) for same, _, spectrum in shapes]
         sure = np.sqrt(weights_of(scaling, dataset, rows, motion))[..., None]
-        return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), fields)
+        return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), usual, fields)
 
     def told(self, by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, 'n known 2']:
-        """What a camera that looks otherwise would see of a gel of the described stiffness, over what is expected."""
-        regions = replace(self.regions, sensor=looking(self.regions.sensor, by))
+        """What would be seen of a gel of the described stiffness, over what is expected, by a camera that looks
+        otherwise by so many times what is usual."""
+        regions = replace(self.regions, sensor=looking(self.regions.sensor, by * self.usual))
         moved = np.zeros(self.motion.shape)
         for same, fields in self.fields:
             one = regions.motion_as_described(self.presses[same, :2], fields, self.known)
@@ -132,8 +143,8 @@ class _Seen:
         """How the camera looks by some presses."""
         from scipy.optimize import least_squares
 
-        begin = np.zeros(len(USUAL))
-        found = least_squares(partial(self.left, rest), begin, diff_step=VARIED, x_scale=1.0, xtol=0.01, max_nfev=LOOKS)
+        left, begin = partial(self.left, rest), np.zeros(len(self.usual))
+        found = least_squares(left, begin, partial(_slopes, left), xtol=ENOUGH, ftol=ENOUGH**2, max_nfev=LOOKS)
         return np.asarray(found.x)
 
     def misfit(self, by: Float[np.ndarray, ' 6'], rest: Bool[np.ndarray, ' n']) -> float:
@@ -141,6 +152,14 @@ class _Seen:
         told, motion = self.told(by), self.motion * self.sure
         left = (motion - _gain(told[rest], motion[rest]) * told)[~rest]
         return float(np.sqrt(np.square(left).mean()))
+
+
+def _slopes(
+    left: Callable[[Float[np.ndarray, ' 6']], Float[np.ndarray, ' numbers']], by: Float[np.ndarray, ' 6']
+) -> Float[np.ndarray, 'numbers 6']:
+    """By how much what is left over changes with each number; steps that 32 bit floats tell apart."""
+    here = left(by)
+    return np.stack([(left(by + step) - here) / VARIED for step in VARIED * np.eye(len(by))], axis=1)
 
 
 def _gain(told: np.ndarray, motion: np.ndarray) -> float:

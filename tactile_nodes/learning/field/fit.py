@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies
-from tactile_nodes.learning.field.camera import camera_told, in_words
+from tactile_nodes.learning.field.camera import USUAL, camera_told, in_words, looked_otherwise
 from tactile_nodes.learning.field.judging import ROOM, UNFITTED, Chosen, Judge, passes_of, spread_of, told
 from tactile_nodes.learning.field.presses import STEP, AllPressures, BodyPresses, known_of, noise_px, presses_of
 from tactile_nodes.learning.progress import Progress
@@ -49,7 +49,8 @@ class FieldFit:
 
     `by` are the presses. `errors` are of those held out, read by the field alone; `curve` those with fewer of them.
     `offset_n` is the force that they seem to begin at, and its standard deviation; `left_out` how many presses were too
-    deep for the linear layer; `camera` is how the camera looks otherwise than it is described, in words.
+    deep for the linear layer; `looks` is how the camera looks otherwise than it is described, as
+    `camera.looking` has it.
     """
 
     readout: FieldReadout
@@ -61,7 +62,7 @@ class FieldFit:
     curve: tuple[Point, ...] = ()
     offset_n: tuple[float, float] = (0.0, 0.0)
     left_out: int = 0
-    camera: str = ''
+    looks: Float[np.ndarray, ' 6'] = field(default_factory=lambda: np.zeros(len(USUAL)))
 
     @property
     def presses(self) -> int:
@@ -76,7 +77,7 @@ class FieldFit:
         left = ', '.join(f'{name} {value:.2f}' for name, value in self.misfits.items())
         return (
             f'{self.form}: what held-out presses leave unexplained is {left} times what is expected'
-            f'{self.camera}{self.deep}'
+            f'{in_words(self.looks)}{self.deep}'
         )
 
     @property
@@ -151,6 +152,7 @@ def fit_field(
     progress: Progress | None = None,
     *,
     curve: bool = False,
+    usual: Float[np.ndarray, ' 6'] = USUAL,
 ) -> FieldFit:
     """The readout that presses of known bodies tell, in the form that they support.
 
@@ -163,6 +165,7 @@ def fit_field(
         bodies: what pressed each sample of the data set.
         progress: shows what is done.
         curve: whether to say what fewer presses would have told.
+        usual: how far cameras usually look otherwise than described, see `camera_told`.
 
     Raises:
         DatasetError: none of these presses has a force that is known.
@@ -177,7 +180,7 @@ def fit_field(
         presses = presses_of(regions, pressures, scaling, dataset, rows, advance=bar.advance)
         if (gain := presses.gain(start)) > 0 and abs(math.log(gain)) > math.log(STEP) / 2:
             softer = gain
-        seen_by = camera_told(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance)
+        seen_by = camera_told(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance, usual)
         if seen_by != sensor:
             regions = regions_of(seen_by, scaling)
             start = _nominal(regions, scaling)
@@ -193,7 +196,7 @@ def fit_field(
     offset = presses.offset_n(start, fold)
     return FieldFit(
         readout, found.form, found.gain, presses, found.misfits, held.errors, points, offset, count - len(rows),
-        in_words(sensor, seen_by),
+        looked_otherwise(sensor, seen_by),
     )  # fmt: skip
 
 

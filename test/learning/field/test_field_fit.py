@@ -79,7 +79,7 @@ def test_a_camera_that_looks_otherwise_than_described_is_told_by_ten_presses(sca
 
 
 def test_a_camera_that_looks_as_described_is_left_alone(scaling: InputScaling, terms: Terms):
-    assert not fitted(pressed(terms, 1.25 * nominal(), 10), scaling).camera
+    assert not fitted(pressed(terms, 1.25 * nominal(), 10), scaling).looks.any()
 
 
 def test_what_no_press_told_is_stated_less_sure(scaling: InputScaling, terms: Terms):

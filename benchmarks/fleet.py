@@ -1,0 +1,224 @@
+"""What a fleet of gels teaches: others calibrated with few presses, with the prior of the fleet and without it.
+
+Gels of one described sensor differ as its makes do: in stiffness and thickness, in where the camera is, how it is
+tilted and turned, in its focal length and in their markers. From many of them follows how far cameras usually look
+otherwise than described, and how far gels are softer: the prior. Others are calibrated with it, and without it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.harness.declaration import SIMULATED, Benchmark, Result, argument
+from benchmarks.harness.report import columns, opening
+from benchmarks.harness.running import Run
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+    from tactile_nodes.learning.datasets.simulated import Dataset
+    from tactile_nodes.learning.field.fit import FieldFit
+    from tactile_nodes.sensing.explain.field.readout import FieldReadout
+    from tactile_nodes.simulation.gel import Gel
+
+PRESSES, FEW, JUDGED = 100, (5, 10, 30), 120
+"""On each gel that is learned from; on each that is not, and how many are read there, anywhere."""
+
+SHALLOWEST_MM, DEEPEST_MM, REACH_MM = 0.25, 1.15, 13.5
+SEED, UNSEEN_SEED = 2077, 77
+PLACED, READ = 3, 99
+"""Seeds of the presses that tell, and of those that are read."""
+
+OPEN = 1000.0
+"""Times as far as usual: as if nothing were known before."""
+
+ASSUMED, LEARNED, NONE, FIXED = 'as assumed', "the fleet's", 'none', 'the camera as described'
+ABOUT = """\
+{learned} gels of the simulated sensor, {presses} presses of the paper's tip on each, tell how far makes of it differ;
+{unseen} others are read. Of these {judged} presses anywhere, up to {deepest:g} mm deep, are read by the force field
+alone: the median distance of the centres, and the median error of the total as a share. *Without a press* the
+description is all there is. Then as many presses as are said calibrate the gel, and the prior of its camera is one of
+four: what ships (`tactile_nodes.learning.field.camera`), what the fleet teaches, none, and a camera that is where it is
+described. Mean over the gels, and the worst of them in brackets."""
+TAUGHT = """\
+Standard deviations over the fleet, of where the camera is told to be beside its description: along x and y (mm), both
+tilts and the roll (degrees), the focal length (%); and of how many times as soft gels are told to be (%)."""
+
+
+@dataclass(frozen=True)
+class Make:
+    """A gel of the fleet, or one that nobody has seen: a task."""
+
+    number: int
+    seed: int
+    learned: tuple[float, ...] = ()
+
+
+def measure(arguments: argparse.Namespace, run: Run) -> Result:
+    """What the fleet teaches, and what it is good for."""
+    fleet = {f'gel {number}': Make(number, SEED) for number in range(arguments.gels)}
+    taught = run.parts(_taught, fleet, 'gels that are learned from')
+    numbers = np.array([each['camera'] for each in taught.values()])
+    softer = np.log([each['gain'] for each in taught.values()])
+    learned = numbers.std(axis=0)
+    unseen = {
+        f'unseen gel {number}': Make(number, UNSEEN_SEED, tuple(learned.tolist())) for number in range(arguments.unseen)
+    }
+    return {
+        'learned': arguments.gels, 'unseen': arguments.unseen, 'usual': learned.tolist(),
+        'off': numbers.mean(axis=0).tolist(), 'softer': [float(softer.mean()), float(softer.std())],
+        'read': list(run.parts(_read, unseen, 'gels that are not').values()),
+    }  # fmt: skip
+
+
+def _taught(make: Make) -> dict[str, Any]:
+    """How a camera looks otherwise than described, and how soft the gel is, by many presses."""
+    found, by = _fitted(_pressed(_gel(make), PRESSES, PLACED), OPEN)
+    return {'gain': found.gain, 'camera': by.tolist()}
+
+
+def _read(make: Make) -> dict[str, Any]:
+    """Errors on a gel by the prior and the number of presses."""
+    from tactile_nodes.learning.field.camera import USUAL
+    from tactile_nodes.learning.field.fit import described
+
+    gel = _gel(make)
+    judged = _pressed(gel, JUDGED, READ, 'random')
+    sensor, scaling = _known(judged)
+    found: dict[str, Any] = {'description': _errors(described(sensor, scaling).readout, judged)}
+    priors = {ASSUMED: USUAL, LEARNED: np.array(make.learned), NONE: OPEN * USUAL, FIXED: np.zeros(len(USUAL))}
+    for presses in FEW:
+        dataset = _pressed(gel, presses, PLACED)
+        for name, usual in priors.items():
+            found[f'{presses}, {name}'] = _errors(_fitted(dataset, usual)[0].readout, judged)
+    return found
+
+
+def _gel(make: Make) -> Gel:
+    from tactile_nodes.simulation.gel import Gel
+    from tactile_nodes.simulation.other_gels import other_gel
+
+    return other_gel(Gel(), make.number, make.seed)
+
+
+def _pressed(gel: Gel, presses: int, seed: int, plan: str = 'spread') -> Dataset:
+    """Presses as the model that ships sees them."""
+    from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
+    from tactile_nodes.learning.datasets.simulated import simulate
+    from tactile_nodes.learning.progress import Progress
+    from tactile_nodes.model_file import find_model, load_model
+
+    source = load_model(find_model('field'))
+    data = DataConfig(
+        plan=plan, presses=presses, seed=seed, reach_mm=REACH_MM, shallowest_mm=SHALLOWEST_MM, deepest_mm=DEEPEST_MM,
+        without_contact=0.5, presses_per_rest_image=0, processes=1,
+    )  # fmt: skip
+    config = TrainConfig(data=data, flow=Choice(*source.flow), encoding=Choice(*source.encoding), gel=gel)
+    return simulate(config, Progress())
+
+
+def _known(dataset: Dataset) -> tuple[Any, Any]:
+    """The described sensor, and what is known of its regions."""
+    from tactile_nodes.learning.field.fit import uncovered
+    from tactile_nodes.learning.transfer.fit import at_rest, pressed_gel
+    from tactile_nodes.model_file import find_model, load_model
+    from tactile_nodes.sensing.explain.field.readout import FieldReadout
+    from tactile_nodes.sensors import load_sensor
+
+    sensor, readout = load_sensor('simulated'), load_model(find_model('field')).model.readout
+    assert isinstance(readout, FieldReadout)
+    scaling, _, _ = pressed_gel((readout.tips or readout).scaling, dataset)
+    return sensor, uncovered(sensor, at_rest(scaling))
+
+
+def _fitted(dataset: Dataset, usual: Float[np.ndarray, ' 6'] | float) -> tuple[FieldFit, Float[np.ndarray, ' 6']]:
+    """The field of some presses, and how the camera looks otherwise; `usual` may be that which ships, times so much."""
+    from tactile_nodes.learning.field.body import Bodies, KnownBody
+    from tactile_nodes.learning.field.calibration import known_presses
+    from tactile_nodes.learning.field.camera import USUAL
+    from tactile_nodes.learning.field.fit import fit_field
+
+    sensor, scaling = _known(dataset)
+    rows, fold = known_presses(dataset, np.flatnonzero(dataset.presses[:, 2] > 0))
+    bodies = Bodies.one(KnownBody.named('tip'), len(dataset.presses))
+    usual = usual * USUAL if isinstance(usual, float) else usual
+    found = fit_field(sensor, scaling, dataset, rows, fold, bodies, usual=usual)
+    return found, found.looks
+
+
+def _errors(readout: FieldReadout, judged: Dataset) -> dict[str, float]:
+    """How far off the presses are read: the median distance of the centres, and the median error of the totals."""
+    patches = readout.solver.patches.centres_mm
+    away, off = [], []
+    for row in np.flatnonzero(judged.presses[:, 2] > 0).tolist():
+        values, confidence = judged.features[row].astype(np.float32), judged.confidence[judged.rest[row]]
+        pressed = readout.solver.field(*readout.weighed(values, confidence)[1:]).forces_n[0]
+        x, y, _, force_n = judged.presses[row].tolist()
+        centre = pressed @ patches / max(float(pressed.sum()), 1e-9)
+        away.append(float(np.hypot(*(centre - (x, y)))))
+        off.append(abs(float(pressed.sum()) / force_n - 1))
+    return {'centre_mm': float(np.median(away)), 'total': float(np.median(off))}
+
+
+def page(result: Mapping[str, Any]) -> str:
+    """The page in Markdown."""
+    about = ABOUT.format(presses=PRESSES, judged=JUDGED, deepest=DEEPEST_MM, **result)
+    rows = [{'presses': 'none', 'prior': 'the description', **_summed(result['read'], 'description')}]
+    rows += [
+        {'presses': str(presses), 'prior': name, **_summed(result['read'], f'{presses}, {name}')}
+        for presses in FEW for name in (ASSUMED, LEARNED, NONE, FIXED)
+    ]  # fmt: skip
+    told = columns(
+        rows, ('presses', '{presses}'), ('prior', '{prior}'), ('centre [mm]', '{centre_mm}'), ('total', '{total}')
+    )
+    x, y, about_x, about_y, roll, focal = result['usual']
+    taught = {
+        'x': f'{x:.2f}', 'y': f'{y:.2f}', 'ax': f'{about_x:.2f}', 'ay': f'{about_y:.2f}', 'roll': f'{roll:.2f}',
+        'focal': f'{100 * focal:.1f}', 'soft': f'{100 * result["softer"][1]:.0f}',
+    }  # fmt: skip
+    heads = {
+        'x': 'x',
+        'y': 'y',
+        'ax': 'tilt about x',
+        'ay': 'about y',
+        'roll': 'roll',
+        'focal': 'focal',
+        'soft': 'softness',
+    }
+    learned = columns([taught], *((head, f'{{{name}}}') for name, head in heads.items()))
+    return '\n\n'.join([*opening('A fleet of gels', result, about), told, '## What the fleet teaches', TAUGHT, learned])
+
+
+def _summed(read: Sequence[Mapping[str, Mapping[str, float]]], name: str) -> dict[str, str]:
+    centre, total = (np.array([each[name][key] for each in read]) for key in ('centre_mm', 'total'))
+    return {
+        'centre_mm': f'{centre.mean():.3f} ({centre.max():.3f})',
+        'total': f'{100 * total.mean():.1f} % ({100 * total.max():.1f} %)',
+    }
+
+
+BENCHMARK = Benchmark(
+    name='fleet',
+    about=__doc__,
+    sources=(
+        'benchmarks/fleet.py', 'tactile_nodes/learning/field/**', 'tactile_nodes/sensing/elasticity/**',
+        'tactile_nodes/sensing/explain/field/**', 'tactile_nodes/sensing/flow/**', *SIMULATED,
+    ),
+    page=page,
+    measure=measure,
+    tasks=True,
+    arguments=(
+        argument('--gels', type=int, default=100, least=2, help='to learn from (default: %(default)s)'),
+        argument('--unseen', type=int, default=10, least=1, help='to read (default: %(default)s)'),
+    ),
+    example="""\
+examples:
+  tactile bench fleet -o docs/results
+  tactile bench fleet --on tcp://scheduler:8786 -o docs/results
+  tactile bench fleet --gels 2 --unseen 1    # to see that it runs""",
+)  # fmt: skip
