@@ -121,7 +121,8 @@ def transfer_alone(
         if source.tips
         else 'the model has nothing that reads tips'
     )
-    told = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}{in_words(fit.looks)}{fit.deep}'
+    told = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}'
+    told += in_words(fit.looks) + fit.deep
     return Transfer(
         fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, said, told,
         fit.curve,

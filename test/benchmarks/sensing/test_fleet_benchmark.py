@@ -1,0 +1,26 @@
+"""The bench of what a fleet of gels teaches, on hardly any."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from benchmarks import fleet
+from benchmarks.harness.command import parser_of
+from benchmarks.harness.running import run
+
+
+@pytest.mark.timeout(200)
+def test_few_presses_and_a_prior_tell_where_the_camera_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, value in {'PRESSES': 6, 'FEW': (6,), 'JUDGED': 12}.items():
+        monkeypatch.setattr(fleet, name, value)
+    words = ['--gels', '2', '--unseen', '1', '--processes', '1', '-o', str(tmp_path)]
+    assert run(fleet.BENCHMARK, parser_of(fleet.BENCHMARK).parse_args(words)) == 0
+    assert '# A fleet of gels' in capsys.readouterr().out
+    (read,) = json.loads((tmp_path / 'fleet.json').read_text())['read']
+    assert read[f'6, {fleet.ASSUMED}']['centre_mm'] < 0.5 * read['description']['centre_mm']
+    assert read[f'6, {fleet.ASSUMED}']['centre_mm'] < 0.5 * read[f'6, {fleet.FIXED}']['centre_mm']
