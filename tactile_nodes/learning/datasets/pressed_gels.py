@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -23,14 +22,13 @@ PICTURES = 8
 PLAN, PLANNED = 'calibrate', 100
 
 
-def pressed_gels(config: TrainConfig, count: int, progress: Progress) -> Iterator[tuple[Dataset, Dataset]]:
-    """Gels that something is learned from, seen as a configuration sees its own.
+def pressed_gel(config: TrainConfig, number: int) -> tuple[Dataset, Dataset]:
+    """One of the gels that something is learned from, seen as a configuration sees its own.
 
-    Of each presses by the plan of a calibration, and presses anywhere.
+    Presses by the plan of a calibration, and presses anywhere.
     """
-    for number in range(count):
-        other = dataclasses.replace(config, gel=other_gel(config.gel, number, LEARNED_SEED))
-        yield planned(other, progress, PICTURES), anywhere(other, progress)
+    other = dataclasses.replace(config, gel=other_gel(config.gel, number, LEARNED_SEED))
+    return planned(other, Progress(), PICTURES), anywhere(other, Progress())
 
 
 def planned(config: TrainConfig, progress: Progress, pictures: int = 1) -> Dataset:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from tactile_nodes import __version__, clock
 from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
-from tactile_nodes.learning.datasets.pressed_gels import pressed_gels
+from tactile_nodes.learning.datasets.pressed_gels import pressed_gel
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import card_of_sensor, train_field
 from tactile_nodes.learning.measured.fit import fit_response
@@ -21,8 +21,9 @@ from tactile_nodes.learning.network.layers import import_torch
 from tactile_nodes.learning.network.scores import Validation
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.run.folder import Run, RunFolder
+from tactile_nodes.learning.tasks import done
 from tactile_nodes.learning.training.source import TrainingData, training_data
-from tactile_nodes.learning.transfer.carried import learned_carried
+from tactile_nodes.learning.transfer.carried import Found, found_by_counts, learned_carried
 from tactile_nodes.learning.transfer.errors import Errors
 from tactile_nodes.learning.transfer.fit import live_errors
 from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, poor, require_worth
@@ -153,10 +154,26 @@ def with_carried(readout: AxisymmetricReadout, config: TrainConfig, progress: Pr
     gels = config.axisymmetric.other_gels
     if not gels or config.data.file:
         return readout
+    jobs = [_OtherGel(readout, config, number) for number in range(gels)]
+    found: dict[int, list[Found]] = {}
     with progress.bar('calibrating other gels', gels) as bar:
-        # A bar within a bar cannot be drawn, so that the rendering shows none.
-        carried = learned_carried(readout, pressed_gels(config, gels, Progress()), advance=bar.advance)
-    return replace(readout, carried=carried)
+        for number, of_gel in done(_found_on, jobs, config.data.processes):
+            found[number] = of_gel
+            bar.advance()
+    return replace(readout, carried=learned_carried(readout, [found[number] for number in range(gels)]))
+
+
+@dataclass(frozen=True)
+class _OtherGel:
+    """One to calibrate a readout for: a task."""
+
+    readout: AxisymmetricReadout
+    config: TrainConfig
+    number: int
+
+
+def _found_on(other: _OtherGel) -> list[Found]:
+    return found_by_counts(other.readout, *pressed_gel(other.config, other.number))
 
 
 def validation_of(readout: AnyReadout, data: TrainingData) -> Validation:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from tactile_nodes.learning.axisymmetric.calibration import Judged, correcting
 from tactile_nodes.learning.datasets.pressed_gels import first_presses
@@ -17,22 +18,29 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 COUNTS = 10, 25, 50, 100
 
 
+Found = tuple[Float[np.ndarray, 'n 3'], Float[np.ndarray, 'n 3']]
+"""What was found of presses, and the truth: x, y and force, in distances and forces of the source's gel."""
+
+
+def found_by_counts(
+    source: AxisymmetricReadout, planned: Dataset, anywhere: Dataset, counts: Sequence[int] = COUNTS
+) -> list[Found]:
+    """Presses anywhere on a gel, by calibrations with so many of the first of those that were planned."""
+    judged = [_judged(source, first_presses(planned, count), anywhere) for count in counts]
+    return [(each.found / each.readout.unit, each.truth / each.readout.unit) for each in judged]
+
+
 def learned_carried(
-    source: AxisymmetricReadout,
-    gels: Iterable[tuple[Dataset, Dataset]],
-    counts: tuple[int, ...] = COUNTS,
-    advance: Callable[[], object] = lambda: None,
+    source: AxisymmetricReadout, gels: Sequence[Sequence[Found]], counts: tuple[int, ...] = COUNTS
 ) -> Carried:
-    """From gels pressed as a calibration does, and anywhere to judge by; after so many of the first of those presses.
+    """From what `found_by_counts` tells of some gels.
 
     What regions of one gel add by chance to its errors falls away in the mean over the gels.
     """
-    judged: dict[int, list[Judged]] = {count: [] for count in counts}
-    for planned, anywhere in gels:
-        for count, so_far in judged.items():
-            so_far.append(_judged(source, first_presses(planned, count), anywhere))
-        advance()
-    terms = [correcting(*_pooled(each), source.correction) for each in judged.values()]
+    terms = []
+    for of_count in zip(*gels, strict=True):
+        found, truth = (np.concatenate(each) for each in zip(*of_count, strict=True))
+        terms.append(correcting(found, truth, source.correction))
     return Carried(counts, np.stack(terms))
 
 
@@ -43,9 +51,3 @@ def _judged(source: AxisymmetricReadout, few: Dataset, anywhere: Dataset) -> Jud
     nothing = replace(source.correction, terms=np.zeros_like(source.correction.terms), local=None)
     readout = replace(other.readout(response, source.doubt), correction=nothing)
     return Judged.of(readout, anywhere, np.flatnonzero(anywhere.presses[:, 2] > 0))
-
-
-def _pooled(judged: list[Judged]) -> tuple[np.ndarray, np.ndarray]:
-    """What was found, and the truth, in distances and forces of the source's gel."""
-    found = np.concatenate([each.found / each.readout.unit for each in judged])
-    return found, np.concatenate([each.truth / each.readout.unit for each in judged])

@@ -13,7 +13,7 @@ from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig, TrainC
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.train import with_carried
-from tactile_nodes.learning.transfer.carried import learned_carried
+from tactile_nodes.learning.transfer.carried import found_by_counts, learned_carried
 from tactile_nodes.learning.transfer.fit import OtherGel
 from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
@@ -44,7 +44,7 @@ def source() -> AxisymmetricReadout:
 
 def test_a_share_of_the_force_that_all_calibrations_lack_is_found(source: AxisymmetricReadout) -> None:
     """Calibrated by forces as they are and judged by forces 6 % larger, forces come out 6 % too small everywhere."""
-    gels = [(pressed(60, seed), pressed(120, seed + 10, SHARE)) for seed in (1, 2)]
+    gels = [found_by_counts(source, pressed(60, seed), pressed(120, seed + 10, SHARE), (30,)) for seed in (1, 2)]
     terms = learned_carried(source, gels, counts=(30,)).after(30)
     correction = dataclasses.replace(source.correction, terms=terms)
     asked = np.array([[0.0, 0.0, 0.3], [4.0, -4.0, 0.5], [-3.0, 5.0, 0.6]])
