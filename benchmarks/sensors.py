@@ -50,7 +50,7 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
 
 
 def _measured(name: str, arguments: argparse.Namespace, run: Run) -> dict[str, Any]:
-    from benchmarks.contacts.cases import cases
+    from benchmarks.contacts.cases import solved, wanted
     from benchmarks.contacts.frames import CONDITIONS
     from benchmarks.contacts.scores import by_family, summed
     from tactile_nodes.learning.field.calibration import described_model
@@ -63,7 +63,7 @@ def _measured(name: str, arguments: argparse.Namespace, run: Run) -> dict[str, A
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / f'{name}.safetensors'
         described_model(load_model(find_model('field')), sensor, name, model, run.progress)
-        touched = cases(gel, arguments.seed, arguments.each, run.progress)
+        touched = run.made(solved, wanted(gel, arguments.seed, arguments.each), 'solving contacts')
         scores, _ = read({name: str(model)}, gel, touched, CONDITIONS[0], run.progress)
     width, height = sensor.image.crop_px
     about = f'{sensor.camera.model}, {width}x{height} px of {sensor.gel.width_mm:g}x{sensor.gel.height_mm:g} mm'
@@ -122,6 +122,7 @@ BENCHMARK = Benchmark(
     ),
     page=page,
     measure=measure,
+    tasks=True,
     seed=SEED,
     arguments=(
         argument(

@@ -35,13 +35,13 @@ PROFILES = 'paper', 'fast', 'portable'
 
 def measure(arguments: argparse.Namespace, run: Run) -> Result:
     """All models on the same pictures, then the field in disturbed ones."""
-    from benchmarks.contacts.cases import broad_cases, cases
+    from benchmarks.contacts.cases import broad_cases, solved, wanted
     from benchmarks.contacts.frames import CONDITIONS
     from benchmarks.contacts.scores import by_family, summed
     from tactile_nodes.simulation.gel import Gel
 
     gel, progress = Gel(seed=arguments.gel_seed), run.progress
-    chosen = cases(gel, arguments.seed, arguments.each, progress)
+    chosen = run.made(solved, wanted(gel, arguments.seed, arguments.each), 'solving contacts')
     with tempfile.TemporaryDirectory() as folder:
         models = _models(arguments, gel, Path(folder), progress)
 
@@ -167,6 +167,7 @@ BENCHMARK = Benchmark(
     page=page,
     measure=measure,
     draw=draw,
+    tasks=True,
     seed=SEED,
     files=('contacts.json', 'contacts.md', 'speed_accuracy.png'),
     arguments=(

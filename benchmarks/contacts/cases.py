@@ -44,15 +44,32 @@ class Case:
         return self.touch.body
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """A contact before it is solved: a task."""
+
+    gel: Gel
+    seed: int
+    place: int
+    family: str
+    number: int
+
+
+def wanted(gel: Gel, seed: int, per_family: int) -> dict[str, Wanted]:
+    """So many contacts of each family, by their names; those of one seed are the same on every machine."""
+    return {
+        f'{family} {number}': Wanted(gel, seed, place, family, number)
+        for number in range(per_family) for place, family in enumerate(FAMILIES)
+    }  # fmt: skip
+
+
 def cases(gel: Gel, seed: int, per_family: int, progress: Progress | None = None) -> list[Case]:
-    """So many contacts of each family; those of one seed are the same on every machine."""
-    progress = progress or Progress()
-    found: list[Case] = []
-    with progress.bar('solving contacts', len(FAMILIES) * per_family) as bar:
-        for number in range(per_family):
-            for place, family in enumerate(FAMILIES):
-                found.append(_case(gel, seed, place, family, number))
-                bar.advance(1, f'{family} {number}')
+    """All of them, solved."""
+    found, jobs = [], wanted(gel, seed, per_family)
+    with (progress or Progress()).bar('solving contacts', len(jobs)) as bar:
+        for name, job in jobs.items():
+            found.append(solved(job))
+            bar.advance(1, name)
     return found
 
 
@@ -70,9 +87,10 @@ def broad_cases(gel: Gel, progress: Progress | None = None) -> list[Case]:
     return found
 
 
-def _case(gel: Gel, seed: int, place: int, family: str, number: int) -> Case:
+def solved(job: Wanted) -> Case:
     """One contact; a body that strains the gel too much is pressed half as hard."""
-    random = np.random.default_rng([seed, place, number])
+    gel, family, number = job.gel, job.family, job.number
+    random = np.random.default_rng([job.seed, job.place, number])
     body, hardest = make_body(family, random), HARDEST_OF.get(family, HARDEST_N)
     force_n = LIGHTEST_N + (hardest - LIGHTEST_N) * float(random.uniform()) ** 1.5
     dragged, twisted = bool(random.uniform() < 0.75), bool(random.uniform() < 0.3)
@@ -91,7 +109,7 @@ def _case(gel: Gel, seed: int, place: int, family: str, number: int) -> Case:
     extent = float(np.hypot(*table.node_mm.T).max(initial=0.0))
     reach = np.maximum(np.array(gel.sides_mm) / 2 - RIM_MM - extent, 0.0)
     x_mm, y_mm = (at_mm * reach).tolist()
-    touch = Touch(f'{family}-{seed}-{number}', x_mm, y_mm, turn_rad, float(table.stages - 1))
+    touch = Touch(f'{family}-{job.seed}-{number}', x_mm, y_mm, turn_rad, float(table.stages - 1))
     return Case(family, number, touch, table, dragged)
 
 

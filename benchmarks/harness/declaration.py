@@ -81,7 +81,7 @@ class Benchmark:
         measure: of the arguments to a result. Of a benchmark `in_parts` that of one case, and each part is measured,
             kept and dated by itself.
         tasks: its parts are tasks, for processes of this machine (``--processes``) or a cluster (``--on``): the cases
-            of a benchmark `in_parts`, else those that it gives to `Run.parts`.
+            of a benchmark `in_parts`, else those that it gives to `Run.parts` or `Run.made`.
         arguments: those that no other benchmark has; cases: what ``--only`` chooses from.
         seed, quick: whether it takes ``--seed`` (and what it is by default) and ``--quick``.
         draw: writes charts into a folder; their names begin with that of the result.

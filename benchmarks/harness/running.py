@@ -6,7 +6,7 @@ import argparse
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from benchmarks.harness.command import NOT_TOLD, check, command_of, parser_of
 from benchmarks.harness.declaration import Benchmark, Result
@@ -17,6 +17,7 @@ from tactile_nodes.learning.progress import Progress, TerminalProgress
 from tactile_nodes.learning.tasks import Job, done, on_cluster
 
 NOTES = '## Notes'
+Made = TypeVar('Made')
 
 
 class Run:
@@ -58,6 +59,15 @@ class Run:
                 found[missing[number]] = self._parts.keep(missing[number], measured)
                 bar.advance(1, missing[number])
         return {name: found[name] for name in jobs}
+
+    def made(self, make: Callable[[Job], Made], jobs: Mapping[str, Job], title: str) -> list[Made]:
+        """What `make` makes of each job, as tasks; nothing of it is kept."""
+        found: dict[int, Made] = {}
+        with self.progress.bar(title, len(jobs)) as bar:
+            for number, each in done(make, list(jobs.values()), self._processes):
+                found[number] = each
+                bar.advance(1, list(jobs)[number])
+        return [found[number] for number in range(len(jobs))]
 
     def cases_of(self, jobs: Sequence[tuple[Benchmark, argparse.Namespace]]) -> Iterator[tuple[int, Result]]:
         """Each case as it is measured, with its number: one after another here, or as tasks."""
