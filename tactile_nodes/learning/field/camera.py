@@ -48,7 +48,8 @@ def camera_told(
     """The sensor with the camera that presses tell; as described, where presses held out are explained nearly as well.
 
     Printed dots are described by where they are on the gel, which follows from the camera: of them it stays.
-    `softer` is as `presses_of` has it; `advance` is called as the work goes on, twice; `usual` is the prior.
+    `softer` is as `presses_of` has it; `advance` is called as the work goes on, twice; `usual` are the prior's standard
+    deviations.
     """
     sensor = regions.sensor
     if len(rows) < LEAST or len(np.unique(fold)) < 2 or sensor.pattern.kind == 'dots' or not usual.any():
@@ -59,8 +60,8 @@ def camera_told(
     rest = fold[few] != fold[0]
     found = seen.fitted(rest)
     advance(1)
-    better = seen.misfit(found, rest) * WORTH < seen.misfit(np.zeros(len(usual)), rest)
-    camera = looking(sensor, usual * seen.fitted(np.ones(len(few), bool))) if better else sensor
+    better = seen.misfit(found, rest) * WORTH < seen.misfit(np.zeros(len(USUAL)), rest)
+    camera = looking(sensor, USUAL * seen.fitted(np.ones(len(few), bool))) if better else sensor
     advance(1)
     return camera
 
@@ -126,8 +127,8 @@ class _Seen:
 
     def told(self, by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, 'n known 2']:
         """What would be seen of a gel of the described stiffness, over what is expected, by a camera that looks
-        otherwise by so many times what is usual."""
-        regions = replace(self.regions, sensor=looking(self.regions.sensor, by * self.usual))
+        otherwise by so many times `USUAL`."""
+        regions = replace(self.regions, sensor=looking(self.regions.sensor, by * USUAL))
         moved = np.zeros(self.motion.shape)
         for same, fields in self.fields:
             one = regions.motion_as_described(self.presses[same, :2], fields, self.known)
@@ -137,13 +138,13 @@ class _Seen:
     def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, ' numbers']:
         """What is left over of some presses, and of the prior, if the gel is as soft as they say."""
         told, motion = self.told(by)[rest], (self.motion * self.sure)[rest]
-        return np.concatenate([(motion - _gain(told, motion) * told).ravel(), by])
+        return np.concatenate([(motion - _gain(told, motion) * told).ravel(), by * USUAL / self.usual])
 
     def fitted(self, rest: Bool[np.ndarray, ' n']) -> Float[np.ndarray, ' 6']:
         """How the camera looks by some presses."""
         from scipy.optimize import least_squares
 
-        left, begin = partial(self.left, rest), np.zeros(len(self.usual))
+        left, begin = partial(self.left, rest), np.zeros(len(USUAL))
         found = least_squares(left, begin, partial(_slopes, left), xtol=ENOUGH, ftol=ENOUGH**2, max_nfev=LOOKS)
         return np.asarray(found.x)
 
