@@ -42,7 +42,7 @@ def make_prefix(folder: Path) -> Path:
     marker.touch()
     for name in ('launch', 'config', 'models', 'msg', 'package.xml'):
         (share / 'tactile_nodes' / name).symlink_to(ROOT / name)
-    for node in (ROOT / 'tactile_nodes/nodes').glob('[a-z]*.py'):
+    for node in (ROOT / 'tactile_nodes/nodes').rglob('[a-z]*.py'):
         program = programs / f'{node.stem}_node'
         program.write_text(_STUB.format(python=sys.executable))
         program.chmod(0o755)

@@ -7,6 +7,7 @@ launch` and `tactile launch` hand each program the same argv and the same conten
 from __future__ import annotations
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -43,6 +44,12 @@ def test_both_launchers_start_the_same_programs_with_the_same_words(file: Path, 
     ours = started_by([*_OURS, *words], prefix, tmp_path / 'ours', _environment())
     theirs = started_by(['ros2', 'launch', '-n', *words], prefix, tmp_path / 'theirs', dict(os.environ))
     assert ours == theirs
+
+
+def test_each_program_of_a_launch_file_has_a_stub(tmp_path: Path) -> None:
+    stubs = {program.name for program in (make_prefix(tmp_path / 'prefix') / 'lib/tactile_nodes').iterdir()}
+    named = {name for file in LAUNCHES for name in re.findall(r'exec: (\w+)', file.read_text(encoding='utf-8'))}
+    assert named and named <= stubs
 
 
 def test_stubs_note_how_our_launcher_starts_them(tmp_path: Path) -> None:
