@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import hypothesis
+import installed_first  # noqa: F401 - before what imports our package
 import jaxtyping
 import pytest
 from hypothesis.internal.conjecture import providers
