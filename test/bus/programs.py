@@ -77,6 +77,14 @@ class SlowToClose(Ready):
         time.sleep(60.0)
 
 
+class TakesAMomentToClose(Ready):
+    """It has something to write, say."""
+
+    def on_close(self) -> None:
+        super().on_close()
+        time.sleep(0.7)
+
+
 class SlowToStart(Ready):
     """Its device hangs when it is opened."""
 

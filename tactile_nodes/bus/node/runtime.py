@@ -27,7 +27,7 @@ NodeFactory = Callable[[Bus, NodeArguments], Node]
 
 _FINISH_WITHIN_S = 1.0  # for the callback that runs
 _END_WITHIN_S = 1.8  # for everything, closing devices included
-_ONE_SIGNAL_S = 0.2  # a terminal and a launcher may both send the one that a person meant
+_ONE_SIGNAL_S = 1.0  # a terminal and a launcher may both send the one that a person meant, a busy launcher its own late
 
 
 def open_bus() -> ProcessBus:
@@ -66,7 +66,7 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
     """Run several nodes in one process, each in a thread of its own; messages between them are not copied.
 
     The first SIGINT or SIGTERM ends them: 0, within 2 s, or what a class asks for by END_WITHIN_S. One that is
-    still busy then is given up: 1. A second signal ends the process at once.
+    still busy then is given up: 1. A second signal, a second later or more, ends the process at once.
     """
     try:
         arguments = parse_arguments(argv)
