@@ -60,7 +60,7 @@ class BagWriter:
         self.counts: Counter[str] = Counter()
         self.dropped_of: Counter[str] = Counter()
         self._compression = compression
-        self._metadata = BagMetadata()
+        self._metadata = BagMetadata(ros_distro=os.environ.get('ROS_DISTRO', ''))  # as `ros2 bag record` does
         self._arrived = threading.Condition()
         self._entries: list[Entry] = []
         self._held: list[Entry] = []

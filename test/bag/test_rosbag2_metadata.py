@@ -45,14 +45,21 @@ TOPICS = {
         'type_description_hash': messages.type_hash(STRING), 'qos': [{**QOS, 'durability': 1, 'depth': 10}],
     },
 }  # fmt: skip
+DISTRO = 'jazzy'
 EXTENT = {'starting_time': START_NS, 'duration': 9 * STEP_NS, 'message_count': 10}
 
 
 def expected(file: str) -> dict[str, Any]:
     return {
         'version': 8, 'storage_identifier': 'mcap', **EXTENT, 'topics': TOPICS, 'relative_file_paths': [file],
-        'compression': ('', ''), 'files': [{'path': file, **EXTENT}], 'custom_data': {}, 'ros_distro': '',
+        'compression': ('', ''), 'files': [{'path': file, **EXTENT}], 'custom_data': {}, 'ros_distro': DISTRO,
     }  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _sourced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `ros2 bag info` calls the ROS distro is that of the recorder."""
+    monkeypatch.setenv('ROS_DISTRO', DISTRO)
 
 
 @pytest.mark.parametrize('compression', ['none', 'lz4', 'zstd'])

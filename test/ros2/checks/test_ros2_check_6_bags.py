@@ -50,6 +50,7 @@ def test_ros_2_says_what_our_bag_holds(bag: Path, installed: dict[str, str]) -> 
     said = run(['ros2', 'bag', 'info', str(bag)], installed)
     for topic in SENT:
         assert f'Topic: /{topic.name} | Type: {topic.type_name} | Count: {COUNT}' in said
+    assert ['ROS', 'Distro:', installed['ROS_DISTRO']] in [line.split() for line in said.splitlines()]
 
 
 def test_ros_2_plays_our_bag_to_its_subscribers(bag: Path, installed: dict[str, str], join: Callable[[], Any]) -> None:
