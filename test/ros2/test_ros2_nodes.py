@@ -151,8 +151,9 @@ def test_simulated_time_comes_from_clock(start: Start, join: Join, until: Until)
     publisher = join().advertise(topic.name, topic.type_name, Qos('latest', 1, reliable=False))
     until(lambda: publisher.listeners)
     for nanosec in (0, 150_000_000):
-        publisher.publish(types.Clock(clock=types.Time(sec=100, nanosec=nanosec)))
-        until(lambda nanosec=nanosec: node.clock.now_ns() == 100 * 10**9 + nanosec)
+        clock, now_ns = types.Clock(clock=types.Time(sec=100, nanosec=nanosec)), 100 * 10**9 + nanosec
+        # Again and again: what is sent once as best effort may be lost on a busy machine.
+        until(lambda clock=clock, now_ns=now_ns: publisher.publish(clock) or node.clock.now_ns() == now_ns)
     until(lambda: node.ticks)
     assert node.ticks[-1] == 100_150_000_000
 
