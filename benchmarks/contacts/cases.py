@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_nodes import paths
-from tactile_nodes.contact_tables.touch_tables import CELL_MM, CELLS, known_table, write_table
+from tactile_nodes.contact_tables.touch_tables import CELL_MM, CELLS, known_table, table_key, write_table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.touch.body import Body, grid
 from tactile_nodes.simulation.touch.bricks import Bricks, Layer
 from tactile_nodes.simulation.touch.families import FAMILIES, make_body, rectangle
-from tactile_nodes.simulation.touch.table import SPACING_MM, Touch, TouchTable
+from tactile_nodes.simulation.touch.table import Touch, TouchTable
 from tactile_nodes.simulation.touch.track import Way, solve_track, track_key
 
 LIGHTEST_N, HARDEST_N = 0.05, 3.0
@@ -115,13 +115,13 @@ def solved(job: Wanted) -> Case:
 
 def _solved(gel: Gel, layer: Layer, body: Body, ways: list[Way]) -> TouchTable:
     """Of some ways the first that can be solved, from the cache where it was before."""
-    keys = [f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{SPACING_MM:g}' for way in ways]
+    keys = [table_key(track_key(layer, body, way), gel) for way in ways]
     for key in keys:
         if (known := known_table(key)) is not None:
             return known
     for key, way in zip(keys, ways, strict=True):
         try:
-            table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm, SPACING_MM)
+            table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm)
         except ConfigurationError:
             continue  # too much strain: half as hard
         write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)

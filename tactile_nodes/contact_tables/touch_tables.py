@@ -28,7 +28,7 @@ from tactile_nodes.contact_tables.touch_bodies import HEIGHTS, LARGEST_BYTES, bo
 from tactile_nodes.errors import ConfigurationError, in_a_line
 from tactile_nodes.files import check_size, read_text
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.touch.table import SPACING_MM, TouchTable
+from tactile_nodes.simulation.touch.table import TouchTable, table_steps_mm
 
 if TYPE_CHECKING:
     from tactile_nodes.simulation.touch.body import Body
@@ -84,7 +84,7 @@ class Contact:
         return _described(Path(name)) if name.endswith(('.yaml', '.yml')) else cls(name)
 
 
-def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None, spacing_mm: float = SPACING_MM) -> TouchTable:
+def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> TouchTable:
     """The table of a contact with a gel: shipped, or kept in the cache, or solved and kept now.
 
     A solution takes some ten seconds; `tell` hears how many stages of how many are done.
@@ -95,11 +95,11 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None, spacing
     from tactile_nodes.simulation.touch.bricks import Bricks
     from tactile_nodes.simulation.touch.track import solve_track
 
-    problem = _problem(gel, contact, spacing_mm)
+    problem = _problem(gel, contact)
     if (found := known_table(problem.key)) is not None:
         return found
     track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell)
-    table = TouchTable.of_track(track, -gel.skin_mm, spacing_mm)
+    table = TouchTable.of_track(track, -gel.skin_mm)
     write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)
     return table
 
@@ -108,7 +108,7 @@ def ready_contacts(gel: Gel) -> dict[str, TouchTable]:
     """Those of the usual contacts of a live scene that fit on the gel and need not be solved first, of 18 mm² times the
     gel's modulus."""
     usual = ((name, usual_contact(gel, name)) for name in USUAL if _width_mm(body_of(name)) <= min(gel.sides_mm))
-    found = ((name, known_table(_problem(gel, contact, SPACING_MM).key)) for name, contact in usual)
+    found = ((name, known_table(_problem(gel, contact).key)) for name, contact in usual)
     return {name: table for name, table in found if table is not None}
 
 
@@ -130,7 +130,7 @@ def _width_mm(body: Body) -> float:
     return 2 * body.reach_mm
 
 
-def _problem(gel: Gel, contact: Contact, spacing_mm: float) -> _Problem:
+def _problem(gel: Gel, contact: Contact) -> _Problem:
     from tactile_nodes.simulation.touch.bricks import Layer
     from tactile_nodes.simulation.touch.track import track_key
 
@@ -140,7 +140,13 @@ def _problem(gel: Gel, contact: Contact, spacing_mm: float) -> _Problem:
             f'{body.name} is {_width_mm(body):.0f} mm wide, and the gel {narrow_mm:g} mm; give a smaller body'
         )
     way = _way(contact, gel)
-    return _Problem(layer, body, way, f'{track_key(layer, body, way)}-{gel.skin_mm:g}-{spacing_mm:g}')
+    return _Problem(layer, body, way, table_key(track_key(layer, body, way), gel))
+
+
+def table_key(track: str, gel: Gel) -> str:
+    """The name of the table of a track on a gel."""
+    spacing_mm, _ = table_steps_mm(-gel.skin_mm)
+    return f'{track}-{gel.skin_mm:g}-{spacing_mm:g}'
 
 
 def known_table(key: str) -> TouchTable | None:

@@ -17,13 +17,21 @@ if TYPE_CHECKING:
 
 from tactile_nodes.sensing.geometry import BinGrid
 
-SPACING_MM = 0.625
-"""Of the table, sideways: under the skin, where the markers are, no motion changes faster."""
+SPACING_MM, ROW_MM = 0.625, 0.75
+"""Of the table, sideways and down, where the markers begin 1.5 mm below the surface: no motion changes faster there.
+Nearer to it they are as much smaller, down to what the track itself tells apart: with these, markers 0.35 mm deep moved
+a quarter too little aside."""
+
+FINEST_MM, FINEST_ROW_MM = 0.4, 0.15
 
 REACH_MM = 20.0
 """How far from its middle a touch is tabulated; further away motion is as at the rim, next to nothing."""
 
-ROW_MM = 0.75
+
+def table_steps_mm(highest_mm: float) -> tuple[float, float]:
+    """Steps of a table (sideways, down) of what lies no higher: 0.625 and 0.75 below -1.5 mm."""
+    nearer = min(-highest_mm / 1.5, 1.0)
+    return max(SPACING_MM * nearer, FINEST_MM), max(ROW_MM * nearer, FINEST_ROW_MM)
 
 
 @dataclass(frozen=True)
@@ -62,13 +70,14 @@ class TouchTable:
     key: str
 
     @classmethod
-    def of_track(cls, track: Track, highest_mm: float, spacing_mm: float = SPACING_MM) -> TouchTable:
+    def of_track(cls, track: Track, highest_mm: float) -> TouchTable:
         """Of what lies no higher than `highest_mm`: the markers under the skin."""
         from scipy.interpolate import CubicSpline  # here and below: a table that was made before is looked up without
         from scipy.ndimage import spline_filter
 
-        top_mm = min(0.0, highest_mm + 2 * ROW_MM)  # splines are less exact next to the rim of a table
-        z_mm = np.linspace(track.z_mm[0], top_mm, max(4, round((top_mm - track.z_mm[0]) / ROW_MM) + 1))
+        spacing_mm, row_mm = table_steps_mm(highest_mm)
+        top_mm = min(0.0, highest_mm + 2 * row_mm)  # splines are less exact next to the rim of a table
+        z_mm = np.linspace(track.z_mm[0], top_mm, max(4, round((top_mm - track.z_mm[0]) / row_mm) + 1))
         moved = CubicSpline(track.z_mm, track.moved_mm, axis=1)(z_mm)
         width = len(track.line_mm) * (track.line_mm[1] - track.line_mm[0])
         cells = 2 * round(width / spacing_mm / 2)
