@@ -186,7 +186,7 @@ def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, told, pressed):
     for k in range(patches):
         by_place[bin_of[k]] += held[k]
     information, evidence = np.empty((n, n), np.float32), np.empty(n, np.float32)
-    _evidence(by_bin, on, weights, motion, solver.GRANTED / PER_BIN**2, information, evidence)
+    _evidence(by_bin, on, weights, motion, solver.GRANTED * told / PER_BIN**2, information, evidence)
     for i in range(bins):
         evidence[i] -= np.float32(solver.ON_BINS / PER_BIN**2 * by_place[on[i]])
     forces = np.empty(n)
@@ -233,7 +233,7 @@ def field(by_force, bin_of, around, motion, weights, cols, told):
         motion: of the regions, along x and y.
         weights: of them, and what the camera shares.
         cols: of the patches.
-        told: share of the weight that holds patches down.
+        told: share of the weight that holds forces and patches down.
 
     Returns:
         Whether the forces can be told apart; they; which patches were solved on; the root of their covariance; and the
@@ -257,7 +257,7 @@ def field(by_force, bin_of, around, motion, weights, cols, told):
     active, n = which[:count].copy(), 3 * count
     forces, root = np.zeros((3, patches)), np.zeros((n, n), np.float32)
     information, evidence, found = np.empty((n, n), np.float32), np.empty(n, np.float32), np.zeros(n)
-    rows = _evidence(by_force[1], active, weights, motion, solver.GRANTED, information, evidence)
+    rows = _evidence(by_force[1], active, weights, motion, solver.GRANTED * told, information, evidence)
     before = _squared(rows, found)
     for i in range(count):
         evidence[i] -= np.float32(held[active[i]])

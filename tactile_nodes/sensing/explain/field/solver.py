@@ -177,7 +177,7 @@ class FieldSolver:
         if not active.size:
             return self._nothing(motion, weights)
         caused = self._caused(self._by_force, active)
-        information, evidence = self._evidence(caused, GRANTED, motion, weights)
+        information, evidence = self._evidence(caused, GRANTED * self._told, motion, weights)
         evidence[: active.size] -= self._held(pressed)[active]
         forces = np.zeros((3, self.patches.count))
         found = least_squares(information, evidence, FRICTION, STEPS)
@@ -206,7 +206,7 @@ class FieldSolver:
     ) -> Float[np.ndarray, ' patches']:
         """The normal force of the best answer on some bins, as each patch has its share; `around` is the linear one."""
         caused = self._caused(self._by_bin, bins)
-        information, evidence = self._evidence(caused, GRANTED / PER_BIN**2, motion, weights)
+        information, evidence = self._evidence(caused, GRANTED * self._told / PER_BIN**2, motion, weights)
         held = self._held(self._shared(around)) @ self.patches.member[:, bins]
         evidence[: bins.size] -= ON_BINS / PER_BIN**2 * held
         pressed = np.zeros(self.patches.bins.count)
@@ -275,9 +275,9 @@ class FieldSolver:
 
     @cached_property
     def _told(self) -> float:
-        """Share of the weight that holds patches down: less than all where fewer regions than patches tell of forces.
+        """Share of the weights that hold forces and patches down: less than all where fewer regions than patches tell.
 
-        Of a few dozen printed dots all of it would hold down half of what presses.
+        Of a few dozen printed dots all of it would hold down half of what presses, and of a broad contact a third more.
         """
         return min(1.0, len(self.response) / 2 / max(int(self._on_gel.sum()), 1)) ** 2
 
