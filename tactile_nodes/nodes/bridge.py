@@ -9,10 +9,12 @@ NAME`` on each side, then give each the other's public key. Needs the extra `bri
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from tactile_nodes.bus.bridge.bridge import Bridge
-from tactile_nodes.bus.bridge.finding import Finder, Group
+from tactile_nodes.bus.bridge.finding import AGAIN_WITHIN, Finder, Group
 from tactile_nodes.bus.bridge.keys import read_pair, read_public
 from tactile_nodes.bus.bridge.link import PLAIN_TCP, Address, Security, open_session
 from tactile_nodes.bus.bridge.talk import VERSION, Choice
@@ -78,8 +80,8 @@ class BridgeNode(Node):
             self.create_timer(_CHECK_PERIOD_S, self._find)
         self._say_ends()
 
-    def _opened(self) -> Bridge:
-        chosen, further = self.params, self._group.settings() if self._group else {}
+    def _opened(self, further: Mapping[str, object] = MappingProxyType({})) -> Bridge:
+        chosen, further = self.params, {**(self._group.settings() if self._group else {}), **further}
         session = open_session(self._listen, self._connect, self._security, chosen.plain_tcp, further)
         return Bridge(self._host_bus, session, Choice(chosen.send, chosen.receive, chosen.serve))
 
@@ -100,7 +102,7 @@ class BridgeNode(Node):
             return
         self._connect += [each for each in missing if each not in self._connect]
         self._bridge.close()
-        self._bridge = self._opened()
+        self._bridge = self._opened(AGAIN_WITHIN)
         self._say_ends()
 
     def _report(self) -> None:

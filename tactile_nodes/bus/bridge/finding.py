@@ -17,7 +17,7 @@ from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.errors import BusError, ConfigurationError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     import zenoh
 
@@ -30,6 +30,9 @@ PATIENCE_S = 3.0
 
 AT_MOST, AT_A_TIME = 64, 4
 """Anybody can say that somebody listens somewhere: so many are remembered, and tried at a time, a second each."""
+
+AGAIN_WITHIN = {'listen/timeout_ms': 2000}
+"""In which a port that this program has just left can be listened at again."""
 
 AT_ONCE = {'connect/timeout_ms': 1000, 'connect/exit_on_failure': True}
 
@@ -97,11 +100,11 @@ class Finder:
         return [address for address in addresses[:AT_A_TIME] if self._answers(address)]
 
     def _hear(self, hello: zenoh.Hello) -> None:
+        """What anybody sends; called by a thread of Zenoh's."""
         identity = str(hello.zid)
         older = int(identity, 16) < int(self._group.identity, 16)
         if older and identity not in self._found and len(self._found) < AT_MOST:
-            near = [end.network for _, end in _own_ends()]
-            self._found[identity] = monotonic_s(), tuple(_near(map(str, hello.locators), near))
+            self._found[identity] = monotonic_s(), tuple(near(map(str, hello.locators), _own_ends()))
 
     def _answers(self, address: Address) -> bool:
         """Whether somebody there lets us in."""
@@ -112,12 +115,15 @@ class Finder:
         return True
 
 
-def _near(locators: Iterable[str], networks: list[Any]) -> Iterator[Address]:
-    """Of what somebody listens at, that which lies in one of our networks and is not ours."""
-    own = {end.ip for _, end in _own_ends()}
+def near(locators: Iterable[str], own_ends: Sequence[tuple[str, Any]]) -> Iterator[Address]:
+    """Of what somebody says to listen at, that which lies in one of our networks and is not ours."""
+    own, networks = {end.ip for _, end in own_ends}, [end.network for _, end in own_ends]
     for locator in locators:
-        address = Address.parse(locator.partition('/')[2].partition('?')[0])
-        ip = ipaddress.ip_address(address.host.strip('[]').partition('%')[0])
+        try:
+            address = Address.parse(locator.partition('/')[2].partition('?')[0])
+            ip = ipaddress.ip_address(address.host.strip('[]'))
+        except (ConfigurationError, ValueError):  # a name, a path, or an address of a link
+            continue
         if ip not in own and any(ip in network for network in networks):
             yield address
 

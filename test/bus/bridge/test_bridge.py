@@ -7,6 +7,7 @@ import signal
 import socket
 import tempfile
 from collections.abc import Callable, Iterator
+from ipaddress import ip_interface
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import zenoh
 from agents import IMAGE, NUMBER, Other, until
 from programs import Program
 
+from tactile_nodes.bus.bridge.finding import near
 from tactile_nodes.bus.bridge.keys import create_keys
 from tactile_nodes.bus.bridge.link import LONGEST_BYTES, PLAIN_TCP, Address, open_session
 from tactile_nodes.bus.bridge.talk import VERSION, key_of
@@ -440,3 +442,12 @@ def test_message_longer_than_any_is_not_taken_in_and_the_others_are(port: int) -
     finally:
         there.close()
         here.close()
+
+
+def test_addresses_that_a_stranger_tells_are_taken_only_where_they_are_in_a_network_of_ours() -> None:
+    ends = [('eth0', ip_interface('10.0.0.5/24')), ('docker0', ip_interface('172.17.0.1/16'))]
+    told = [
+        'tls/10.0.0.9:7460?prio=0-5', 'tls/172.17.0.1:7460', 'tls/192.168.1.9:7460', 'tls/[fe80::1%eth0]:7460',
+        'tls/robot:7460', 'unixpipe/a', 'tls/10.0.0.9:99999', '',
+    ]  # fmt: skip
+    assert list(near(told, ends)) == [Address('10.0.0.9', 7460)]
