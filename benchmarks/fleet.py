@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -34,17 +36,14 @@ SEED, UNSEEN_SEED = 2077, 77
 PLACED, READ = 3, 99
 """Seeds of the presses that tell, and of those that are read."""
 
-OPEN = 1000.0
-"""Times as far as usual: as if nothing were known before."""
-
-ASSUMED, LEARNED, NONE, FIXED = 'as assumed', "the fleet's", 'none', 'the camera as described'
+LEARNED, NONE, FIXED = "the fleet's", 'none', 'the camera as described'
 ABOUT = """\
 {learned} gels of the simulated sensor, {presses} presses of the paper's tip on each, tell how far makes of it differ;
 {unseen} others are read. Of these {judged} presses anywhere, up to {deepest:g} mm deep, are read by the force field
 alone: the median distance of the centres, and the median error of the total as a share. *Without a press* the
-description is all there is. Then as many presses as are said calibrate the gel, and the prior of its camera is one of
-four: what ships (`tactile_nodes.learning.field.camera`), what the fleet teaches, none, and a camera that is where it is
-described. Mean over the gels, and the worst of them in brackets."""
+description is all there is. Then as many presses as are said calibrate the gel, and its camera is told with the
+prior that the fleet teaches; with none, as the calibration does (`tactile_nodes.learning.field.camera`); or it is taken
+as described. Mean over the gels, and the worst of them in brackets."""
 TAUGHT = """\
 Standard deviations over the fleet, of where the camera is told to be beside its description: along x and y (mm), both
 tilts and the roll (degrees), the focal length (%); and of how many times as soft gels are told to be (%)."""
@@ -78,25 +77,44 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
 
 def _taught(make: Make) -> dict[str, Any]:
     """How a camera looks otherwise than described, and how soft the gel is, by many presses."""
-    found, by = _fitted(_pressed(_gel(make), PRESSES, PLACED), OPEN)
-    return {'gain': found.gain, 'camera': by.tolist()}
+    found = _fitted(_pressed(_gel(make), PRESSES, PLACED))
+    return {'gain': found.gain, 'camera': found.looks.tolist()}
 
 
 def _read(make: Make) -> dict[str, Any]:
     """Errors on a gel by the prior and the number of presses."""
-    from tactile_nodes.learning.field.camera import USUAL
     from tactile_nodes.learning.field.fit import described
 
     gel = _gel(make)
     judged = _pressed(gel, JUDGED, READ, 'random')
     sensor, scaling = _known(judged)
     found: dict[str, Any] = {'description': _errors(described(sensor, scaling).readout, judged)}
-    priors = {ASSUMED: USUAL, LEARNED: np.array(make.learned), NONE: OPEN * USUAL, FIXED: np.zeros(len(USUAL))}
+    priors: dict[str, AbstractContextManager[Any]] = {
+        LEARNED: _with_prior(np.array(make.learned)), NONE: nullcontext(), FIXED: _as_described()
+    }  # fmt: skip
     for presses in FEW:
         dataset = _pressed(gel, presses, PLACED)
-        for name, usual in priors.items():
-            found[f'{presses}, {name}'] = _errors(_fitted(dataset, usual)[0].readout, judged)
+        for name, prior in priors.items():
+            with prior:
+                found[f'{presses}, {name}'] = _errors(_fitted(dataset).readout, judged)
     return found
+
+
+def _with_prior(usual: Float[np.ndarray, ' 6']) -> AbstractContextManager[Any]:
+    """Within this, numbers of a camera are drawn to its description, by these standard deviations."""
+    from tactile_nodes.learning.field import camera
+
+    plain = camera.Seen.left
+
+    def left(self: Any, rest: np.ndarray, by: np.ndarray) -> np.ndarray:
+        return np.concatenate([plain(self, rest, by), by * camera.SCALES / usual])
+
+    return patch.object(camera.Seen, 'left', left)
+
+
+def _as_described() -> AbstractContextManager[Any]:
+    """Within this, no camera is told."""
+    return patch('tactile_nodes.learning.field.fit.camera_told', lambda regions, *_: regions.sensor)
 
 
 def _gel(make: Make) -> Gel:
@@ -136,19 +154,15 @@ def _known(dataset: Dataset) -> tuple[Any, Any]:
     return sensor, uncovered(sensor, at_rest(scaling))
 
 
-def _fitted(dataset: Dataset, usual: Float[np.ndarray, ' 6'] | float) -> tuple[FieldFit, Float[np.ndarray, ' 6']]:
-    """The field of some presses, and how the camera looks otherwise; `usual` may be that which ships, times so much."""
+def _fitted(dataset: Dataset) -> FieldFit:
+    """The field of some presses."""
     from tactile_nodes.learning.field.body import Bodies, KnownBody
     from tactile_nodes.learning.field.calibration import known_presses
-    from tactile_nodes.learning.field.camera import USUAL
     from tactile_nodes.learning.field.fit import fit_field
 
     sensor, scaling = _known(dataset)
     rows, fold = known_presses(dataset, np.flatnonzero(dataset.presses[:, 2] > 0))
-    bodies = Bodies.one(KnownBody.named('tip'), len(dataset.presses))
-    usual = usual * USUAL if isinstance(usual, float) else usual
-    found = fit_field(sensor, scaling, dataset, rows, fold, bodies, usual=usual)
-    return found, found.looks
+    return fit_field(sensor, scaling, dataset, rows, fold, Bodies.one(KnownBody.named('tip'), len(dataset.presses)))
 
 
 def _errors(readout: FieldReadout, judged: Dataset) -> dict[str, float]:
@@ -171,7 +185,7 @@ def page(result: Mapping[str, Any]) -> str:
     rows = [{'presses': 'none', 'prior': 'the description', **_summed(result['read'], 'description')}]
     rows += [
         {'presses': str(presses), 'prior': name, **_summed(result['read'], f'{presses}, {name}')}
-        for presses in FEW for name in (ASSUMED, LEARNED, NONE, FIXED)
+        for presses in FEW for name in (LEARNED, NONE, FIXED)
     ]  # fmt: skip
     told = columns(
         rows, ('presses', '{presses}'), ('prior', '{prior}'), ('centre [mm]', '{centre_mm}'), ('total', '{total}')

@@ -140,13 +140,13 @@ def contacts(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
 @cache
 def _contacts_told(switch: Switch, progress: Progress) -> dict[str, float]:
     from benchmarks.contacts import read
-    from benchmarks.contacts.cases import cases
+    from benchmarks.contacts.cases import solved, wanted
     from benchmarks.contacts.frames import CONDITIONS
     from benchmarks.contacts.scores import summed
     from tactile_nodes.simulation.gel import Gel
 
     gel = Gel(seed=1)
-    chosen = cases(gel, CONTACTS_SEED, CONTACTS_EACH, progress)
+    chosen = [solved(each) for each in wanted(gel, CONTACTS_SEED, CONTACTS_EACH).values()]
     fresh.cache_clear()
     with switch():
         scores, _ = read({'field': 'field'}, gel, chosen, CONDITIONS[0], progress)

@@ -63,16 +63,6 @@ def wanted(gel: Gel, seed: int, per_family: int) -> dict[str, Wanted]:
     }  # fmt: skip
 
 
-def cases(gel: Gel, seed: int, per_family: int, progress: Progress | None = None) -> list[Case]:
-    """All of them, solved."""
-    found, jobs = [], wanted(gel, seed, per_family)
-    with (progress or Progress()).bar('solving contacts', len(jobs)) as bar:
-        for name, job in jobs.items():
-            found.append(solved(job))
-            bar.advance(1, name)
-    return found
-
-
 def broad_cases(gel: Gel, progress: Progress | None = None) -> list[Case]:
     """A flat square of 20 mm at 2, 5 and 10 N: so wide beside the layer that under its middle next to nothing moves."""
     found, layer = [], Layer(CELLS, CELL_MM, gel.layer_mm)

@@ -7,12 +7,11 @@ nobody; and only to one that has proven to hold a key that is allowed, since any
 from __future__ import annotations
 
 import ipaddress
-import json
 import secrets
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from tactile_nodes.bus.bridge.link import Address, Security, open_session
+from tactile_nodes.bus.bridge.link import Address, Security, configured, open_session
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.errors import BusError, ConfigurationError
 
@@ -82,10 +81,7 @@ class Finder:
 
         self._group, self._security, self._plain_tcp = group, security, plain_tcp
         self._found: dict[str, tuple[float, tuple[Address, ...]]] = {}
-        settings = zenoh.Config()
-        for place, value in group.settings().items():
-            settings.insert_json5(place, json.dumps(value))
-        self._scout = zenoh.scout(self._hear, what='peer', config=settings)
+        self._scout = zenoh.scout(self._hear, what='peer', config=configured(group.settings()))
 
     def close(self) -> None:
         self._scout.stop()

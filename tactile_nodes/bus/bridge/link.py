@@ -102,13 +102,20 @@ def open_session(
         raise ConfigurationError(
             f"a bridge needs Zenoh ({error}); install it with: pip install 'tactile_nodes[bridge]'"
         ) from error
-    settings = zenoh.Config()
-    for place, value in {**_settings(listen, connect, security), **further}.items():
-        settings.insert_json5(place, json.dumps(value))
     try:
-        return zenoh.open(settings)
+        return zenoh.open(configured({**_settings(listen, connect, security), **further}))
     except zenoh.ZError as error:
         raise _translated(str(error), ends[0]) from error
+
+
+def configured(settings: Mapping[str, Any]) -> zenoh.Config:
+    """Zenoh's configuration with settings by their place in it, and its defaults beside them."""
+    import zenoh
+
+    made = zenoh.Config()
+    for place, value in settings.items():
+        made.insert_json5(place, json.dumps(value))
+    return made
 
 
 def _settings(listen: Address | None, connect: Sequence[Address], security: Security) -> dict[str, Any]:

@@ -22,16 +22,15 @@ from tactile_nodes.sensing.elasticity.regions import Fields, Regions
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
 
-USUAL = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 0.03])
-"""Standard deviations of the prior: of the place along x and y (mm), of both tilts and the roll (degrees), of the
-logarithm of the focal length. They decide where presses do not: a camera aside shows nearly what a tilted one does."""
+SCALES = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 0.03])
+"""In which the numbers are fitted: the place along x and y (mm), both tilts and the roll (degrees), the logarithm of
+the focal length. They have no prior: five presses tell more than any (`tactile bench fleet`)."""
 
 LEAST, MOST = 5, 30
 """Presses that are needed, and that are used: more tell hardly more of six numbers."""
 
 VARIED, ENOUGH, LOOKS = 0.05, 0.01, 8
-"""By how much of its usual size each number is varied, what change of it is none, and how often all are varied at most.
-"""
+"""By how much of its scale each number is varied, what change of it is none, and how often all are varied at most."""
 
 
 def camera_told(
@@ -43,31 +42,29 @@ def camera_told(
     fold: Int[np.ndarray, ' n'],
     softer: float = 1.0,
     advance: Callable[[int], object] = lambda _: None,
-    usual: Float[np.ndarray, ' 6'] = USUAL,
 ) -> Sensor:
     """The sensor with the camera that presses tell; as described, where presses held out are explained nearly as well.
 
     Printed dots are described by where they are on the gel, which follows from the camera: of them it stays.
-    `softer` is as `presses_of` has it; `advance` is called as the work goes on, twice; `usual` are the prior's standard
-    deviations.
+    `softer` is as `presses_of` has it; `advance` is called as the work goes on, twice.
     """
     sensor = regions.sensor
-    if len(rows) < LEAST or len(np.unique(fold)) < 2 or sensor.pattern.kind == 'dots' or not usual.any():
+    if len(rows) < LEAST or len(np.unique(fold)) < 2 or sensor.pattern.kind == 'dots':
         advance(2)
         return sensor
     few = np.arange(len(rows))[:: math.ceil(len(rows) / MOST)]
-    seen = _Seen.of(regions, pressures, scaling, dataset, rows[few], softer, usual)
+    seen = Seen.of(regions, pressures, scaling, dataset, rows[few], softer)
     rest = fold[few] != fold[0]
     found = seen.fitted(rest)
     advance(1)
-    better = seen.misfit(found, rest) * WORTH < seen.misfit(np.zeros(len(USUAL)), rest)
-    camera = looking(sensor, USUAL * seen.fitted(np.ones(len(few), bool))) if better else sensor
+    better = seen.misfit(found, rest) * WORTH < seen.misfit(np.zeros(len(SCALES)), rest)
+    camera = looking(sensor, SCALES * seen.fitted(np.ones(len(few), bool))) if better else sensor
     advance(1)
     return camera
 
 
 def looking(sensor: Sensor, by: Float[np.ndarray, ' 6']) -> Sensor:
-    """A sensor whose camera looks otherwise, by six numbers as `USUAL` has them."""
+    """A sensor whose camera looks otherwise, by six numbers as `SCALES` has them."""
     x, y, about_x, about_y, roll, larger = by.tolist()
     camera, scale = sensor.camera, math.exp(larger)
     right, down, away = camera.position_mm
@@ -103,7 +100,7 @@ def in_words(by: Float[np.ndarray, ' 6']) -> str:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class Seen:
     """Presses, what moved under them, and what their pressures do in the gel: the same whatever camera looks at it."""
 
     regions: Regions
@@ -111,24 +108,23 @@ class _Seen:
     motion: Float[np.ndarray, 'n known 2']
     sure: Float[np.ndarray, 'n known 1']
     presses: Float[np.ndarray, 'n 4']
-    usual: Float[np.ndarray, ' 6']
     fields: list[tuple[Int[np.ndarray, ' same'], Fields]]
 
     @classmethod
     def of(
         cls, regions: Regions, pressures: AllPressures, scaling: InputScaling, dataset: Dataset,
-        rows: Int[np.ndarray, ' n'], softer: float, usual: Float[np.ndarray, ' 6'],
-    ) -> _Seen:  # fmt: skip
+        rows: Int[np.ndarray, ' n'], softer: float,
+    ) -> Seen:  # fmt: skip
         known, motion = motion_of(scaling, dataset, rows)
         shapes = shapes_of(regions, pressures, dataset, rows, softer)
         fields = [(same, regions.fields_under(spectrum)) for same, _, spectrum in shapes]
         sure = np.sqrt(weights_of(scaling, dataset, rows, motion))[..., None]
-        return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), usual, fields)
+        return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), fields)
 
     def told(self, by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, 'n known 2']:
         """What would be seen of a gel of the described stiffness, over what is expected, by a camera that looks
-        otherwise by so many times `USUAL`."""
-        regions = replace(self.regions, sensor=looking(self.regions.sensor, by * USUAL))
+        otherwise by so many times `SCALES`."""
+        regions = replace(self.regions, sensor=looking(self.regions.sensor, by * SCALES))
         moved = np.zeros(self.motion.shape)
         for same, fields in self.fields:
             one = regions.motion_as_described(self.presses[same, :2], fields, self.known)
@@ -136,15 +132,15 @@ class _Seen:
         return np.asarray(moved * self.sure)
 
     def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, ' numbers']:
-        """What is left over of some presses, and of the prior, if the gel is as soft as they say."""
+        """What is left over of some presses, if the gel is as soft as they say."""
         told, motion = self.told(by)[rest], (self.motion * self.sure)[rest]
-        return np.concatenate([(motion - _gain(told, motion) * told).ravel(), by * USUAL / self.usual])
+        return np.asarray((motion - _gain(told, motion) * told).ravel())
 
     def fitted(self, rest: Bool[np.ndarray, ' n']) -> Float[np.ndarray, ' 6']:
         """How the camera looks by some presses."""
         from scipy.optimize import least_squares
 
-        left, begin = partial(self.left, rest), np.zeros(len(USUAL))
+        left, begin = partial(self.left, rest), np.zeros(len(SCALES))
         found = least_squares(left, begin, partial(_slopes, left), xtol=ENOUGH, ftol=ENOUGH**2, max_nfev=LOOKS)
         return np.asarray(found.x)
 

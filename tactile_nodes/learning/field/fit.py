@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies
-from tactile_nodes.learning.field.camera import USUAL, camera_told, in_words, looked_otherwise
+from tactile_nodes.learning.field.camera import SCALES, camera_told, in_words, looked_otherwise
 from tactile_nodes.learning.field.judging import ROOM, UNFITTED, Chosen, Judge, passes_of, spread_of, told
 from tactile_nodes.learning.field.presses import STEP, AllPressures, BodyPresses, known_of, noise_px, presses_of
 from tactile_nodes.learning.progress import Progress
@@ -62,7 +62,7 @@ class FieldFit:
     curve: tuple[Point, ...] = ()
     offset_n: tuple[float, float] = (0.0, 0.0)
     left_out: int = 0
-    looks: Float[np.ndarray, ' 6'] = field(default_factory=lambda: np.zeros(len(USUAL)))
+    looks: Float[np.ndarray, ' 6'] = field(default_factory=lambda: np.zeros(len(SCALES)))
 
     @property
     def presses(self) -> int:
@@ -152,7 +152,6 @@ def fit_field(
     progress: Progress | None = None,
     *,
     curve: bool = False,
-    usual: Float[np.ndarray, ' 6'] = USUAL,
 ) -> FieldFit:
     """The readout that presses of known bodies tell, in the form that they support.
 
@@ -165,7 +164,6 @@ def fit_field(
         bodies: what pressed each sample of the data set.
         progress: shows what is done.
         curve: whether to say what fewer presses would have told.
-        usual: how far cameras usually look otherwise than described, see `camera_told`.
 
     Raises:
         DatasetError: none of these presses has a force that is known.
@@ -180,7 +178,7 @@ def fit_field(
         presses = presses_of(regions, pressures, scaling, dataset, rows, advance=bar.advance)
         if (gain := presses.gain(start)) > 0 and abs(math.log(gain)) > math.log(STEP) / 2:
             softer = gain
-        seen_by = camera_told(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance, usual)
+        seen_by = camera_told(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance)
         if seen_by != sensor:
             regions = regions_of(seen_by, scaling)
             start = _nominal(regions, scaling)

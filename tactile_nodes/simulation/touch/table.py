@@ -19,8 +19,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 SPACING_MM, ROW_MM = 0.625, 0.75
 """Of the table, sideways and down, where the markers begin 1.5 mm below the surface: no motion changes faster there.
-Nearer to it they are as much smaller, down to what the track itself tells apart: with these, markers 0.35 mm deep moved
-a quarter too little aside."""
+Nearer to it they are as much smaller, down to what the track itself tells apart."""
 
 FINEST_MM, FINEST_ROW_MM = 0.4, 0.15
 

@@ -13,7 +13,7 @@ from benchmarks.harness.running import run
 
 
 @pytest.mark.timeout(200)
-def test_few_presses_and_a_prior_tell_where_the_camera_is(
+def test_few_presses_tell_where_the_camera_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name, value in {'PRESSES': 6, 'FEW': (6,), 'JUDGED': 12}.items():
@@ -22,5 +22,5 @@ def test_few_presses_and_a_prior_tell_where_the_camera_is(
     assert run(fleet.BENCHMARK, parser_of(fleet.BENCHMARK).parse_args(words)) == 0
     assert '# A fleet of gels' in capsys.readouterr().out
     (read,) = json.loads((tmp_path / 'fleet.json').read_text())['read']
-    assert read[f'6, {fleet.ASSUMED}']['centre_mm'] < 0.5 * read['description']['centre_mm']
-    assert read[f'6, {fleet.ASSUMED}']['centre_mm'] < 0.5 * read[f'6, {fleet.FIXED}']['centre_mm']
+    assert read[f'6, {fleet.NONE}']['centre_mm'] < 0.5 * read['description']['centre_mm']
+    assert read[f'6, {fleet.NONE}']['centre_mm'] < 0.5 * read[f'6, {fleet.FIXED}']['centre_mm']

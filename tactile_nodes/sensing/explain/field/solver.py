@@ -277,7 +277,7 @@ class FieldSolver:
     def _told(self) -> float:
         """Share of the weights that hold forces and patches down: less than all where fewer regions than patches tell.
 
-        Of a few dozen printed dots all of it would hold down half of what presses, and of a broad contact a third more.
+        Of a few dozen printed dots all of it would hold down half of what presses.
         """
         return min(1.0, len(self.response) / 2 / max(int(self._on_gel.sum()), 1)) ** 2
 
