@@ -55,15 +55,30 @@ def recorder(folder: Path, *, size: int, count: int, before: str = '', each: str
     )
 
 
+ENDS_BEFORE_A_WRITE = """
+import os, signal
+last, write_ready = False, BagWriter._write_ready
+
+def kill_or_write(self):
+    if last:
+        os.kill(os.getpid(), signal.SIGKILL)
+    write_ready(self)
+
+BagWriter._write_ready = kill_or_write
+"""
+
+
 @pytest.fixture(scope='module')
 def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[int, int]]]:
     """A bag whose recorder got SIGKILL after 1.4 s in full flow, with numbers and times of what it had taken in.
 
-    It kills itself, so never within a write: that leaves a file that is cut off (`test_reader`), 2 MB at a time here.
+    The thread that writes kills it, before its next write and so never within one: that leaves a file that is cut off
+    (`test_reader`), 2 MB at a time here.
     """
     folder = tmp_path_factory.mktemp('bags') / 'press'
-    kill = 'if number == 700: import os, signal; os.kill(os.getpid(), signal.SIGKILL)'
-    process = recorder(folder, size=20_000, count=100_000, each=kill)
+    process = recorder(
+        folder, size=20_000, count=100_000, before=ENDS_BEFORE_A_WRITE, each='last = number == 700 or last'
+    )
     given = [tuple(map(int, line.split())) for line in process.communicate()[0].splitlines()]
     assert process.returncode == -signal.SIGKILL
     return folder, given
