@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ipaddress
 import secrets
+import threading
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -81,19 +82,30 @@ class Finder:
 
         self._group, self._security, self._plain_tcp = group, security, plain_tcp
         self._found: dict[str, tuple[float, tuple[Address, ...]]] = {}
+        self._trying: threading.Thread | None = None
+        self._answering: list[Address] = []
         self._scout = zenoh.scout(self._hear, what='peer', config=configured(group.settings()))
 
     def close(self) -> None:
         self._scout.stop()
 
     def missing(self, connected: Iterable[str]) -> list[Address]:
-        """Where those are who are older, and not `connected` (their identities) though they are there for a while."""
+        """Where those are who are older, and not `connected` (their identities) though they are there for a while.
+
+        Each is tried first, in a thread, since one that is silent takes a second; it is among those of a later call.
+        """
         for known in connected:
             self._found.pop(known, None)
+        if self._trying is not None and self._trying.is_alive():
+            return []
+        answering, self._answering = self._answering, []
         late_s = monotonic_s() - PATIENCE_S
         due = [identity for identity, (since_s, _) in list(self._found.items()) if since_s < late_s]
         addresses = [address for identity in due[:AT_A_TIME] for address in self._found.pop(identity)[1]]
-        return [address for address in addresses[:AT_A_TIME] if self._answers(address)]
+        if addresses:
+            self._trying = threading.Thread(target=self._try, args=(addresses[:AT_A_TIME],), daemon=True)
+            self._trying.start()
+        return answering
 
     def _hear(self, hello: zenoh.Hello) -> None:
         """What anybody sends; called by a thread of Zenoh's."""
@@ -101,6 +113,9 @@ class Finder:
         older = int(identity, 16) < int(self._group.identity, 16)
         if older and identity not in self._found and len(self._found) < AT_MOST:
             self._found[identity] = monotonic_s(), tuple(near(map(str, hello.locators), _own_ends()))
+
+    def _try(self, addresses: Sequence[Address]) -> None:
+        self._answering = [address for address in addresses if self._answers(address)]
 
     def _answers(self, address: Address) -> bool:
         """Whether somebody there lets us in."""
