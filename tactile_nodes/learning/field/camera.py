@@ -26,6 +26,8 @@ SCALES = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 0.03])
 """In which the numbers are fitted: the place along x and y (mm), both tilts and the roll (degrees), the logarithm of
 the focal length. They have no prior: five presses tell more than any (`tactile bench fleet`)."""
 
+AS_DESCRIBED = np.zeros(len(SCALES))
+
 LEAST, MOST = 5, 30
 """Presses that are needed, and that are used: more tell hardly more of six numbers."""
 
@@ -57,8 +59,8 @@ def camera_told(
     rest = fold[few] != fold[0]
     found = seen.fitted(rest)
     advance(1)
-    better = seen.misfit(found, rest) * WORTH < seen.misfit(np.zeros(len(SCALES)), rest)
-    camera = looking(sensor, SCALES * seen.fitted(np.ones(len(few), bool))) if better else sensor
+    better = seen.misfit(found, rest) * WORTH < seen.misfit(AS_DESCRIBED, rest)
+    camera = looking(sensor, SCALES * seen.fitted(np.ones(len(few), bool), found)) if better else sensor
     advance(1)
     return camera
 
@@ -117,7 +119,7 @@ class Seen:
     ) -> Seen:  # fmt: skip
         known, motion = motion_of(scaling, dataset, rows)
         shapes = shapes_of(regions, pressures, dataset, rows, softer)
-        fields = [(same, regions.fields_under(spectrum)) for same, _, spectrum in shapes]
+        fields = [(same, regions.fields_under(spectrum, slopes=False)) for same, _, spectrum in shapes]
         sure = np.sqrt(weights_of(scaling, dataset, rows, motion))[..., None]
         return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), fields)
 
@@ -136,11 +138,11 @@ class Seen:
         told, motion = self.told(by)[rest], (self.motion * self.sure)[rest]
         return np.asarray((motion - _gain(told, motion) * told).ravel())
 
-    def fitted(self, rest: Bool[np.ndarray, ' n']) -> Float[np.ndarray, ' 6']:
-        """How the camera looks by some presses."""
+    def fitted(self, rest: Bool[np.ndarray, ' n'], begin: Float[np.ndarray, ' 6'] = AS_DESCRIBED) -> np.ndarray:
+        """How the camera looks by some presses, sought from `begin` on."""
         from scipy.optimize import least_squares
 
-        left, begin = partial(self.left, rest), np.zeros(len(SCALES))
+        left = partial(self.left, rest)
         found = least_squares(left, begin, partial(_slopes, left), xtol=ENOUGH, ftol=ENOUGH**2, max_nfev=LOOKS)
         return np.asarray(found.x)
 

@@ -12,12 +12,15 @@ FINER = 8
 
 
 def fields_of(
-    layer: ElasticLayer, spectrum: np.ndarray, *, pressed_only: bool = False
+    layer: ElasticLayer, spectrum: np.ndarray, *, pressed_only: bool = False, slopes: bool = True
 ) -> Float32[np.ndarray, 'depths 3 loads sets y x']:
-    """Displacement along each axis, and its slopes along x and y, at each depth under each load."""
+    """Displacement along each axis, and its slopes along x and y where asked for, at each depth under each load."""
     kernels = layer.kernels(spectrum, pressed_only=pressed_only).transpose(1, 2, 0, 3, 4)
-    slope_y, slope_x = np.gradient(kernels, *layer.spacing_mm[::-1], axis=(3, 4))
-    return np.stack([kernels, slope_x, slope_y], axis=3).astype(np.float32)
+    sets = [kernels]
+    if slopes:
+        slope_y, slope_x = np.gradient(kernels, *layer.spacing_mm[::-1], axis=(3, 4))
+        sets += [slope_x, slope_y]
+    return np.ascontiguousarray(np.stack(sets, axis=3), np.float32)
 
 
 def combed(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int]) -> np.ndarray:
@@ -55,8 +58,13 @@ def sampled_at(
     right, down = np.moveaxis((at - low).astype(np.float32), -1, 0)
     height, width = fields.shape[-2:]
     x, y = low[..., 0] % width, low[..., 1] % height
-    beside, below = (x + 1) % width, (y + 1) % height
-    upper = (1 - right) * fields[:, y, x] + right * fields[:, y, beside]
-    lower = (1 - right) * fields[:, below, x] + right * fields[:, below, beside]
-    sampled: np.ndarray = (1 - down) * upper + down * lower
+    beside, row, below = (x + 1) % width, width * y, width * ((y + 1) % height)
+    nodes = fields.reshape(len(fields), -1)
+
+    def along(row: np.ndarray) -> np.ndarray:
+        left = np.take(nodes, row + x, axis=1)
+        return left + right * (np.take(nodes, row + beside, axis=1) - left)
+
+    upper = along(row)
+    sampled: np.ndarray = upper + down * (along(below) - upper)
     return sampled

@@ -255,16 +255,17 @@ class Regions:
         told: np.ndarray = np.einsum('rd,nd...->nr...', self._told_by[known], terms)
         return told
 
-    def fields_under(self, spectrum: Inexact[np.ndarray, 'ky kx']) -> Fields:
+    def fields_under(self, spectrum: Inexact[np.ndarray, 'ky kx'], *, slopes: bool = True) -> Fields:
         """What a pressure does in the gel, whatever sees it."""
         domed = self.sensor.gel.dome_radius_mm > 0
-        return [fields_of(layer, spectrum, pressed_only=not domed) for _, layer in self._layers]
+        return [fields_of(layer, spectrum, pressed_only=not domed, slopes=slopes) for _, layer in self._layers]
 
     def motion_as_described(
         self, places_mm: Float[np.ndarray, 'presses 2'], fields: Fields, known: Int[np.ndarray, ' known']
     ) -> Float32[np.ndarray, 'presses known 2']:
-        """Motion (px) of some windows under 1 N of a pressure about each place, if depths count as `nominal_shares`."""
-        terms = self._seen_in([each[:, :, :, :1] for each in fields], places_mm, known)
+        """Motion (px) of some windows under 1 N of a pressure about each place, if depths count as `nominal_shares`;
+        `fields` without slopes."""
+        terms = self._seen_in(fields, places_mm, known)
         return np.asarray(terms[..., 0] @ self.nominal_shares[::3].astype(np.float32))
 
     def _pressure_on_parts(
@@ -279,7 +280,8 @@ class Regions:
     ) -> Float32[np.ndarray, 'presses n 2 depths sets']:
         domed, sets = self.sensor.gel.dome_radius_mm > 0, in_layers[0].shape[3]
         shares, loads = self._as_thick(places_mm), self._loads_at(places_mm)[..., 0]
-        seen, jacobian = self.rays.points_mm[:, parts, :, :2], self.rays.px_per_mm[:, parts]
+        seen, jacobian = self.rays.points_mm[:, parts, :, :2], self.rays.px_per_mm[:, parts] / ALONG**2
+        levers = jacobian.astype(np.float32).swapaxes(2, 3).reshape(DEPTHS, len(parts), 2, -1)
         found = np.zeros((len(places_mm), len(parts), 2, DEPTHS, sets), np.float32)
         for number, place in enumerate(places_mm):
             fields = in_layers[0][:, :, 0]
@@ -289,6 +291,6 @@ class Regions:
             at = (seen - place) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
             for depth in range(DEPTHS):
                 sampled = sampled_at(fields[depth].reshape(3 * sets, *fields.shape[-2:]), at[depth])
-                sampled = sampled.reshape(3, sets, len(parts), -1)
-                found[number, :, :, depth] = np.einsum('rnpc,csrn->rps', jacobian[depth], sampled) / ALONG**2
+                by_ray = sampled.reshape(3, sets, len(parts), -1).transpose(2, 3, 0, 1).reshape(len(parts), -1, sets)
+                found[number, :, :, depth] = levers[depth] @ by_ray
         return found
