@@ -63,7 +63,8 @@ def sampled_at(
 
     def along(row: np.ndarray) -> np.ndarray:
         left = np.take(nodes, row + x, axis=1)
-        return left + right * (np.take(nodes, row + beside, axis=1) - left)
+        found: np.ndarray = left + right * (np.take(nodes, row + beside, axis=1) - left)
+        return found
 
     upper = along(row)
     sampled: np.ndarray = upper + down * (along(below) - upper)
