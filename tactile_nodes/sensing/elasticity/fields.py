@@ -60,12 +60,8 @@ def sampled_at(
     x, y = low[..., 0] % width, low[..., 1] % height
     beside, row, below = (x + 1) % width, width * y, width * ((y + 1) % height)
     nodes = fields.reshape(len(fields), -1)
-
-    def along(row: np.ndarray) -> np.ndarray:
-        left = np.take(nodes, row + x, axis=1)
-        found: np.ndarray = left + right * (np.take(nodes, row + beside, axis=1) - left)
-        return found
-
-    upper = along(row)
-    sampled: np.ndarray = upper + down * (along(below) - upper)
+    corners = row + x, row + beside, below + x, below + beside
+    here, along, across, opposite = (np.take(nodes, corner, axis=1) for corner in corners)
+    upper, lower = here + right * (along - here), across + right * (opposite - across)
+    sampled: np.ndarray = upper + down * (lower - upper)
     return sampled
