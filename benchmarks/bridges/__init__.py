@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
 
 OURS, FOUND, DDS = 'bridge', 'bridge, found by multicast', 'DDS bridge'
-CUT_S, LATEST_S = 5.0, 30.0
+CUT_S, LATEST_S, SETTLING_S = 5.0, 30.0, 2.0
 GOOD = 'good: 1 Gbit/s'
 ABOUT = """\
 Two hosts are two network namespaces on a virtual cable, whose rate and loss the kernel makes (`tc tbf`, `iptables`,
@@ -79,11 +79,11 @@ def _round(contender: Contender, made: Network, seconds: float, progress: Progre
         running.wait()
         for name, values in CABLES.items():
             made.lay(Cable(*values))
-            running.measured(2.0)  # what was under way before is not counted
+            running.measured(SETTLING_S)  # what was under way before is not counted
             cables[name] = _summary(*running.measured(seconds))
             progress.say(f'{contender.name}, {name}: {cables[name]["forces"]}')
         made.lay(Cable(*CABLES[GOOD]))
-        running.measured(2.0)
+        running.measured(SETTLING_S)
         troubles = _troubles(contender, made, running, seconds)
         progress.say(f'{contender.name}: {troubles}')
     return {'cables': cables, 'troubles': troubles}
@@ -102,7 +102,7 @@ def _troubles(contender: Contender, made: Network, running: Pair, seconds: float
     running.robot.kill()
     running.robot.start()
     again_s = running.first_after(clock.now_ns(), LATEST_S)
-    running.measured(2.0)
+    running.measured(SETTLING_S)
     heard = stranger_hears(contender, made, running, seconds)
     return {'back_s': back_s, 'before_mb': before_mb, 'after_mb': after_mb, 'again_s': again_s, 'stranger': heard}
 

@@ -30,6 +30,7 @@ def test_bridges_benchmark_reports_a_cable_and_its_troubles(
 ) -> None:
     monkeypatch.setattr(bridges, 'CABLES', {bridges.GOOD: bridges.CABLES[bridges.GOOD]})
     monkeypatch.setattr(bridges, 'CUT_S', 0.2)
+    monkeypatch.setattr(bridges, 'SETTLING_S', 0.2)
     words = ['--seconds', '0.5', '--rounds', '1', '--no-dds', '-o', str(tmp_path)]
     assert run(bridges.BENCHMARK, parser_of(bridges.BENCHMARK).parse_args(words)) == 0
     assert '# Between machines' in capsys.readouterr().out
