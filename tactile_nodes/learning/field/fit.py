@@ -24,14 +24,11 @@ from tactile_nodes.learning.field.judging import ROOM, UNFITTED, Chosen, Judge, 
 from tactile_nodes.learning.field.presses import STEP, AllPressures, BodyPresses, known_of, noise_px, presses_of
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
-from tactile_nodes.sensing.elasticity.region_choice import usual_regions
+from tactile_nodes.sensing.elasticity.region_choice import LEAST_SEEN, usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
-
-LEAST_SEEN = 0.2
-"""Share of the regions that must see the gel."""
 
 KNOWN_CONFIDENCE = 0.1
 """Confidence from which a region counts."""

@@ -14,6 +14,9 @@ texture can be followed in."""
 REGIONS_A_DOT = 1.15
 """Along a row of printed dots: with fewer than one, two dots are told as one."""
 
+LEAST_SEEN = 0.2
+"""Share of the regions that have to see the gel, so that forces can be told."""
+
 
 def usual_regions(sensor: Sensor) -> Regions:
     """Regions about a tenth narrower than patches, as the paper's sensor has them, but at least `LEAST_REGION_PX` wide;

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.elasticity.rays import described_dots, dot_place_mm
-from tactile_nodes.sensing.elasticity.region_choice import usual_regions
+from tactile_nodes.sensing.elasticity.region_choice import LEAST_SEEN, usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.features import RegionOptions, texture_confidence
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -242,8 +242,14 @@ class Inspection:
             f'{usable.sum()} of {usable.size} see the gel and nothing else, {_percent(share)} of them a pattern to '
             f'measure by (confidence {sure:.2f}, median)'
         )
-        if share < MARKED or (refused := self._refused()):
-            return Finding('regions', BAD, told if share < MARKED else f'{told}; {refused}')
+        if share < MARKED or self._measured.mean() < LEAST_SEEN:
+            told += (
+                '; that is too little to tell forces by: a gel without marks shows no motion, so print dots or spray '
+                'speckle on it; if it has marks, look at light, focus and mask'
+            )
+            return Finding('regions', BAD, told)
+        if refused := self._refused():
+            return Finding('regions', BAD, f'{told}; {refused}')
         if share < MOST_MARKED or sure < 0.5:
             return Finding('regions', LOOK, f'{told}; more contrast would help: light, exposure, focus')
         return Finding('regions', OK, told)

@@ -152,6 +152,17 @@ def test_what_is_wrong_is_said(printed: list[np.ndarray], membrane: np.ndarray) 
     assert levels(masked, hidden)['mask'] == OK
 
 
+def test_a_gel_that_shows_hardly_any_marks_tells_no_force(membrane: np.ndarray) -> None:
+    """Neither one without any, nor the rim alone of one in the midst of its housing."""
+    height, width = membrane.shape
+    plain = np.tile(np.linspace(60, 180, width).astype(np.uint8), (height, 1))
+    most = MaskSettings((f'0,0 {0.85 * width:.0f},0 {0.85 * width:.0f},{height - 1} 0,{height - 1}',))
+    for sensor, picture in ((MEMBRANE, plain), (replace(MEMBRANE, mask=most), membrane)):
+        (regions,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.what == 'regions')
+        assert regions.level == BAD
+        assert 'too little to tell forces by: a gel without marks' in regions.text
+
+
 def test_noise_of_regions_is_their_motion_in_single_pictures(printed: list[np.ndarray]) -> None:
     moved = np.roll(printed[0], 1, axis=0)
     assert np.median(Inspection(DOTS, {'a': printed[0], 'b': moved}).noise_px) == pytest.approx(1.0, abs=0.05)
