@@ -54,8 +54,10 @@ class Limits:
     contrast: tuple[float, float] = (FAR_LIGHT[0], FAINT_LIGHT)
     lost: tuple[float, float] = (0.08, 0.2)
     moved_clearly_px: float = 0.15
-    """A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Below it only quiet ones count.
-    What touches a gel of a few dozen dots moves most of them."""
+    """A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Below it quiet pictures count."""
+    quiet_only: bool = False
+    """Whether only quiet pictures tell of motion and lost regions: what touches a gel of a few dozen dots moves most of
+    them, and takes a third out of sight."""
     unlike: float = 0.5
     force: tuple[float, float] = (0.05, 0.15)
 
@@ -67,7 +69,7 @@ class Limits:
         and where a network is `witnessed` forces in another light are those of its witness, which light hardly moves.
         """
         if name == 'dots':
-            return cls(moved_clearly_px=math.inf)
+            return cls(quiet_only=True)
         return cls(contrast=(0.9, 0.75)) if name == 'dis' and not witnessed else cls()
 
 
@@ -177,10 +179,12 @@ class DriftMonitor:
         quiet = since_rest.quiet
         if quiet:
             self._quiet_ns = stamp_ns
-        if quiet or since_rest.middle_px >= self.limits.moved_clearly_px:
+        tells = quiet or not self.limits.quiet_only
+        if quiet or (tells and since_rest.middle_px >= self.limits.moved_clearly_px):
             self._moved.feed(stamp_ns, since_rest.size_px)
+        if tells:
+            self._lost.feed(stamp_ns, 1 - since_rest.found)
         self._light.feed(stamp_ns, _darker(since_rest.contrast))
-        self._lost.feed(stamp_ns, 1 - since_rest.found)
         self._other.feed(stamp_ns, float(_shows_another(since_rest)))
 
     def force(self, stamp_ns: int, total_n: float, unlikeness: float, *, in_contact: bool, usable: bool = True) -> None:

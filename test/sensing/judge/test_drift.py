@@ -177,6 +177,19 @@ def test_a_covered_lens_is_no_other_gel(monitor: DriftMonitor, plain: Seen) -> N
     assert (verdict.level, verdict.reasons) == (Level.INVALID, Reason.LOST_REGIONS)
 
 
+def test_dots_that_a_touch_takes_out_of_sight_are_not_lost(rest: np.ndarray) -> None:
+    """A finger on a GelSight Mini hides three in ten patches for seconds; dots gone at rest are gone."""
+    monitor = DriftMonitor(Limits.of_flow('dots'))
+    monitor.rest(rest)
+    pressed = dataclasses.replace(NOTHING, found=0.7, left_px=5.0, middle_px=2.0, size_px=2.0)
+    for number in range(20):
+        monitor.change(number * S // 2, pressed)
+    assert monitor.verdict.level is Level.VALID
+    for number in range(20, 40):
+        monitor.change(number * S // 2, dataclasses.replace(NOTHING, found=0.7))
+    assert (monitor.verdict.level, monitor.verdict.reasons) == (Level.INVALID, Reason.LOST_REGIONS)
+
+
 def test_a_stiffer_gel_gives_the_same_picture_to_the_last_bit() -> None:
     """So no camera can see it: in a layer that is pressed to a depth, the modulus scales the force alone."""
     stiff = dataclasses.replace(GEL, shear_modulus_mpa=1.5 * GEL.shear_modulus_mpa)
