@@ -23,6 +23,7 @@ from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.sensing.compiling import NOTICE, PARTS, told_of_compiling
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
+from tactile_nodes.sensing.explain.field.cone import inverse_root
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.told import sums
 from tactile_nodes.sensing.explain.model import ForceEstimator
@@ -248,6 +249,21 @@ def test_the_same_is_not_known_of_regions():
     _, slopes, columns = gel.motion_slopes_and_columns(np.array([(0.0, 0.0, 0.3), (3.0, -11.0, 0.7)]))
     plain, compiled = both(lambda compiled: dataclasses.replace(gel, compiled=compiled).variance(slopes, columns))
     np.testing.assert_allclose(compiled, plain, rtol=1e-9)
+
+
+@needs_numba
+@pytest.mark.parametrize('size', [1, 2, 3, 4, 7, 30, 101])
+def test_the_same_root_makes_the_inverse(size: int):
+    """Rows go in fours and pairs; whatever is left over goes by itself."""
+    from tactile_nodes.sensing.loops.common import inverse_root as by_loops
+
+    made = np.random.default_rng(size).normal(size=(size, size + 40)).astype(np.float32)
+    matrix, root = made @ made.T, np.zeros((size, size), np.float32)
+    assert by_loops(matrix.copy(), root)
+    wanted = inverse_root(matrix)
+    np.testing.assert_allclose(root, wanted, atol=1e-4 * np.abs(wanted).max())
+    matrix[-1, -1] = -1.0
+    assert not by_loops(matrix, np.zeros((size, size), np.float32))
 
 
 @needs_numba

@@ -113,28 +113,83 @@ def substitute(matrix, right):
 
 
 @compiled()
+def _factorise_row(matrix, i, first):
+    """A row of a Cholesky factor from a column on, by the rows above it and what is before; whether there is one."""
+    row = matrix[i]
+    for j in range(first, i + 1):
+        other, total = matrix[j], row[j]
+        for k in range(j):
+            total -= row[k] * other[k]
+        if j < i:
+            row[j] = total / other[j]
+        elif total > 0:
+            row[i] = math.sqrt(total)
+        else:
+            return False
+    return True
+
+
+@compiled()
+def _factorise_rows(matrix):
+    """A Cholesky factor in place of the lower half: four rows and two columns at a time, as sums in registers."""
+    n, none = matrix.shape[0], matrix.dtype.type(0)
+    whole = n - n % 4
+    for i in range(0, whole, 4):
+        one, two, three, four = matrix[i], matrix[i + 1], matrix[i + 2], matrix[i + 3]
+        for j in range(0, i, 2):
+            left, right = matrix[j], matrix[j + 1]
+            a, b, c, d, e, f, g, h = none, none, none, none, none, none, none, none
+            for k in range(j):
+                x, y = left[k], right[k]
+                a, b, c, d = a + one[k] * x, b + one[k] * y, c + two[k] * x, d + two[k] * y
+                e, f, g, h = e + three[k] * x, f + three[k] * y, g + four[k] * x, h + four[k] * y
+            for row, x, y in ((one, a, b), (two, c, d), (three, e, f), (four, g, h)):
+                row[j] = (row[j] - x) / left[j]
+                row[j + 1] = (row[j + 1] - y - row[j] * right[j]) / right[j + 1]
+        for row in range(i, i + 4):
+            if not _factorise_row(matrix, row, i):
+                return False
+    able = True
+    for row in range(whole, n):
+        able = able and _factorise_row(matrix, row, 0)
+    return able
+
+
+@compiled()
+def _invert_row(factor, root, i, first):
+    """A row of the inverse of a factor, of which what the rows before `first` add is there already."""
+    row, own = root[i], 1 / factor[i, i]
+    for j in range(first, i):
+        other, share = root[j], own * factor[i, j]
+        for k in range(j + 1):
+            row[k] -= share * other[k]
+    row[i] = own
+
+
+@compiled()
 def inverse_root(matrix, root):
     """As `cone.inverse_root`, of a matrix whose lower half becomes its factor; `root` begins with 0. False: none."""
     n = matrix.shape[0]
-    for i in range(n):
-        row = matrix[i]
-        for j in range(i + 1):
-            other, total = matrix[j], row[j]
-            for k in range(j):
-                total -= row[k] * other[k]
-            if j < i:
-                row[j] = total / other[j]
-            elif total > 0:
-                row[i] = math.sqrt(total)
-            else:
-                return False
-    for i in range(n):
-        row, own = root[i], 1 / matrix[i, i]
-        for j in range(i):
-            other, share = root[j], own * matrix[i, j]
-            for k in range(j + 1):
-                row[k] -= share * other[k]
-        row[i] = own
+    if not _factorise_rows(matrix):
+        return False
+    for i in range(0, n - 1, 2):
+        one, two, above, below = root[i], root[i + 1], matrix[i], matrix[i + 1]
+        for j in range(0, i, 2):  # two rows and two columns at a time
+            left, right = root[j], root[j + 1]
+            a, b, c, d = (
+                above[j] / above[i],
+                above[j + 1] / above[i],
+                below[j] / below[i + 1],
+                below[j + 1] / below[i + 1],
+            )
+            for k in range(j + 2):
+                x, y = left[k], right[k]
+                one[k] -= a * x + b * y
+                two[k] -= c * x + d * y
+        _invert_row(matrix, root, i, i)
+        _invert_row(matrix, root, i + 1, i)
+    if n % 2:
+        _invert_row(matrix, root, n - 1, 0)
     return True
 
 

@@ -34,7 +34,7 @@ def _products(rows, products):
 
 
 @compiled()
-def _times_inverse(root, vector, between, product):
+def _times_inverse(root, vector, product):
     """`product` becomes R'R times a vector, R lower triangular."""
     n = vector.shape[0]
     for i in range(n):
@@ -42,12 +42,9 @@ def _times_inverse(root, vector, between, product):
         row = root[i]
         for j in range(i + 1):
             total += row[j] * vector[j]
-        between[i] = total
         product[i] = _NONE
-    for i in range(n):
-        row, share = root[i], between[i]
         for j in range(i + 1):
-            product[j] += row[j] * share
+            product[j] += row[j] * total
 
 
 @compiled()
@@ -67,14 +64,14 @@ def _least_squares(information, evidence, steps, forces):
     if not inverse_root(stepped, root):
         return False
     off, vector, begin = np.zeros(n), np.empty(n, np.float32), np.empty(n, np.float32)
-    between, product = np.empty(n, np.float32), np.empty(n, np.float32)
-    _times_inverse(root, evidence, between, begin)
+    product = np.empty(n, np.float32)
+    _times_inverse(root, evidence, begin)
     for i in range(n):
         forces[i] = 0.0
     for _ in range(steps):
         for i in range(n):
             vector[i] = forces[i] - off[i]
-        _times_inverse(root, vector, between, product)
+        _times_inverse(root, vector, product)
         for i in range(n):
             off[i] += cone.RELAXED * (begin[i] + stiff * product[i]) + (1 - cone.RELAXED) * forces[i]
         for i in range(count):
