@@ -1,13 +1,4 @@
-"""Faults on a serial line: bytes changed or dropped on their way between a host and a device, emulated or real.
-
-`FaultyPort` puts them around a port in the same program. `Relay` is a device that passes everything on to a port, so
-that `PtyPort` makes of it a port that any program can open, with the faults in between::
-
-    faults = LineFaults()
-    with PtyPort(Relay(open_port('/dev/ttyUSB0', 115200, 'default', clock), faults), clock, Path('/tmp/ttyFAULTY')):
-        faults.change('>', b'Z-30.250', b'Z-31.250')  # one digit, once, on the way to the device
-        faults.mute = True  # what the device says is lost from now on
-"""
+"""Faults on a serial line, put around a port of the same program (`FaultyPort`)."""
 
 from __future__ import annotations
 
@@ -99,31 +90,3 @@ class FaultyPort:
     def close(self) -> None:
         """As `Port.close`."""
         self._port.close()
-
-
-class Relay:
-    """A device for `PtyPort` that is another port, with faults on the line."""
-
-    def __init__(self, port: Port, faults: LineFaults) -> None:
-        self._port = FaultyPort(port, faults)
-        self._said = b''
-
-    def receive(self, data: bytes) -> None:
-        """As `Pluggable.receive`."""
-        self._port.write(data)
-
-    def run(self) -> None:
-        """As `Pluggable.run`."""
-        self._said += self._port.read(0.0)
-
-    def take_output(self) -> bytes:
-        """As `Pluggable.take_output`."""
-        said, self._said = self._said, b''
-        return said
-
-    def next_event_ns(self) -> int | None:
-        """As `Pluggable.next_event_ns`: nobody knows."""
-        return None
-
-    def power_cycle(self) -> None:
-        """The relay has no power of its own."""
