@@ -33,8 +33,8 @@ class RestCapture:
 
     @property
     def waiting(self) -> str:
-        """Why there is no rest image though frames enough have come; empty while it may still be on its way."""
-        if self._offered <= self._wanted:
+        """Why there is no rest image though frames for two have come; empty while it may still be on its way."""
+        if self._offered < 2 * self._wanted:
             return ''
         why = (
             'something touches the gel now that did not before'
