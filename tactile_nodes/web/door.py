@@ -45,6 +45,12 @@ class Door:
         """The factory of protocols for asyncio; `serve` makes the one that answers those who are let in."""
         return lambda: _Arriving(lambda transport: self._admit(transport, serve))
 
+    def close(self) -> None:
+        """Cut off all who are still connected, whatever they have not read yet."""
+        for transport in (*self._inside, *(each.transport for each in self._turned_away)):
+            if isinstance(transport, asyncio.Transport):
+                transport.abort()
+
     def _admit(self, transport: asyncio.Transport, serve: Callable[[], Any]) -> None:
         peer, here = (transport.get_extra_info(name)[:2] for name in ('peername', 'sockname'))
         account = accounts.account_of(peer, here)
@@ -85,17 +91,17 @@ class _TurnedAway(asyncio.Protocol):
 
     def __init__(self, text: bytes) -> None:
         self._answer = _REFUSAL.format(length=len(text)).encode() + text
-        self._transport: asyncio.Transport | None = None
+        self.transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = cast(asyncio.Transport, transport)
+        self.transport = cast(asyncio.Transport, transport)
         asyncio.get_running_loop().call_later(TURNED_AWAY_WITHIN_S, transport.abort)  # type: ignore[attr-defined]
 
     def data_received(self, data: bytes) -> None:
         del data
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write(self._answer)
-            self._transport.close()
+        if self.transport is not None and not self.transport.is_closing():
+            self.transport.write(self._answer)
+            self.transport.close()
 
 
 def _hand_over(transport: asyncio.Transport, protocol: asyncio.Protocol) -> None:

@@ -108,6 +108,8 @@ class Serving:
         if closing:
             await asyncio.wait(closing, timeout=CLOSE_WITHIN_S)
         await runner.cleanup()
+        self.door.close()
+        await asyncio.sleep(0)  # in which what was cut off is forgotten
 
     @web.middleware
     async def _check_host(self, request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import os
 import socket
@@ -261,6 +262,22 @@ def test_closing_ends_what_is_open(served: Served) -> None:
             return channel.close_code
 
     assert run(talk()) == 1001
+
+
+def test_closing_cuts_off_who_does_not_read(served: Served) -> None:
+    """More than the kernel takes is on its way to him; a connection that was left would be complained of here."""
+    place = urlsplit(served.url)
+    words = [
+        'GET /live HTTP/1.1', f'Host: {place.netloc}', f'Origin: {served.url}', 'Connection: Upgrade',
+        'Upgrade: websocket', 'Sec-WebSocket-Version: 13', 'Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==', '', '',
+    ]  # fmt: skip
+    with socket.create_connection((place.hostname, place.port), timeout=PATIENCE_S) as made:
+        made.sendall('\r\n'.join(words).encode())
+        assert made.recv(12) == b'HTTP/1.1 101'
+        assert served.came_or_went.acquire(timeout=PATIENCE_S)
+        served.server.show(Packet(bytes(64 << 20)))
+        served.server.close()
+    gc.collect()
 
 
 def test_closing_does_not_wait_for_a_node_that_does_not_answer(served: Served) -> None:
