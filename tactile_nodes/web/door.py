@@ -46,9 +46,13 @@ class Door:
         return lambda: _Arriving(lambda transport: self._admit(transport, serve))
 
     def close(self) -> None:
-        """Cut off all who are still connected, whatever they have not read yet."""
-        for transport in (*self._inside, *(each.transport for each in self._turned_away)):
-            if isinstance(transport, asyncio.Transport):
+        """Cut off all who are still connected, whatever they have not read yet.
+
+        One that is closing and has sent all may be gone already, and asyncio cuts off no such one.
+        """
+        connected = *self._inside, *(each.transport for each in self._turned_away)
+        for transport in connected:
+            if isinstance(transport, asyncio.Transport) and not _is_gone(transport):
                 transport.abort()
 
     def _admit(self, transport: asyncio.Transport, serve: Callable[[], Any]) -> None:
@@ -102,6 +106,10 @@ class _TurnedAway(asyncio.Protocol):
         if self.transport is not None and not self.transport.is_closing():
             self.transport.write(self._answer)
             self.transport.close()
+
+
+def _is_gone(transport: asyncio.Transport) -> bool:
+    return transport.is_closing() and not transport.get_write_buffer_size()
 
 
 def _hand_over(transport: asyncio.Transport, protocol: asyncio.Protocol) -> None:
