@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import email
+import fcntl
 import re
 import subprocess
 import sys
@@ -18,10 +19,12 @@ LINK = re.compile(r'\[[^]]*]\(([^)\s]+)\)')
 
 @pytest.fixture(scope='module')
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A source distribution, unpacked."""
+    """A source distribution, unpacked. One after another makes it, since each gathers its files in the checkout."""
     folder = tmp_path_factory.mktemp('sdist')
     made = ['egg_info', '-e', str(folder), 'sdist', '-q', '-d', str(folder)]
-    subprocess.run([sys.executable, 'setup.py', '-q', *made], cwd=ROOT, check=True, capture_output=True)
+    with (ROOT / 'setup.py').open() as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        subprocess.run([sys.executable, 'setup.py', '-q', *made], cwd=ROOT, check=True, capture_output=True)
     (archive,) = folder.glob('*.tar.gz')
     with tarfile.open(archive) as opened:
         opened.extractall(folder, filter='data')
