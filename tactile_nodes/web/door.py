@@ -46,10 +46,7 @@ class Door:
         return lambda: _Arriving(lambda transport: self._admit(transport, serve))
 
     def close(self) -> None:
-        """Cut off all who are still connected, whatever they have not read yet.
-
-        One that is closing and has sent all may be gone already, and asyncio cuts off no such one.
-        """
+        """Cut off all who are still connected, whatever they have not read yet."""
         connected = *self._inside, *(each.transport for each in self._turned_away)
         for transport in connected:
             if isinstance(transport, asyncio.Transport) and not _is_gone(transport):
@@ -109,6 +106,7 @@ class _TurnedAway(asyncio.Protocol):
 
 
 def _is_gone(transport: asyncio.Transport) -> bool:
+    """Whether it is closed, or will be at once: `abort` of asyncio fails on a closed one."""
     return transport.is_closing() and not transport.get_write_buffer_size()
 
 

@@ -54,7 +54,7 @@ class Limits:
     contrast: tuple[float, float] = (FAR_LIGHT[0], FAINT_LIGHT)
     lost: tuple[float, float] = (0.08, 0.2)
     moved_clearly_px: float = 0.15
-    """A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Below it quiet pictures count."""
+    """A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Less counts if all is quiet."""
     quiet_only: bool = False
     """Whether only quiet pictures tell of motion and lost regions: what touches a gel of a few dozen dots moves most of
     them, and takes a third out of sight."""
