@@ -7,6 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from tactile_nodes.clock import monotonic_s
+
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Qos, Received
 
@@ -40,8 +42,7 @@ class Subscription:
         self._waiting: deque[Received] = deque(maxlen=max(1, qos.depth))
         self._newest: dict[str, int] = {}
         self._lock = threading.Lock()
-        self._arrived = threading.Condition(self._lock)
-        self._getting = 0
+        self._getting: list[threading.Lock] = []  # each released when something has come, or never will
         self._only = only
         self._on_ready = on_ready
         self._on_close = on_close
@@ -64,8 +65,7 @@ class Subscription:
             self.received += 1
             self.dropped += len(self._waiting) == self._waiting.maxlen
             self._waiting.append(received)
-            if self._getting:  # asking a Condition costs more than all the rest here
-                self._arrived.notify()
+            self._wake()
         if self._on_ready is not None:
             self._on_ready()
 
@@ -80,18 +80,34 @@ class Subscription:
             return self._waiting.popleft() if self._waiting else None
 
     def get(self, timeout_s: float | None = None) -> Received | None:
-        """The oldest waiting message, waiting for one; None after `timeout_s` or when closed."""
-        with self._arrived:
-            self._getting += 1
-            self._arrived.wait_for(lambda: self._waiting or self._closed, timeout_s)
-            self._getting -= 1
-            return self._waiting.popleft() if self._waiting else None
+        """The oldest waiting message, waiting for one; None after `timeout_s` or when closed.
+
+        Ctrl-C may raise at any step. So nothing but the lock's own ``with`` holds the lock: a Condition is entered in
+        Python, where an exception can come between taking its lock and being able to give it back.
+        """
+        end_s = None if timeout_s is None else monotonic_s() + timeout_s
+        woken = threading.Lock()
+        woken.acquire()
+        while True:
+            with self._lock:
+                if woken in self._getting:
+                    self._getting.remove(woken)
+                left_s = -1.0 if end_s is None else max(0.0, end_s - monotonic_s())
+                if self._waiting or self._closed or not left_s:
+                    return self._waiting.popleft() if self._waiting else None
+                self._getting.append(woken)
+            woken.acquire(timeout=min(left_s, threading.TIMEOUT_MAX))
 
     def close(self) -> None:
         """Receive no more; closing twice is harmless."""
-        with self._arrived:
+        with self._lock:
             if self._closed:
                 return
             self._closed = True
-            self._arrived.notify_all()
+            self._wake()
         self._on_close(self)
+
+    def _wake(self) -> None:
+        """Have all who wait look again."""
+        while self._getting:
+            self._getting.pop().release()

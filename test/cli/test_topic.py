@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import threading
@@ -13,6 +14,7 @@ from running_system import Tactile, wait_until
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.cli.running.session import interrupts_heard
 from tactile_nodes.cli.topic.echo import awaited_type
 from tactile_nodes.cli.topic.rate import Bandwidth, Delay, Rate
 from tactile_nodes.clock import SteppedClock
@@ -316,3 +318,21 @@ def test_measuring_reports_once_a_second_until_ctrl_c(
         process.send_signal(2)
         assert process.wait(2.0) == 130
         assert process.stderr.read() == ''
+
+
+def test_ctrl_c_counts_wherever_it_comes_and_a_second_one_at_once() -> None:
+    """An exception that is raised where the memory of a picture is given back would only be printed."""
+
+    class Memory:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+
+    with interrupts_heard() as check:
+        check()
+        Memory()
+        with pytest.raises(KeyboardInterrupt):
+            check()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)

@@ -168,14 +168,14 @@ class Receiver:
     def take_in(self) -> None:
         """Take one message, without waiting; then the others have their turn, and who waited for this one."""
         try:
-            first = self.socket.recv(zmq.NOBLOCK, copy=False)
-            rest = self._rest() if first.more else []
+            first = memoryview(self.socket.recv(zmq.NOBLOCK))
+            rest = self._rest() if self.socket.rcvmore else []
         except zmq.Again:
             return
         now_ns = self._bus.clock.now_ns()
         try:
-            header, outlet = self._header_of(first.buffer)
-            data = _data_of(first.buffer, rest)
+            header, outlet = self._header_of(first)
+            data = _data_of(first, rest)
         except MessageError:
             self._count_foreign()
             return

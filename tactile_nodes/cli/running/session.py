@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Graph, ProcessBus
 
 Number = TypeVar('Number', int, float)
+LOOK_S = 0.1
+"""How often what waits for messages looks whether Ctrl-C came."""
 _MOST = 1e9  # seconds or counts: thirty years
 Action = Callable[[argparse.Namespace], int]
 
@@ -66,6 +68,32 @@ def ended_by_signals() -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def interrupts_heard() -> Iterator[Callable[[], None]]:
+    """What raises KeyboardInterrupt once Ctrl-C has come: to be called at least every `LOOK_S`. A second Ctrl-C raises
+    at once, for whoever waits for a reader of its output.
+
+    Raised anywhere, it may be forgotten: where the memory of a picture is given back to ZeroMQ, exceptions are only
+    printed.
+    """
+    came: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        if came:
+            raise KeyboardInterrupt
+        came.append(number)
+
+    def check() -> None:
+        if came:
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield check
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

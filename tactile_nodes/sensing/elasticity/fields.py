@@ -15,12 +15,15 @@ def fields_of(
     layer: ElasticLayer, spectrum: np.ndarray, *, pressed_only: bool = False, slopes: bool = True
 ) -> Float32[np.ndarray, 'depths 3 loads sets y x']:
     """Displacement along each axis, and its slopes along x and y where asked for, at each depth under each load."""
-    kernels = layer.kernels(spectrum, pressed_only=pressed_only).transpose(1, 2, 0, 3, 4)
-    sets = [kernels]
-    if slopes:
-        slope_y, slope_x = np.gradient(kernels, *layer.spacing_mm[::-1], axis=(3, 4))
-        sets += [slope_x, slope_y]
-    return np.ascontiguousarray(np.stack(sets, axis=3), np.float32)
+    kernels = layer.kernels(spectrum, pressed_only=pressed_only)
+    if not slopes:
+        return kernels[:, :, :, None]
+    (along_x, along_y), (*others, height, width) = layer.spacing_mm, kernels.shape
+    fields = np.empty((*others, 3, height, width), np.float32)
+    fields[..., 0, :, :] = kernels
+    fields[..., 1, :, :] = np.gradient(kernels, along_x, axis=4)
+    fields[..., 2, :, :] = np.gradient(kernels, along_y, axis=3)
+    return fields
 
 
 def combed(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int]) -> np.ndarray:

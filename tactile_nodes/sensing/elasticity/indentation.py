@@ -44,7 +44,7 @@ class Indenter:
 
     def __init__(self, surface: ElasticLayer, height_mm: Float[np.ndarray, 'y x']) -> None:
         self._shape = surface.cells[::-1]
-        sinks = -surface.kernels(surface.rectangle(*surface.spacing_mm), pressed_only=True)[0, 0, 2].astype(float)
+        sinks = -surface.kernels(surface.rectangle(*surface.spacing_mm), pressed_only=True)[0, 2, 0].astype(float)
         self._sinks = scipy.fft.rfft2(scipy.fft.ifftshift(sinks))
         self._body: Bool[np.ndarray, 'y x'] = np.isfinite(height_mm)
         self._height = np.where(self._body, height_mm, 0.0)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
-from jaxtyping import Complex, Float, Inexact
+import scipy.fft
+from jaxtyping import Complex, Float, Float32, Inexact
 
 from tactile_nodes.sensing.elasticity.stack import Elastic, Waves, waves_in
 
@@ -56,10 +57,9 @@ class ElasticLayer:
         return spectrum
 
     @property
-    def _frequencies(self) -> list[np.ndarray]:
+    def _frequencies(self) -> tuple[np.ndarray, np.ndarray]:
         """Of the waves along x and along y, per mm."""
-        along_x = np.fft.rfftfreq(self.cells[0], self.spacing_mm[0])
-        return list(np.meshgrid(along_x, np.fft.fftfreq(self.cells[1], self.spacing_mm[1])))
+        return _frequencies(self.spacing_mm, self.cells)
 
     @cached_property
     def _grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -67,46 +67,57 @@ class ElasticLayer:
         kx, ky = (2 * np.pi * each for each in self._frequencies)
         k = np.hypot(kx, ky)
         safe = np.where(k > 0, k, 1.0)
-        return k, kx / safe, ky / safe
-
-    @cached_property
-    def _waves(self) -> Waves:
-        """The functions of the stack on the grid, from their values at some wave numbers."""
-        from scipy.interpolate import CubicSpline
-
-        k = self._grid[0]
-        known = np.concatenate([[1e-4], np.geomspace(0.02, 1.01 * k.max(), WAVE_NUMBERS)])
-        found = waves_in(self._layers, known, self.depths_mm)
-        at = np.log(np.maximum(k, 1e-4))
-        spread = (CubicSpline(np.log(known), each)(at) for each in vars(found).values())
-        return Waves(*spread)
+        return k, (kx / safe).astype(np.float32), (ky / safe).astype(np.float32)
 
     def kernels(
         self, spectrum: Inexact[np.ndarray, 'ky kx'], *, pressed_only: bool = False
-    ) -> Float[np.ndarray, 'loads depths 3 y x']:
+    ) -> Float32[np.ndarray, 'depths 3 loads y x']:
         """Displacements (x, y, z) about the middle under 1 N into the gel, along x and along y, of one shape.
 
         `spectrum` is that of the shape: the transform of how 1 N is spread, 1 at no wave number. `pressed_only` leaves
         out the two along the surface.
         """
-        k, across, along = self._grid
+        k, x, y = self._grid
+        w = _waves(self._layers, tuple(self.depths_mm.tolist()), self.spacing_mm, self.cells)
         shift = (-1.0) ** np.arange(k.shape[1])[None] * (-1.0) ** np.arange(k.shape[0])[:, None]
-        load = (spectrum * shift / (self.spacing_mm[0] * self.spacing_mm[1]))[..., None]
-        x, y, w = across[..., None], along[..., None], self._waves
+        load = (spectrum * shift / (self.spacing_mm[0] * self.spacing_mm[1])).astype(np.complex64)
+        moved = np.empty((len(self.depths_mm), 3, 1 if pressed_only else 3, *k.shape), np.complex64)
         pressed = load * -1j * w.pressed
-        loads = [(x * pressed, y * pressed, -load * w.sinking)]
-        for one, other, sign in () if pressed_only else ((x, y, -1.0), (y, x, 1.0)):
+        moved[:, 0, 0], moved[:, 1, 0], moved[:, 2, 0] = x * pressed, y * pressed, -load * w.sinking
+        for number, (one, other, sign) in enumerate(() if pressed_only else ((x, y, -1.0), (y, x, 1.0)), 1):
             # A force along an axis has a part along the wave and one across it.
             straight, aside = load * one * w.sheared, load * other * sign * w.across
-            loads.append((x * straight - y * aside, y * straight + x * aside, -1j * load * one * w.dipping))
-        for number in range(1, len(loads)):  # at no wave number all shear is alike
-            loads[number][number - 1][0, 0] = load[0, 0] * w.across[0, 0]
-        kernels = np.stack([np.stack(each) for each in loads])
-        moved: np.ndarray = np.fft.irfft2(np.moveaxis(kernels, -1, 1), s=self.cells[::-1])
-        return moved.astype(np.float32)
+            moved[:, 0, number], moved[:, 1, number] = x * straight - y * aside, y * straight + x * aside
+            moved[:, 2, number] = -1j * load * one * w.dipping
+            moved[:, number - 1, number, 0, 0] = load[0, 0] * w.across[:, 0, 0]  # at no wave number all shear is alike
+        found: np.ndarray = scipy.fft.irfft2(moved, s=self.cells[::-1], overwrite_x=True)
+        return found
 
     def rectangle(self, width_mm: float, height_mm: float) -> Float[np.ndarray, 'ky kx']:
         """The spectrum of a force spread evenly over a rectangle."""
         along_x, along_y = self._frequencies
         spectrum: np.ndarray = np.sinc(along_y * height_mm) * np.sinc(along_x * width_mm)
         return spectrum
+
+
+def _frequencies(spacing_mm: tuple[float, float], cells: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    along_x = np.fft.rfftfreq(cells[0], spacing_mm[0])
+    across, down = np.meshgrid(along_x, np.fft.fftfreq(cells[1], spacing_mm[1]))
+    return across, down
+
+
+@lru_cache(maxsize=8)
+def _waves(
+    layers: tuple[Elastic, ...], depths_mm: tuple[float, ...], spacing_mm: tuple[float, float], cells: tuple[int, int]
+) -> Waves:
+    """The functions of the stack at depths, on the grid of a layer, from their values at some wave numbers.
+
+    They are kept: a calibration looks at the same gel again and again.
+    """
+    from scipy.interpolate import CubicSpline
+
+    k = 2 * np.pi * np.hypot(*_frequencies(spacing_mm, cells))
+    known = np.concatenate([[1e-4], np.geomspace(0.02, 1.01 * k.max(), WAVE_NUMBERS)])
+    at = np.log(np.maximum(k, 1e-4))
+    splines = (CubicSpline(np.log(known), each) for each in vars(waves_in(layers, known, np.array(depths_mm))).values())
+    return Waves(*(np.ascontiguousarray(np.moveaxis(each(at), -1, 0), np.float32) for each in splines))

@@ -36,13 +36,13 @@ class Elastic:
 
 @dataclass(frozen=True)
 class Waves:
-    """The five functions, mm per MPa, at wave numbers (1/mm) in a row or on a grid, and depths."""
+    """The five functions, mm per MPa, at wave numbers (1/mm) in a row and depths, or at depths and a grid of those."""
 
-    pressed: Float[np.ndarray, '*waves depths']
-    sinking: Float[np.ndarray, '*waves depths']
-    sheared: Float[np.ndarray, '*waves depths']
-    dipping: Float[np.ndarray, '*waves depths']
-    across: Float[np.ndarray, '*waves depths']
+    pressed: Float[np.ndarray, '*known']
+    sinking: Float[np.ndarray, '*known']
+    sheared: Float[np.ndarray, '*known']
+    dipping: Float[np.ndarray, '*known']
+    across: Float[np.ndarray, '*known']
 
 
 def waves_in(
