@@ -31,8 +31,8 @@ AS_DESCRIBED = np.zeros(len(SCALES))
 LEAST, MOST = 5, 30
 """Presses that are needed, and that are used: more tell hardly more of six numbers."""
 
-VARIED, ENOUGH, LOOKS = 0.05, 0.01, 8
-"""By how much of its scale each number is varied, what change of it is none, and how often all are varied at most."""
+VARIED, ENOUGH, LOOKS = 0.05, 0.01, 12
+"""By how much of its scale each number is varied, what change of it is none, and how many cameras are tried at most."""
 
 
 def camera_told(
@@ -139,11 +139,12 @@ class Seen:
         return np.asarray((motion - _gain(told, motion) * told).ravel())
 
     def fitted(self, rest: Bool[np.ndarray, ' n'], begin: Float[np.ndarray, ' 6'] = AS_DESCRIBED) -> np.ndarray:
-        """How the camera looks by some presses, sought from `begin` on."""
+        """How the camera looks by some presses, sought from `begin` on, with the slopes there."""
         from scipy.optimize import least_squares
 
         left = partial(self.left, rest)
-        found = least_squares(left, begin, partial(_slopes, left), xtol=ENOUGH, ftol=ENOUGH**2, max_nfev=LOOKS)
+        slopes = _slopes(left, begin)
+        found = least_squares(left, begin, lambda _: slopes, xtol=ENOUGH, ftol=ENOUGH**2, max_nfev=LOOKS)
         return np.asarray(found.x)
 
     def misfit(self, by: Float[np.ndarray, ' 6'], rest: Bool[np.ndarray, ' n']) -> float:

@@ -37,20 +37,27 @@ def combed(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int
     return np.pad(split, around, mode='wrap')
 
 
-def between(
-    combs: np.ndarray, node: np.ndarray, part: np.ndarray, shape: tuple[int, int]
-) -> Float32[np.ndarray, 'fields rows columns']:
-    """Fields as a ray sees them from every patch: each between four nodes."""
-    (rows, cols), (column, row), (right, down) = shape, node.tolist(), part.tolist()
+def seen_by_rays(
+    combs: np.ndarray, node: np.ndarray, part: np.ndarray, levers: np.ndarray, shape: tuple[int, int]
+) -> Float32[np.ndarray, '2 loads y x']:
+    """What fields move along both axes of the picture, by all rays of a window together, as seen from every patch.
+
+    Args:
+        combs: the nodes of displacements along three axes under some loads, from `combed`.
+        node: the node of each ray as (x, y), seen from the last patch.
+        part: what is left of a step.
+        levers: what each displacement along an axis moves, as (rays, 2, 3).
+    """
+    (rows, cols), right, down = shape, part[:, 0], part[:, 1]
+    shares = np.stack([(1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right], -1)
+    x, y = node[:, :1] + np.array([0, 1, 0, 1]), node[:, 1:] + np.array([0, 0, 1, 1])
+    from_each = np.lib.stride_tricks.sliding_window_view(combs, shape, axis=(3, 4))
     high, wide = combs.shape[3] - rows - 1, combs.shape[4] - cols - 1
-    block = np.zeros((combs.shape[2], rows, cols), np.float32)
-    for y, share_y in ((row, 1 - down), (row + 1, down)):
-        for x, share_x in ((column, 1 - right), (column + 1, right)):
-            top, left = y // FINER % high, x // FINER % wide
-            comb = combs[y % FINER, x % FINER, :, top : top + rows, left : left + cols]
-            block += np.float32(share_x * share_y) * comb
+    found = from_each[y % FINER, x % FINER, :, y // FINER % high, x // FINER % wide]
+    weights = np.einsum('rk,rdc->drkc', shares, levers).reshape(2, -1)
+    seen: np.ndarray = weights.astype(np.float32) @ found.reshape(weights.shape[1], -1)
     # A patch further right sees the ray further left: nodes run backwards.
-    return block[:, ::-1, ::-1]
+    return seen.reshape(2, -1, rows, cols)[..., ::-1, ::-1]
 
 
 def sampled_at(

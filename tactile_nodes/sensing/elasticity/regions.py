@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Inexact, Int
 
-from tactile_nodes.sensing.elasticity.fields import FINER, between, combed, fields_of, sampled_at
+from tactile_nodes.sensing.elasticity.fields import FINER, combed, fields_of, sampled_at, seen_by_rays
 from tactile_nodes.sensing.elasticity.layer import WIDTH_MM, ElasticLayer
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.elasticity.rays import ALONG, Rays, described_dots, of_dots, of_windows
@@ -227,9 +227,9 @@ class Regions:
         terms = np.zeros((len(parts), DEPTHS, 2, 9 * patches.count), np.float32)
         for depth in range(DEPTHS):
             combs = combed(fields[depth], (rows, cols))
-            for part, ray in np.ndindex(len(parts), ALONG * ALONG):
-                block = between(combs, node[depth, part, ray], rest[depth, part, ray], (rows, cols))
-                terms[part, depth] += jacobian[depth, part, ray] @ block.reshape(3, -1)
+            for part in range(len(parts)):
+                where = node[depth, part], rest[depth, part], jacobian[depth, part]
+                terms[part, depth] = seen_by_rays(combs, *where, (rows, cols)).reshape(2, -1)
         return terms.reshape(len(parts), DEPTHS, 2, 3, 3, patches.count)
 
     def _last_patch(self, patches: PatchGrid) -> tuple[np.ndarray, np.ndarray]:
