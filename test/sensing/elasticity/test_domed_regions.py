@@ -87,7 +87,7 @@ def test_a_load_on_the_slope_of_a_dome_moves_regions_as_finite_elements_have_it(
     """Within a tenth, of which 3 % are in the whole. As a flat gel it would be 11 % too little in the whole, and as the
     simulator has it 9 % too much."""
     domed, dome = Regions(DOMED, 10, 10), DOMED.gel.dome
-    known = np.flatnonzero(domed.usable)
+    known = np.flatnonzero(domed.usable)[::2]  # of each two that mirror each other one
     layer = DomedLayer(4.0, lambda r: dome.height_mm(np.stack([np.minimum(r, 9.0), 0 * r], -1)), 0.1, 0.45)
     true, found = seen(domed, known, layer), told(domed, known)
     flat = Regions(dataclasses.replace(DOMED, gel=dataclasses.replace(DOMED.gel, dome_radius_mm=0.0)), 10, 10)
