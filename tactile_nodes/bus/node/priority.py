@@ -10,6 +10,7 @@ limits.conf(5)); where it is not, the process stays as it is.
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
@@ -33,6 +34,21 @@ def take_priority() -> None:
             SESSION.write_text(str(wanted), encoding='ascii')
     except OSError:
         return  # `lacking` says so to who has to know
+
+
+def end_as_usual() -> None:
+    """Wait for others no longer, as far as the account may: who is asked to end has two seconds for it.
+
+    Any account may make its session as urgent as others again, and only some their threads.
+    """
+    if (_wanted() or 0) <= 0:
+        return
+    if SESSION.exists() and os.getsid(0) == os.getpid():
+        with suppress(OSError):
+            SESSION.write_text('0', encoding='ascii')
+    for thread in Path('/proc/self/task').glob('*'):
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, int(thread.name), 0)
 
 
 def lacking() -> str:

@@ -27,10 +27,24 @@ print(os.getpriority(os.PRIO_PROCESS, 0), *given, ''.join(session), priority.lac
 """
 
 
-def told(nice: str, session: bool = True) -> list[str]:
+ENDING = """
+import os, threading
+from tactile_nodes.bus.node import priority
+priority.take_priority()
+ended = threading.Event()
+thread = threading.Thread(target=ended.wait)
+thread.start()
+priority.end_as_usual()
+session = (priority.SESSION.read_text().split() if priority.SESSION.exists() else [])[-1:]
+print(*(os.getpriority(os.PRIO_PROCESS, each) for each in (0, thread.native_id)), ''.join(session), sep=';')
+ended.set()
+"""
+
+
+def told(nice: str, session: bool = True, program: str = TOLD) -> list[str]:
     """Niceness of the process, of a thread that it starts, of its session; and what it says to a person."""
     done = subprocess.run(
-        [sys.executable, '-c', TOLD],
+        [sys.executable, '-c', program],
         env={**os.environ, priority.VARIABLE: nice},
         capture_output=True,
         text=True,
@@ -53,6 +67,14 @@ def test_a_session_that_others_lead_is_left_as_it_is() -> None:
     before = priority.SESSION.read_text(encoding='ascii').split()[-1:] if priority.SESSION.exists() else []
     _, _, session, _ = told(str(min(19, usual + 3)), session=False)
     assert session == ''.join(before)  # empty where the kernel has no group for this session
+
+
+def test_who_is_asked_to_end_waits_for_others_no_longer() -> None:
+    """Beside programs that compute, a process of niceness 19 needed longer than the ten seconds that a launch gives."""
+    process, thread, session = told('19', program=ENDING)
+    assert session in {'0', ''}
+    if os.geteuid() == 0:
+        assert (process, thread) == ('0', '0')
 
 
 def test_an_account_that_may_not_is_told_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
