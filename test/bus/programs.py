@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import signal
 import sys
 import time
 from dataclasses import dataclass
@@ -92,6 +93,14 @@ class SlowToStart(Ready):
         super().__init__(bus, arguments)
         self.log.info('running')
         time.sleep(60.0)
+
+
+class AskedToEnd(Ready):
+    """Ctrl-C comes while it is made."""
+
+    def __init__(self, bus: Any, arguments: Any) -> None:
+        super().__init__(bus, arguments)
+        signal.raise_signal(signal.SIGINT)
 
 
 class Waiting(Ready):

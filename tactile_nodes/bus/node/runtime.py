@@ -92,6 +92,8 @@ def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
         bus = open_bus()
         opened.callback(bus.close)
         for factory in factories:
+            if ending.asked:
+                return 0
             nodes.append(_made(factory, bus, arguments))
             opened.callback(_close, nodes[-1])
         opened.callback(ending.begin)
@@ -162,9 +164,14 @@ class _Ending:
         self._within_s = within_s
         threading.Thread(target=self._end, name='ending', daemon=True).start()
 
+    @property
+    def asked(self) -> bool:
+        """Whether anybody has asked for it."""
+        return self._since_s > 0
+
     def on_signal(self, number: int, frame: FrameType | None) -> None:
         del frame
-        if not self._since_s:
+        if not self.asked:
             self.begin()
         elif monotonic_s() - self._since_s > _ONE_SIGNAL_S:
             os._exit(128 + number)

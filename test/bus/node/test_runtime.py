@@ -55,6 +55,14 @@ def test_signal_ends_a_program_cleanly_whose_node_still_waits_before_it_begins(l
     assert 'asked' not in program.output
 
 
+def test_what_is_not_made_yet_when_a_program_is_asked_to_end_is_not_made(launch: Launch) -> None:
+    """On a busy computer a model takes longer to load than a program may take to end."""
+    program = launch('AskedToEnd', 'SlowToStart')
+    assert program.ended(30.0) == 0
+    assert 'closed' in program.output
+    assert 'running' not in program.output
+
+
 def test_several_nodes_of_a_program_end_together(launch: Launch) -> None:
     program = _running(launch('Ready', 'Second'), 2)
     program.signal(signal.SIGINT)
