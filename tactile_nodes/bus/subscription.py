@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Qos, Received
 
 _MOST_PUBLISHERS = 1000
+FOR_EVER = -1.0  # as the timeout of a lock
 
 
 class Subscription:
@@ -42,7 +43,7 @@ class Subscription:
         self._waiting: deque[Received] = deque(maxlen=max(1, qos.depth))
         self._newest: dict[str, int] = {}
         self._lock = threading.Lock()
-        self._getting: list[threading.Lock] = []  # each released when something has come, or never will
+        self._getting: list[threading.Lock] = []  # of those who wait; released, they look again
         self._only = only
         self._on_ready = on_ready
         self._on_close = on_close
@@ -82,8 +83,8 @@ class Subscription:
     def get(self, timeout_s: float | None = None) -> Received | None:
         """The oldest waiting message, waiting for one; None after `timeout_s` or when closed.
 
-        Ctrl-C may raise at any step. So nothing but the lock's own ``with`` holds the lock: a Condition is entered in
-        Python, where an exception can come between taking its lock and being able to give it back.
+        Ctrl-C may raise an exception between any two lines, and must not leave the lock held. ``with`` on a lock is
+        safe; a Condition is not, since its ``__enter__`` is Python code that can be interrupted after it took the lock.
         """
         end_s = None if timeout_s is None else monotonic_s() + timeout_s
         woken = threading.Lock()
@@ -92,7 +93,7 @@ class Subscription:
             with self._lock:
                 if woken in self._getting:
                     self._getting.remove(woken)
-                left_s = -1.0 if end_s is None else max(0.0, end_s - monotonic_s())
+                left_s = FOR_EVER if end_s is None else max(0.0, end_s - monotonic_s())
                 if self._waiting or self._closed or not left_s:
                     return self._waiting.popleft() if self._waiting else None
                 self._getting.append(woken)

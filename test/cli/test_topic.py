@@ -14,7 +14,7 @@ from running_system import Tactile, wait_until
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
-from tactile_nodes.cli.running.session import interrupts_heard
+from tactile_nodes.cli.running.session import interruptible
 from tactile_nodes.cli.topic.echo import awaited_type
 from tactile_nodes.cli.topic.rate import Bandwidth, Delay, Rate
 from tactile_nodes.clock import SteppedClock
@@ -327,11 +327,11 @@ def test_ctrl_c_counts_wherever_it_comes_and_a_second_one_at_once() -> None:
         def __del__(self) -> None:
             signal.raise_signal(signal.SIGINT)
 
-    with interrupts_heard() as check:
-        check()
+    with interruptible(lambda _: None) as get:
+        assert get(0.0) is None
         Memory()
         with pytest.raises(KeyboardInterrupt):
-            check()
+            get(0.0)
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):

@@ -28,24 +28,20 @@ def take_priority() -> None:
     wanted = _wanted()
     if wanted is None:
         return
-    try:
+    with suppress(OSError):  # `lacking` says so to who has to know
         os.setpriority(os.PRIO_PROCESS, 0, wanted)
-        if SESSION.exists() and os.getsid(0) == os.getpid():
-            SESSION.write_text(str(wanted), encoding='ascii')
-    except OSError:
-        return  # `lacking` says so to who has to know
+        _set_session(wanted)
 
 
-def end_as_usual() -> None:
-    """Wait for others no longer, as far as the account may: who is asked to end has two seconds for it.
+def restore_priority() -> None:
+    """Undo a niceness above 0, so that the process can end within two seconds of being asked to on a busy computer.
 
-    Any account may make its session as urgent as others again, and only some their threads.
+    Any account may undo that of its session; that of threads only one that may go below its niceness.
     """
     if (_wanted() or 0) <= 0:
         return
-    if SESSION.exists() and os.getsid(0) == os.getpid():
-        with suppress(OSError):
-            SESSION.write_text('0', encoding='ascii')
+    with suppress(OSError):
+        _set_session(0)
     for thread in Path('/proc/self/task').glob('*'):
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, int(thread.name), 0)
@@ -60,6 +56,11 @@ def lacking() -> str:
         f'this account may not run anything before other programs (niceness {wanted}, it is {given}): on a loaded '
         'computer devices may seem silent; see docs/collection.md'
     )
+
+
+def _set_session(niceness: int) -> None:
+    if SESSION.exists() and os.getsid(0) == os.getpid():
+        SESSION.write_text(str(niceness), encoding='ascii')
 
 
 def _wanted() -> int | None:

@@ -17,7 +17,7 @@ from types import FrameType
 
 from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node.node import Node
-from tactile_nodes.bus.node.priority import end_as_usual, take_priority
+from tactile_nodes.bus.node.priority import restore_priority, take_priority
 from tactile_nodes.bus.protocol import Bus, ProcessBus
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import monotonic_s
@@ -189,7 +189,7 @@ class _Ending:
 
     def _end(self) -> None:
         self._asked.get()
-        end_as_usual()
+        restore_priority()
         self.done.set()
         if not self._over.wait(self._within_s):
             sys.stderr.write(f'not ended within {self._within_s} s of being asked to; given up\n')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import signal
 import threading
@@ -11,10 +12,11 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import BusError, MessageError
 
 if TYPE_CHECKING:
-    from tactile_nodes.bus.protocol import Graph, ProcessBus
+    from tactile_nodes.bus.protocol import Graph, ProcessBus, Received
 
 Number = TypeVar('Number', int, float)
 LOOK_S = 0.1
@@ -71,12 +73,12 @@ def ended_by_signals() -> Iterator[threading.Event]:
 
 
 @contextmanager
-def interrupts_heard() -> Iterator[Callable[[], None]]:
-    """What raises KeyboardInterrupt once Ctrl-C has come: to be called at least every `LOOK_S`. A second Ctrl-C raises
-    at once, for whoever waits for a reader of its output.
+def interruptible(get: Callable[[float], Received | None]) -> Iterator[Callable[[float | None], Received | None]]:
+    """A subscription's `get` during which Ctrl-C always raises KeyboardInterrupt, at the latest after `LOOK_S`.
 
-    Raised anywhere, it may be forgotten: where the memory of a picture is given back to ZeroMQ, exceptions are only
-    printed.
+    Python's own handler raises it at once, and it may be lost: exceptions are only printed where the memory of a
+    picture is given back to ZeroMQ. A second Ctrl-C raises at once, for a program that waits for the reader of its
+    output.
     """
     came: list[int] = []
 
@@ -85,13 +87,18 @@ def interrupts_heard() -> Iterator[Callable[[], None]]:
             raise KeyboardInterrupt
         came.append(number)
 
-    def check() -> None:
-        if came:
-            raise KeyboardInterrupt
+    def heard(timeout_s: float | None = None) -> Received | None:
+        end_s = math.inf if timeout_s is None else monotonic_s() + timeout_s
+        while True:
+            received = get(max(0.0, min(LOOK_S, end_s - monotonic_s())))
+            if came:
+                raise KeyboardInterrupt
+            if received is not None or monotonic_s() >= end_s:
+                return received
 
     before = signal.signal(signal.SIGINT, interrupt)
     try:
-        yield check
+        yield heard
     finally:
         signal.signal(signal.SIGINT, before)
 

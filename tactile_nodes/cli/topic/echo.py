@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
 from tactile_nodes.cli.running.session import (
-    LOOK_S,
     Verbs,
     completed,
     count,
     full_type,
-    interrupts_heard,
+    interruptible,
     joined,
     own_name,
     positive_float,
@@ -113,12 +112,12 @@ def arriving(subscription: Subscription, timeout_s: float | None = None) -> Iter
     from tactile_nodes.clock import monotonic_s
 
     end_s = monotonic_s() + timeout_s if timeout_s is not None else None
-    with interrupts_heard() as check:
-        while end_s is None or monotonic_s() < end_s:
-            received = subscription.get(LOOK_S if end_s is None else min(LOOK_S, end_s - monotonic_s()))
-            check()
-            if received is not None:
-                yield received
+    with interruptible(subscription.get) as get:
+        while True:
+            received = get(max(0.0, end_s - monotonic_s()) if end_s is not None else None)
+            if received is None:
+                return
+            yield received
 
 
 def report_lost(gaps: SequenceGaps, received: Received) -> None:

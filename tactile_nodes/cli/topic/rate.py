@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
-from tactile_nodes.cli.running.session import LOOK_S, Verbs, completed, interrupts_heard, joined, own_name, positive_int
+from tactile_nodes.cli.running.session import Verbs, completed, interruptible, joined, own_name, positive_int
 from tactile_nodes.errors import MessageError
 
 if TYPE_CHECKING:
@@ -62,18 +62,15 @@ def measure(arguments: argparse.Namespace, meter: Meter) -> int:
         type_name = awaited_type(bus, topic)
         subscription = bus.subscribe(topic, type_name, queue_of(topic), own_name())
         print(f'Subscribed to [{topic}]', flush=True)
-        with interrupts_heard() as check:
-            _report_forever(meter, subscription.get, bus.clock, check)
+        with interruptible(subscription.get) as get:
+            _report_forever(meter, get, bus.clock)
     return 0
 
 
-def _report_forever(
-    meter: Meter, get: Callable[[float], Received | None], clock: Clock, check: Callable[[], None]
-) -> None:
+def _report_forever(meter: Meter, get: Callable[[float], Received | None], clock: Clock) -> None:
     next_ns = clock.now_ns() + round(REPORT_EVERY_S * NS_PER_S)
     while True:
-        received = get(max(0.0, min(LOOK_S, (next_ns - clock.now_ns()) / NS_PER_S)))
-        check()
+        received = get(max(0.0, (next_ns - clock.now_ns()) / NS_PER_S))
         if received is not None:
             meter.add(received)
         if (now_ns := clock.now_ns()) >= next_ns:

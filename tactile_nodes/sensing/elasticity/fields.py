@@ -39,14 +39,14 @@ def combed(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int
 
 def seen_by_rays(
     combs: np.ndarray, node: np.ndarray, part: np.ndarray, levers: np.ndarray, shape: tuple[int, int]
-) -> Float32[np.ndarray, '2 loads y x']:
-    """What fields move along both axes of the picture, by all rays of a window together, as seen from every patch.
+) -> Float32[np.ndarray, '2 fields y x']:
+    """Motion in the picture as seen from every patch, summed over the rays of a window, each between four nodes.
 
     Args:
-        combs: the nodes of displacements along three axes under some loads, from `combed`.
+        combs: the nodes of displacements along three axes, of each so many fields, from `combed`.
         node: the node of each ray as (x, y), seen from the last patch.
-        part: what is left of a step.
-        levers: what each displacement along an axis moves, as (rays, 2, 3).
+        part: how much of a step the ray is beyond its node.
+        levers: motion in the picture by displacement along each axis, as (rays, 2, 3).
     """
     (rows, cols), right, down = shape, part[:, 0], part[:, 1]
     shares = np.stack([(1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right], -1)

@@ -62,12 +62,12 @@ class ElasticLayer:
         return _frequencies(self.spacing_mm, self.cells)
 
     @cached_property
-    def _grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Wave numbers, and their shares along x and y."""
+    def _directions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the waves on the grid: the shares of their wave numbers along x and y."""
         kx, ky = (2 * np.pi * each for each in self._frequencies)
         k = np.hypot(kx, ky)
         safe = np.where(k > 0, k, 1.0)
-        return k, (kx / safe).astype(np.float32), (ky / safe).astype(np.float32)
+        return (kx / safe).astype(np.float32), (ky / safe).astype(np.float32)
 
     def kernels(
         self, spectrum: Inexact[np.ndarray, 'ky kx'], *, pressed_only: bool = False
@@ -77,11 +77,11 @@ class ElasticLayer:
         `spectrum` is that of the shape: the transform of how 1 N is spread, 1 at no wave number. `pressed_only` leaves
         out the two along the surface.
         """
-        k, x, y = self._grid
+        x, y = self._directions
         w = _waves(self._layers, tuple(self.depths_mm.tolist()), self.spacing_mm, self.cells)
-        shift = (-1.0) ** np.arange(k.shape[1])[None] * (-1.0) ** np.arange(k.shape[0])[:, None]
+        shift = (-1.0) ** np.arange(x.shape[1])[None] * (-1.0) ** np.arange(x.shape[0])[:, None]
         load = (spectrum * shift / (self.spacing_mm[0] * self.spacing_mm[1])).astype(np.complex64)
-        moved = np.empty((len(self.depths_mm), 3, 1 if pressed_only else 3, *k.shape), np.complex64)
+        moved = np.empty((len(self.depths_mm), 3, 1 if pressed_only else 3, *x.shape), np.complex64)
         pressed = load * -1j * w.pressed
         moved[:, 0, 0], moved[:, 1, 0], moved[:, 2, 0] = x * pressed, y * pressed, -load * w.sinking
         for number, (one, other, sign) in enumerate(() if pressed_only else ((x, y, -1.0), (y, x, 1.0)), 1):

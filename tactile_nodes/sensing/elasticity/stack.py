@@ -36,7 +36,7 @@ class Elastic:
 
 @dataclass(frozen=True)
 class Waves:
-    """The five functions, mm per MPa, at wave numbers (1/mm) in a row and depths, or at depths and a grid of those."""
+    """The five functions, mm per MPa, at wave numbers (1/mm) in a row and depths, or at depths and a grid of waves."""
 
     pressed: Float[np.ndarray, '*known']
     sinking: Float[np.ndarray, '*known']

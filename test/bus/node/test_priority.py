@@ -34,7 +34,7 @@ priority.take_priority()
 ended = threading.Event()
 thread = threading.Thread(target=ended.wait)
 thread.start()
-priority.end_as_usual()
+priority.restore_priority()
 session = (priority.SESSION.read_text().split() if priority.SESSION.exists() else [])[-1:]
 print(*(os.getpriority(os.PRIO_PROCESS, each) for each in (0, thread.native_id)), ''.join(session), sep=';')
 ended.set()
