@@ -18,6 +18,7 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.clock import NS_PER_S
 
 RECORDER = """
+import os
 import sys
 from pathlib import Path
 
@@ -40,7 +41,7 @@ try:
         clock.sleep_until(start_ns + number * 2_000_000)
         now_ns = clock.now_ns()
         writer.write('/image_raw', data, now_ns, now_ns, number)
-        print(number, now_ns, flush=True)
+        os.write(1, b'%d %d\\n' % (number, now_ns))  # the whole line at once, whatever Python buffers
         {each}
     writer.close()
 except BagError as error:
