@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes import paths
-from tactile_nodes.launching.processes import orphans
 from tactile_nodes.launching.service import LaunchService
 
 
@@ -184,30 +183,6 @@ def test_ctrl_c_at_a_terminal_does_not_name_the_signals(launch):
     _, shown, _ = launch('- executable: {cmd: sleep 60}\n', {'process started': interrupt}, interactive=True)
     assert not any('sending signal' in line for line in shown)
     assert 'exit code -2' in shown[-1]
-
-
-def test_a_grandchild_goes_with_its_parent(launch, program, tmp_path):
-    path = program("""\
-        import subprocess
-        print('grandchild', subprocess.Popen(['sleep', '60']).pid, flush=True)
-        """)
-    _, shown, _ = launch(f'- executable: {{cmd: {path}, output: screen}}\n')
-    [pid] = [int(line.split()[-1]) for line in shown if '] grandchild ' in line]
-    assert not living(pid)
-
-
-def test_a_grandchild_that_left_the_group_ends_with_the_launch(launch, program):
-    path = program("""\
-        import subprocess
-        print('grandchild', subprocess.Popen(['sleep', '60'], start_new_session=True).pid, flush=True)
-        """)
-    _, shown, _ = launch(f'- executable: {{cmd: {path}, output: screen}}\n')
-    [pid] = [int(line.split()[-1]) for line in shown if '] grandchild ' in line]
-    assert not living(pid)
-
-
-def living(pid):
-    return orphans.group_of(pid) is not None
 
 
 def test_an_empty_launch_ends_at_once(launch):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pty
 import signal
 import subprocess
+import sys
+import termios
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -19,7 +22,8 @@ from tactile_nodes.launching.processes.plan import ProcessPlan
 
 _LONGEST_LINE = 1 << 16
 _GROUP_PATIENCE_S = 0.5
-_OUTPUT_PATIENCE_S = 0.2
+_OUTPUT_PATIENCE_S = 0.2  # without a line
+_OUTPUT_LOOKS = 20  # at an output that never ends
 _ESCALATION = ((signal.SIGTERM, 1.0), (signal.SIGKILL, 1.0))
 
 
@@ -67,6 +71,7 @@ class Child:
             _close(writing for _, writing in outputs)
         self.pid = self._process.pid
         self._readers: list[threading.Thread] = []
+        self._taken = 0
         self._pipes = [os.fdopen(reading, 'rb', buffering=_LONGEST_LINE) for reading, _ in outputs]
 
     def watch(self) -> None:
@@ -93,6 +98,7 @@ class Child:
                 while raw := pipe.readline(_LONGEST_LINE):
                     text = raw.decode(errors='replace').rstrip('\r\n')
                     self._log.take(Line(self._plan.name, text, stream=stream), self._plan.output)
+                    self._taken += 1
         except OSError:
             return  # EIO: how the end of a terminal reads
 
@@ -101,11 +107,20 @@ class Child:
         # What it leaves behind in its group would hold its camera or port when it is started again.
         if not orphans.gone(self._group, _GROUP_PATIENCE_S):
             orphans.end(self._group, _ESCALATION)
-        for reader in self._readers:
-            reader.join(_OUTPUT_PATIENCE_S)
+        self._read_on()
         if self._process.stdin is not None:
             self._process.stdin.close()
         self._ended(code)
+
+    def _read_on(self) -> None:
+        """Until all that it wrote is taken; what it left running may hold its output open, and write on."""
+        for reader, pipe in zip(self._readers, self._pipes, strict=True):
+            before = -1
+            for _ in range(_OUTPUT_LOOKS):
+                if before == self._taken and not _unread(pipe):
+                    break
+                before = self._taken
+                reader.join(_OUTPUT_PATIENCE_S)
 
     def _group(self) -> set[int]:
         return orphans.group(self.pid)
@@ -125,6 +140,14 @@ def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:
     # Without a terminal Python holds its output back, and a killed node would take its last lines with it.
     marks = ':'.join(filter(None, [plan.environment.get(orphans.VARIABLE), mark]))
     return {'PYTHONUNBUFFERED': '1', **plan.environment, orphans.VARIABLE: marks, KEEP: str(folder / 'kept')}
+
+
+def _unread(pipe: BinaryIO) -> int:
+    """How many bytes wait to be read; none once its reader has closed it."""
+    try:
+        return int.from_bytes(fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)), sys.byteorder)
+    except (OSError, ValueError):
+        return 0
 
 
 def _close(descriptors: Iterable[int]) -> None:

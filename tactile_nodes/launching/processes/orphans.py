@@ -19,6 +19,8 @@ from pathlib import Path
 VARIABLE = 'TACTILE_LAUNCH'
 _FAREWELL = b'done'
 _POLL_S = 0.02
+_EXEC_LOOKS = 25
+_KERNEL_THREAD = 0x0020_0000  # PF_KTHREAD, include/linux/sched.h
 # A recorder that gets SIGINT closes its file; whatever ignores that gets no second chance after these.
 _ESCALATION = ((signal.SIGINT, 2.0), (signal.SIGTERM, 1.0), (signal.SIGKILL, 2.0))
 
@@ -45,7 +47,23 @@ class Guardian:
 
 def marked(mark: str) -> set[int]:
     """The processes with this mark, but not the calling one."""
-    return {pid for pid in _processes() if pid != os.getpid() and mark.encode() in _read(pid, 'environ')}
+    return {pid for pid in _processes() if pid != os.getpid() and mark.encode() in environment(pid)}
+
+
+def environment(pid: int) -> bytes:
+    """The variables that a process was started with; none of one that is gone, or somebody else's.
+
+    While a process becomes another program (`execve`), Linux shows first neither its words nor its variables, then its
+    words alone. That takes a tenth of a millisecond, and on a busy machine as long as others have the processor.
+    """
+    for _ in range(_EXEC_LOOKS):
+        words = _read(pid, 'cmdline')
+        if (found := _read(pid, 'environ')) or not _is_program(pid):
+            return found
+        time.sleep(_POLL_S)
+        if words:
+            break
+    return _read(pid, 'environ')
 
 
 def group(leader: int) -> set[int]:
@@ -59,9 +77,8 @@ def group(leader: int) -> set[int]:
 
 def group_of(pid: int) -> int | None:
     """The process group of a living process; None if it is gone, or a zombie."""
-    # pid (name) state parent group …; the name may hold spaces and parentheses.
-    fields = _read(pid, 'stat').rpartition(b')')[2].split()
-    return int(fields[2]) if len(fields) > 2 and fields[0] not in {b'Z', b'X'} else None
+    fields = _stat(pid)
+    return int(fields[2]) if fields else None
 
 
 def end(find: Callable[[], set[int]], escalation: tuple[tuple[signal.Signals, float], ...] = _ESCALATION) -> None:
@@ -87,6 +104,19 @@ def _processes() -> list[int]:
         return [int(entry.name) for entry in os.scandir('/proc') if entry.name.isdigit()]
     except FileNotFoundError:
         return []  # no Linux: only process groups are signalled, and a killed launcher leaves its children
+
+
+def _is_program(pid: int) -> bool:
+    """Whether it is a living process, and no thread of the kernel: those have no words either."""
+    fields = _stat(pid)
+    return bool(fields) and not int(fields[6]) & _KERNEL_THREAD
+
+
+def _stat(pid: int) -> list[bytes]:
+    """State, parent, group and so on of a living process (proc_pid_stat(5)); nothing of one that has ended."""
+    # pid (name) state parent group …; the name may hold spaces and parentheses.
+    fields = _read(pid, 'stat').rpartition(b')')[2].split()
+    return fields if len(fields) > 6 and fields[0] not in {b'Z', b'X'} else []
 
 
 def _read(pid: int, name: str) -> bytes:
