@@ -56,6 +56,8 @@ UNTIL_ENDED = re.compile(
     r'topic (echo(?!.*--once)|delay|hz|bw)|bag record(?!.*--duration)|topic pub|force_distribution$'
     r'|grip.py|tactile launch'
 )
+ASKING = re.compile(r'tactile (bag|topic|param|service)|grip.py|force_distribution$|press1|\btouch\b')
+"""What asks a live launch, or a bag of one."""
 TELLS = re.compile(r'topic (echo|delay|hz|bw)|force_distribution$')
 """Those of them whose first line on the standard output shows that they work."""
 PLACES = {'pen_01': (-8.0, 3.0), 'pen_02': (8.0, 4.0), 'pen_03': (0.0, -9.0)}
@@ -74,6 +76,14 @@ def chosen() -> list[str]:
     skipped = [ELSEWHERE, WITH_A_RIG] + ([] if LONG else [MINUTES])
     kept = [command for command in found if not any(each.search(command) for each in skipped)]
     return kept if LONG else list({NAMED.sub('', command): command for command in reversed(kept)}.values())[::-1]
+
+
+def groups() -> list[tuple[str, ...]]:
+    """Each command alone, but those that ask a live launch together and last: else each worker would start one."""
+    if LONG:
+        return [(command,) for command in chosen()]
+    asking = tuple(command for command in chosen() if ASKING.search(command))
+    return [*((command,) for command in chosen() if command not in asking), asking]
 
 
 @pytest.fixture(scope='module')
@@ -200,11 +210,22 @@ def test_what_the_documents_ask_of_a_rig_is_done(folder: Path, environment: dict
             rig.communicate(timeout=60)
 
 
-@pytest.mark.parametrize('command', chosen())
-def test_a_command_of_the_documents_runs(command: str, folder: Path, environment: dict[str, str], live: None) -> None:
-    command = command.removesuffix(' &').replace('…', 'a')
-    if 'pandas' in command:
+@pytest.mark.timeout(3600 if LONG else 600)
+@pytest.mark.parametrize('together', groups(), ids=lambda together: together[0])
+def test_commands_of_the_documents_run(
+    together: tuple[str, ...], folder: Path, environment: dict[str, str], request: pytest.FixtureRequest
+) -> None:
+    if 'pandas' in together[0]:
         pytest.importorskip('pandas')
+    if LONG or ASKING.search(together[0]):
+        request.getfixturevalue('live')
+    for command in together:
+        run(command, folder, environment)
+
+
+def run(command: str, folder: Path, environment: dict[str, str]) -> None:
+    """As a reader would; what it says must hold no traceback."""
+    command = command.removesuffix(' &').replace('…', 'a')
     prepare(command, folder, environment)
     if 'tactile launch' in command:  # a reader would have ended the one before: both would publish pictures
         environment = {**environment, 'ROS_DOMAIN_ID': '24'}
@@ -215,8 +236,8 @@ def test_a_command_of_the_documents_runs(command: str, folder: Path, environment
         ended = subprocess.run(['bash', '-c', command], check=False, timeout=900, **around)
     said = f'{ended.stdout[-3000:].decode()}{ended.stderr.decode()}'
     right = {0, 130} if UNTIL_ENDED.search(command) else {0}
-    assert ended.returncode in right, f'exit status {ended.returncode}: {said}'
-    assert b'Traceback' not in ended.stderr, said
+    assert ended.returncode in right, f'{command}: exit status {ended.returncode}: {said}'
+    assert b'Traceback' not in ended.stderr, f'{command}: {said}'
 
 
 def run_until_ended(command: str, around: dict[str, Any]) -> subprocess.CompletedProcess[bytes]:
