@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,6 +102,15 @@ class AskedToEnd(Ready):
     def __init__(self, bus: Any, arguments: Any) -> None:
         super().__init__(bus, arguments)
         signal.raise_signal(signal.SIGINT)
+        arguments.ending.wait()
+
+
+class SignalsItsThread(Ready):
+    """Linux gives the signal to the thread of its callbacks, and the main thread waits on."""
+
+    def begin(self) -> None:
+        super().begin()
+        self.create_timer(0.3, lambda: signal.pthread_kill(threading.get_ident(), signal.SIGINT))
 
 
 class Waiting(Ready):

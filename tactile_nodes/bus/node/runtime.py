@@ -12,12 +12,11 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from queue import SimpleQueue
-from types import FrameType
 
 from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.priority import restore_priority, take_priority
+from tactile_nodes.bus.node.signals import heard
 from tactile_nodes.bus.protocol import Bus, ProcessBus
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import monotonic_s
@@ -82,12 +81,10 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
 
 def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
     ending = _Ending(max(getattr(factory, 'END_WITHIN_S', _END_WITHIN_S) for factory in factories))
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, ending.on_signal)
     arguments = replace(arguments, ending=ending.done)
     nodes: list[Node] = []
     take_priority()
-    with ExitStack() as opened:
+    with heard({signal.SIGINT, signal.SIGTERM}, ending.on_signal), ExitStack() as opened:
         opened.callback(ending.over, nodes)
         bus = open_bus()
         opened.callback(bus.close)
@@ -150,15 +147,11 @@ def _close(node: Node) -> None:
 
 
 class _Ending:
-    """The end of the process: asked for once, forced the second time or when it takes too long.
-
-    A signal interrupts whatever the main thread does, also where that holds a lock. So to ask takes none; a thread
-    waits for it.
-    """
+    """The end of the process: asked for once, forced the second time or when it takes too long."""
 
     def __init__(self, within_s: float) -> None:
         self.done = threading.Event()
-        self._asked: SimpleQueue[None] = SimpleQueue()
+        self._begun = threading.Event()
         self._over = threading.Event()
         self._since_s = 0.0
         self._within_s = within_s
@@ -169,8 +162,7 @@ class _Ending:
         """Whether anybody has asked for it."""
         return self._since_s > 0
 
-    def on_signal(self, number: int, frame: FrameType | None) -> None:
-        del frame
+    def on_signal(self, number: signal.Signals) -> None:
         if not self.asked:
             self.begin()
         elif monotonic_s() - self._since_s > _ONE_SIGNAL_S:
@@ -179,18 +171,18 @@ class _Ending:
     def begin(self) -> None:
         """From now on it must not take long."""
         self._since_s = self._since_s or monotonic_s()
-        self._asked.put(None)
+        self._begun.set()
+        self.done.set()
 
     def over(self, nodes: Sequence[Node]) -> None:
         """All is closed, in time; only a callback that does not return can still keep the process from ending."""
         if not any(node.spinning for node in nodes):
             self._over.set()
-            self._asked.put(None)
+            self._begun.set()
 
     def _end(self) -> None:
-        self._asked.get()
+        self._begun.wait()
         restore_priority()
-        self.done.set()
         if not self._over.wait(self._within_s):
             sys.stderr.write(f'not ended within {self._within_s} s of being asked to; given up\n')
             sys.stderr.flush()

@@ -9,8 +9,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 
+from tactile_nodes.bus.node.signals import heard
 from tactile_nodes.errors import ConfigurationError, TactileError
 from tactile_nodes.launching import description, files, packages
 from tactile_nodes.launching.document import suggestion
@@ -125,19 +125,14 @@ def refuse_unknown(file: Path, given: dict[str, str]) -> None:
 def signals_to(service: LaunchService) -> Iterator[None]:
     """Ctrl-C, SIGTERM and the end of the terminal end the launch, and with it all its processes."""
 
-    def interrupt(_: int, __: FrameType | None) -> None:
-        service.interrupt()
+    def end(number: signal.Signals) -> None:
+        if number == signal.SIGINT:
+            service.interrupt()
+        else:
+            service.shutdown(f'{number.name} received')
 
-    def terminate(number: int, _: FrameType | None) -> None:
-        service.shutdown(f'{signal.Signals(number).name} received')
-
-    handlers = {signal.SIGINT: interrupt, signal.SIGTERM: terminate, signal.SIGHUP: terminate}
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
-    try:
+    with heard({signal.SIGINT, signal.SIGTERM, signal.SIGHUP}, end):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def complete(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:

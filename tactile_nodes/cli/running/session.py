@@ -9,7 +9,6 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tactile_nodes.clock import monotonic_s
@@ -56,20 +55,11 @@ def _show_help(parser: argparse.ArgumentParser) -> Action:
 @contextmanager
 def ended_by_signals() -> Iterator[threading.Event]:
     """Set by Ctrl-C and by SIGTERM, for as long as this is held."""
+    from tactile_nodes.bus.node.signals import heard
+
     done = threading.Event()
-    asked: SimpleQueue[None] = SimpleQueue()  # a signal may come while this thread holds the lock of `done`
-
-    def end() -> None:
-        asked.get()
-        done.set()
-
-    threading.Thread(target=end, name='ending', daemon=True).start()
-    before = {number: signal.signal(number, lambda *_: asked.put(None)) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with heard({signal.SIGINT, signal.SIGTERM}, lambda _: done.set()):
         yield done
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,7 +12,7 @@ import pytest
 from agents import until
 from programs import Program, Ready
 
-from tactile_nodes.bus.node.runtime import _Ending, run_nodes, settle
+from tactile_nodes.bus.node.runtime import run_nodes, settle
 
 SOON_S = 2.0
 Launch = Callable[..., Program]
@@ -116,20 +115,9 @@ def test_signal_of_a_busy_launcher_after_that_of_the_terminal_is_taken_for_the_s
     assert program.ended(SOON_S) == 0
 
 
-def test_signal_may_come_while_the_main_thread_begins_to_wait_for_it() -> None:
-    """`Event.wait` then holds the lock that `Event.set` needs."""
-    ending = _Ending(60.0)
-    interrupted = threading.Thread(target=_interrupted_in_wait, args=(ending,), daemon=True)
-    interrupted.start()
-    interrupted.join(5.0)
-    assert not interrupted.is_alive()
-    assert ending.done.wait(5.0)
-    ending.over([])
-
-
-def _interrupted_in_wait(ending: _Ending) -> None:
-    with ending.done._cond:  # type: ignore[attr-defined]
-        ending.on_signal(signal.SIGINT, None)
+def test_signal_that_does_not_wake_the_main_thread_ends_a_program(launch: Launch) -> None:
+    """One that comes just before it begins to wait does not either."""
+    assert launch('SignalsItsThread').ended(10.0) == 0
 
 
 def test_bug_in_a_callback_ends_the_program_with_its_traceback_in_the_log(launch: Launch) -> None:
