@@ -49,33 +49,41 @@ class Smooth:
         numbers: np.ndarray = self.over @ self.terms
         return numbers
 
-    def beside(
+    def step(
         self,
         equations: Equations,
         here: Float[np.ndarray, 'regions numbers'],
         precision: Float[np.ndarray, 'regions numbers numbers'],
-    ) -> Equations:
-        """The equations of regions held near these functions by a precision, with the terms as what is common, too.
+    ) -> tuple[Float[np.ndarray, 'regions numbers'], Float[np.ndarray, ' common']]:
+        """The steps of regions held near these functions by a precision, and of what is common.
 
-        Terms come after all that is common already, number by number of the first one.
+        Terms are common, too, and come after all that is common already, number by number of the first one. A region
+        follows the same numbers of every term by what that term is multiplied with there: so regions are solved for
+        the numbers of one term, and not of each.
         """
-        terms, numbers = self.terms.shape
-        count = terms * numbers
-        pulled = np.einsum('rij,rk->rikj', precision, self.over).reshape(len(here), numbers, count)
-        held = np.einsum('rk,rl,rij->kilj', self.over, self.over, precision, optimize=True).reshape(count, count)
-        off = np.einsum('rk,rij,rj->ki', self.over, precision, here - self.numbers, optimize=True)
-        before = len(equations.along)
-        across = np.zeros((before + count, before + count))
-        across[:before, :before] = equations.across
-        across[before:, before:] = held + np.kron(np.eye(terms), self.precision)
-        along = off - (self.terms - self.expected) @ self.precision
-        return replace(
-            equations.near(here, Expected(self.numbers, precision)),
-            cross=np.concatenate([equations.cross, -pulled], axis=2),
-            across=across,
-            along=np.r_[equations.along, along.ravel()],
-            longest=np.r_[equations.longest, np.full(count, np.inf)],
+        near = equations.near(here, Expected(self.numbers, precision))
+        shared, (terms, numbers) = len(near.along), self.terms.shape
+        known = np.concatenate([near.down[..., None], near.cross, -precision], axis=2)
+        solved = np.linalg.solve(near.square, known)
+        step, follow, pulled = np.split(solved, [1, 1 + shared], axis=2)
+
+        def over(told: Float[np.ndarray, 'regions rows numbers']) -> Float[np.ndarray, 'rows common']:
+            summed: np.ndarray = np.einsum('rk,rij->ikj', self.over, told, optimize=True)
+            return summed.reshape(-1, terms * numbers)
+
+        held = precision + precision @ pulled  # of a term by itself, less what regions give way
+        across = np.einsum('rk,rl,rij->kilj', self.over, self.over, held, optimize=True).reshape(2 * [terms * numbers])
+        across += np.kron(np.eye(terms), self.precision)
+        both = -over(near.cross.transpose(0, 2, 1) @ pulled)
+        off = over(((here - self.numbers)[:, None] + step.transpose(0, 2, 1)) @ precision)[0]
+        down = near.along - np.tensordot(near.cross, step[..., 0], axes=([0, 1], [0, 1]))
+        move = np.linalg.solve(
+            np.block([[near.across - np.tensordot(near.cross, follow, axes=([0, 1], [0, 1])), both], [both.T, across]]),
+            np.r_[down, off - ((self.terms - self.expected) @ self.precision).ravel()],
         )
+        move[:shared] = np.clip(move[:shared], -near.longest, near.longest)
+        of_terms = self.over @ move[shared:].reshape(terms, numbers)
+        return step[..., 0] - follow @ move[:shared] - (pulled @ of_terms[..., None])[..., 0], move
 
     def moved(self, move: Float[np.ndarray, ' common']) -> Smooth:
         """With its terms moved."""
@@ -92,6 +100,6 @@ def fit_with_smooth(
 ) -> tuple[AxisymmetricResponse, Smooth]:
     """One Gauss-Newton step of regions, of the smooth functions that they scatter about, and of what is shared."""
     equations = Equations.of(response, presses, doubt, shared)
-    step, move = smooth.beside(equations, numbers_of(response), precision).solved()
+    step, move = smooth.step(equations, numbers_of(response), precision)
     first = len(shared.free)
     return stepped(shared.moved(response, move[:first]), step), smooth.moved(move[first:])

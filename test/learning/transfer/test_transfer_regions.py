@@ -66,7 +66,7 @@ def test_a_step_is_that_of_all_unknowns_at_once() -> None:
     wanted = np.linalg.solve(whole, -at_nothing)
 
     equations = Equations(square, down, cross, across, along, np.array([np.inf]))
-    step, move = smooth.beside(equations, here, precision).solved()
+    step, move = smooth.step(equations, here, precision)
     assert step.ravel() == pytest.approx(wanted[: REGIONS * NUMBERS])
     assert move == pytest.approx(wanted[REGIONS * NUMBERS :])
     assert smooth.moved(move[1:]).terms.ravel() == pytest.approx(terms.ravel() + wanted[REGIONS * NUMBERS + 1 :])
