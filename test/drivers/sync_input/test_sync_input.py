@@ -47,7 +47,7 @@ class Line:
 @pytest.fixture
 def times_ns() -> list[int]:
     start_ns = SystemClock().now_ns() + 50 * MS
-    return [start_ns + each * MS for each in (0, 70, 130, 240, 300, 410)]
+    return [start_ns + each * MS for each in (0, 210, 390, 720, 900, 1230)]  # far enough apart for a busy machine
 
 
 @pytest.fixture
