@@ -145,5 +145,7 @@ def _parts(file: Path, advice: str) -> dict[bytes, bytes]:
         raise ConfigurationError(f'cannot read the key {file}; {advice}') from error
     parts = {match[1]: match[0] for match in _PART.finditer(text)}
     if not parts:
-        raise ConfigurationError(f'{file} holds no key; {advice}')
+        raise ConfigurationError(
+            f'{file} holds no key (one made before 0.2.0 is none any more, make a new one on each machine); {advice}'
+        )
     return parts

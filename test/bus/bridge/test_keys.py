@@ -77,8 +77,8 @@ def test_missing_and_damaged_keys_say_what_to_do(place: Path) -> None:
     with pytest.raises(ConfigurationError, match=r'prints on the other machine belongs into .*lab\.key'):
         read_public('lab')
     place.mkdir()
-    (place / 'lab.key').write_text('no key')
-    with pytest.raises(ConfigurationError, match='holds no key'):
+    (place / 'lab.key').write_text('rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7\n')  # as of 0.1: Z85, of ZeroMQ's RFC 32
+    with pytest.raises(ConfigurationError, match=r'holds no key \(one made before 0\.2\.0 is none any more'):
         read_public('lab')
 
 
