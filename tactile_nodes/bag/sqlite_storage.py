@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import struct
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ _TOPIC_TEXTS = ('name', 'type', 'serialization_format')
 _KINDS = {'id': 'integer', 'topic_id': 'integer', 'timestamp': 'integer', 'data': 'blob'}
 _SOUND = ' AND '.join(f"typeof({name}) = '{kind}'" for name, kind in _KINDS.items())
 _WHOLE = f'FROM messages NOT INDEXED WHERE {_SOUND}'
+_STEPS, _STEPS_A_BYTE = 100_000, 20
 _OTHERS = f'SELECT count(*) FROM messages NOT INDEXED WHERE NOT ({_SOUND})'  # noqa: S608 - our own names
 
 
@@ -37,18 +39,23 @@ class SqliteStorage:
         self._complain = complain
         if _is_cut_off(path):
             complain(f'{path} is cut off at byte {path.stat().st_size}; read what is left')
-        self._connection = _connect(path)
+        self._connection, passed_over = _connect(path)
+        if passed_over:
+            complain(f'{path}: {passed_over} cannot be read here, so its last messages may be missing; copy both first')
+        self._connection.set_progress_handler(_Patience(path), _STEPS)
         try:
             self._connection.execute('PRAGMA trusted_schema = OFF')
             self._by_id = self._read_topics()
             self.topics = {topic.name: topic for topic in self._by_id.values()}
             self.counts, self.extent = self._count()
+            self._connection.set_progress_handler(None, 0)
         except BagError:
             self._connection.close()
             raise
         except (sqlite3.Error, UnicodeDecodeError) as error:
             self._connection.close()
-            raise BagError(f'{path} is damaged or no bag: {error}') from error
+            why = 'its pages name one another in a circle' if str(error) == 'interrupted' else error
+            raise BagError(f'{path} is damaged or no bag: {why}') from error
 
     def close(self) -> None:
         self._connection.close()
@@ -57,7 +64,7 @@ class SqliteStorage:
         """In order of receive times, up to where the file is damaged."""
         low, high = (min(max(limit, _NS_LIMITS[0]), _NS_LIMITS[1]) for limit in (selection.start_ns, selection.end_ns))
         # Not by the index of times: where that is damaged, messages would be missing without a word.
-        query = f'SELECT id, topic_id, timestamp {_WHOLE} AND timestamp BETWEEN ? AND ? ORDER BY timestamp, id'
+        query = f'SELECT rowid, topic_id, timestamp {_WHOLE} AND timestamp BETWEEN ? AND ? ORDER BY timestamp, rowid'
         try:
             for row, topic_id, log_ns in self._connection.execute(query, (low, high)):
                 topic = self._by_id.get(topic_id)
@@ -67,7 +74,7 @@ class SqliteStorage:
             self._complain(f'{self.path} is damaged ({error}); read up to there')
 
     def _message(self, topic: BagTopic, row: int, log_ns: int) -> BagMessage:
-        found = self._connection.execute('SELECT data FROM messages WHERE id = ?', (row,)).fetchone()
+        found = self._connection.execute('SELECT data FROM messages WHERE rowid = ?', (row,)).fetchone()
         if found is None:
             raise sqlite3.DatabaseError('a message is not where it should be')
         data = found[0]
@@ -131,6 +138,18 @@ class SqliteStorage:
         return counts, Extent.union(parts)
 
 
+class _Patience:
+    """Ends an opening that goes on for ever: pages that name one another in a circle hold more rows than bytes."""
+
+    def __init__(self, path: Path) -> None:
+        size = sum(each.stat().st_size for each in (path, Path(f'{path}-wal')) if each.is_file())
+        self._left = 10 + size * _STEPS_A_BYTE // _STEPS
+
+    def __call__(self) -> bool:
+        self._left -= 1
+        return self._left < 0
+
+
 def _is_cut_off(path: Path) -> bool:
     """SQLite reads a shortened file without a word, so compare its length with what its head says."""
     with open_plain(path) as file:
@@ -142,8 +161,15 @@ def _is_cut_off(path: Path) -> bool:
     return bool(path.stat().st_size < (65536 if page_size == 1 else page_size) * pages)
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    # A journal that cannot be opened (a folder we may not write to) is passed over by the second try.
+def _connect(path: Path) -> tuple[sqlite3.Connection, str]:
+    """The open file, and what lies beside it and was passed over.
+
+    A journal that cannot be opened (a folder we may not write to) is passed over by the second try.
+    """
+    beside = [each for each in (Path(f'{path}{ending}') for ending in ('-journal', '-wal')) if os.path.lexists(each)]
+    for each in beside:
+        if not each.is_file():  # SQLite would wait for a named pipe
+            raise BagError(f'{each} is no file; move it away from {path.name}')
     for mode in ('mode=ro', 'immutable=1'):
         connection = sqlite3.connect(f'file:{quote(str(path))}?{mode}', uri=True, check_same_thread=False)
         try:
@@ -154,5 +180,6 @@ def _connect(path: Path) -> sqlite3.Connection:
             connection.close()
             raise BagError(f'{path} is damaged: {error}') from error
         else:
-            return connection
+            left = [each.name for each in beside if each.stat().st_size] if mode != 'mode=ro' else []
+            return connection, ' and '.join(left)
     raise BagError(f'cannot open {path}: SQLite refuses it; is it being written by somebody else?')

@@ -51,6 +51,8 @@ class Complaints(logging.Handler):
     def _report(self, error: BaseException | None, text: str) -> None:
         if error is not None:
             text += '\n' + ''.join(traceback.format_exception(error))
-        if text not in self._bugs:
-            self._bugs.add(text)
+        # Told once for each place in the code: what a request says would be new each time.
+        where = text if error is None else ''.join(traceback.format_tb(error.__traceback__))
+        if where not in self._bugs:
+            self._bugs.add(where)
             self._say(f'a bug in the server, which goes on: {text}')

@@ -28,6 +28,7 @@ from tactile_nodes.web.serving import LONGEST_WORD, Serving
 from tactile_nodes.web.viewers import Audience, Viewer
 
 STATIC = Path(__file__).parent / 'static'
+STATIC_FILES = {each.relative_to(STATIC).as_posix(): each for each in STATIC.rglob('*') if each.is_file()}
 HEARTBEAT_S = 10.0
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
@@ -116,7 +117,7 @@ class PageServer:
         application.on_response_prepare.append(_add_headers)
         application.router.add_get('/', self._index)
         application.router.add_get('/sensors', self._sensors)
-        application.router.add_static('/static', STATIC)
+        application.router.add_get('/static/{name:.+}', self._static)
         application.router.add_get('/live', self._live)
         application.router.add_post('/control/{action}', self._control)
 
@@ -134,6 +135,12 @@ class PageServer:
         if sensor not in self._audiences:
             raise web.HTTPNotFound(text='There is no sensor of that name here.')
         return sensor
+
+    async def _static(self, request: web.Request) -> web.StreamResponse:
+        file = STATIC_FILES.get(request.match_info['name'])
+        if file is None:
+            raise web.HTTPNotFound(text='There is no such file here.')
+        return web.FileResponse(file)
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         self._sensor_of(request)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 import struct
 from pathlib import Path
@@ -14,10 +15,20 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from tactile_nodes.bag import growing_file
+from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.errors import BagError
 
 COUNT = 200
+LEAF, INTERIOR = 0x0D, 0x05
+HEAD = """rosbag2_bagfile_information:
+  version: 8
+  storage_identifier: mcap
+  message_count: 0
+  topics_with_message_count: []
+  relative_file_paths:
+{names}
+"""
 
 
 @pytest.fixture
@@ -143,3 +154,91 @@ def test_a_record_of_gigabytes_of_nothing_is_not_read(tmp_path: Path, opcode: Op
     with BagReader(tmp_path / 'a.mcap') as reader:
         assert list(reader.messages()) == []
         assert reader.problems
+
+
+def test_many_names_of_files_are_counted_soon(tmp_path: Path) -> None:
+    """A YAML reader in Python took a quarter of a minute."""
+    names = '\n'.join(f'  - {number}.mcap' for number in range(60_000))
+    (tmp_path / 'metadata.yaml').write_text(HEAD.format(names=names))
+    assert 'names 60000 files, and at most 1000 are read' in refusal(tmp_path)
+
+
+def test_a_few_lines_that_unfold_to_gigabytes_are_refused(tmp_path: Path) -> None:
+    folded = '\n'.join(f'x{level}: &x{level} [{", ".join(9 * [f"*x{level - 1}"])}]' for level in range(1, 10))
+    (tmp_path / 'metadata.yaml').write_text(f'x0: &x0 x\n{folded}\n{HEAD.format(names="  - *x9")}')
+    assert 'is damaged and says nothing of the bag' in refusal(tmp_path)
+
+
+@pytest.mark.parametrize(
+    'qos', ['- durability: 2001-99-99', 3000 * '[', '- durability: *x', '[{durability: !!int "x"}]']
+)
+def test_a_quality_of_service_that_is_none_keeps_no_message(qos: str) -> None:
+    assert BagTopic('/text', STRING, qos=qos).latched is False
+
+
+def test_messages_whose_numbers_are_all_alike_keep_their_data(bag: Path) -> None:
+    change(
+        bag, 'CREATE TABLE others (id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB)',
+        'INSERT INTO others SELECT 1, topic_id, timestamp, data FROM messages', 'DROP TABLE messages',
+        'ALTER TABLE others RENAME TO messages',
+    )  # fmt: skip
+    with BagReader(bag) as reader:
+        assert [message.data for message in reader.messages()] == [text(number) for number in range(COUNT)]
+
+
+@pytest.mark.parametrize('ending', ['-journal', '-wal'])
+def test_a_named_pipe_beside_a_bag_is_not_waited_for(bag: Path, ending: str) -> None:
+    os.mkfifo(f'{bag}{ending}')
+    assert 'is no file; move it away from press.db3' in refusal(bag)
+
+
+def test_a_journal_that_cannot_be_read_is_told_of(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a folder that the reader may not write to SQLite opens no WAL; root may write to every folder."""
+    connection = sqlite3.connect(bag)
+    connection.execute('PRAGMA journal_mode = WAL')
+    connection.execute('PRAGMA wal_autocheckpoint = 0')
+    connection.execute('DELETE FROM messages WHERE id > 5')
+    connection.commit()
+    shutil.copytree(bag.parent, bag.parent.with_name('copied'), ignore=shutil.ignore_patterns('*-shm'))
+    connection.close()
+    copied = bag.parent.with_name('copied') / bag.name
+    real = sqlite3.connect
+
+    class Refusing(sqlite3.Connection):
+        def execute(self, *_: object) -> sqlite3.Cursor:
+            raise sqlite3.OperationalError('attempt to write a readonly database')
+
+    monkeypatch.setattr(
+        sqlite3, 'connect',
+        lambda name, **options: real(name, **options, factory=Refusing if 'mode=ro' in name else sqlite3.Connection),
+    )  # fmt: skip
+    found, problems = numbers(copied)
+    assert len(found) == COUNT
+    assert problems == [
+        f'{copied}: press.db3-wal cannot be read here, so its last messages may be missing; copy both first'
+    ]
+
+
+def test_pages_that_go_in_a_circle_are_no_reason_to_count_for_ever(tmp_path: Path) -> None:
+    """Interior pages of the table of messages (fileformat.html 1.6) name their child a hundred times, seven deep."""
+    path, size = tmp_path / 'circle.db3', 1024
+    connection = sqlite3.connect(path)
+    connection.execute(f'PRAGMA page_size = {size}')
+    connection.execute('CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)')
+    connection.execute('CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)')
+    connection.executemany('INSERT INTO messages VALUES (?, 1, ?, ?)', [(n, n, text(n)) for n in range(1, 4000)])
+    connection.commit()
+    (root,) = connection.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'").fetchone()
+    connection.close()
+    data = bytearray(path.read_bytes())
+    leaf, *others = [page for page in range(root + 1, len(data) // size) if data[(page - 1) * size] == LEAF]
+    for page, child in zip([*others[:7], root], [leaf, *others[:7]], strict=True):
+        offsets = [size - 5 * (number + 1) for number in range(100)]
+        interior = bytearray(size)
+        struct.pack_into('>BHHHBI', interior, 0, INTERIOR, 0, 100, offsets[-1], 0, child)
+        for number, offset in enumerate(offsets):
+            struct.pack_into('>H', interior, 12 + 2 * number, offset)
+            struct.pack_into('>IB', interior, offset, child, number + 1)
+        data[(page - 1) * size : page * size] = interior
+    path.write_bytes(data)
+    assert 'its pages name one another in a circle' in refusal(path)

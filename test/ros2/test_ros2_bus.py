@@ -17,6 +17,7 @@ import pytest
 from tactile_nodes import messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.protocol import Qos, Received
+from tactile_nodes.bus.ros2.ends import receiving
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.errors import (
@@ -354,7 +355,18 @@ def test_numbers_of_messages_grow_by_one(join: Join, until: Until) -> None:
     for number in range(3):
         publisher.publish(_number(number))
     received: list[Received | None] = [subscription.get(10.0) for _ in range(3)]
-    assert [entry.sequence for entry in received if entry] == [1, 2, 3]
+    first, *others = [entry.sequence for entry in received if entry]
+    assert others == [first + 1, first + 2]
+
+
+@pytest.mark.parametrize(('told', 'number'), [(1, 1), (900, 900), (None, 2), (2**64 - 1, 2)])
+def test_numbers_begin_with_the_publishers_own_where_the_middleware_tells_it(told: int | None, number: int) -> None:
+    subscription = Subscription('/n', NUMBER, QUEUE, '/node', None, lambda _: None)
+    receive = receiving(subscription, SystemClock())
+    receive(messages.encode(_number(7)), {'publication_sequence_number': told})
+    received = subscription.get(1.0)
+    assert received is not None
+    assert received.sequence == number
 
 
 def test_many_threads_may_publish_and_make_ends_at_once(join: Join, until: Until) -> None:

@@ -120,7 +120,7 @@ def test_a_name_that_was_pointed_here_is_refused(served: Served) -> None:
 
 def test_files_beside_the_page_are_out_of_reach(served: Served) -> None:
     assert run(status_of('GET', served.url + '/static/%2e%2e/server.py')) in {403, 404}
-    assert run(status_of('GET', served.url + '/static/')) == 403
+    assert run(status_of('GET', served.url + '/static/')) == 404
 
 
 @pytest.mark.parametrize('origin', [None, 'http://evil.example', 'null'])
@@ -246,6 +246,13 @@ def test_odd_bytes_in_headers_are_refused_as_other_words_are(served: Served) -> 
     )
     assert talk_raw(served, sent).startswith(b'HTTP/1.1 403')
     assert served.asked == []
+
+
+def test_a_file_with_an_endless_name_is_not_there(served: Served) -> None:
+    """Any page in the operator's browser can ask for it: of each a traceback would be told."""
+    host = urlsplit(served.url).netloc.encode()
+    sent = b'GET /static/%s HTTP/1.1\r\nHost: %s\r\nConnection: close\r\n\r\n' % (300 * b'a', host)
+    assert talk_raw(served, sent).startswith(b'HTTP/1.1 404')
 
 
 def test_closing_ends_what_is_open(served: Served) -> None:

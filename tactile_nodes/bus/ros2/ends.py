@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from tactile_nodes import messages
@@ -13,6 +13,8 @@ from tactile_nodes.bus.protocol import Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import Clock, wall_ns
 from tactile_nodes.errors import BusError
+
+_UNTOLD = 1 << 63  # RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED is above
 
 
 class Ros2Publisher:
@@ -70,14 +72,20 @@ class Ros2Service:
 def receiving(subscription: Subscription, clock: Clock) -> Callable[[bytes, dict[str, Any]], None]:
     """rclpy's callback for a raw subscription.
 
-    rclpy tells no publisher, so messages are counted as they come in: `sequence` shows no losses on the way. ROS
-    2's wall-clock time of publishing is brought to the host's time base here, once.
+    rclpy tells no publisher, so messages are counted as they come in: `sequence` shows no losses on the way. It begins
+    with the publisher's own number where the middleware tells that (`publication_sequence_number` of
+    rmw_message_info_t: Fast DDS), else with 2: nobody knows whether others came before. ROS 2's wall-clock time of
+    publishing is brought to the host's time base here, once.
     """
-    numbers = itertools.count(1)
+    numbers: Iterator[int] | None = None
     publisher = f'ros2:{subscription.topic}'
 
     def receive(data: bytes, info: dict[str, Any]) -> None:
+        nonlocal numbers
         now_ns = clock.now_ns()
+        if numbers is None:
+            first = int(info.get('publication_sequence_number') or 0)
+            numbers = itertools.count(first if 0 < first < _UNTOLD else 2)
         published_ns = int(info.get('source_timestamp') or 0)
         source_ns = published_ns + now_ns - wall_ns() if published_ns > 0 else now_ns
         subscription.put(Received(subscription.type_name, publisher, next(numbers), source_ns, now_ns, data=data))
