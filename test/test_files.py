@@ -108,3 +108,20 @@ def test_a_single_array_of_gigabytes_is_no_data_set(tmp_path: Path) -> None:
         np.lib.format.write_array_header_1_0(file, {'descr': '<f4', 'fortran_order': False, 'shape': (5 << 30,)})
         file.truncate(20 << 30)
     assert 'but a single array of numbers' in refusal(load_dataset, tmp_path / 'a.npz')
+
+
+def test_a_data_set_whose_list_of_entries_takes_gigabytes_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    """Of ZIP64 (APPNOTE.TXT 4.3.14 to 4.3.16), nearly all of it a hole."""
+    size = 3 << 30
+    with (tmp_path / 'a.npz').open('wb') as file:
+        file.write(b'PK\3\4')
+        file.seek(size)
+        file.write(struct.pack('<4sQHHLLQQQQ', b'PK\6\6', 44, 45, 45, 0, 0, 1, 1, size - 4, 4))
+        file.write(struct.pack('<4sLQL', b'PK\6\7', 0, size, 1))
+        file.write(struct.pack('<4sHHHHLLH', b'PK\5\6', 0, 0, 0xFFFF, 0xFFFF, 0xFFFFFFFF, 0xFFFFFFFF, 0))
+    tracemalloc.start()
+    try:
+        assert 'is damaged or no data set' in refusal(load_dataset, tmp_path / 'a.npz')
+        assert tracemalloc.get_traced_memory()[1] < 32 << 20
+    finally:
+        tracemalloc.stop()

@@ -21,6 +21,7 @@ from tactile_nodes.files import TEXT_BYTES, open_plain
 
 _RUN_BYTES = 4 << 20
 _INDEX_HEAD = struct.calcsize('<HI')
+MOST_WAITING_BYTES = 256 << 20
 
 
 @dataclass
@@ -61,16 +62,26 @@ class McapStorage:
         self._file.close()
 
     def messages(self, selection: Selection) -> Iterator[BagMessage]:
-        """In order of receive times; those of equal times in the order of the file."""
+        """In order of receive times; those of equal times in the order of the file.
+
+        Of chunks whose times overlap no more than `MOST_WAITING_BYTES` wait for their turn.
+        """
         waiting: list[tuple[int, int, Message]] = []
+        held, in_order = 0, True
         order = itertools.count()
         for block in sorted(self._blocks, key=lambda block: block.start_ns):
-            while waiting and waiting[0][0] < block.start_ns:
-                yield self._bag_message(heapq.heappop(waiting)[2])
+            while waiting and (waiting[0][0] < block.start_ns or held > MOST_WAITING_BYTES):
+                if in_order and waiting[0][0] >= block.start_ns:
+                    self._complain(f'{self.path}: too many chunks are of the same time; messages come out of order')
+                    in_order = False
+                message = heapq.heappop(waiting)[2]
+                held -= len(message.data)
+                yield self._bag_message(message)
             if block.end_ns >= selection.start_ns and block.start_ns < selection.end_ns:
                 for message in self._messages_of(block):
                     if self._is_wanted(message, selection):
                         heapq.heappush(waiting, (message.log_ns, next(order), message))
+                        held += len(message.data)
         while waiting:
             yield self._bag_message(heapq.heappop(waiting)[2])
 

@@ -21,7 +21,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from tactile_nodes import messages
-from tactile_nodes.bag import growing_file
+from tactile_nodes.bag import growing_file, mcap_storage
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
@@ -98,7 +98,7 @@ def test_messages_outside_of_chunks_are_read_in_order(tmp_path: Path) -> None:
     assert read(tmp_path / 'flat.mcap') == ([Sample('/text', START_NS + n, text(n)) for n in range(3)], [])
 
 
-def test_chunks_that_overlap_are_merged_in_order(tmp_path: Path) -> None:
+def test_chunks_that_overlap_are_merged_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     order = [0, 5, 1, 6, 2, 9, 3, 4, 7, 8]
     with (tmp_path / 'wild.mcap').open('wb') as file:
         writer = mcap.writer.Writer(file, chunk_size=60)
@@ -108,6 +108,12 @@ def test_chunks_that_overlap_are_merged_in_order(tmp_path: Path) -> None:
             writer.add_message(channel, START_NS + number, text(number), START_NS)
         writer.finish()
     assert read(tmp_path / 'wild.mcap') == ([Sample('/text', START_NS + n, text(n)) for n in range(10)], [])
+    monkeypatch.setattr(mcap_storage, 'MOST_WAITING_BYTES', 20)
+    found, problems = read(tmp_path / 'wild.mcap')  # whoever says that all chunks are of one time fills no memory
+    assert sorted(found, key=lambda sample: sample.log_ns) == [
+        Sample('/text', START_NS + n, text(n)) for n in range(10)
+    ]
+    assert problems == [f'{tmp_path / "wild.mcap"}: too many chunks are of the same time; messages come out of order']
 
 
 def test_topic_described_in_a_chunk_of_others_is_found_without_a_summary(tmp_path: Path) -> None:

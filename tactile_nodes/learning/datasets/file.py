@@ -41,6 +41,7 @@ TEXTURE_GAINS = 'texture_gains'
 _NAMES = {'card', 'fingerprint', *array_names(), *OPTIONAL, TEXTURE_GAINS}
 _ARRAY = b'\x93NUMPY'
 _LARGEST_RATIO = 20  # we do not compress; who does it again gains less
+_LARGEST_LIST = 1 << 20
 _SHAPES = {
     'features': 4,
     'labels': 2,
@@ -126,7 +127,7 @@ def _check_entries(path: Path, opened: BinaryIO) -> None:
     """Names and sizes, before anything is unpacked: a file of 6 MB may unpack to 6 GB."""
     if opened.read(len(_ARRAY)) == _ARRAY:
         raise DatasetError(f'{path} is no data set of tactile_nodes, but a single array of numbers')
-    with zipfile.ZipFile(opened) as archive:
+    with zipfile.ZipFile(_Sparing(opened)) as archive:
         entries = archive.infolist()
     opened.seek(0)
     if foreign := {entry.filename for entry in entries} - {f'{name}.npy' for name in _NAMES}:
@@ -136,6 +137,19 @@ def _check_entries(path: Path, opened: BinaryIO) -> None:
         raise DatasetError(
             f'{path} would unpack from {stored} to {unpacked} bytes, as no data set does; fetch it again'
         )
+
+
+class _Sparing:
+    """A file for `zipfile` to look through, of which it may read its list of entries and no gigabytes called that."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.seek, self.tell = file.seek, file.tell
+
+    def read(self, size: int = -1) -> bytes:
+        if size > _LARGEST_LIST:
+            raise zipfile.BadZipFile('its list of entries is too long')
+        return self._file.read(size)
 
 
 def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
