@@ -67,6 +67,8 @@ class Safety:
         self.watching = False
         self.watching_camera = False
         self.watching_machine = True
+        self.machine_tripped = False
+        """Whether the machine was ever at fault: a greater force may have taken that reason's place since."""
         self._late = False
 
     def tare(self, zero: Wrench) -> None:
@@ -192,6 +194,7 @@ class Safety:
 
     def _stop(self, kind: str, reason: str, now_ns: int) -> None:
         with self._lock:
+            self.machine_tripped |= kind == MACHINE
             if self.trip is not None and not (kind == OVERLOAD != self.trip.kind):
                 return
             self.trip = Trip(kind, reason, now_ns)

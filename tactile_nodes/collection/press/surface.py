@@ -77,13 +77,25 @@ def find_surface(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Su
     Raises:
         DeviceFaultError: no surface between top and bottom, or measurements that contradict each other.
     """
-    places, lines = [], []
+    places: list[tuple[float, float, float]] = []
+    lines: list[Loading] = []
     reach = settings.surface.reach_mm
     for x, y in CORNERS[: settings.surface.corners]:
-        found = yield from _corner(settings, safe_z_mm, (x, y))
+        known = _elsewhere(places, lines, (x * reach, y * reach), settings.surface.tilt)
+        found = yield from _corner(settings, safe_z_mm, (x, y), known)
         places.append((x * reach, y * reach, float(np.median([line.touch_mm for line in found]))))
         lines += found
     return replace(plane(places, settings), softest=softest(lines, settings.limits.least_share))
+
+
+def _elsewhere(
+    places: Sequence[tuple[float, float, float]], lines: Sequence[Loading], at: tuple[float, float], tilt: float
+) -> Loading | None:
+    """How the force grows at a place at least: as softly as at any corner felt, from as low as a tilted gel may lie."""
+    if not lines:
+        return None
+    lowest_mm = max(z - tilt * math.dist((x, y), at) for x, y, z in places)
+    return min(lines, key=lambda line: line.slope)._replace(touch_mm=lowest_mm)
 
 
 def softest(lines: Sequence[Loading], least_share: float) -> Loading:
@@ -120,7 +132,9 @@ def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSett
     return Surface(float(z), float(slope_x), float(slope_y))
 
 
-def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float, float]) -> Procedure[list[Loading]]:
+def _corner(
+    settings: CollectionSettings, safe_z_mm: float, corner: tuple[float, float], known: Loading | None
+) -> Procedure[list[Loading]]:
     surface, motion = settings.surface, settings.motion
     x = surface.gel_x_mm + corner[0] * surface.reach_mm
     y = surface.gel_y_mm + corner[1] * surface.reach_mm
@@ -128,7 +142,7 @@ def _corner(settings: CollectionSettings, safe_z_mm: float, corner: tuple[float,
     yield Go(x, y, feed_mm_min=motion.travel_mm_min)
     tare = yield from zero(settings)
     yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
-    first = yield from _search(settings, tare, surface.top_mm, surface.step_mm)
+    first = yield from _search(settings, tare, surface.top_mm, surface.step_mm, known)
     found = []
     for _ in range(surface.repeats):
         start = min(surface.top_mm, first.touch_mm + BACK_OFF_STEPS * surface.fine_step_mm)

@@ -166,6 +166,7 @@ class Campaign:
         try:
             self._hands.run(press_cycle(record, self._ground, self._settings))
         except TrippedError as tripped:
+            self._recovery.write_down(tripped)
             self._up_then_tell(record, begun_ns, tripped.trip.reason)
             self._recovery.go_on_after(tripped)
         except DeviceError as error:
@@ -179,20 +180,30 @@ class Campaign:
             self.now = None
 
     def _up_then_tell(self, record: Record, begun_ns: int, reason: str, doubted: bool = False) -> None:
+        self._put_aside(record)
         try:
             self._recovery.up(record.tare, doubted)
         finally:
+            self._put_aside(record)
             trip = self._hands.safety.trip
             record.reason = reason if trip is None else trip.reason
-            record.aside = trip is not None and trip.kind in TOO_GREAT
             self._tell(record, begun_ns)
+
+    def _put_aside(self, record: Record) -> None:
+        """A press whose force was too great; before the tip goes up, so that no other process presses there again."""
+        trip = self._hands.safety.trip
+        if trip is None or trip.kind not in TOO_GREAT or record.aside:
+            return
+        record.aside = True
+        self._journal.note(record.point.press, record.attempt, ASIDE, self._hands.clock.now_ns(), trip.reason)
 
     def _tell(self, record: Record, begun_ns: int) -> None:
         """First the recorder, then the journal: what was cut off between the two is found in the bag (`audit`)."""
         self._outlet.record(record)
         now_ns = self._hands.clock.now_ns()
-        step = RECORDED if not record.reason else ASIDE if record.aside else REJECTED
-        self._journal.note(record.point.press, record.attempt, step, now_ns, record.reason)
+        if not record.aside:
+            step = REJECTED if record.reason else RECORDED
+            self._journal.note(record.point.press, record.attempt, step, now_ns, record.reason)
         self._in_a_row = self._in_a_row + 1 if record.reason else 0
         self.progress.note(record.reason, begun_ns, now_ns)
         if record.reason:

@@ -20,7 +20,6 @@ from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, Guar
 from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.readings import Readings
-from tactile_nodes.collection.safety import MACHINE
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.wrench import Array, Tare, pressing_n, wrenches
@@ -123,8 +122,8 @@ class GuardedRun:
 
     def _up(self, why: str) -> None:
         """Bring the tip up; where it is not, that is told first, and then `why` the approach ended."""
-        hands, trip = self.station.hands, self.station.safety.trip
-        doubted = hands.machine_failed or (trip is not None and trip.kind == MACHINE)
+        hands = self.station.hands
+        doubted = hands.machine_failed or hands.safety.machine_tripped
         try:
             bring_up(hands, self._tare, self._settings, doubted)
         except DeviceError as error:

@@ -72,9 +72,14 @@ class Recovery:
 
     def up(self, tare: Tare | None = None, doubted: bool = False) -> None:
         """Bring the tip up. Raises as `bring_up`."""
-        trip = self._hands.safety.trip
-        doubted = doubted or (trip is not None and trip.kind == MACHINE)
+        doubted = doubted or self._hands.machine_failed or self._hands.safety.machine_tripped
         bring_up(self._hands, tare or self.tare, self._settings, doubted)
+
+    def write_down(self, tripped: TrippedError) -> None:
+        """That a person has to look, before anything moves: so that no other process goes on either."""
+        trip = self._worst(tripped)
+        if trip.kind == OVERLOAD and not self._journal.halted:
+            self._note(HALTED, trip.reason)
 
     def go_on_after(self, tripped: TrippedError) -> None:
         """The tip is up; see whether the run can go on.
@@ -90,7 +95,7 @@ class Recovery:
         if trip.kind in TOO_GREAT:
             self._shaken()
         if trip.kind == OVERLOAD:
-            self._note(HALTED, trip.reason)  # so that no other process goes on either
+            self.write_down(tripped)
             self._ask(trip.reason)
         if trip.kind != FORCE:
             self._outlet.say(f'{trip.reason}; the tip is up, waiting until it is well again')
@@ -106,6 +111,7 @@ class Recovery:
             try:
                 return self._hands.run(procedure())
             except TrippedError as tripped:
+                self.write_down(tripped)
                 self.up()
                 if self._worst(tripped).kind not in {SENSOR, CAMERA, OVERLOAD}:
                     raise

@@ -39,9 +39,15 @@ def of_the_mean(contacts: Float[np.ndarray, 'n 3']) -> Errors:
 
 
 def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> str:
-    """Why a model is not worth to be written; empty where it is. `what` it is: 'calibration'."""
-    for other, words in ((before, 'without'), (mean, 'by answering the mean of all presses')):
-        if other is not None and share_of(after, other) >= 1:
+    """Why a model is not worth to be written; empty where it is. `what` it is: 'calibration'.
+
+    Against the model before on balance; by answering the mean neither force nor place may be as good: a table with
+    true places and the forces of other presses would give places that make up for any force.
+    """
+    for other, words, share in (
+        (before, 'without', share_of), (mean, 'by answering the mean of all presses', worst_share_of)
+    ):  # fmt: skip
+        if other is not None and share(after, other) >= 1:
             return (
                 f'the {what} would not pay: held-out presses are read {told(after)} off with it, '
                 f'{told(other)} {words} (medians)'
@@ -55,9 +61,17 @@ def share_of(after: Errors, other: Errors) -> float:
     Medians, since of few presses one alone rules a mean. Anything is better than what reads nothing (NaN), and what
     reads nothing itself is worse than anything.
     """
+    return math.prod(shares) if (shares := _shares(after, other)) else 0.0
+
+
+def worst_share_of(after: Errors, other: Errors) -> float:
+    """As `share_of`, of force or place, whichever is worse."""
+    return max(_shares(after, other), default=0.0)
+
+
+def _shares(after: Errors, other: Errors) -> list[float]:
     pairs = [(after.force_median_n, other.force_median_n), (after.place_median_mm, other.place_median_mm)]
-    shares = [_share(own, theirs) for own, theirs in pairs if math.isfinite(theirs)]
-    return math.prod(shares) if shares else 0.0
+    return [_share(own, theirs) for own, theirs in pairs if math.isfinite(theirs)]
 
 
 def _share(own: float, theirs: float) -> float:
@@ -88,8 +102,7 @@ def require_worth(said: str, advice: str, *, forced: bool, command: str = 'tacti
 
 def poor(after: Errors, mean: Errors) -> str:
     """In words that a model is far from what enough presses lead to; empty where it is not."""
-    pairs = [(after.force_median_n, mean.force_median_n), (after.place_median_mm, mean.place_median_mm)]
-    if not any(math.isfinite(theirs) and _share(own, theirs) > POOR for own, theirs in pairs):
+    if worst_share_of(after, mean) <= POOR:
         return ''
     return (
         f'held-out presses are read {told(after)} off, and by answering the mean of all presses {told(mean)} (medians)'

@@ -119,3 +119,27 @@ def test_surface_that_is_not_felt_where_it_was_just_before_ends_the_search(tmp_p
         run.campaign.run()
     assert deepest[0] < 0.5
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
+def test_a_surface_that_is_not_felt_at_another_corner_ends_the_search_where_it_would_be_on_a_tilted_gel(
+    tmp_path: Path,
+) -> None:
+    """With a bottom 2.6 mm below the gel; 20 mm farther a gel tilted by 0.05 (surface.tilt) lies 1 mm lower at most."""
+    run = Run(tmp_path, changed(surface={'bottom_mm': -32.6}))
+    corner: list[tuple[float, float]] = []
+    deepest = [0.0]
+
+    def look() -> None:
+        now_ns = run.rig.clock.now_ns()
+        x, y, _ = run.world.motor_at(now_ns)
+        depth_mm = run.world.press_at(now_ns).depth_mm
+        if depth_mm > 0.2 and not corner:
+            corner.append((x, y))
+        if corner and math.dist(corner[0], (x, y)) > 5:
+            run.world.wrench_at = lambda _: (0.0,) * 6  # type: ignore[method-assign]
+            deepest[0] = max(deepest[0], depth_mm)
+
+    run.rig.clock.every(0.01, look)
+    with pytest.raises(DeviceFaultError, match='where the gel gave'):
+        run.campaign.run()
+    assert 0.5 < deepest[0] < 1.5

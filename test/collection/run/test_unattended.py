@@ -11,6 +11,7 @@ from collecting import in_a_process
 from rehearsing import SAFE_Z_MM, Run, changed
 
 from tactile_nodes.collection.press.up import bring_up
+from tactile_nodes.collection.safety import MACHINE, OVERLOAD
 from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.drivers.cnc.contract import CncState, CncStatus
 from tactile_nodes.emulators.world import Wrench
@@ -67,6 +68,50 @@ def test_a_process_that_goes_on_after_a_kill_leaves_aside_what_was_put_aside(tmp
     second = Run(tmp_path)
     second.campaign.run()
     assert second.told == []
+
+
+def test_what_was_hit_is_written_down_before_the_tip_goes_up(tmp_path: Path) -> None:
+    """A process that is killed on the way up must not press there again, nor go on unasked."""
+    run, seen = Run(tmp_path), []
+
+    def hit() -> None:
+        bump(run)()
+        run.after(0.2, lambda: seen.extend(steps(run)))
+        run.after(5.0, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
+
+    run.at(3, run.in_the_gel(hit))
+    run.campaign.run()
+    assert seen[-3:] == [(3, 'started'), (0, 'halted'), (3, 'aside')]
+    assert [step for step in steps(run) if step[1] in {'halted', 'aside'}] == seen[-2:]  # each once
+
+
+@pytest.mark.parametrize('saturated', [False, True], ids=['sensor silent', 'sensor saturated'])
+def test_a_doubt_about_the_machine_lasts_until_a_force_says_that_nothing_touches(
+    tmp_path: Path, saturated: bool
+) -> None:
+    """A jog fails, z sticks, and the sensor fails with it: the run's end says nothing of a tip that is up."""
+    run = Run(tmp_path)
+
+    def fault() -> None:
+        jog = run.rig.cnc.jog
+
+        def refuse(*_: object, **__: object) -> None:
+            run.rig.cnc.jog = jog  # type: ignore[method-assign]
+            run.world.stick(2, run.rig.clock.now_ns())
+            if saturated:
+                run.rig.safety.fail(MACHINE, 'it is elsewhere', run.rig.clock.now_ns())
+                run.rig.safety.fail(OVERLOAD, 'saturated', run.rig.clock.now_ns())
+            run.rig.silent_sensor = True
+            raise DeviceFaultError('it came to rest elsewhere')
+
+        run.rig.cnc.jog = refuse  # type: ignore[method-assign,assignment]
+
+    run.at(3, run.in_the_gel(fault))
+    with pytest.raises(DeviceFaultError):
+        run.campaign.run()
+    assert run.world.press_at(run.rig.clock.now_ns()).depth_mm > 0.3
+    assert (0, 'ended') not in steps(run)
+    assert any('the tip could not be brought up' in said for said in run.said)
 
 
 def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_path: Path) -> None:

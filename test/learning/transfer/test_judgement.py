@@ -51,6 +51,11 @@ def test_a_model_that_is_no_better_than_the_mean_is_objected_to() -> None:
     assert said.endswith('0.2000 N and 5.000 mm by answering the mean of all presses (medians)')
 
 
+def test_places_do_not_make_up_for_forces_that_are_no_better_than_the_mean() -> None:
+    """Of a table with true places whose forces are those of other presses."""
+    assert 'by answering the mean' in objection('calibration', off(0.3, 0.2), off(0.3, 1.2), off(0.15, 5.0))
+
+
 def test_an_objection_ends_it_unless_the_model_is_wanted_all_the_same() -> None:
     with pytest.raises(DatasetError, match=r'^worse; press more \(tactile train … --force writes it all the same\)$'):
         require_worth('worse', 'press more', forced=False, command='tactile train')
