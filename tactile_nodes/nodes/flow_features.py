@@ -181,9 +181,14 @@ class FlowFeaturesNode(Node):
             self._reference.publish(message)
             self.kept.put(_KEPT, encode(message))
         how = 'renewed, while nothing touched,' if self._following.renewed else 'new'
-        self.log.info(f'{how} rest image {self._following.reference_id}')
         text = f'{self._following.reference_id}, {message.width}x{message.height}'
-        self.report('rest image', Level.OK, text)
+        if self._following.doubtful:
+            text += ', of a picture that never came to rest: touch nothing, then call capture_reference'
+            self.log.warn(f'{how} rest image {text}')
+            self.report('rest image', Level.WARN, text)
+        else:
+            self.log.info(f'{how} rest image {self._following.reference_id}')
+            self.report('rest image', Level.OK, text)
 
     def _capture_again(self) -> str:
         if self.params.reference == 'topic':

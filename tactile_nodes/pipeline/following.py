@@ -97,6 +97,11 @@ class Following:
         return (rest := self.memory.rest.in_use) is not None and rest.renewed
 
     @property
+    def doubtful(self) -> bool:
+        """Whether the rest image in use was taken of a picture that never came to rest."""
+        return (rest := self.memory.rest.in_use) is not None and rest.unsteady
+
+    @property
     def reference(self) -> UInt8[np.ndarray, 'h w'] | None:
         """The rest image in use."""
         return None if (rest := self.memory.rest.in_use) is None else rest.prepared.image

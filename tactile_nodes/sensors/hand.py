@@ -79,10 +79,11 @@ def load_hand(name: Path | str) -> Hand:
     Raises:
         ConfigurationError: there is no such file, it is no hand, or none of its sensors can be used.
     """
-    shipped = share_directory() / 'config' / 'hands' / f'{name}.yaml'
+    folder = share_directory() / 'config' / 'hands'
+    shipped = folder / f'{name}.yaml'
     file = shipped if shipped.is_file() else Path(name)
     if not file.is_file():
-        known = ', '.join(sorted(each.stem for each in shipped.parent.glob('*.yaml')))
+        known = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
         raise ConfigurationError(f'there is no hand {str(name)!r}; give a YAML file, or one that ships: {known}')
     rest, entries = load_listed(file, SENSORS)
     told = from_mapping(HandSettings, rest, source=str(file), exact=False)

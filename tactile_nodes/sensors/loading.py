@@ -24,10 +24,11 @@ def load_sensor(name: Path | str) -> Sensor:
     Raises:
         ConfigurationError: there is none, an unknown key, or numbers that contradict each other.
     """
-    shipped = share_directory() / 'config' / 'sensors' / f'{name}.yaml'
+    folder = share_directory() / 'config' / 'sensors'
+    shipped = folder / f'{name}.yaml'
     file = shipped if shipped.is_file() else Path(name)
     if not file.is_file():
-        known = ', '.join(sorted(each.stem for each in shipped.parent.glob('*.yaml')))
+        known = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
         raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or one that ships: {known}')
     written = load_mapping(file)
     values = _calibrated(written, file)

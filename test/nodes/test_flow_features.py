@@ -18,6 +18,7 @@ from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
+from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
@@ -166,6 +167,18 @@ def test_dark_frames_at_the_start_do_not_become_the_rest_image(
     camera.publish(image(PATTERN))
     run(tested)
     assert reference.take() is not None
+
+
+def test_a_rest_image_of_a_picture_that_never_rests_is_told_with_what_to_do(
+    bus: InProcessBus, clock: SteppedClock, publisher: Advertise
+) -> None:
+    camera, tested = publisher(topics.IMAGE), node(bus, clock, 'reference_frames:=2')
+    for number in range(9):  # four times two frames, and one
+        camera.publish(image(np.roll(PATTERN, number % 2, axis=1)))
+        run(tested)
+    (status,) = (each for each in tested.diagnostics.message(0).status if each.name == 'flow_features: rest image')
+    assert status.level == Level.WARN
+    assert 'of a picture that never came to rest: touch nothing, then call capture_reference' in status.message
 
 
 def test_rest_image_is_captured_again_on_request(
