@@ -53,12 +53,12 @@ OF_A_RIG = re.compile(r'/rig/(pause|resume|stop|acknowledge)|/emulated_rig')
 """Of these what is asked of a rig, which `make documents` starts."""
 
 UNTIL_ENDED = re.compile(
-    r'topic (echo(?!.*--once)|delay|hz|bw)|bag record(?!.*--duration)|topic pub|force_distribution$'
+    r'topic (echo(?!.*--once)|delay|hz|bw)|bag record(?!.*--duration)|topic pub|(?<!info -v /)force_distribution$'
     r'|grip.py|tactile launch'
 )
 ASKING = re.compile(r'tactile (bag|topic|param|service)|grip.py|force_distribution$|press1|\btouch\b')
 """What asks a live launch, or a bag of one."""
-TELLS = re.compile(r'topic (echo|delay|hz|bw)|force_distribution$')
+TELLS = re.compile(r'topic (echo|delay|hz|bw)|(?<!info -v /)force_distribution$')
 """Those of them whose first line on the standard output shows that they work."""
 PLACES = {'pen_01': (-8.0, 3.0), 'pen_02': (8.0, 4.0), 'pen_03': (0.0, -9.0)}
 LONG = bool(os.environ.get('TACTILE_LONG'))
