@@ -4,6 +4,8 @@ import os
 import subprocess
 import time
 
+import pytest
+
 from tactile_nodes.launching.processes import orphans
 
 
@@ -46,6 +48,17 @@ def test_a_process_that_becomes_another_program_keeps_its_mark():
                 assert b'mark-of-this' in orphans.environment(process.pid)
             finally:
                 process.kill()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='becomes another account')
+def test_processes_of_other_accounts_are_not_waited_for(monkeypatch):
+    """Of the hundred that a computer has each would take as long as one that becomes another program."""
+    monkeypatch.setattr(orphans.time, 'sleep', lambda _: pytest.fail('waited for a process that tells nothing'))
+    os.seteuid(65534)
+    try:
+        assert orphans.environment(1) == b''
+    finally:
+        os.seteuid(0)
 
 
 def living(pid):

@@ -58,7 +58,7 @@ def environment(pid: int) -> bytes:
     """
     for _ in range(_EXEC_LOOKS):
         words = _read(pid, 'cmdline')
-        if (found := _read(pid, 'environ')) or not _is_program(pid):
+        if (found := _read(pid, 'environ')) or not (_is_ours(pid) and _is_program(pid)):
             return found
         time.sleep(_POLL_S)
         if words:
@@ -110,6 +110,14 @@ def _is_program(pid: int) -> bool:
     """Whether it is a living process, and no thread of the kernel: those have no words either."""
     fields = _stat(pid)
     return bool(fields) and not int(fields[6]) & _KERNEL_THREAD
+
+
+def _is_ours(pid: int) -> bool:
+    """Whether its variables may be read at all: those of other accounts may not, and are not waited for."""
+    try:
+        return os.geteuid() in {0, Path(f'/proc/{pid}').stat().st_uid}
+    except OSError:
+        return False  # ended meanwhile
 
 
 def _stat(pid: int) -> list[bytes]:
