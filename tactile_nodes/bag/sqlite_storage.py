@@ -23,7 +23,7 @@ _TOPIC_TEXTS = ('name', 'type', 'serialization_format')
 _KINDS = {'id': 'integer', 'topic_id': 'integer', 'timestamp': 'integer', 'data': 'blob'}
 _SOUND = ' AND '.join(f"typeof({name}) = '{kind}'" for name, kind in _KINDS.items())
 _WHOLE = f'FROM messages NOT INDEXED WHERE {_SOUND}'
-_STEPS, _STEPS_A_BYTE = 100_000, 20
+_STEPS, _STEPS_A_BYTE = 100_000, 20  # of SQLite's virtual machine; to open a bag of empty messages takes 3 a byte
 _OTHERS = f'SELECT count(*) FROM messages NOT INDEXED WHERE NOT ({_SOUND})'  # noqa: S608 - our own names
 
 
@@ -41,7 +41,10 @@ class SqliteStorage:
             complain(f'{path} is cut off at byte {path.stat().st_size}; read what is left')
         self._connection, passed_over = _connect(path)
         if passed_over:
-            complain(f'{path}: {passed_over} cannot be read here, so its last messages may be missing; copy both first')
+            complain(
+                f'{path}: {passed_over} cannot be used in this folder, so messages may be missing; '
+                'copy it with the bag to where you may write'
+            )
         self._connection.set_progress_handler(_Patience(path), _STEPS)
         try:
             self._connection.execute('PRAGMA trusted_schema = OFF')

@@ -215,7 +215,8 @@ def test_a_journal_that_cannot_be_read_is_told_of(bag: Path, monkeypatch: pytest
     found, problems = numbers(copied)
     assert len(found) == COUNT
     assert problems == [
-        f'{copied}: press.db3-wal cannot be read here, so its last messages may be missing; copy both first'
+        f'{copied}: press.db3-wal cannot be used in this folder, so messages may be missing; '
+        'copy it with the bag to where you may write'
     ]
 
 

@@ -146,6 +146,6 @@ def _parts(file: Path, advice: str) -> dict[bytes, bytes]:
     parts = {match[1]: match[0] for match in _PART.finditer(text)}
     if not parts:
         raise ConfigurationError(
-            f'{file} holds no key (one made before 0.2.0 is none any more, make a new one on each machine); {advice}'
+            f'{file} holds no key (keys made before 0.2.0 no longer count: make new ones on each machine); {advice}'
         )
     return parts

@@ -78,7 +78,10 @@ def test_missing_and_damaged_keys_say_what_to_do(place: Path) -> None:
         read_public('lab')
     place.mkdir()
     (place / 'lab.key').write_text('rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7\n')  # as of 0.1: Z85, of ZeroMQ's RFC 32
-    with pytest.raises(ConfigurationError, match=r'holds no key \(one made before 0\.2\.0 is none any more'):
+    with pytest.raises(
+        ConfigurationError,
+        match=r'holds no key \(keys made before 0\.2\.0 no longer count: make new ones on each machine\)',
+    ):
         read_public('lab')
 
 
