@@ -77,7 +77,7 @@ def interruptible(get: Callable[[float], Received | None]) -> Iterator[Callable[
             raise KeyboardInterrupt
         came.append(number)
 
-    def heard(timeout_s: float | None = None) -> Received | None:
+    def got(timeout_s: float | None = None) -> Received | None:
         end_s = math.inf if timeout_s is None else monotonic_s() + timeout_s
         while True:
             received = get(max(0.0, min(LOOK_S, end_s - monotonic_s())))
@@ -88,7 +88,7 @@ def interruptible(get: Callable[[float], Received | None]) -> Iterator[Callable[
 
     before = signal.signal(signal.SIGINT, interrupt)
     try:
-        yield heard
+        yield got
     finally:
         signal.signal(signal.SIGINT, before)
 
