@@ -66,6 +66,11 @@ def cache_directory() -> Path:
     return folder
 
 
+def state_directory() -> Path:
+    """Where what must outlive a process is kept: ``$XDG_STATE_HOME/tactile_nodes``, else ``~/.local/state/…``."""
+    return Path(os.environ.get('XDG_STATE_HOME') or Path.home() / '.local/state') / PACKAGE
+
+
 def check_output(file: Path, *read: Path | None) -> None:
     """Refuse a name under which no file can be written, before the work whose result it is to hold.
 

@@ -105,6 +105,7 @@ def _own_run_directory() -> Iterator[None]:
     """Sockets of the tests meet nobody else's. The folder's name is short, because a socket's must be."""
     with tempfile.TemporaryDirectory(prefix='tt') as folder:
         os.environ['TACTILE_RUN_DIR'] = folder
+        os.environ['XDG_STATE_HOME'] = folder
         os.environ['TACTILE_GELS'] = str(Path(folder) / 'gels.sqlite')  # and not the list of whoever runs the tests
         os.environ.pop('ROS_DOMAIN_ID', None)
         yield

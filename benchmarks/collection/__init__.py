@@ -25,6 +25,7 @@ from benchmarks.harness.report import surroundings
 from benchmarks.harness.running import Run
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
 from tactile_nodes.clock import NS_PER_S, monotonic_s
+from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.audit import audit
 from tactile_nodes.collection.plan.journal import Journal
 from tactile_nodes.collection.plan.order import ordered
@@ -138,7 +139,8 @@ class Collection:
             Person('nothing: it is simulated', self._bag.say, self._rig.clock),
         )  # fmt: skip
         self._campaign = Campaign(
-            self._plan, self._order, self._journal, self._rig.hands, settings, SAFE_Z_MM, outlet, unasked=True
+            self._plan, self._order, self._journal, MachineRecord(None), self._rig.hands, settings, SAFE_Z_MM, outlet,
+            unasked=True,
         )  # fmt: skip
 
     def _open_rig(self, world: World, settings: CollectionSettings) -> Rehearsal:

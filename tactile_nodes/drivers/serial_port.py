@@ -14,6 +14,7 @@ happens to that line is a setting:
 from __future__ import annotations
 
 import contextlib
+import os
 import termios
 from pathlib import Path
 from typing import Protocol
@@ -136,6 +137,13 @@ def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
     return SerialPort(port, path)
 
 
+def lasting_name(path: str) -> str:
+    """The name of a port that stays with its device: below /dev/serial/by-id, where it has one; else the path."""
+    device = os.path.realpath(path)
+    found = (each for each in _by_id() if os.path.realpath(each) == device)
+    return next(found, str(Path(path).absolute()))
+
+
 def _pulse(port: serial.Serial, clock: Clock) -> None:
     with contextlib.suppress(OSError):  # a port without that line, as a pseudo terminal, has nothing to pulse
         port.dtr = False
@@ -158,6 +166,10 @@ def _cannot_open(path: str, error: Exception) -> DeviceError:
     return DeviceNotFoundError(f'cannot open {path} as a serial port ({error}); name another one')
 
 
+def _by_id() -> list[str]:
+    return sorted(str(each) for each in Path('/dev/serial/by-id').glob('*'))
+
+
 def _there_are() -> str:
-    found = sorted(str(each) for each in Path('/dev/serial/by-id').glob('*'))
+    found = _by_id()
     return f'there are {", ".join(found)}' if found else 'none is plugged in that has a name under /dev/serial/by-id'

@@ -1,6 +1,7 @@
 """An example of a controller on the force topic: goes down until the gel feels 0.2 N, holds it, goes up, and ends.
 
-Subscribes ``force_distribution``; drives the machine of a rig; offers ``~/stop`` (std_srvs/Trigger). It gives up, with
+Subscribes ``force_distribution``; drives the machine of a rig; offers ``~/stop`` and ``~/acknowledge``
+(std_srvs/Trigger), which answers what is asked after a run that was cut off. It gives up, with
 the tip up, when the force is invalid, old or too large (docs/robots.md). On the bus it is called ``rig``, as the
 node that collects is: it drives the same machine, by the same file of devices, and the two must not do so at once.
 """
@@ -20,9 +21,11 @@ from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.collection.press.guarded import Felt
 from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSettings
+from tactile_nodes.collection.run.person import Person
 from tactile_nodes.collection.station import NOT_UP_YET
 
 LEAVE_S = 3.0
+QUESTION_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -41,9 +44,13 @@ class GuardedApproachNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._felt: Felt | None = None
-        self._guarded = GuardedRun(self.params, self.clock, lambda: self._felt)
+        answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
+        self._person = Person(answer, self.log.warn, self.clock)
+        self._guarded = GuardedRun(self.params, self.clock, lambda: self._felt, self._person)
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
         self.create_trigger('~/stop', self._stop_approach)
+        self.create_trigger('~/acknowledge', self._person.acknowledge)
+        self.create_timer(QUESTION_S, self._report_question)
         self._thread = self.run_beside('approach', self._approach)
 
     def stop(self) -> None:
@@ -62,6 +69,11 @@ class GuardedApproachNode(Node):
     def _approach(self) -> None:
         self.report('approach', Level.OK, str(self._guarded.run() or 'stopped on request'))
         self.stop()
+
+    def _report_question(self) -> None:
+        if question := self._person.question:
+            self.report('approach', Level.WARN, question)
+            self.log.warn(question)
 
     def _stop_approach(self) -> str:
         self._guarded.stop()

@@ -60,7 +60,7 @@ class RigNode(Node):
         self.create_trigger('~/pause', lambda: self._pause(True))
         self.create_trigger('~/resume', lambda: self._pause(False))
         self.create_trigger('~/stop', self._stop_run)
-        self.create_trigger('~/acknowledge', self._acknowledge)
+        self.create_trigger('~/acknowledge', self._session.person.acknowledge)
         self.create_timer(STATUS_S, self._report)
         self.run_beside('collection', self._collect)
 
@@ -98,9 +98,6 @@ class RigNode(Node):
         else:
             self.kept.drop(_PAUSED)
         return 'pausing after this press' if paused else 'going on'
-
-    def _acknowledge(self) -> str:
-        return 'going on' if self._session.person.answer() else 'nothing is asked at the moment'
 
     def _stop_run(self) -> str:
         self._session.stop()

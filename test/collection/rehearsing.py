@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import MISSING, Entry, Journal
 from tactile_nodes.collection.plan.order import ordered
 from tactile_nodes.collection.plan.plan import Plan, PlanSettings, make_plan
@@ -68,7 +69,10 @@ class Dots:
 
 
 class Run:
-    """One process's life: everything is new but the journal. `at` does something when so many presses are told."""
+    """One process's life: everything is new but the journal and the record of the machine.
+
+    `at` does something when so many presses are told.
+    """
 
     def __init__(
         self,
@@ -78,6 +82,7 @@ class Run:
         world: WorldSettings | None = None,
         seen: Dots | None = None,
         unasked: bool = True,
+        machine: Path | None = None,
     ) -> None:
         self.plan: Plan = make_plan(plan)
         self.world = World(world, table=TABLE)
@@ -88,6 +93,7 @@ class Run:
         self.rests: list[int] = []
         self._acts: dict[int, Callable[[], None]] = {}
         self.journal = Journal(folder / 'journal.jsonl', self.plan)
+        self.machine = MachineRecord(machine or folder / 'machine.record')
         self.suspects: list[tuple[int, int]] = []
         self.earlier: list[Record] = []
         self.unrecorded: set[int] = set()
@@ -104,7 +110,7 @@ class Run:
         )
         order = ordered(self.plan, plan)
         self.campaign = Campaign(
-            self.plan, order, self.journal, self.rig.hands, settings, SAFE_Z_MM, outlet, unasked=unasked
+            self.plan, order, self.journal, self.machine, self.rig.hands, settings, SAFE_Z_MM, outlet, unasked=unasked
         )
 
     def at(self, presses: int, act: Callable[[], None]) -> None:

@@ -19,8 +19,9 @@ from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock, SystemClock, monotonic_s
-from tactile_nodes.collection.plan.journal import BEGUN, STARTED, VERIFIED, Journal
-from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
+from tactile_nodes.collection.machine_record import BEGUN, MachineRecord, record_file
+from tactile_nodes.collection.plan.journal import STARTED, VERIFIED, Journal
+from tactile_nodes.drivers.cnc.contract import SIMULATED
 from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
@@ -271,9 +272,8 @@ def test_a_rig_goes_on_with_its_plan_unless_it_is_to_begin_anew(
 def test_a_rig_that_was_killed_says_what_to_type_and_moves_when_that_was_typed(
     bus: InProcessBus, start: Callable[[], Rig], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plan = make_plan(PlanSettings(columns=2, rows=1, pitch_mm=2.0, depths_mm=(0.5,)))
-    with Journal(tmp_path / f'{plan.plan_id}.jsonl', plan) as journal:
-        journal.note_run(BEGUN, 10)  # and then it was killed
+    machine = record_file(SIMULATED, tmp_path)
+    MachineRecord(machine).note(BEGUN, 10)  # and then it was killed
     kept = [listen(bus, topic) for topic in (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE)]
     states = listen(bus, topics.RIG_STATE)
     rig = start()

@@ -30,10 +30,11 @@ VERSION = 1
 _LARGEST_BYTES = 256 << 20  # a million presses
 STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
 SUSPECT, ANCHORED, ASIDE = 'suspect', 'anchored', 'aside'
-BEGUN, ENDED, HALTED, ACKNOWLEDGED = 'begun', 'ended', 'halted', 'acknowledged'
-OF_THE_RUN = (BEGUN, ENDED, HALTED, ACKNOWLEDGED)
+ENDED = 'ended'
+OF_THE_RUN = (ANCHORED, ENDED)
+_OF_THE_MACHINE = ('begun', 'halted', 'acknowledged')  # in journals of before a machine had its own record
 NO_PRESS = 0
-STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ANCHORED, ASIDE, *OF_THE_RUN)
+STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ASIDE, *OF_THE_RUN, *_OF_THE_MACHINE)
 DONE = (RECORDED, VERIFIED)
 
 
@@ -44,9 +45,8 @@ class Entry:
     one that began anew: to be done again), `suspect` (an anchor after it lay elsewhere than the one before it: to be
     done again), `aside` (rejected because the force was too great: not tried again before a run has ended in order).
 
-    Of press 0 are steps of none. `anchored`: whatever was recorded until then, was at its place. `begun`: from now on
-    the machine moves; `ended`: the tip is up; `halted`: the force was not bearable, and a person has to look;
-    `acknowledged`: one has."""
+    Of press 0 are steps of none. `anchored`: whatever was recorded until then, was at its place. `ended`: the run has
+    ended, with the tip up."""
 
     press: int
     attempt: int
@@ -72,7 +72,6 @@ class Journal:
         self._reasons: list[Entry] = []
         self._confirmed: set[tuple[int, int]] = set()
         self._aside: set[int] = set()
-        self._run: Entry | None = None
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
@@ -160,16 +159,6 @@ class Journal:
         return sorted(press for press, entry in self._last.items() if entry.step == ASIDE)
 
     @property
-    def halted(self) -> str:
-        """Why a run was halted, if nobody has acknowledged that."""
-        return self._run.reason if self._run is not None and self._run.step == HALTED else ''
-
-    @property
-    def is_cut_off(self) -> bool:
-        """Whether a run has begun and, as far as is written, not brought the tip up."""
-        return self._run is not None and self._run.step in {BEGUN, ACKNOWLEDGED}
-
-    @property
     def rejected(self) -> list[Entry]:
         """Every rejection so far."""
         return list(self._reasons)
@@ -211,7 +200,7 @@ class Journal:
     def _entry(self, line: bytes, number: int) -> Entry:
         try:
             entry = Entry(**self._parsed(line, number))
-            least = NO_PRESS if entry.step in {ANCHORED, *OF_THE_RUN} else 1
+            least = NO_PRESS if entry.step in (*OF_THE_RUN, *_OF_THE_MACHINE) else 1
             if entry.step not in STEPS or not least <= entry.press <= len(self._plan.points):
                 raise TypeError(entry.step)
         except (TypeError, ValueError) as error:
@@ -234,8 +223,10 @@ class Journal:
         if entry.step == ANCHORED:
             self._confirmed.update((each.press, each.attempt) for each in self.unconfirmed())
             return
-        if entry.step in OF_THE_RUN:
-            self._take_run(entry)
+        if entry.step == ENDED:
+            self._aside.clear()  # the next start, by a person, tries again what was put aside
+            return
+        if entry.step in _OF_THE_MACHINE:
             return
         if entry.step == STARTED:
             self._last.pop(entry.press, None)  # it is the latest now
@@ -246,13 +237,6 @@ class Journal:
         if entry.step in {REJECTED, ASIDE}:
             self._rejects[entry.press] = self._rejects.get(entry.press, 0) + 1
             self._reasons.append(entry)
-
-    def _take_run(self, entry: Entry) -> None:
-        """That the tip is up answers no halt; the next start, by a person, tries again what was put aside."""
-        if entry.step == ENDED:
-            self._aside.clear()
-        if not (entry.step == ENDED and self.halted):
-            self._run = entry
 
     def _write(self, values: dict[str, Any]) -> None:
         line, size = json.dumps(values).encode('ascii') + b'\n', os.fstat(self._file).st_size

@@ -15,8 +15,10 @@ from collections.abc import Sequence
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
+from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import (
     ASIDE,
+    ENDED,
     RECORDED,
     REJECTED,
     STARTED,
@@ -46,6 +48,7 @@ class Campaign:
         plan: what to press.
         order: all of its points, in the order in which they are done.
         journal: of this plan; what it says is done is not done again.
+        record: of the machine, for whatever is done with it next.
         hands: the machine.
         settings: limits and wishes.
         safe_z_mm: where the machine may go sideways.
@@ -62,6 +65,7 @@ class Campaign:
         plan: Plan,
         order: Sequence[Point],
         journal: Journal,
+        record: MachineRecord,
         hands: Hands,
         settings: CollectionSettings,
         safe_z_mm: float,
@@ -88,7 +92,7 @@ class Campaign:
         self._since_pattern = self._patterns = 0
         self._in_a_row = 0
         self._trust = Trust(settings, order, journal, hands.clock, outlet, self._anchor_press)
-        self._recovery = Recovery(hands, settings, journal, outlet, self._trust.shaken)
+        self._recovery = Recovery(hands, settings, record, outlet, self._trust.shaken)
         self.paused = False
         self.surface: Surface | None = None
         self.now: Point | None = None
@@ -236,8 +240,9 @@ class Campaign:
 
     def _leave(self) -> None:
         """Up, unless nothing has moved."""
-        if self._ground is not None or self._hands.safety.watching:
-            self._recovery.end()
+        moved = self._ground is not None or self._hands.safety.watching
+        if moved and self._recovery.end():
+            self._journal.note_run(ENDED, self._hands.clock.now_ns())
 
     def _wait_while_paused(self) -> None:
         if self.paused:
@@ -257,7 +262,7 @@ class Campaign:
         self._await_recorder()
         hands.safety.watch(hands.clock.now_ns(), camera=True)
         await_recovery(hands, self._settings.limits, 'force/torque sensor or camera are not well')
-        self._recovery.begin()
+        self._recovery.begin(f'plan {self._plan_id} in {self._journal.path.parent}')
         self._outlet.say('homing')
         self._home()
         zero = self._recovery.tare = self._recovery.patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))

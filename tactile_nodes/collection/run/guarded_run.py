@@ -16,10 +16,13 @@ import numpy as np
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.actions import Go, Look, Procedure
 from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
+from tactile_nodes.collection.machine_record import ACKNOWLEDGED, BEGUN, ENDED, HALTED, MachineRecord, record_file
 from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
 from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.readings import Readings
+from tactile_nodes.collection.run.person import AFTER_KILL, ASK, GO_ON, Person
+from tactile_nodes.collection.safety import OVERLOAD
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.wrench import Array, Tare, pressing_n, wrenches
@@ -44,6 +47,7 @@ class GuardedRunSettings(CollectionSettings):
     x_mm: float = parameter(0.0, "where to go down, from the gel's centre along the machine's x")
     y_mm: float = parameter(0.0, "where to go down, from the gel's centre along the machine's y")
     wait_s: float = parameter(20.0, 'how long the first force may take to come', minimum=0.0)
+    after_kill: str = parameter(ASK, AFTER_KILL, choices=(ASK, GO_ON))
 
 
 @dataclass(frozen=True)
@@ -68,20 +72,32 @@ class Outcome:
 
 
 class GuardedRun:
-    """Opens the rig; `run` makes one approach. `feel` gives the newest force.
+    """Opens the rig; `run` makes one approach.
+
+    Args:
+        settings: rig and approach.
+        clock: the host's.
+        feel: gives the newest force.
+        person: is asked after whatever moved the machine last was cut off or halted.
 
     Raises:
         ConfigurationError, DeviceError: a device that cannot be opened.
     """
 
-    def __init__(self, settings: GuardedRunSettings, clock: Clock, feel: Feel) -> None:
+    def __init__(self, settings: GuardedRunSettings, clock: Clock, feel: Feel, person: Person) -> None:
         self._settings = s = settings
         self._feel = feel
         self._clock = clock
-        self._homed = False
+        self._person = person
+        self._begun = self._homed = False
         self._tare: Tare | None = None
         nothing: Callable[[object], None] = lambda _: None  # noqa: E731
         self.station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)
+        try:
+            self._record = MachineRecord(record_file(s.cnc.source, None))
+        except BaseException:
+            self.station.close()
+            raise
 
     def run(self) -> Outcome | None:
         """One approach, ended by going up, whatever happens; what was held, None when `stop` ended it.
@@ -96,12 +112,13 @@ class GuardedRun:
             return None
         except TrippedError as tripped:
             why = f'the approach was given up: {tripped}'
+            self._write_down(tripped)
             raise DeviceFaultError(why) from tripped
         except DeviceError as error:
             why = str(error)
             raise
         finally:
-            if _is_homed(self.station.cnc, self._homed):
+            if self._begun and _is_homed(self.station.cnc, self._homed):
                 self._up(why)
 
     def stop(self) -> None:
@@ -114,11 +131,30 @@ class GuardedRun:
 
     def _approach(self) -> Outcome:
         hands = self.station.hands
+        self._ask_first()
         hands.safety.watch(self._clock.now_ns(), camera=False)
+        self._note(BEGUN, 'a guarded approach')
+        self._begun = True
         hands.home()
         self._homed = True
         self._tare = hands.run(above_gel(self._settings, self._feel))
         return hands.run(guarded_approach(self._settings, hands.readings, self._feel, self._tare))
+
+    def _ask_first(self) -> None:
+        if not (why := self._record.question(self._settings.after_kill == GO_ON)):
+            return
+        if not self._person.ask(why, lambda: self.station.hands.asked_to_stop):
+            raise InterruptedRunError
+        self._note(ACKNOWLEDGED)
+
+    def _write_down(self, tripped: TrippedError) -> None:
+        """That a person has to look, before the tip goes up."""
+        trip = self.station.safety.trip or tripped.trip
+        if trip.kind == OVERLOAD:
+            self._note(HALTED, trip.reason)
+
+    def _note(self, step: str, reason: str = '') -> None:
+        self._record.note(step, self._clock.now_ns(), reason)
 
     def _up(self, why: str) -> None:
         """Bring the tip up; where it is not, that is told first, and then `why` the approach ended."""
@@ -128,6 +164,7 @@ class GuardedRun:
             bring_up(hands, self._tare, self._settings, doubted)
         except DeviceError as error:
             raise DeviceFaultError(f'{error} (before that: {why})' if why else str(error)) from error
+        self._note(ENDED)
 
 
 def _is_homed(cnc: Cnc, before: bool) -> bool:

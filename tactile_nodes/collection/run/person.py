@@ -7,6 +7,8 @@ from collections.abc import Callable
 from tactile_nodes.clock import NS_PER_S, Clock
 
 LOOK_S = 0.05
+ASK, GO_ON = 'ask', 'go_on'
+AFTER_KILL = 'after a run that was cut off: ask a person before anything moves, or go_on by itself'
 
 
 class Person:
@@ -39,6 +41,10 @@ class Person:
             return not self._why
         finally:
             self._why = ''
+
+    def acknowledge(self) -> str:
+        """It may go on, and what to tell who said so."""
+        return 'going on' if self.answer() else 'nothing is asked at the moment'
 
     def answer(self) -> bool:
         """It may go on; false: nobody has asked."""

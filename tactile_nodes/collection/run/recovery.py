@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from tactile_nodes.collection.actions import Procedure
 from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
-from tactile_nodes.collection.plan.journal import ACKNOWLEDGED, BEGUN, ENDED, HALTED, Journal
+from tactile_nodes.collection.machine_record import ACKNOWLEDGED, BEGUN, ENDED, HALTED, MachineRecord
 from tactile_nodes.collection.press.rest import await_recovery
 from tactile_nodes.collection.press.up import bring_up, check_free
 from tactile_nodes.collection.run.outlet import Outlet
@@ -17,7 +17,6 @@ from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.errors import DeviceError, DeviceFaultError
 
 Result = TypeVar('Result')
-CUT_OFF = 'the run before this one was cut off, so nobody knows where the tip is'
 TOO_GREAT = {FORCE, OVERLOAD}
 
 
@@ -27,7 +26,7 @@ class Recovery:
     Args:
         hands: the machine.
         settings: limits.
-        journal: where it is written that a run moves, is halted, has ended.
+        record: where it is written that the machine moves, that it is halted, that its tip is up.
         outlet: whom to tell and to ask.
         shaken: told when something was hit, which may have cost steps.
     """
@@ -36,28 +35,30 @@ class Recovery:
         self,
         hands: Hands,
         settings: CollectionSettings,
-        journal: Journal,
+        record: MachineRecord,
         outlet: Outlet,
         shaken: Callable[[], None],
     ) -> None:
         self._hands = hands
         self._settings = settings
-        self._journal = journal
+        self._record = record
         self._outlet = outlet
         self._shaken = shaken
         self.tare: Tare | None = None
 
-    def begin(self) -> None:
-        """From now on the machine moves."""
-        self._note(BEGUN)
+    def begin(self, what: str) -> None:
+        """From now on the machine moves, for a run that is called so."""
+        self._note(BEGUN, what)
 
-    def end(self) -> None:
-        """Up at last; what the machine answers to that matters only if all else was well."""
+    def end(self) -> bool:
+        """Up at last, and whether it is; what the machine answers to that matters only if all else was well."""
         try:
             self.up()
-            self._note(ENDED)
         except DeviceError as error:
             self._outlet.say(f'the tip could not be brought up: {error}')
+            return False
+        self._note(ENDED)
+        return True
 
     def ask_first(self, unasked: bool) -> None:
         """A person, after a run that was cut off; after one that was halted whatever was said beforehand.
@@ -65,10 +66,8 @@ class Recovery:
         Raises:
             InterruptedRunError: the run is to end.
         """
-        if why := self._journal.halted:
-            self._ask(f'the run was halted: {why}')
-        elif self._journal.is_cut_off and not unasked:
-            self._ask(CUT_OFF)
+        if why := self._record.question(unasked):
+            self._ask(why)
 
     def up(self, tare: Tare | None = None, doubted: bool = False) -> None:
         """Bring the tip up. Raises as `bring_up`."""
@@ -78,7 +77,7 @@ class Recovery:
     def write_down(self, tripped: TrippedError) -> None:
         """That a person has to look, before anything moves: so that no other process goes on either."""
         trip = self._worst(tripped)
-        if trip.kind == OVERLOAD and not self._journal.halted:
+        if trip.kind == OVERLOAD and not self._record.halted:
             self._note(HALTED, trip.reason)
 
     def go_on_after(self, tripped: TrippedError) -> None:
@@ -128,4 +127,4 @@ class Recovery:
         self._note(ACKNOWLEDGED)
 
     def _note(self, step: str, reason: str = '') -> None:
-        self._journal.note_run(step, self._hands.clock.now_ns(), reason)
+        self._record.note(step, self._hands.clock.now_ns(), reason)

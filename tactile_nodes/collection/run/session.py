@@ -11,6 +11,7 @@ from tactile_nodes.bus.node.log import Log
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.collection.machine_record import MachineRecord, record_file
 from tactile_nodes.collection.plan.audit import audit, await_recorded, settle
 from tactile_nodes.collection.plan.journal import Journal
 from tactile_nodes.collection.plan.order import ordered
@@ -19,7 +20,7 @@ from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.run.campaign import Campaign
 from tactile_nodes.collection.run.outlet import Outlet
-from tactile_nodes.collection.run.person import Person
+from tactile_nodes.collection.run.person import AFTER_KILL, ASK, GO_ON, Person
 from tactile_nodes.collection.run.recall import recalled
 from tactile_nodes.collection.run.voice import Names, Voice
 from tactile_nodes.collection.settings import CollectionSettings
@@ -34,7 +35,6 @@ from tactile_nodes.params import parameter
 from tactile_nodes.simulation.indenter import indenter_name
 
 LEAVE_S = 1.5
-ASK, GO_ON = 'ask', 'go_on'
 NOT_THERE_YET = (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError)
 """Why a rig that was just switched on may not open; a fault it would tell again."""
 
@@ -47,11 +47,7 @@ class RigSettings(CollectionSettings):
     plan_file: str = parameter('', 'a plan of config/plans by name, or a YAML file; empty: the plan below `plan`')
     plan: PlanSettings = field(default_factory=PlanSettings)
     anew: bool = parameter(False, 'do the whole plan again at each start, instead of what the journal leaves of it')
-    after_kill: str = parameter(
-        ASK,
-        'after a run that was cut off: ask a person before anything moves, or go_on by itself',
-        choices=(ASK, GO_ON),
-    )
+    after_kill: str = parameter(ASK, AFTER_KILL, choices=(ASK, GO_ON))
     cnc: CncSettings = field(default_factory=CncSettings)
     force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
@@ -118,9 +114,10 @@ class Session:
                 lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry), self._missing,
                 self.person,
             )  # fmt: skip
+            machine = MachineRecord(record_file(s.cnc.source, Path(s.folder)))  # nobody else has its port now
             order, period_s = ordered(self.plan, plan), 1 / station.sensor.rate_hz
             self.campaign = Campaign(
-                self.plan, order, self._journal, station.hands, s, s.cnc.safe_z_mm, outlet, period_s,
+                self.plan, order, self._journal, machine, station.hands, s, s.cnc.safe_z_mm, outlet, period_s,
                 s.after_kill == GO_ON,
             )  # fmt: skip
         except BaseException:

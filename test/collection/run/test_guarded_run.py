@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
+from pathlib import Path
 
 import pytest
 
-from tactile_nodes.clock import SystemClock
+from tactile_nodes.clock import NS_PER_S, SystemClock
+from tactile_nodes.collection.machine_record import BEGUN, MachineRecord
 from tactile_nodes.collection.press.guarded import Felt, GuardSettings
+from tactile_nodes.collection.run import guarded_run
 from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSettings
+from tactile_nodes.collection.run.person import Person
 from tactile_nodes.collection.settings import LimitSettings, PressSettings, SurfaceSettings
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
@@ -40,7 +46,7 @@ def opened(
     feel: Callable[[GuardedRun, int], Felt | None], settings: GuardedRunSettings = SETTINGS
 ) -> Iterator[GuardedRun]:
     clock = SystemClock()
-    made = GuardedRun(settings, clock, lambda: feel(made, clock.now_ns()))
+    made = GuardedRun(settings, clock, lambda: feel(made, clock.now_ns()), Person('answer', print, clock))
     try:
         yield made
     finally:
@@ -204,3 +210,77 @@ def test_a_silent_force_sensor_raises_no_doubt_of_a_machine_that_did_all_it_was_
 
     with opened(failing) as run, pytest.raises(DeviceFaultError, match=r'^the force is invalid for reasons 2'):
         run.run()
+
+
+@pytest.fixture
+def record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The record of the machine, as one that is not simulated has it."""
+    monkeypatch.setattr(guarded_run, 'record_file', lambda *_: tmp_path / 'record')
+    return tmp_path / 'record'
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    clock = SystemClock()
+    deadline_ns = clock.now_ns() + 20 * NS_PER_S
+    while not done():
+        assert clock.now_ns() < deadline_ns
+        clock.sleep_until(clock.now_ns() + NS_PER_S // 100)
+
+
+def last_step(record: Path) -> str:
+    return str(json.loads(record.read_text(encoding='ascii').splitlines()[-1])['step'])
+
+
+@pytest.mark.parametrize('homed', [False, True])
+def test_after_a_kill_nothing_moves_before_a_person_has_looked(record: Path, homed: bool) -> None:
+    MachineRecord(record).note(BEGUN, 1, 'plan 0f3a in /data')
+    with opened(truth) as run:
+        if homed:
+            run.station.cnc.home()  # a controller that the kill did not reach still knows where it is
+        start = run.station.cnc.status().position_mm
+        thread = threading.Thread(target=run.run)
+        thread.start()
+        wait_until(lambda: 'plan 0f3a in /data' in run._person.question)
+        run.stop()
+        thread.join()
+        assert run.station.cnc.status().position_mm == start
+    assert last_step(record) == 'begun'
+
+
+def test_after_a_kill_it_goes_on_once_a_person_has_looked(record: Path) -> None:
+    MachineRecord(record).note(BEGUN, 1)
+    with opened(truth) as run:
+        thread = threading.Thread(target=run.run)
+        thread.start()
+        wait_until(lambda: bool(run._person.question))
+        assert run._person.answer()
+        thread.join()
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+    assert last_step(record) == 'ended'
+
+
+def test_a_force_that_was_not_bearable_halts_whatever_is_started_next(record: Path) -> None:
+    turn = count()
+
+    def hit(run: GuardedRun, now_ns: int) -> Felt:
+        if next(turn) == 10:
+            assert run.station.world is not None
+            run.station.world.wrench_at = lambda _: (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)  # type: ignore[method-assign]
+            return Felt(now_ns, 0.0)  # the gel does not feel it
+        return truth(run, now_ns)
+
+    with opened(hit) as run, pytest.raises(DeviceFaultError):
+        run.run()
+    with opened(truth, dataclasses.replace(SETTINGS, after_kill='go_on')) as run:
+        thread = threading.Thread(target=run.run)
+        thread.start()
+        wait_until(lambda: 'more than the bearable 5 N' in run._person.question)
+        run.stop()
+        thread.join()
+
+
+def test_an_approach_that_a_person_need_not_be_asked_about_is_not(record: Path) -> None:
+    MachineRecord(record).note(BEGUN, 1)
+    with opened(truth, dataclasses.replace(SETTINGS, after_kill='go_on')) as run:
+        assert run.run() is not None
+    assert last_step(record) == 'ended'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from collecting import in_a_process
 from rehearsing import SAFE_Z_MM, Run, changed
 
+from tactile_nodes.collection.plan.plan import PlanSettings
 from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.safety import MACHINE, OVERLOAD
 from tactile_nodes.collection.wrench import Tare
@@ -37,6 +39,11 @@ def bump(run: Run, wrench: Wrench = BUMP, seconds: float = 0.05) -> Callable[[],
 def steps(run: Run) -> list[tuple[int, str]]:
     lines = run.journal.path.read_text(encoding='ascii').splitlines()[1:]
     return [(entry['press'], entry['step']) for entry in map(json.loads, lines)]
+
+
+def of_the_machine(run: Run) -> list[str]:
+    lines = (run.journal.path.parent / 'machine.record').read_text(encoding='ascii').splitlines()
+    return [json.loads(line)['step'] for line in lines]
 
 
 def test_a_point_whose_force_is_too_great_is_put_aside_and_not_tried_again_in_that_run(tmp_path: Path) -> None:
@@ -76,13 +83,14 @@ def test_what_was_hit_is_written_down_before_the_tip_goes_up(tmp_path: Path) -> 
 
     def hit() -> None:
         bump(run)()
-        run.after(0.2, lambda: seen.extend(steps(run)))
+        run.after(0.2, lambda: seen.append((steps(run)[-2:], of_the_machine(run))))
         run.after(5.0, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
 
     run.at(3, run.in_the_gel(hit))
     run.campaign.run()
-    assert seen[-3:] == [(3, 'started'), (0, 'halted'), (3, 'aside')]
-    assert [step for step in steps(run) if step[1] in {'halted', 'aside'}] == seen[-2:]  # each once
+    assert seen == [([(3, 'started'), (3, 'aside')], ['begun', 'halted'])]
+    assert [step for step in steps(run) if step[1] == 'aside'] == [(3, 'aside')]  # once
+    assert of_the_machine(run) == ['begun', 'halted', 'ended']
 
 
 @pytest.mark.parametrize('saturated', [False, True], ids=['sensor silent', 'sensor saturated'])
@@ -110,7 +118,7 @@ def test_a_doubt_about_the_machine_lasts_until_a_force_says_that_nothing_touches
     with pytest.raises(DeviceFaultError):
         run.campaign.run()
     assert run.world.press_at(run.rig.clock.now_ns()).depth_mm > 0.3
-    assert (0, 'ended') not in steps(run)
+    assert 'ended' not in of_the_machine(run)
     assert any('the tip could not be brought up' in said for said in run.said)
 
 
@@ -133,7 +141,7 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
     assert 'look at machine, tip and gel' in question
     assert len(places) > 280 and len(set(places)) == 1
     assert places[0][2] == pytest.approx(SAFE_Z_MM, abs=0.01)
-    assert [step for press, step in steps(run) if press == 0] == ['begun', 'halted', 'acknowledged', 'ended']
+    assert of_the_machine(run) == ['begun', 'halted', 'acknowledged', 'ended']
     assert len(run.recorded) == 11  # one is aside
 
 
@@ -164,6 +172,21 @@ def test_after_a_kill_a_run_asks_before_it_homes_or_moves(tmp_path: Path) -> Non
     assert 'cut off' in run.said[0] and run.said[0].endswith('then type: answer')
     assert set(places[: places.index('answered')]) == {start}
     assert run.journal.done == 12
+
+
+def test_after_a_kill_the_next_plan_in_another_folder_asks_as_well(tmp_path: Path) -> None:
+    """What was cut off is a matter of the machine: nobody knows where its tip is, whatever is pressed next."""
+    (tmp_path / 'one').mkdir()
+    assert in_a_process(tmp_path / 'one', 'killed', 'started', '3') == -9
+    plan = PlanSettings(columns=2, rows=1, pitch_mm=2.0, depths_mm=(0.5,))
+    run = Run(tmp_path / 'two', plan=plan, unasked=False, machine=tmp_path / 'one' / 'machine.record')
+    start = run.world.motor_at(run.rig.clock.now_ns())
+    run.after(10.0, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
+    assert 'stopped on request' in run.campaign.run()
+    assert run.world.motor_at(run.rig.clock.now_ns()) == start
+    assert re.fullmatch(
+        r'the run before this one \(plan \w+ in .*/one\) was cut off, so nobody knows where the tip is; .*', run.said[0]
+    )
 
 
 def test_a_run_may_go_on_after_a_kill_where_a_person_said_so_beforehand(tmp_path: Path) -> None:
