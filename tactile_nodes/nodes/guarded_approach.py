@@ -25,7 +25,7 @@ from tactile_nodes.collection.run.person import Person
 from tactile_nodes.collection.station import NOT_UP_YET
 
 LEAVE_S = 3.0
-QUESTION_S = 10.0
+QUESTION_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class GuardedApproachNode(Node):
         super().__init__(bus, arguments, clock)
         self._felt: Felt | None = None
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
-        self._person = Person(answer, self.log.warn, self.clock)
+        self._person = Person(answer, lambda _: None, self.clock)  # told by the timer
         self._guarded = GuardedRun(self.params, self.clock, lambda: self._felt, self._person)
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
         self.create_trigger('~/stop', self._stop_approach)
@@ -73,7 +73,6 @@ class GuardedApproachNode(Node):
     def _report_question(self) -> None:
         if question := self._person.question:
             self.report('approach', Level.WARN, question)
-            self.log.warn(question)
 
     def _stop_approach(self) -> str:
         self._guarded.stop()
