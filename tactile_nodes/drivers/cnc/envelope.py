@@ -101,6 +101,11 @@ def distance_mm(a: Place, b: Place) -> float:
     return math.dist(a, b)
 
 
+def way_between(a: Place, b: Place) -> Place:
+    """From one place to another."""
+    return (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+
+
 def told(place: Place) -> str:
     """A place for a sentence."""
     return ' '.join(f'{axis} {value:.3f}' for axis, value in zip(AXES, place, strict=True)) + ' mm'

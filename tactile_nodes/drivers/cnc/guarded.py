@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus, Envelope, Place, Switched
-from tactile_nodes.drivers.cnc.envelope import Guard, distance_mm, told
+from tactile_nodes.drivers.cnc.envelope import Guard, distance_mm, told, way_between
 from tactile_nodes.drivers.cnc.motion import Motion
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 
@@ -50,7 +50,7 @@ class GuardedCnc(ABC):
         if self._motion.jogging:
             self.wait_idle()
         self._motion.moving = True
-        self._expect(distance_mm(start, target), feed)
+        self._expect(way_between(start, target), feed)
         with self._sent_on(start, target, feed):
             self._send_move(target, feed)
         self._target = target
@@ -63,7 +63,7 @@ class GuardedCnc(ABC):
         self._require_ready(up=not (dx or dy) and dz > 0)
         if not self._homed:
             rules.check_up(way, feed)
-            self._expect_jog(length, feed)
+            self._expect_jog(way, feed)
             self._send_up(dz, feed)
             return
         start = self._known_place()
@@ -71,7 +71,7 @@ class GuardedCnc(ABC):
         rules.check(start, target, feed)
         if self._motion.moving and not self._motion.jogging:
             self.wait_idle()
-        self._expect_jog(length, feed)
+        self._expect_jog(way, feed)
         with self._sent_on(start, target, feed):
             self._send_jog(target, feed)
         self._target = target
@@ -155,16 +155,21 @@ class GuardedCnc(ABC):
             self._motion.take_back()
             raise
 
-    def _expect_jog(self, length: float, feed: float) -> None:
+    def _expect_jog(self, way: Place, feed: float) -> None:
         self._motion.moving = self._motion.jogging = True
-        self._expect(length, feed)
+        self._expect(way, feed)
 
-    def _expect(self, length: float, feed: float) -> None:
-        speed = feed / 60
+    def _expect(self, way: Place, feed: float) -> None:
+        length = distance_mm((0.0, 0.0, 0.0), way)
+        speed = self._speed(way, length, feed / 60)
         duration_s = length / speed + speed / self._acceleration
         now_ns = self._clock.now_ns()
         self._busy_until_ns = max(now_ns, self._busy_until_ns) + round(duration_s * NS_PER_S)
         self._cruising_until_ns = max(now_ns, self._cruising_until_ns) + round(length / speed * NS_PER_S)
+
+    def _speed(self, way: Place, length: float, speed: float) -> float:  # noqa: ARG002
+        """How fast the tip goes along a way that it is sent with a speed, in mm/s."""
+        return speed
 
     @property
     def _surely_moving(self) -> bool:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+from collections import deque
 from collections.abc import Mapping
 
 from tactile_nodes.clock import NS_PER_S
@@ -25,25 +26,27 @@ from tactile_nodes.drivers.cnc.contract import (
     Switched,
 )
 from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
-from tactile_nodes.drivers.cnc.envelope import AXES, guard, told
-from tactile_nodes.drivers.cnc.marlin_dialogue import PLACE, STOP, MarlinDialogue
+from tactile_nodes.drivers.cnc.envelope import AXES, guard, told, way_between
+from tactile_nodes.drivers.cnc.guarded import UNKNOWN_ACCELERATION
+from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, PLACE, STOP, MarlinDialogue
+from tactile_nodes.drivers.cnc.marlin_settings import NUMBER, QUESTIONS, AxisSettings, axis_settings
 from tactile_nodes.drivers.cnc.motion import Motion, Verdict
 from tactile_nodes.drivers.cnc.serial_line import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
-PREAMBLE = ('G21', 'G90', 'M84 S0')  # the last: never let go of the motors
+PREAMBLE = ('G21', 'G90', 'M220 S100', 'M84 S0')  # the last two: at the feed that is sent; never let go of the motors
 STOP_S = 10.0
-NUMBER = r'-?\d{1,6}(?:\.\d*)?'
 FEWEST_STEPS = 6  # of the axis with the most: MIN_STEPS_PER_SEGMENT, where nobody has changed it
 FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
+BEFORE_FIRST_NS = 100_000_000  # it waits so long for a second move before it begins: BLOCK_DELAY_FOR_1ST_MOVE
 
 
 class MarlinCnc(SerialCnc[MarlinDialogue]):
     """One controller; the arguments are those of `SerialCnc`."""
 
-    _queued = 0
-    _steps_per_mm: Place | None = None  # asked for where it matters
+    _axes = AxisSettings()
+    _ends: deque[int]  # when the moves since the last rest are done, those that are not yet
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -84,8 +87,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
-        if self.blind_step_mm is not None:
-            self._ask_steps(dialogue)
+        self._axes = self._asked_settings(dialogue)
+        self._acceleration = self._axes.acceleration or UNKNOWN_ACCELERATION
         dialogue.polling = True
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
@@ -94,7 +97,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         Raises:
             ConfigurationError: besides, one of so few steps that Marlin would drop it.
         """
-        steps = self._steps((dx, dy, dz))
+        steps = self._axes.steps((dx, dy, dz))
         if self.blind_step_mm is not None and steps is not None and 0 < steps < FEWEST_STEPS:
             raise ConfigurationError(
                 f'{self._name} would drop a jog of {steps} steps without a word, and without an emergency parser a '
@@ -107,7 +110,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         dialogue = self._talk()
         dialogue.require_sound()
         if self._settings.home_command:
-            dialogue.ask(self._settings.home_command, self._settings.home_s, prompt=False)
+            dialogue.ask(self._settings.home_command, self._settings.home_s, due_ns=None)
         elif NO_HOMING not in self._settings.accept:
             raise ConfigurationError(
                 f'{self._name} has no homing command, as G28 may drive the tip into the gel; set home_command to one '
@@ -126,7 +129,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._stops += 1
         if not dialogue.fault:
             dialogue.interrupt(STOP, STOP_S)
-            dialogue.ask('M400', STOP_S, prompt=False)
+            dialogue.ask('M400', STOP_S, due_ns=None)
             dialogue.ask('G90', STOP_S)
         self._at_rest()
         if self._homed and not dialogue.fault:
@@ -168,7 +171,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         if stops == self._stops:
             if moving_s > patience_s:
                 raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
-            dialogue.ask('M400', max(patience_s - moving_s, self._settings.answer_s), prompt=False)
+            due_ns = self._busy_until_ns + BEFORE_FIRST_NS if self._axes.tells_times else None
+            dialogue.ask('M400', max(patience_s - moving_s, self._settings.answer_s), due_ns)
         if stops != self._stops:
             raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
         self._arrived()
@@ -190,23 +194,23 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         try:
             super()._arrived()
         except DeviceFaultError:
-            place, dialogue = self._target, self._talk()
-            if self._steps_per_mm is None:
-                self._ask_steps(dialogue)
-            left = None if target is None or place is None else self._steps(_way(place, target))
+            place = self._target
+            left = None if target is None or place is None else self._axes.steps(way_between(place, target))
             if left is None or left >= FEWEST_STEPS:
                 raise
 
-    def _ask_steps(self, dialogue: MarlinDialogue) -> None:
-        """Marlin 1 does not tell them, and others do not know the question."""
-        with contextlib.suppress(DeviceFaultError):
-            self._steps_per_mm = marlin_steps(dialogue.ask('M92', self._settings.answer_s).lines)
+    def _asked_settings(self, dialogue: MarlinDialogue) -> AxisSettings:
+        """What it tells; nothing, of a Marlin that does not know the questions."""
+        lines: list[str] = []
+        for question in QUESTIONS:
+            with contextlib.suppress(DeviceFaultError):
+                lines += dialogue.ask(question, self._settings.answer_s).lines
+            if axis_settings(lines).tells_times:
+                break
+        return axis_settings(lines)
 
-    def _steps(self, way: Place) -> int | None:
-        """Of the axis with the most on a way; None: nobody knows."""
-        if self._steps_per_mm is None:
-            return None
-        return max(round(abs(mm) * each) for mm, each in zip(way, self._steps_per_mm, strict=True))
+    def _speed(self, way: Place, length: float, speed: float) -> float:
+        return self._axes.speed(way, length, speed)
 
     def _placed(self, lines: list[str], stamp_ns: int) -> None:
         """Compare what it tells with where it was sent; in the thread that listens."""
@@ -231,9 +235,17 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
 
     def _send_move(self, target: Place, feed: float) -> None:
         words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
-        self._queued += 1
-        prompt = self._queued <= FEWEST_BLOCKS
-        self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s(), prompt, self._generation)
+        self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s(), self._taken_ns(), self._generation)
+
+    def _taken_ns(self) -> int | None:
+        """When a move is answered at the latest: when it fits the planner. None: nobody knows how far that is."""
+        self._ends.append(self._busy_until_ns)
+        if self._axes.tells_times:
+            while self._ends[0] + BEFORE_FIRST_NS < self._clock.now_ns():
+                self._ends.popleft()
+        if len(self._ends) <= FEWEST_BLOCKS:
+            return AT_ONCE
+        return self._ends[-FEWEST_BLOCKS - 1] + BEFORE_FIRST_NS if self._axes.tells_times else None
 
     def _send_jog(self, target: Place, feed: float) -> None:
         self._send_move(target, feed)  # absolute, so that whatever comes in between, G91 is not left behind
@@ -244,7 +256,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
 
     def _at_rest(self) -> None:
         super()._at_rest()
-        self._queued = 0
+        self._ends = deque()
 
     def _switch(self, level: bool) -> Switched:
         on, off = self._settings.line_on or 'M106 S255', self._settings.line_off or 'M107'
@@ -260,23 +272,12 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
 
 
-def _way(a: Place, b: Place) -> Place:
-    return (b[0] - a[0], b[1] - a[1], b[2] - a[2])
-
-
 def marlin_identity(lines: list[str]) -> Identity:
     """The answer to M115: firmware, and capabilities like ``EMERGENCY_PARSER:1``."""
     text = next((line for line in lines if line.startswith('FIRMWARE_NAME:')), '')
     match = re.match(r'FIRMWARE_NAME:\s*(\S.*?)\s+(\S+)(?= \(| [A-Z_]+:|$)', text)
     name, version = match.groups() if match else ('Marlin', '')
     return Identity(name, version, tuple(line[4:] for line in lines if line.startswith('Cap:')))
-
-
-def marlin_steps(lines: list[str]) -> Place | None:
-    """Steps per mm of x, y, z in ``M92 X80.00 Y80.00 Z400.00 E500.00``; None: it is not told."""
-    found = (re.search(rf'M92 X({NUMBER}) Y({NUMBER}) Z({NUMBER})', line) for line in lines)
-    match = next((each for each in found if each is not None), None)
-    return (float(match.group(1)), float(match.group(2)), float(match.group(3))) if match else None
 
 
 def _place_in(lines: list[str]) -> Place | None:

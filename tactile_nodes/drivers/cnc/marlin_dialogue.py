@@ -25,6 +25,7 @@ MOST_RESENDS = 5
 NO_OK_S = 0.3
 LONGEST_LINE = 90
 SILENT_S = 0.3  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
+AT_ONCE = 0  # is answered whatever moves
 MOVING_S = 0.1  # between two questions while something moves
 STOP = 'M410'  # answered after a second, in which it does nothing else
 ALIVE = 'G21'  # millimetres, as before: every Marlin answers it at once
@@ -38,7 +39,7 @@ class _Numbered(Request):
     resend = 0
     resend_ns = 0
     attempts = 0
-    prompt = True
+    due_ns: int | None = 0
     in_motion = False
 
 
@@ -103,20 +104,20 @@ class MarlinDialogue:
             if not self._unanswered:
                 return False
             oldest, stops = self._unanswered[0], any(each.text == STOP for each in self._unanswered)
-            at_once = oldest.prompt and not stops and (not oldest.in_motion or self._answers(oldest.text))
+            at_once = oldest.due_ns is not None and not stops and (not oldest.in_motion or self._answers(oldest.text))
             return self._silence.is_over(SILENT_S if at_once else BUSY_S)
 
     def _answers(self, text: str) -> bool:
         """Whether it surely answers that at once while it moves."""
         return self.answers_in_motion is not None and (self.answers_in_motion or text != PLACE)
 
-    def ask(self, line: str, timeout_s: float, prompt: bool = True, generation: int | None = None) -> Request:
+    def ask(self, line: str, timeout_s: float, due_ns: int | None = AT_ONCE, generation: int | None = None) -> Request:
         """Send a line and wait for its ``ok``; signs of life extend the time.
 
         Args:
             line: without number and checksum.
             timeout_s: for the answer.
-            prompt: whether it is answered at once, whatever moves.
+            due_ns: when it is answered at the latest, from when on a missing answer is silence; None: nobody knows.
             generation: when what the line says was decided; none is sent that was decided before a stop.
 
         Raises:
@@ -132,7 +133,7 @@ class MarlinDialogue:
                 self.require_sound()
             if generation != self.generation:
                 raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
-            request = self._put(line, prompt)
+            request = self._put(line, due_ns)
             self._wait(lambda: request.done, line, timeout_s)
         if request.error is not None:
             raise request.error
@@ -179,10 +180,10 @@ class MarlinDialogue:
             self._break_off('was given up because the port was closed')
         self.link.close()
 
-    def _put(self, line: str, prompt: bool) -> _Numbered:
+    def _put(self, line: str, due_ns: int | None = AT_ONCE) -> _Numbered:
         request = _Numbered(line)
         self._number += 1
-        request.number, request.prompt, request.in_motion = self._number, prompt, self._moving()
+        request.number, request.due_ns, request.in_motion = self._number, due_ns, self._moving()
         self._unanswered.append(request)
         request.sent_ns = self._said_ns = self._send(request)
         return request
@@ -252,7 +253,8 @@ class MarlinDialogue:
 
     def _idle(self) -> None:
         """Marlin sends an ok after it has asked for a resend; its relatives may not. And ask where it is."""
-        since_ns = max(self._unanswered[0].sent_ns, self._busy_ns) if self._unanswered else None
+        oldest = self._unanswered[0] if self._unanswered else None
+        since_ns = max(oldest.sent_ns, self._busy_ns, oldest.due_ns or 0) if oldest else None
         self._silence.look(since_ns, self._clock.now_ns())
         if self._moving() and self.silent and not self.fault and not self.refusal:
             self.brake('is silent while it moves; look at its cable and power')
@@ -269,7 +271,7 @@ class MarlinDialogue:
         period_s = min(self._period_s, MOVING_S) if self._moving() else self._period_s
         if self._clock.now_ns() - self._said_ns >= period_s * NS_PER_S:
             waits = self.answers_in_motion is False and self._moving()  # where it is, it would tell at rest alone
-            self._put(ALIVE if waits else PLACE, prompt=True)
+            self._put(ALIVE if waits else PLACE)
 
     def _repeat(self, request: _Numbered) -> None:
         """Say a line again, if it is the one that is asked for; if the next one is, this one had arrived."""

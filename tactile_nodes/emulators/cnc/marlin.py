@@ -1,9 +1,9 @@
 """A Marlin 2.1 controller, as a host on its serial line sees it.
 
-What an indentation rig uses of it: G0, G1, G4 (P is milliseconds), G28, G90, G91, M17, M84, M92 (to ask), M106/M107 as
-the digital line, M110, M112, M114, M115, M400, M410. X and Y home to their lower ends and Z to its upper end, so
-coordinates run from 0 to the room's size. Moves of fewer than 6 steps are dropped, as MIN_STEPS_PER_SEGMENT has it.
-Blocks start and end at rest (see `motion`); M410 stops on the spot, as Marlin's does.
+What an indentation rig uses of it: G0, G1, G4 (P is milliseconds), G28, G90, G91, M17, M84, M106/M107 as the digital
+line, M110, M112, M114, M115, M220, M400, M410; and M92, M201, M203, M204 and M503, to ask. X and Y home to their lower
+ends and Z to its upper end, so coordinates run from 0 to the room's size. Moves of fewer than 6 steps are dropped, as
+MIN_STEPS_PER_SEGMENT has it. Blocks start and end at rest (see `motion`); M410 stops on the spot, as Marlin's does.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ QUEUE, RECEIVE_BYTES, PLANNER_BLOCKS, BUSY_NS = 4, 128, 16, 2_000_000_000
 CLEANING_NS = 1_000_000_000  # after a quick stop it deals with nothing for so long
 STEPS_PER_MM: Vector = (80.0, 80.0, 400.0)
 FEWEST_STEPS = 6
+AXIS_SETTINGS = 'M92', 'M203', 'M201', 'M204'
 BOOT = ('start', 'echo: Last Updated: 2025-11-24 | Author: (none, default config)', 'Marlin 2.1.2.7')
 IDENTITY = (
     'FIRMWARE_NAME:Marlin 2.1.2.7 (Nov 24 2025 12:00:00) SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin '
@@ -39,6 +40,7 @@ class MarlinSettings:
     emergency_parser: bool = parameter(True, 'M112 and M410 act when they arrive, not when their turn comes')
     realtime_position: bool = parameter(False, 'M114 R reports where it is (M114_REALTIME); else the R is ignored')
     legacy_position: bool = parameter(False, 'M114 waits for the end of motion (Marlin 1, or M114_LEGACY)')
+    tells_settings: bool = parameter(True, 'M503 tells the settings; else it is unknown (DISABLE_M503)')
     rate_mm_s: tuple[float, ...] = parameter((40.0, 40.0, 20.0), 'greatest speed of x, y, z')
     acceleration: tuple[float, ...] = parameter((200.0, 200.0, 200.0), 'of x, y, z in mm/s²')
 
@@ -226,13 +228,23 @@ class Marlin(SerialDevice):
             self.tell(f'Cap:{row}')
         yield from ()
 
-    def _tell_steps(self, words: dict[str, float]) -> Program:  # noqa: ARG002
-        self.tell(
-            '  M92 '
-            + ' '.join(f'{axis}{each:.2f}' for axis, each in zip('XYZ', STEPS_PER_MM, strict=True))
-            + ' E500.00'
-        )
-        yield from ()
+    def _tell_settings(self, words: dict[str, float]) -> Program:
+        if self._settings.tells_settings:
+            for code in AXIS_SETTINGS:
+                yield from self._tell_setting(code)(self, words)
+        else:
+            self.tell('echo:Unknown command: "M503"')
+
+    @staticmethod
+    def _tell_setting(code: str) -> Handler:
+        """As Marlin 2.1 answers M92, M201, M203 and M204 that set nothing."""
+
+        def tell(marlin: Marlin) -> None:
+            rows = {'M92': STEPS_PER_MM, 'M201': marlin._settings.acceleration, 'M203': marlin._settings.rate_mm_s}
+            axes = ' '.join(f'{axis}{each:.2f}' for axis, each in zip('XYZ', rows.get(code, ()), strict=code in rows))
+            marlin.tell(f'  {code} {axes} E25.00' if axes else '  M204 P3000.00 R3000.00 T3000.00')
+
+        return _at_once(tell)
 
     def _set_line(self, level: bool) -> None:
         self.world.set_line(level, self.now_ns)
@@ -301,7 +313,7 @@ def _vector(values: tuple[float, ...]) -> Vector:
 
 
 def _ignore(marlin: Marlin) -> None:
-    """Commands that change nothing here: millimetres, motors on, the line counter."""
+    """Commands that change nothing here: millimetres, the whole feed, motors on, the line counter."""
 
 
 _HANDLERS: dict[str, Handler] = {
@@ -314,13 +326,15 @@ _HANDLERS: dict[str, Handler] = {
     'G91': _at_once(lambda marlin: marlin._set_relative(True)),
     'M17': _at_once(_ignore),
     'M84': _at_once(_ignore),
-    'M92': Marlin._tell_steps,
     'M106': _at_once(lambda marlin: marlin._set_line(True)),
+    **{code: Marlin._tell_setting(code) for code in AXIS_SETTINGS},
     'M107': _at_once(lambda marlin: marlin._set_line(False)),
     'M110': _at_once(_ignore),
     'M112': _at_once(lambda marlin: marlin._kill()),
     'M114': Marlin._position,
     'M115': Marlin._identify,
     'M400': Marlin._finish,
+    'M220': _at_once(_ignore),
     'M410': Marlin._stop_in_turn,
+    'M503': Marlin._tell_settings,
 }

@@ -109,6 +109,7 @@ def device_of(kind: str, world: World, clock: Clock, changes: tuple[str, ...] = 
             emergency_parser=kind != 'marlin without parser',
             realtime_position=kind == 'marlin realtime',
             legacy_position=kind == 'marlin legacy',
+            tells_settings=kind != 'marlin without M503',
         )
         return Marlin(world, clock, settings)
     return Grbl(world, clock, GrblSettings(dialect=kind, changes=changes))

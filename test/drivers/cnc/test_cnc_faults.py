@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -81,7 +82,7 @@ class WatchingClock(JumpingClock):
 
 def press_rig(kind: str = 'grbl', changes: tuple[str, ...] = (), **more: Any) -> PressRig:
     clock = WatchingClock(START_NS)
-    start_mm, marlin = (-60.0, -60.0, -20.0), kind == 'marlin'
+    start_mm, marlin = (-60.0, -60.0, -20.0), kind.startswith('marlin')
     world = World(WorldSettings(start_mm=start_mm), table=coarse_table())
     device = device_of(kind, world, clock, changes)
     settings = settings_of(kind, boot_s=0.2, **{'safe_z_mm': 35.0 if marlin else -25.0, **more})
@@ -321,6 +322,41 @@ def test_a_mute_controller_is_noticed_and_stopped_within_half_a_second(any_rig: 
     assert any_rig.clock.now_ns() - since_ns[0] < 0.55e9  # with the time that a cancelled jog needs
     assert 'silent' in any_rig.cnc.health.message
     assert any_rig.rest() < 0.3 + 0.1 + 0.5 + 0.1  # seen late, noticed late, braked late
+
+
+@pytest.mark.parametrize('kind', ['marlin', 'marlin without M503', 'grbl'])
+@pytest.mark.parametrize(('word', 'times'), [(rb'M400', 1), (rb'G1 |\$J=', 9)], ids=['end of motion', 'ninth jog'])
+def test_a_controller_that_falls_mute_at_any_line_is_noticed_within_half_a_second(
+    kind: str, word: bytes, times: int
+) -> None:
+    """What a Marlin answers late by its nature, has an end as well: that of the motion before it."""
+    if (kind, times) == ('grbl', 1):
+        pytest.skip('a Grbl tells the end of motion in its reports')
+    rig = press_rig(kind)
+    rig.cnc.home()
+    for height_mm in (-25.0, -29.0):
+        rig.go(-60.0, -60.0, height_mm)
+    write, said, errors = rig.port.write, [], []
+
+    def write_or_fall_mute(data: bytes) -> None:
+        if re.search(word, data):
+            said.append(rig.clock.now_ns())
+            rig.faults.mute = rig.faults.mute or len(said) == times
+        write(data)
+
+    rig.port.write = write_or_fall_mute
+    watch = rig.clock.watch
+
+    def look() -> None:
+        watch()
+        if rig.cnc.health.level is Level.ERROR:
+            errors.append(rig.clock.now_ns())
+
+    rig.clock.watch = look
+    with pytest.raises(DeviceError):
+        rig.hands.perform(Go(z=rig.at(0.0, 0.0, -31.5)[2], feed_mm_min=60.0))  # ten jogs of a quarter of a second
+    noticed_ns = min([*errors, rig.clock.now_ns()])
+    assert noticed_ns - said[times - 1] < 0.5e9
 
 
 def test_a_hung_controller_is_noticed_within_half_a_second(any_rig: PressRig) -> None:

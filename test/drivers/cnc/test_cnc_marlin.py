@@ -10,17 +10,32 @@ from cnc_rigs import MARLIN_BOX, START_NS, Rig, Script, Scripted, direct_rig, se
 from jumping_clock import JumpingClock
 
 from tactile_nodes.drivers.cnc.contract import CncState
-from tactile_nodes.drivers.cnc.marlin import MarlinCnc, marlin_identity, marlin_place, marlin_steps
+from tactile_nodes.drivers.cnc.marlin import MarlinCnc, marlin_identity, marlin_place
+from tactile_nodes.drivers.cnc.marlin_settings import AxisSettings, axis_settings
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
 BOOT = b'start\necho: Last Updated\nMarlin 2.1.2.7\n'
+# As Marlin 2.1 tells them; 1.1 puts `echo:` before each.
+SETTINGS = b"""G21    ; Units in mm (mm)
+; Steps per unit:
+M92 X80.00 Y80.00 Z400.00 E93.00
+; Max feedrates (units/s):
+M203 X300.00 Y300.00 Z5.00 E25.00
+; Max Acceleration (units/s2):
+M201 X3000.00 Y3000.00 Z100.00 E10000.00
+; Acceleration (units/s2) (P<print-accel> R<retract-accel> T<travel-accel>):
+M204 P3000.00 R3000.00 T3000.00
+ok
+"""
 CONNECT = [
     (b'N0 M110 N0*125\n', b'ok\n'),
     (b'N1 M115*39\n', b'FIRMWARE_NAME:Marlin 2.1.2.7 (x) UUID:1\nCap:EMERGENCY_PARSER:1\nok\n'),
     (b'N2 G21*24\n', b'ok\n'),
     (b'N3 G90*19\n', b'ok T:25.0 /0.0\n'),
-    (b'N4 M84 S0*88\n', b'ok P15 B3\n'),
+    (b'N4 M220 S100*101\n', b'ok\n'),
+    (b'N5 M84 S0*89\n', b'ok P15 B3\n'),
+    (b'N6 M503*35\n', SETTINGS),
 ]
 
 
@@ -50,37 +65,37 @@ def test_connecting_agrees_on_line_numbers_and_asks_for_capabilities() -> None:
 def test_a_line_that_arrived_damaged_is_said_again() -> None:
     """Its ok after the request to resend is not the line's own."""
     where = b'X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:80 Y:160 Z:1200\nok\n'
-    again = b'Error:checksum mismatch, Last Line: 4\nResend: 5\nok\n'
-    cnc, port = scripted([*CONNECT, (b'N5 M114 R*80\n', again), (b'N5 M114 R*80\n', where)])
+    again = b'Error:checksum mismatch, Last Line: 6\nResend: 7\nok\n'
+    cnc, port = scripted([*CONNECT, (b'N7 M114 R*82\n', again), (b'N7 M114 R*82\n', where)])
     assert cnc.status().position_mm == (1.0, 2.0, 3.0)
     assert port.left == []
 
 
 def test_a_resend_of_the_line_after_means_that_this_one_had_arrived() -> None:
     where = b'X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:80 Y:160 Z:1200\n'
-    cnc, port = scripted([*CONNECT, (b'N5 M114 R*80\n', where + b'Error:x, Last Line: 5\nResend: 6\nok\n')])
+    cnc, port = scripted([*CONNECT, (b'N7 M114 R*82\n', where + b'Error:x, Last Line: 7\nResend: 8\nok\n')])
     assert cnc.status().position_mm == (1.0, 2.0, 3.0)
     assert port.left == []
 
 
 def test_a_resend_without_an_ok_after_it_is_answered_all_the_same() -> None:
     """Marlin says ok after it has asked again; OctoPrint's virtual printer does not."""
-    again = b'Error: Checksum mismatch\nResend:5\n'
-    cnc, port = scripted([*CONNECT, (b'N5 M114 R*80\n', again), (b'N5 M114 R*80\n', b'ok X:1.0 Y:2.0 Z:3.0 E:0\n')])
+    again = b'Error: Checksum mismatch\nResend:7\n'
+    cnc, port = scripted([*CONNECT, (b'N7 M114 R*82\n', again), (b'N7 M114 R*82\n', b'ok X:1.0 Y:2.0 Z:3.0 E:0\n')])
     assert cnc.status().position_mm == (1.0, 2.0, 3.0)
     assert port.left == []
 
 
 def test_a_damaged_line_whose_successor_is_asked_for_was_not_done() -> None:
-    again = b'Error: Checksum mismatch\nResend:6\nok\n'
-    cnc, _ = scripted([*CONNECT, (b'N5 M114 R*80\n', again)])
-    with pytest.raises(DeviceFaultError, match='asks again for line 6, sent was 5'):
+    again = b'Error: Checksum mismatch\nResend:8\nok\n'
+    cnc, _ = scripted([*CONNECT, (b'N7 M114 R*82\n', again)])
+    with pytest.raises(DeviceFaultError, match='asks again for line 8, sent was 7'):
         cnc.status()
 
 
 def test_a_line_that_never_gets_through_is_given_up() -> None:
-    again = b'Error:checksum mismatch, Last Line: 4\nResend: 5\nok\n'
-    cnc, _ = scripted([*CONNECT, *[(b'N5 M114 R*80\n', again)] * 6])
+    again = b'Error:checksum mismatch, Last Line: 6\nResend: 7\nok\n'
+    cnc, _ = scripted([*CONNECT, *[(b'N7 M114 R*82\n', again)] * 6])
     with pytest.raises(DeviceFaultError, match='the line is too noisy'):
         cnc.status()
 
@@ -290,16 +305,34 @@ def test_a_jog_that_marlin_would_drop_is_refused() -> None:
     assert rig.tip[2] == pytest.approx(before - 0.05)
 
 
-@pytest.mark.parametrize(
-    ('said', 'steps'),
-    [
-        ('  M92 X80.00 Y80.00 Z400.00 E500.00', (80.0, 80.0, 400.0)),
-        ('echo:  M92 X80.00 Y100.00 Z400.00 E93.00', (80.0, 100.0, 400.0)),
-        ('echo:Unknown command: "M92"', None),
-    ],
-)
-def test_steps_per_mm_are_read_as_marlin_tells_them(said: str, steps: tuple[float, ...] | None) -> None:
-    assert marlin_steps([said]) == steps
+@pytest.mark.parametrize('before', ['', '  ', 'echo:  '])
+def test_settings_of_the_axes_are_read_as_marlin_tells_them(before: str) -> None:
+    told = axis_settings([before + line for line in SETTINGS.decode().splitlines()])
+    assert told == AxisSettings((80.0, 80.0, 400.0), (300.0, 300.0, 5.0), 100.0)
+    assert told.steps((0.05, 0.0, -0.05)) == 20
+    # Along a diagonal of x and z, z goes by 1/√2 of the speed: 5 mm/s of it are 7.07 mm/s along the way.
+    assert told.speed((1.0, 0.0, -1.0), 2**0.5, 10.0) == pytest.approx(7.071, abs=0.001)
+    assert told.speed((1.0, 0.0, 0.0), 1.0, 10.0) == 10.0
+
+
+@pytest.mark.parametrize('said', [[], ['echo:Unknown command: "M503"'], ['M203 X0.00 Y300.00 Z5.00']])
+def test_settings_that_are_not_told_are_not_known(said: list[str]) -> None:
+    told = axis_settings(said)
+    assert (told.steps((1.0, 0.0, 0.0)), told.tells_times) == (None, False)
+    assert told.speed((0.0, 0.0, 1.0), 1.0, 10.0) == 10.0
+
+
+@pytest.mark.parametrize('kind', ['marlin', 'marlin without M503', 'marlin legacy'])
+def test_a_move_that_is_sent_faster_than_an_axis_goes_does_not_look_like_silence(kind: str) -> None:
+    """40 mm at 2000 mm/min would be 1.2 s; z goes 20 mm/s at most."""
+    rig = homed_rig(kind)
+    rig.go(-60, -60, -50, feed=2000.0)
+    rig.cnc.move(z=rig.at(0, 0, -10)[2], feed=2000.0)
+    rig.cnc._talk().link.wait(lambda: False, 1.3)
+    assert rig.cnc.health.level == Level.OK
+    rig.cnc.wait_idle()
+    assert rig.cnc.health.level == Level.OK
+    assert rig.tip[2] == pytest.approx(rig.at(0, 0, -10)[2])
 
 
 def test_a_move_that_marlin_drops_leaves_the_tip_where_it_is_known_to_be() -> None:
@@ -312,4 +345,4 @@ def test_a_move_that_marlin_drops_leaves_the_tip_where_it_is_known_to_be() -> No
     rig.cnc.move(x=here[0] + 0.1, feed=600.0)
     rig.cnc.wait_idle()
     assert rig.cnc.status().position_mm[0] == pytest.approx(here[0] + 0.1)
-    assert rig.sent().count(b'M92') == 1
+    assert rig.sent().count(b'M503') == 1
