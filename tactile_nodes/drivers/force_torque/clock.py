@@ -8,7 +8,9 @@ clock skew from network delay measurements", 1999.)
 A counter whose rate is not the one that was announced would lead the line away from the arrivals, evenly from the
 first second on. Where the arrivals show that, samples are stamped on arrival instead, as long as they show it, and it
 is said. Delays that grow later, or at once, are no such thing: something holds the samples up, and their stamps say
-since when. A counter that jumps ahead of the line begins a new one: no sample arrives before it was measured.
+since when. A clock keeps its rate: once it was seen for half a minute, a slope that departs from that by more than a
+clock wanders is such a delay as well, however slowly it grows. A counter that jumps ahead of the line begins a new one:
+no sample arrives before it was measured.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ from tactile_nodes.sensing.sync.envelope import lower_line
 BLOCK_NS = 250_000_000
 WINDOW_BLOCKS = 480  # two minutes: long against the jitter, short against the warming of a crystal
 SLOPE_AFTER_BLOCKS = 40  # ten seconds, from when the drift shows above the jitter
+KNOWN_AFTER_BLOCKS = 120  # half a minute
+WANDERS = 0.1  # of the most drift: 50 ppm of a crystal, 1000 of a ceramic resonator, which warmth alone hardly does
 RECENT_BLOCKS = 8
 MOST_DRIFT = 500e-6
 EARLY_BLOCKS = 8
@@ -64,6 +68,7 @@ class TickClock:
         self._block: tuple[float, float] | None = None
         self._block_ends = 0.0
         self._line = (0.0, 0.0)
+        self._known: float | None = None  # slope
         self._stamp_ns = 0
 
     @property
@@ -172,9 +177,12 @@ class TickClock:
         if len(self._blocks) < SLOPE_AFTER_BLOCKS:
             self._line = (self._recent(points), 0.0)
             return
-        array = np.array(points)
-        at, slope = lower_line(array[:, 0], array[:, 1], self._most_drift)
-        self._line = (at, slope)
+        x, y = np.array(points).T
+        known, steepest = (0.0, 1.0) if self._known is None else (self._known, WANDERS)
+        at, slope = lower_line(x, y - known * x, steepest * self._most_drift)
+        self._line = (at, known + slope)
+        if self._known is None and len(self._blocks) >= KNOWN_AFTER_BLOCKS:
+            self._known = self._line[1]
 
     def _recent(self, points: list[tuple[float, float]]) -> float:
         """The least delay of late, which no drift makes much longer than that of all."""

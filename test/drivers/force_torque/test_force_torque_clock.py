@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from tactile_nodes.drivers.force_torque.clock import TickClock
+from tactile_nodes.drivers.force_torque.clock import WANDERS, TickClock
 from tactile_nodes.drivers.force_torque.contract import Flag
 
 START_NS = 1_795_000_000_000_000_000
@@ -153,6 +153,37 @@ def test_a_delay_that_grows_by_and_by_shows_as_age(late_from_s: float) -> None:
     found = ages(late_from_s, late_from_s + 30.0, grows_s=30.0)
     assert found[-1] > 1.4
     assert found[round((late_from_s + 5) * 200)] > 0.2
+
+
+@pytest.mark.parametrize(('most_drift', 'grows'), [(500e-6, 450e-6), (0.01, 0.009)], ids=['crystal', 'resonator'])
+def test_a_delay_that_grows_as_slowly_as_a_clock_may_drift_shows_as_age_once_the_clock_is_known(
+    most_drift: float, grows: float
+) -> None:
+    """Known after half a minute, it wanders by a tenth of the most drift; the rest of what is added is age."""
+    clock, told = TickClock(1e6, most_drift=most_drift), {}
+    for number in range(200 * 120):
+        since_s = number / 200
+        delay_s = 0.001 + 0.001 * (number % 3) + max(0.0, since_s - 60.0) * grows
+        arrival_ns = START_NS + round((since_s + delay_s) * 1e9)
+        stamp_ns = clock.stamp(clock.unwrapped(number * 5000), arrival_ns)
+        told[number] = ((arrival_ns - stamp_ns) / 1e9, delay_s)
+    assert clock.flags == 0
+    assert max(age_s for number, (age_s, _) in told.items() if number < 60 * 200) < 0.0035
+    age_s, delay_s = told[200 * 120 - 1]
+    assert delay_s - 60.0 * WANDERS * most_drift - 0.002 < age_s < delay_s  # the least delay, 1 ms, is not seen
+
+
+def test_a_crystal_that_warms_up_is_followed() -> None:
+    """By 100 ppm after two minutes, twice of what is followed at once: 50 ppm of a window of two minutes are 6 ms."""
+    clock, errors = TickClock(1e6), []
+    for number in range(200 * 400):
+        since_s = number / 200
+        ticks = round((since_s + max(0.0, since_s - 120.0) * 100e-6) * 1e6)
+        late_s = 0.0002 + 0.003 * (number % 3 == 0)
+        true_ns = START_NS + round(since_s * 1e9)
+        errors.append(clock.stamp(ticks, true_ns + round(late_s * 1e9)) - true_ns)
+    assert max(map(abs, errors)) < 7e6
+    assert clock.flags == 0
 
 
 def test_a_counter_that_jumps_ahead_is_followed_at_once() -> None:

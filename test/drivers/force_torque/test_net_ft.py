@@ -239,9 +239,8 @@ def test_the_rate_is_set_on_request_and_rounded_up_by_the_box(rig_with: Make, ax
     rig = rig_with(NetFtConfig(axia=axia), set_rate=True)
     rig.device.writable = True
     sensor = rig.open(rate_hz=asked)
-    read(sensor)
+    read_until(sensor, lambda _: sensor.health.level == Level.OK)  # on a busy machine a sample may be old for a moment
     assert sensor.rate_hz == pytest.approx({150.0: 7000 / 46, 350.0: 350.0}[asked])
-    assert sensor.health.level == Level.OK, sensor.health
 
 
 def test_every_record_at_the_highest_rate(rig_with: Make) -> None:
