@@ -97,12 +97,15 @@ class Recovery:
             self.write_down(tripped)
             self._ask(trip.reason)
         if trip.kind != FORCE:
-            self._outlet.say(f'{trip.reason}; the tip is up, waiting until it is well again')
-            await_recovery(self._hands, self._settings.limits, trip.reason)
-        self._hands.safety.reset(self._hands.clock.now_ns())
-        if self.tare is not None:
-            self._hands.safety.tare(self.tare.wrench)
-            self._hands.run(check_free(self.tare, self._settings))
+            self._await_well(trip.reason)
+        for _ in range(self._settings.limits.attempts - 1):
+            try:
+                return self._require_free()
+            except TrippedError as again:
+                if again.trip.kind not in {SENSOR, CAMERA}:
+                    raise
+                self._await_well(again.trip.reason)
+        return self._require_free()
 
     def patiently(self, procedure: Callable[[], Procedure[Result]]) -> Result:
         """What a procedure gives; again from its beginning when sensor or camera failed, or a person has looked."""
@@ -116,6 +119,17 @@ class Recovery:
                     raise
                 self.go_on_after(tripped)
         return self._hands.run(procedure())
+
+    def _await_well(self, reason: str) -> None:
+        self._outlet.say(f'{reason}; the tip is up, waiting until it is well again')
+        await_recovery(self._hands, self._settings.limits, reason)
+
+    def _require_free(self) -> None:
+        """Look for trouble again, and whether anything touches."""
+        self._hands.safety.reset(self._hands.clock.now_ns())
+        if self.tare is not None:
+            self._hands.safety.tare(self.tare.wrench)
+            self._hands.run(check_free(self.tare, self._settings))
 
     def _worst(self, tripped: TrippedError) -> Trip:
         """A force goes on to grow while the machine stops."""

@@ -116,6 +116,21 @@ def test_silence_stops_the_tip_and_the_run_goes_on_when_it_is_over(tmp_path: Pat
     assert sorted(run.recorded) == ALL
 
 
+def test_a_sensor_that_falls_silent_again_as_the_run_would_go_on_is_waited_for_again(tmp_path: Path) -> None:
+    """It is well from 5 s on, believed from 7 s on, and fails as the run looks whether the tip is free."""
+    run = Run(tmp_path)
+
+    def fall_silent() -> None:
+        run.rig.silent_sensor = True
+        for after_s, silent in ((5.0, False), (6.99, True), (8.0, False)):
+            run.after(after_s, lambda silent=silent: setattr(run.rig, 'silent_sensor', silent))
+
+    run.at(3, run.in_the_gel(fall_silent))
+    run.campaign.run()
+    assert sum('waiting until it is well again' in said for said in run.said) == 2
+    assert sorted(run.recorded) == ALL
+
+
 def test_sensor_that_stays_silent_ends_the_run_with_the_tip_up(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.at(3, run.in_the_gel(lambda: setattr(run.rig, 'silent_sensor', True)))
