@@ -25,6 +25,8 @@ from tactile_nodes.drivers.serial_port import Port
 from tactile_nodes.errors import DeviceFaultError
 
 JOG_CANCEL, HOLD, REPORT = b'\x85', b'!', b'?'
+ECHOED = '?!~\x18\ufffd'
+"""What acts without a line's end, as it is heard where all that is sent comes back (0x85 is no ASCII character)."""
 
 
 class GrblHearing:
@@ -126,6 +128,9 @@ class GrblHearing:
     # Listening; all under the link's lock.
 
     def _hear(self, line: str, stamp_ns: int) -> None:
+        line = line.lstrip(ECHOED)
+        if not line or (self._unanswered and line == self._unanswered[0].text):
+            return  # an echo
         if line == 'ok' or line.startswith('error:'):
             self._answered(line, stamp_ns)
         elif line.startswith('<'):

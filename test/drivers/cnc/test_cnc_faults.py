@@ -307,6 +307,24 @@ def test_a_controller_that_repeats_what_it_heard_is_taken_at_its_word() -> None:
     assert rig.rest() < 1.0
 
 
+def test_a_line_on_which_all_that_is_sent_comes_back_ends_no_press(any_rig: PressRig) -> None:
+    """An adapter with its echo on returns each byte: a question just before its answer, as ``?<Jog|MPos:…>``."""
+
+    def echo(way: str, data: bytes) -> bytes:
+        if way == '>':
+            any_rig.device.say(data)
+        return data
+
+    any_rig.faults.lie = echo
+    any_rig.cnc.connect()
+    any_rig.press()
+    assert any_rig.rest() == pytest.approx(2.0, abs=0.01)
+    any_rig.hands.retreat()
+    assert any_rig.world.tip_at(any_rig.clock.now_ns())[2] == pytest.approx(-25.0, abs=0.01)
+    assert any_rig.cnc.health.level is not Level.ERROR
+    assert '$I' not in any_rig.cnc.description.get('options', '')
+
+
 # A controller that says nothing.
 
 
