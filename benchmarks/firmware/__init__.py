@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.firmware.faults import FAULTS, Fault
 from benchmarks.firmware.obeys import obeys
-from benchmarks.firmware.page import complaints, page
+from benchmarks.firmware.page import FIRMWARE, complaints, page
 from benchmarks.firmware.press import PORT, Machine, press
 from benchmarks.harness.declaration import RIG, Benchmark, Result, argument
 from benchmarks.harness.report import surroundings
@@ -37,13 +37,13 @@ MARLIN_LOWEST_MM, MARLIN_HIGHEST_MM = (0.0, 0.0, 0.0), (120.0, 120.0, 60.0)
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """Each firmware that was named; what was measured before and is not measured again stays."""
-    result = run.earlier()
+    firmware: dict[str, Any] = run.earlier().get(FIRMWARE, {})
     for machine in machines(arguments):
-        found = result.setdefault(machine.name, {OBEYS: {}, 'faults': {}})
+        found = firmware.setdefault(machine.name, {OBEYS: {}, 'faults': {}})
         found |= {**surroundings(_command(machine, arguments)), 'kind': machine.kind, 'sources': arguments.sources}
         for _ in _tried(machine, found, run):
-            run.keep(result)
-    return result
+            run.keep({FIRMWARE: firmware})
+    return {FIRMWARE: firmware}
 
 
 def machines(arguments: argparse.Namespace) -> list[Machine]:
@@ -91,11 +91,11 @@ def _tried(machine: Machine, found: dict[str, Any], run: Run) -> Iterator[None]:
         for name, fault in FAULTS.items():
             if name in what and machine.kind in fault.kinds:
                 progress.say(f'{machine.name}: {fault.title}')
-                found['faults'][name] = _pressed(machine, fault, clock, Path(folder))
+                found['faults'][name] = pressed(machine, fault, clock, Path(folder))
                 yield
 
 
-def _pressed(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> dict[str, Any]:
+def pressed(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> dict[str, Any]:
     """Again from the beginning when something fails before the press: a simulator may hang on a busy computer."""
     failed: list[str] = []
     for _ in range(ATTEMPTS):
@@ -108,6 +108,8 @@ def _pressed(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> dict
 
 def _command(machine: Machine, arguments: argparse.Namespace) -> str:
     more = f" --home-command '{arguments.home_command}'" if machine.kind == 'marlin' else ''
+    accepted = ''.join(f" '{risk}'" for risk in arguments.accept)
+    more += f' --accept{accepted}' if accepted else ''
     box = ' --net-ft HOST:RDT:HTTP' if arguments.net_ft else ''
     return f"tactile bench firmware --{machine.kind} '{machine.name}=…'{more}{box} -o docs/results"
 

@@ -9,7 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchmarks.firmware.line import Line
+from tactile_nodes.collection.safety import FORCE, OVERLOAD
 from tactile_nodes.emulators.force_torque.liars import Values, frozen, zeros
+from tactile_nodes.emulators.world import NOTHING, Wrench
 
 THRESHOLD = 0x8001_0000
 LATE_S, FALTER = 1.5, 0.8
@@ -37,6 +39,9 @@ class Fault:
         every: what is left of its samples: one of so many, by the depth below that at which it began, in mm.
         late_s: so old they become.
         status: bits in each record.
+        load: what presses on the tip from then on besides the gel, for as long as the tip is in the gel.
+        trip: what kind of trip has to come of it; '': any.
+        kills: the process that commands the machine, which is one of its own then.
         sensor: which one it has to be.
         harmless: whether the press is to go on to its end.
         damages_a_line: to the firmware; where lines have a checksum it is said again, and the press goes on.
@@ -50,6 +55,9 @@ class Fault:
     every: Callable[[float], int] = lambda _: 1
     late_s: float = 0.0
     status: int = 0
+    load: Wrench = NOTHING
+    trip: str = ''
+    kills: bool = False
     sensor: str = 'net_ft'
     harmless: bool = False
     damages_a_line: bool = False
@@ -132,6 +140,22 @@ def _halt(line: Line) -> None:
     line.wire.halt()
 
 
+def echo(line: Line) -> None:
+    """All that is sent comes back, besides what the firmware says."""
+
+    def lie(way: str, data: bytes) -> bytes:
+        if way == '>':
+            line.say(data)
+        return data
+
+    line.faults.lie = lie
+
+
+def _kill(line: Line) -> None:
+    line.asking = True
+    line.kill_host()
+
+
 def no_number(last: Values) -> Values:
     """The last axis is none; the others stay as they were, which alone would be found later."""
     return (*last[:-1], math.nan)
@@ -164,6 +188,12 @@ FAULTS = {
     'mute': Fault('nothing that it says arrives', _mute),
     'cut': Fault('nothing arrives, either way', _cut),
     'halt': Fault('its processor stands still', _halt),
+    'echo': Fault('all that is sent comes back (echo on)', echo, harmless=True),
+    'killed': Fault('the process that commands it is killed (SIGKILL)', _kill, kills=True),
+    'force': Fault('3.5 N more (limits.force_n: 3 N)', load=(0.0, 0.0, 3.5, 0.0, 0.0, 0.0), trip=FORCE),
+    'bearable': Fault('6 N more (limits.bearable_n: 5 N)', load=(0.0, 0.0, 6.0, 0.0, 0.0, 0.0), trip=OVERLOAD),
+    'torque': Fault('0.25 N m (3 N at 60 mm: 0.18 N m)', load=(0.0, 0.0, 0.0, 0.25, 0.0, 0.0), trip=FORCE),
+    'rise': Fault('2 N more at once (40 N/s over 40 ms)', load=(0.0, 0.0, 2.0, 0.0, 0.0, 0.0), trip=FORCE),
     'frozen': Fault('the force sensor repeats one value', lie=frozen),
     'zeros': Fault('the force sensor tells zeros', lie=zeros),
     'old_force': Fault('the force of 0.3 mm for ever, with noise', lie=noisy()),

@@ -236,6 +236,9 @@ class Line:
     Attributes:
         faults: of the line.
         cut: nothing goes to the firmware or comes from it but what is asked and heard here.
+        asking: where it is, is asked here as well, as whoever asked before may be gone.
+        told: what the host has said since, and when.
+        kill_host: ends the process that commands it.
     """
 
     def __init__(self, wire: Wire, kind: str, heard: Heard, clock: Clock) -> None:
@@ -247,10 +250,14 @@ class Line:
         self._said = b''
         self._asked_ns = 0
         self.faults = LineFaults()
-        self.cut = False
+        self.cut = self.asking = False
+        self.told: list[tuple[int, bytes]] = []
+        self.kill_host: Callable[[], None] = _no_host
 
     def receive(self, data: bytes) -> None:
         """As `Pluggable.receive`."""
+        if self.asking:
+            self.told.append((self._clock.now_ns(), data))
         if not self.cut and (passed := self.faults.passed('>', data)):
             self.wire.write(passed)
 
@@ -261,7 +268,7 @@ class Line:
             self._heard.take(line.decode('ascii', 'replace').strip(), self._clock.now_ns())
             if not self.cut:
                 self._said += self.faults.passed('<', line + b'\n')
-        if self.cut and self._clock.now_ns() - self._asked_ns > OWN_QUESTION_S * NS_PER_S:
+        if (self.cut or self.asking) and self._clock.now_ns() - self._asked_ns > OWN_QUESTION_S * NS_PER_S:
             self._asked_ns = self._clock.now_ns()
             self.wire.write(QUESTIONS[self.kind])
 
@@ -286,6 +293,10 @@ class Line:
 
     def power_cycle(self) -> None:
         """As `Pluggable.power_cycle`; the line has no power of its own."""
+
+
+def _no_host() -> None:
+    raise ConfigurationError('this process commands the machine itself, so it is not the one to be killed')
 
 
 def _minus(a: Place, b: Place) -> Place:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.firmware.faults import FAULTS
-from benchmarks.firmware.press import ABOVE_MM, TRAVEL_MM_MIN, Bench, Machine
+from benchmarks.firmware.descent import ABOVE_MM, TRAVEL_MM_MIN
+from benchmarks.firmware.faults import FAULTS, echo
+from benchmarks.firmware.line import Line
+from benchmarks.firmware.press import Bench, Machine
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.cnc.contract import Cnc, CncStatus
+from tactile_nodes.drivers.cnc.contract import NO_HARD_LIMITS, Cnc, CncSettings, CncStatus
 from tactile_nodes.drivers.cnc.envelope import told
 from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.health import Level
@@ -18,6 +21,9 @@ MOVES, STEP_MM, FAST_MM_MIN = 60, 0.1, 600.0
 FAR_MM, SLOW_MM_MIN = 10.0, 60.0
 GOING_S = 0.25
 SHOWN = ('20', '21', '22', '10', '110', '112', '120', '122', '130', '132')
+
+
+Beginning = Callable[[Line], None]
 
 
 def obeys(machine: Machine, clock: Clock, folder: Path) -> dict[str, str]:
@@ -36,7 +42,44 @@ def obeys(machine: Machine, clock: Clock, folder: Path) -> dict[str, str]:
             found['then'] = bench.named(f'failed: {error}')
         finally:
             cnc.close()
-    return found
+    return {**found, **connected(machine, clock, folder)}
+
+
+def connected(machine: Machine, clock: Clock, folder: Path) -> dict[str, str]:
+    """Connecting again, with something about it that is not as it should be."""
+    checks: dict[str, tuple[Beginning, CncSettings]] = {
+        'connect, all that is sent comes back': (echo, machine.settings)
+    }
+    if machine.kind == 'grbl':
+        accepting = replace(machine.settings, accept=(*machine.settings.accept, NO_HARD_LIMITS))
+        checks |= {
+            'connect, it says $21=0': (_no_hard_limits, machine.settings),
+            f"connect, it says $21=0, '{NO_HARD_LIMITS}' accepted": (_no_hard_limits, accepting),
+        }
+    return {
+        name: _greeted(replace(machine, settings=settings), begin, clock, folder)
+        for name, (begin, settings) in checks.items()
+    }
+
+
+def _greeted(machine: Machine, begin: Beginning, clock: Clock, folder: Path) -> str:
+    bench = Bench(machine, FAULTS['none'], clock, folder)
+    with bench.plugged() as settings:
+        begin(bench.line)
+        try:
+            cnc = open_cnc(settings, clock)
+        except TactileError as error:
+            return bench.named(f'refused: {error}')
+        try:
+            return f'{cnc.identify().firmware}, {cnc.status().state.value}'
+        except TactileError as error:
+            return bench.named(f'failed: {error}')
+        finally:
+            cnc.close()
+
+
+def _no_hard_limits(line: Line) -> None:
+    line.faults.change('<', b'$21=1', b'$21=0')
 
 
 def _asked(cnc: Cnc, machine: Machine, clock: Clock) -> Iterator[tuple[str, str]]:

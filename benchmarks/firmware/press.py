@@ -7,19 +7,19 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from benchmarks.firmware.descent import SLOPE, above, down, station
 from benchmarks.firmware.faults import FALTER, Fault
+from benchmarks.firmware.killed import DEEP_S, FREE_S, Commander, until
 from benchmarks.firmware.line import Heard, Line, Wire, open_wire
 from tactile_nodes.clock import NS_PER_S, Clock, monotonic_s
-from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import Hands, TrippedError
-from tactile_nodes.collection.press.rising import rising
-from tactile_nodes.collection.press.surface import HERTZ, Loading, Surface
+from tactile_nodes.collection.press.surface import HERTZ, Loading
 from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.safety import MACHINE
-from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
+from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
-from tactile_nodes.collection.wrench import Tare, tare_of
-from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
+from tactile_nodes.collection.wrench import Tare
+from tactile_nodes.drivers.cnc.contract import CncSettings, Place
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings
 from tactile_nodes.drivers.force_torque.net_ft_config import read_config
 from tactile_nodes.emulators.force_torque.liars import BotaLiar, Changed, Lie, UdpProxy, Values
@@ -29,16 +29,15 @@ from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig
 from tactile_nodes.emulators.force_torque.serial_ft import PtySensor
 from tactile_nodes.emulators.force_torque.serial_ft_bota import BotaSensor
 from tactile_nodes.emulators.serial_ports import PtyPort
-from tactile_nodes.emulators.world import NOTHING, WorldSettings, Wrench
+from tactile_nodes.emulators.world import NOTHING, Wrench
 from tactile_nodes.errors import TactileError
 
-COMMANDED_MM, BEGINS_MM, ABOVE_MM = 2.0, 0.3, 0.2
-PRESS_MM_MIN, TRAVEL_MM_MIN = 60.0, 1200.0
-SLOPE = 0.577  # of the loading line of the paper's gel, (N^2/3)/mm
+BEGINS_MM = 0.3
 NOISE = (0.005, 0.0001)
 PORT = 'firmware'  # its name in the folder of a trial
 SETTLE_S, ASKED_S = 1.0, 3.0
-LIMITS = LimitSettings(force_silence_ms=300.0)
+WATCHED = 'what watches over it'
+NEAR_MM = 0.05
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class Outcome:
 
     Attributes:
         said: what stopped it; '': nothing did.
-        kind: of the trip; 'driver': the driver raised it.
+        kind: of the trip; 'driver': the driver raised it; `WATCHED`: nobody was left but the program that brings it up.
         reached_mm: greatest depth, by the firmware's own word.
         noticed_s: from the fault to what stopped it.
         rest_s: from the fault to the last place that was heard to be another one.
@@ -101,6 +100,7 @@ class Bench:
     begun_mm: float = 0.0
     line: Line = field(init=False)
     heard: Heard = field(init=False)
+    port: PtyPort = field(init=False)
 
     def __post_init__(self) -> None:
         self.heard = Heard(self.machine.gel_mm[2], self._look)
@@ -112,8 +112,8 @@ class Bench:
         wire: Wire = open_wire(self.machine.source, settings.baud, self.clock)
         try:
             self.line = Line(wire, self.machine.kind, self.heard, self.clock)
-            with PtyPort(self.line, self.clock, self._path) as port:
-                yield replace(settings, source=str(port.path))
+            with PtyPort(self.line, self.clock, self._path) as self.port:
+                yield replace(settings, source=str(self.port.path))
         finally:
             self.line.wire.close()
 
@@ -130,9 +130,12 @@ class Bench:
         return self.begun_ns > 0
 
     def wrench_at(self, time_ns: int) -> Wrench:
-        """What the gel gives, as `WrenchSource.wrench_at`: 0.44 N at 1 mm."""
+        """What the gel gives, as `WrenchSource.wrench_at`: 0.44 N at 1 mm; and what else presses on the tip in it."""
         force = Loading(0.0, SLOPE, HERTZ).force_n(self.heard.depth_at(time_ns))
-        return (0.0, 0.0, force, 0.0, 0.0, 0.0) if force else NOTHING
+        if not force:
+            return NOTHING
+        fx, fy, fz, *torque = self.fault.load if self.begun() else NOTHING
+        return (fx, fy, fz + force, torque[0], torque[1], torque[2])
 
     def _look(self, now_ns: int) -> None:
         if self.descending and not self.begun_ns and self.heard.depth_mm >= BEGINS_MM:
@@ -148,46 +151,70 @@ def press(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> Outcome
     """
     bench = Bench(machine, fault, clock, folder)
     with bench.plugged() as cnc, _sensor(bench) as sensor:
-        station = _station(cnc, sensor, clock)
-        try:
-            outcome, tare = _pressed(bench, station)
-            _away(bench, station, tare, outcome)
-        finally:
-            station.close()
+        outcome = (_killed if fault.kills else _watched)(bench, cnc, sensor)
         _asked(bench, outcome)
+        if fault.kills:
+            outcome.up = _up(bench, outcome)
     return replace(outcome, said=bench.named(outcome.said), up=bench.named(outcome.up))
 
 
-def approach(cnc: Cnc, machine: Machine) -> None:
-    """Home, then up, aside, and down to just above the gel. Raises as `Cnc`."""
-    x, y, z = machine.gel_mm
-    cnc.home()
-    for way in ({'z': machine.settings.safe_z_mm}, {'x': x, 'y': y}, {'z': z + ABOVE_MM}):
-        cnc.move(**way, feed=TRAVEL_MM_MIN)
-        cnc.wait_idle()
+def _watched(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Outcome:
+    """By this process, which goes up again as a collection does."""
+    rig = station(cnc, sensor, bench.clock)
+    try:
+        outcome, tare = _pressed(bench, rig)
+        _away(bench, rig, tare, outcome)
+    finally:
+        rig.close()
+    return outcome
 
 
-def _station(cnc: CncSettings, sensor: ForceTorqueSettings, clock: Clock) -> Station:
-    def nobody(_: object) -> None:
-        """Is told."""
+def _killed(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Outcome:
+    """By another process, which the fault kills; then nothing is done here but to listen.
 
-    settings = CollectionSettings(limits=LIMITS)
-    return Station(settings, cnc, sensor, WorldSettings(), clock, nobody, nobody, nobody)
+    Raises:
+        TactileError: it did not come so deep.
+    """
+    commander = Commander(cnc, sensor, bench.machine.gel_mm)
+    try:
+        bench.line.kill_host = commander.kill
+        bench.heard.begin()
+        bench.descending = True
+        commander.press()
+        if not until(bench.begun, bench.clock, DEEP_S):
+            raise TactileError(f'nobody heard that the tip came {BEGINS_MM:g} mm deep within {DEEP_S:g} s')
+        free = until(lambda: not bench.port.in_use, bench.clock, FREE_S)
+    finally:
+        commander.close()
+    said = [(stamp_ns, data) for stamp_ns, data in bench.line.told if b'Z' in data]
+    if not said:
+        return Outcome(kind=WATCHED)
+    last = said[-1][1].decode('ascii', 'replace').split('\n')[-2]
+    times = sum(last.encode() in data for _, data in said)
+    over = '' if free else ', and still holds the port'
+    outcome = Outcome(f'{WATCHED} says {times} times {last}{over}', WATCHED)
+    outcome.noticed_s = _since(bench, next(stamp_ns for stamp_ns, data in said if last.encode() in data))
+    outcome.rest_s = _since(bench, bench.heard.moved_ns)
+    return outcome
 
 
-def _pressed(bench: Bench, station: Station) -> tuple[Outcome, Tare]:
-    hands, outcome = station.hands, Outcome()
-    approach(station.cnc, bench.machine)
-    hands.safety.watch(bench.clock.now_ns(), camera=False)
-    tare = hands.run(_tared())
+def _up(bench: Bench, outcome: Outcome) -> str:
+    safe_mm = bench.machine.settings.safe_z_mm - bench.machine.gel_mm[2]
+    is_up = outcome.up_mm is not None and abs(outcome.up_mm - safe_mm) < NEAR_MM
+    return 'up' if is_up else f'not at the safe height, {safe_mm:.2f} mm'
+
+
+def _pressed(bench: Bench, rig: Station) -> tuple[Outcome, Tare]:
+    hands, outcome = rig.hands, Outcome()
+    tare = above(rig, bench.machine.gel_mm, bench.machine.settings.safe_z_mm, bench.clock)
     bench.heard.begin()
     bench.descending = True
     try:
-        hands.run(_down(bench, tare))
+        hands.run(down(bench.machine.gel_mm[2], tare))
     except TrippedError as tripped:
         outcome.said, outcome.kind = tripped.trip.reason, tripped.trip.kind
         outcome.noticed_s = _since(bench, tripped.trip.stamp_ns)
-        station.guard.stopped.wait(10.0)
+        rig.guard.stopped.wait(10.0)
     except TactileError as error:
         outcome.said, outcome.kind = str(error), 'driver'
         outcome.noticed_s = _since(bench, bench.clock.now_ns())
@@ -196,11 +223,11 @@ def _pressed(bench: Bench, station: Station) -> tuple[Outcome, Tare]:
     return outcome, tare
 
 
-def _away(bench: Bench, station: Station, tare: Tare, outcome: Outcome) -> None:
+def _away(bench: Bench, rig: Station, tare: Tare, outcome: Outcome) -> None:
     bench.descending = False
     doubted = outcome.kind in {MACHINE, 'driver'}
     try:
-        bring_up(_reset(station.hands, bench.clock), tare, CollectionSettings(), doubted)
+        bring_up(_reset(rig.hands, bench.clock), tare, CollectionSettings(), doubted)
         outcome.up = 'up'
     except (TactileError, TrippedError) as error:
         outcome.up = str(error)
@@ -223,19 +250,6 @@ def _asked(bench: Bench, outcome: Outcome) -> None:
 
 def _since(bench: Bench, time_ns: int) -> float | None:
     return round((time_ns - bench.begun_ns) / NS_PER_S, 2) if bench.begun_ns and time_ns > bench.begun_ns else None
-
-
-def _tared() -> Procedure[Tare]:
-    tare = tare_of((yield Look(0.3)).samples)
-    yield SetTare(tare)
-    return tare
-
-
-def _down(bench: Bench, tare: Tare) -> Procedure[None]:
-    surface_mm = bench.machine.gel_mm[2]
-    gel = Surface(surface_mm, softest=Loading(surface_mm, SLOPE, HERTZ))
-    expect = rising(gel, tare, CollectionSettings(), 0.0, 0.0)
-    yield Go(z=surface_mm - COMMANDED_MM, feed_mm_min=PRESS_MM_MIN, expect=expect)
 
 
 # The sensor.

@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from coarse_table import coarse_table
 
 from benchmarks import firmware
+from benchmarks.firmware import pressed
+from benchmarks.firmware.descent import LIMITS
 from benchmarks.firmware.faults import FAULTS
 from benchmarks.firmware.line import Heard, Line, Program, open_wire
-from benchmarks.firmware.obeys import obeys
+from benchmarks.firmware.obeys import connected, obeys
 from benchmarks.firmware.page import complaints, page
+from benchmarks.firmware.press import Bench, Machine
+from benchmarks.harness.running import run
 from tactile_nodes.clock import SystemClock
+from tactile_nodes.collection.safety import Safety
+from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.drivers.force_torque.contract import Sample
+from tactile_nodes.emulators.cnc.grbl import Grbl
+from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
+from tactile_nodes.emulators.serial_ports import PtyPort
+from tactile_nodes.emulators.world import NOTHING, World, WorldSettings
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
 S = 1_000_000_000
@@ -41,6 +55,15 @@ def until(condition: Callable[[], bool]) -> None:
 def arguments(**other: Any) -> argparse.Namespace:
     base = {'grbl': [], 'marlin': [], 'accept': [], 'home_command': 'G28', 'net_ft': '', 'sources': ''}
     return argparse.Namespace(**{**base, **other})
+
+
+@contextlib.contextmanager
+def emulated(folder: Path, *changes: str) -> Iterator[Machine]:
+    """The project's Grbl at a port, as a firmware of the bench."""
+    clock, world = SystemClock(), World(WorldSettings(start_mm=(-5.0, -5.0, -5.0)), table=coarse_table())
+    device = Grbl(world, clock, GrblSettings(changes=changes))
+    with PtyPort(device, clock, folder / 'board', reset_on_open=True) as port:
+        yield firmware.machines(arguments(grbl=[f'a Grbl={port.path.resolve()}']))[0]
 
 
 # The ear.
@@ -118,6 +141,82 @@ def test_what_does_not_answer_is_refused_by_the_driver(tmp_path: Path) -> None:
     assert re.match(r'refused: nothing answers at it with', obeys(machine, SystemClock(), tmp_path)['connect'])
 
 
+def test_what_was_measured_is_kept_with_what_was_measured_before(tmp_path: Path) -> None:
+    """The result of a firmware, beside that of another one, from the file that the first run has written."""
+    for name in ('one', 'another'):
+        given = arguments(grbl=[f'{name}=/no/such/simulator'], only=['none'], output=tmp_path)
+        assert run(firmware.BENCHMARK, given) == 0
+    kept = json.loads((tmp_path / 'firmware.json').read_text(encoding='utf-8'))
+    assert list(kept['firmware']) == ['one', 'another']
+    assert '## another' in (tmp_path / 'firmware.md').read_text(encoding='utf-8')
+
+
+# Connecting.
+
+
+def test_no_hard_limits_are_refused_by_name_unless_they_are_accepted_and_an_echo_is_no_obstacle(tmp_path: Path) -> None:
+    with emulated(tmp_path) as machine:
+        found = connected(machine, SystemClock(), tmp_path)
+    refused = "it has hard limits switched off ($21=0); switch it on, or put 'no hard limits' into the setting accept"
+    assert found['connect, it says $21=0'] == f'refused: {refused}'
+    assert found["connect, it says $21=0, 'no hard limits' accepted"] == 'Grbl, locked by an alarm'
+    assert found['connect, all that is sent comes back'] == 'Grbl, locked by an alarm'
+
+
+def test_a_board_whose_memory_has_no_hard_limits_is_refused_as_well(tmp_path: Path) -> None:
+    with emulated(tmp_path, '$21=0') as machine:
+        assert r'hard limits switched off ($21=0)' in obeys(machine, SystemClock(), tmp_path)['connect']
+
+
+# Presses.
+
+
+LOADS = [
+    ('force', 'force', 'the force is 3.57 N, above the limit of 3 N'),
+    ('bearable', 'overload', 'the force is 6.07 N, more than the bearable 5 N'),
+    ('torque', 'force', 'the torque is 0.250 N m, above the limit of 0.18 N m'),
+    ('rise', 'force', 'the force rises by 50 N/s, above 40 N/s'),
+]
+
+
+@pytest.mark.parametrize(('fault', 'kind', 'said'), LOADS)
+def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, said: str, tmp_path: Path) -> None:
+    """At 0.3 mm the gel gives (0.577·0.3)^1.5 = 0.07 N, to which 3.5 N or 6 N come; 2 N within 40 ms are 50 N/s."""
+    bench = Bench(firmware.machines(arguments(grbl=['A=b']))[0], FAULTS[fault], SystemClock(), tmp_path)
+    safety = Safety(CollectionSettings(limits=LIMITS).watched)
+    safety.watch(S, camera=False)
+    safety.tare(NOTHING)
+    bench.heard.take(at(-20.3), S)
+    for number in range(100):
+        if number == 50:
+            assert safety.trip is None
+            bench.begun_ns = S
+        now_ns = S + number * S // 500
+        safety.sample(Sample(bench.wrench_at(now_ns), now_ns, now_ns, 0, number, 0, 0, 0, ()))
+    assert safety.trip is not None
+    assert (safety.trip.kind, safety.trip.reason) == (kind, said)
+    bench.heard.take(at(-19.9), S)
+    assert bench.wrench_at(S) == NOTHING
+
+
+def test_too_great_a_force_stops_the_press_and_the_tip_goes_up(tmp_path: Path) -> None:
+    with emulated(tmp_path) as machine:
+        came = pressed(machine, FAULTS['force'], SystemClock(), tmp_path)
+    assert re.fullmatch(r'the force is 3\.[5-9]\d N, above the limit of 3 N', came['said'])
+    assert (came['kind'], came['up']) == ('force', 'up')
+    assert 0.3 <= came['reached_mm'] < 1.0
+    assert came['up_mm'] == pytest.approx(1.0, abs=0.01)
+
+
+def test_when_the_commanding_process_is_killed_the_tip_goes_up_by_what_watches_over_it(tmp_path: Path) -> None:
+    with emulated(tmp_path) as machine:
+        came = pressed(machine, FAULTS['killed'], SystemClock(), tmp_path)
+    assert came['said'] == 'what watches over it says 6 times $J=G21 G90 G53 Z-19.000 F600.0'
+    assert came['up'] == 'up'
+    assert 0.3 <= came['reached_mm'] < 1.0
+    assert came['noticed_s'] < came['rest_s']
+
+
 # The faults.
 
 
@@ -137,6 +236,24 @@ def test_one_line_is_damaged_on_its_way_and_no_other(fault: str, sent: bytes, ar
     assert line.faults.passed('>', b'?') == b'?'
     assert arrives in line.faults.passed('>', sent)
     assert line.faults.passed('>', sent) == sent
+    program.close()
+
+
+def test_an_echo_says_all_that_is_sent_and_loses_none_of_it() -> None:
+    program = Program('cat')
+    line = Line(program, 'grbl', ear(), SystemClock())
+    FAULTS['echo'].begin(line)
+    assert line.faults.passed('>', b'?') == b'?'
+    assert line.faults.passed('<', b'ok\r\n') == b'ok\r\n'
+    assert line.take_output() == b'?'
+    program.close()
+
+
+def test_a_fault_that_kills_kills_nobody_where_nobody_is_told_to_be_killed() -> None:
+    program = Program('cat')
+    line = Line(program, 'grbl', ear(), SystemClock())
+    with pytest.raises(ConfigurationError, match='not the one to be killed'):
+        FAULTS['killed'].begin(line)
     program.close()
 
 
@@ -167,7 +284,7 @@ def outcome(said: str, reached_mm: float) -> dict[str, Any]:
 def result(kind: str = 'grbl', **faults: dict[str, Any]) -> dict[str, Any]:
     machine = {'processor': 'P', 'cores_allowed': 2, 'load_before': [1.0]}
     about = {'kind': kind, 'sources': 'of here', 'command': 'bench', 'commit': 'c0ffee', 'machine': machine}
-    return {'A firmware': {**about, 'obeys': {'home': '1.0 s'}, 'faults': faults}}
+    return {'firmware': {'A firmware': {**about, 'obeys': {'home': '1.0 s'}, 'faults': faults}}}
 
 
 def test_a_press_that_went_on_is_complained_of_and_one_that_stopped_is_not() -> None:
@@ -181,9 +298,24 @@ def test_a_line_with_a_checksum_is_said_again_so_that_the_press_goes_on() -> Non
     assert complaints(result('marlin', deeper_9=outcome('it is off its way', 1.0)))
 
 
+def test_a_load_that_trips_as_another_kind_and_a_tip_that_stays_down_are_complained_of() -> None:
+    overload = outcome('the force is 3.60 N', 0.6) | {'kind': 'overload'}
+    left = outcome('what watches over it says', 0.6) | {'up': 'not at the safe height, 1.00 mm'}
+    assert len(complaints(result(force=overload, killed=left))) == 2
+    assert complaints(result(force=overload | {'kind': 'force'}, bearable=overload, killed=left | {'up': 'up'})) == []
+
+
+def test_the_page_tells_what_a_run_does_then() -> None:
+    force = outcome('the force is 3.60 N', 0.6) | {'kind': 'force'}
+    text = page(result(force=force, bearable=force | {'kind': 'overload'}, cut=force | {'up': 'it hangs'}))
+    assert '| the force is 3.60 N | up | goes on, this point aside |' in text
+    assert '| the force is 3.60 N | up | waits for a person |' in text
+    assert '| the force is 3.60 N | it hangs | ends |' in text
+
+
 def test_the_page_tells_depth_times_and_words_of_each_fault() -> None:
     text = page(result(mute=outcome('it is silent', 0.6), restart={'failed': 'no power to cut'}))
-    assert '| nothing that it says arrives | 0.60 | 0.30 | – | 1.00 | it is silent | up |' in text
+    assert '| nothing that it says arrives | 0.60 | 0.30 | – | 1.00 | it is silent | up | ends |' in text
     assert 'not tried: no power to cut' in text
     assert '| home | 1.0 s |' in text
 

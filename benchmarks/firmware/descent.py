@@ -1,0 +1,58 @@
+"""The descent that each press makes, as a collection makes it: hands, safety and guard, home, above the gel, down."""
+
+from __future__ import annotations
+
+from tactile_nodes.clock import Clock
+from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
+from tactile_nodes.collection.press.rising import rising
+from tactile_nodes.collection.press.surface import HERTZ, Loading, Surface
+from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
+from tactile_nodes.collection.station import Station
+from tactile_nodes.collection.wrench import Tare, tare_of
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
+from tactile_nodes.emulators.world import WorldSettings
+
+COMMANDED_MM, ABOVE_MM = 2.0, 0.2
+PRESS_MM_MIN, TRAVEL_MM_MIN = 60.0, 1200.0
+SLOPE = 0.577  # of the loading line of the paper's gel, (N^2/3)/mm
+LIMITS = LimitSettings(force_silence_ms=300.0)
+
+
+def station(cnc: CncSettings, sensor: ForceTorqueSettings, clock: Clock) -> Station:
+    """Machine and sensor under a safety. Raises as `Station`."""
+
+    def nobody(_: object) -> None:
+        """Is told."""
+
+    settings = CollectionSettings(limits=LIMITS)
+    return Station(settings, cnc, sensor, WorldSettings(), clock, nobody, nobody, nobody)
+
+
+def above(rig: Station, gel_mm: Place, safe_z_mm: float, clock: Clock) -> Tare:
+    """Home, go to just above the gel, and take the tare there. Raises as `Hands.run`."""
+    approach(rig.cnc, gel_mm, safe_z_mm)
+    rig.hands.safety.watch(clock.now_ns(), camera=False)
+    return rig.hands.run(_tared())
+
+
+def approach(cnc: Cnc, gel_mm: Place, safe_z_mm: float) -> None:
+    """Home, then up, aside, and down to just above the gel. Raises as `Cnc`."""
+    x, y, z = gel_mm
+    cnc.home()
+    for way in ({'z': safe_z_mm}, {'x': x, 'y': y}, {'z': z + ABOVE_MM}):
+        cnc.move(**way, feed=TRAVEL_MM_MIN)
+        cnc.wait_idle()
+
+
+def down(surface_mm: float, tare: Tare) -> Procedure[None]:
+    """Into the gel, with a force that is compared with what the gel gives."""
+    gel = Surface(surface_mm, softest=Loading(surface_mm, SLOPE, HERTZ))
+    expect = rising(gel, tare, CollectionSettings(), 0.0, 0.0)
+    yield Go(z=surface_mm - COMMANDED_MM, feed_mm_min=PRESS_MM_MIN, expect=expect)
+
+
+def _tared() -> Procedure[Tare]:
+    tare = tare_of((yield Look(0.3)).samples)
+    yield SetTare(tare)
+    return tare
