@@ -164,9 +164,16 @@ def _watched(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Out
     try:
         outcome, tare = _pressed(bench, rig)
         _away(bench, rig, tare, outcome)
+        require_begun(bench, outcome)
     finally:
         rig.close()
     return outcome
+
+
+def require_begun(bench: Bench, outcome: Outcome) -> None:
+    """Raises TactileError: what stopped the press was not its fault, which had not begun."""
+    if not bench.begun():
+        raise TactileError(f'before its fault: {outcome.said or "nothing was heard of a tip so deep"}')
 
 
 def _killed(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Outcome:

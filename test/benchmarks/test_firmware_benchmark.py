@@ -21,7 +21,7 @@ from benchmarks.firmware.faults import FAULTS
 from benchmarks.firmware.line import Heard, Line, Program, open_wire
 from benchmarks.firmware.obeys import connected, obeys
 from benchmarks.firmware.page import complaints, page
-from benchmarks.firmware.press import Bench, Machine
+from benchmarks.firmware.press import Bench, Machine, Outcome, require_begun
 from benchmarks.harness.running import run
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.collection.safety import Safety
@@ -31,7 +31,7 @@ from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
 from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import NOTHING, World, WorldSettings
-from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
+from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError, TactileError
 
 S = 1_000_000_000
 SURFACE_MM = -20.0
@@ -197,6 +197,14 @@ def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, said: str,
     assert (safety.trip.kind, safety.trip.reason) == (kind, said)
     bench.heard.take(at(-19.9), S)
     assert bench.wrench_at(S) == NOTHING
+
+
+def test_a_press_that_ends_before_its_fault_tells_nothing_of_it(tmp_path: Path) -> None:
+    bench = Bench(firmware.machines(arguments(grbl=['A=b']))[0], FAULTS['none'], SystemClock(), tmp_path)
+    with pytest.raises(TactileError, match='before its fault: error 8'):
+        require_begun(bench, Outcome('error 8', 'driver'))
+    bench.begun_ns = S
+    require_begun(bench, Outcome('it is silent', 'machine'))
 
 
 def test_too_great_a_force_stops_the_press_and_the_tip_goes_up(tmp_path: Path) -> None:
