@@ -51,6 +51,8 @@ UNITS: dict[str, Mapping[str, float]] = {
 USUAL = {'time': 's', 'x': 'mm', 'y': 'mm', 'depth': 'mm'}
 """Units of columns whose header says none."""
 NEEDED = 'x', 'y', 'force'
+MOST_SHOWN, LONGEST_SHOWN = 20, 40
+"""Columns that an error names, and characters of each."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,18 @@ def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
     if not found.keys() & {'picture', 'time'}:
         lacking.insert(0, 'picture')
     if lacking:
-        raise DatasetError(f'{table} has no column for {" and ".join(lacking)}; its first line may be {EXAMPLE}')
+        raise DatasetError(
+            f'{table} has no column for {" and ".join(lacking)}; {_seen(header)}; '
+            f'needed are picture (or time), x, y and force with its unit, as in {EXAMPLE}'
+        )
     return {what: found[what] for what in NAMES if what in found}
+
+
+def _seen(header: list[str]) -> str:
+    """The names of a table's columns, in words; of a file that is no table not all that stands in its first line."""
+    names = [repr(each[:LONGEST_SHOWN]) for each in header[:MOST_SHOWN]]
+    more = len(header) - len(names)
+    return f'its columns are {", ".join(names)}{f" and {more} more" if more else ""}' if names else 'it is empty'
 
 
 def column_of(name: str, table: Path) -> tuple[str, Column] | None:

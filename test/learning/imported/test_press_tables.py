@@ -56,8 +56,17 @@ def test_the_mark_that_spreadsheets_write_first_is_no_part_of_a_name(tmp_path: P
         ('picture,x,y,force_lbf\n', "column 'force_lbf' is in 'lbf'; write one of N, mN, g, kg"),
         ('picture,x_px,y_px,grams\n', "column 'x_px' is in 'px'; write one of um, mm, cm, m"),
         ('picture,x,y,grams,force_n\n', "'grams' and 'force_n' may both be the force; rename the one that is not"),
-        ('picture,x_mm,grams\n', 'has no column for y; its first line may be picture,x_mm,y_mm,force_n'),
-        ('', 'has no column for picture and x and y and force'),
+        (
+            'picture,x_mm,grams\n',
+            "has no column for y; its columns are 'picture', 'x_mm', 'grams'; needed are picture (or time), x, y and "
+            'force with its unit, as in picture,x_mm,y_mm,force_n',
+        ),
+        ('', 'has no column for picture and x and y and force; it is empty; needed are picture'),
+        (
+            ','.join(f'note {number}' for number in range(23)),
+            "'note 18', 'note 19' and 3 more; needed are",
+        ),
+        (f'{"a" * 50},b\n', f"its columns are '{'a' * 40}', 'b'; needed are"),
         ('picture,x,y,grams\na.png,1,2\n', r'line 2 has 3 cells, and the first line has 4'),
         ('picture,x,y,grams\na.png,1,2,0,5\n', r'line 2 has 5 cells, and the first line has 4'),
         ('picture,x,y,grams\n\na.png,1,2,five\n', r"line 3: grams is 'five', and must be a number"),
