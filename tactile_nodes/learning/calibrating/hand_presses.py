@@ -45,6 +45,7 @@ from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.optics import Optics
 
 REST_SEED = 1
+NO_PRESS = 'the table holds no press, all its forces are 0: nothing would tell how hard the gel is'
 
 BodyOf = Callable[[str, bool], KnownBody]
 """What an indenter of a row is; told whether all rows have it."""
@@ -230,6 +231,8 @@ def _fitted(
     Raises:
         DatasetError: no calibration follows, or it would not pay.
     """
+    no_press = '' if presses.pressed else NO_PRESS
+    require_worth(no_press, 'add five presses with a weight, or three with a pen at known places', forced=forced)
     outline = outline_between(loaded, presses.rest_picture)
     if isinstance(outline, str) and not presses.pressed:
         raise DatasetError(f'the table holds no press, and the outline of the gel cannot be used: {outline}')
@@ -249,6 +252,6 @@ def _fitted(
         assert isinstance(outline, OutlineMap)
         made = transfer_outline(readout, outline, half_px)
     made = with_field_by_hand(loaded, made, dataset, pressed, progress)
-    said = objection('calibration', made.after, made.before, of_the_mean(presses.contacts))
+    said = objection('calibration', made.after, made.before, of_the_mean(presses.contacts)) or no_press
     require_worth(said, 'keep the model, or check the table and take more pictures', forced=forced)
     return replace(made, objection=said), bodies, rest

@@ -47,9 +47,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def calibrated(folder: Path, table: str, model: str = 'portable') -> Path:
+def calibrated(folder: Path, table: str, model: str = 'portable', *more: str) -> Path:
     output = folder / f'{table}.safetensors'
-    told = ['--model', model, '--gel', 'by-hand', '-o', str(output)]
+    told = ['--model', model, '--gel', 'by-hand', '-o', str(output), *more]
     assert main(['calibrate', '--pictures', str(folder / table), *told]) == 0
     return output
 
@@ -96,9 +96,24 @@ def test_pictures_beside_numbers_of_others_make_no_model(folder: Path, capsys: p
     assert not output.exists()
 
 
-def test_two_rest_images_alone_make_a_model_that_says_what_it_does_not_know(folder: Path) -> None:
-    loaded = load_model(calibrated(folder, 'rest.csv'))
+@pytest.mark.parametrize('model', ['portable', 'field'])
+def test_a_table_without_any_press_makes_no_model(folder: Path, model: str, capsys: pytest.CaptureFixture[str]) -> None:
+    output = folder / f'none-{model}.safetensors'
+    words = ['--model', model, '--gel', 'by-hand', '-o', str(output)]
+    assert main(['calibrate', '--pictures', str(folder / 'rest.csv'), *words]) == 1
+    said = capsys.readouterr().err
+    assert 'the table holds no press, all its forces are 0' in said
+    assert said.count('\n') == 1
+    assert not output.exists()
+
+
+def test_two_rest_images_alone_make_a_model_if_forced_that_says_what_it_does_not_know(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loaded = load_model(calibrated(folder, 'rest.csv', 'portable', '--force'))
+    assert 'written by --force: the table holds no press' in capsys.readouterr().out
     told = loaded.card['training']['calibration']
+    assert told['objection'].startswith('the table holds no press')
     assert told['form'] == 'outline'
     assert any('as hard as the known one' in sentence for sentence in told['held'])
     assert told['after']['force_rmse_n'] is None
