@@ -21,6 +21,7 @@
     ├── BagError                    a recording that cannot be written or read
     ├── AskedToEndError             the process is to end, while something in it still waits
     ├── DatasetError                presses that cannot be learned from: a data set that is missing, damaged or unfit
+    │   └── TooFewPressesError      presses, or images of the untouched gel, that are too few
     └── ModelError                  a model file that is missing, damaged, foreign or made for other inputs
 
 The text of each is one sentence for a person: what was attempted on what, and what to do.
@@ -115,6 +116,10 @@ class BagError(TactileError):
 
 class DatasetError(TactileError):
     """A data set of presses that is missing, damaged, or does not fit what is to be done with it."""
+
+
+class TooFewPressesError(DatasetError):
+    """Presses, or images of the untouched gel, that are too few to learn from."""
 
 
 class ModelError(TactileError):

@@ -114,6 +114,66 @@ def test_a_model_of_too_few_presses_says_so_and_what_to_do(tmp_path: Path, capsy
     assert 'tactile calibrate --dataset presses.npz --model portable' in said
 
 
+def few(folder: Path, presses: int, untouched: int) -> str:
+    """A data set of so many of each."""
+    dataset = pressed(200, 2, 1.0, 0.0)
+    touched = dataset.presses[:, 3] > 0
+    rows = np.concatenate([np.flatnonzero(touched)[:presses], np.flatnonzero(~touched)[:untouched]])
+    save_dataset(folder / 'few.npz', recorded(dataset.take(rows), 'mine'))
+    return str(folder / 'few.npz')
+
+
+@pytest.mark.parametrize(
+    ('run', 'presses', 'untouched', 'said'),
+    [
+        # Of 64 samples a fifth, 13, is put aside for the test and a tenth of the others, 6, for validation.
+        (
+            'readout: response\nresponse: {components: 12, spacing_mm: 3.0, levels: 3}\n', 64, 0,
+            'beside those put aside there are 0 and 45: 12 images of the untouched gel are missing; record more, or '
+            'take more of the untouched gel from the same bags (tactile dataset build … --without-contact 0.2); or ',
+        ),
+        (
+            'readout: axisymmetric\n', 64, 0,
+            'there are 0 and 45: 12 images of the untouched gel and 55 presses are missing; record more',
+        ),
+        ('readout: response\n', 2, 0, '2 presses or positions are too few to test on 0.2 and validate on 0.1 of them'),
+    ],
+)  # fmt: skip
+def test_what_is_missing_to_train_is_told_and_that_a_calibration_needs_less(
+    run: str, presses: int, untouched: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / 'run.yaml').write_text(run)
+    named = ['--dataset', few(tmp_path, presses, untouched), '-o', str(tmp_path / 'mine.safetensors')]
+    assert main(['train', str(tmp_path / 'run.yaml'), *named, '--runs', str(tmp_path / 'runs')]) == 1
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.endswith('tactile calibrate --dataset presses.npz --model portable -o FILE\n')
+    assert not (tmp_path / 'mine.safetensors').exists()
+
+
+@pytest.mark.parametrize(
+    ('presses', 'untouched', 'said'),
+    [
+        (0, 20, 'a network needs presses with a force to train on, and there is none; record some; or calibrate'),
+        # Of 12 samples 3 are put aside for the test and of the others one for validation, whose mean is itself.
+        (12, 0, 'nothing tells how good the model is: presses held out are 1, too few'),
+    ],
+)
+def test_a_network_that_no_press_could_judge_is_not_written(
+    presses: int, untouched: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    pytest.importorskip('torch')
+    (tmp_path / 'run.yaml').write_text(
+        'readout: network\nnetwork: {hidden: [4], dropout: 0.0}\n'
+        'training: {batch: 10, epochs: 2, threads: 1, device: cpu}\n'
+    )
+    output = tmp_path / 'mine.safetensors'
+    words = ['train', str(tmp_path / 'run.yaml'), '--dataset', few(tmp_path, presses, untouched), '-o', str(output)]
+    assert main([*words, '--runs', str(tmp_path / 'runs')]) == 1
+    assert said in capsys.readouterr().err
+    assert not output.exists()
+
+
 def test_a_model_of_enough_presses_is_not_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(words_of(tmp_path, noise_px=0.0)) == 0
     assert 'warning' not in capsys.readouterr().out

@@ -13,7 +13,6 @@ import numpy as np
 import scipy.sparse
 from jaxtyping import Float
 
-from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric.calibration import Judged, calibrated, with_correction
 from tactile_nodes.learning.axisymmetric.regions import (
     FIRST_DOUBT,
@@ -25,8 +24,9 @@ from tactile_nodes.learning.axisymmetric.regions import (
 )
 from tactile_nodes.learning.axisymmetric.steps import fit_regions
 from tactile_nodes.learning.config import AxisymmetricConfig
+from tactile_nodes.learning.datasets.enough import require_enough
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.measured.fit import LEAST_UNTOUCHED, inner_held_out, noise_scaling
+from tactile_nodes.learning.measured.fit import inner_held_out, noise_scaling
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.explain.axisymmetric.response import BEND_MM, CORE_MM, DISTANCES, AxisymmetricResponse
@@ -56,16 +56,12 @@ def fit_axisymmetric(
     Samples of `held_out` (a boolean for each) are never looked at.
 
     Raises:
-        DatasetError: too few presses or images of the untouched gel.
+        TooFewPressesError: too few presses or images of the untouched gel.
     """
     touched = dataset.presses[:, 2] > 0
     untouched = np.flatnonzero(~held_out & ~touched)
     used = np.flatnonzero(~held_out & touched)
-    if len(untouched) < LEAST_UNTOUCHED or len(used) < LEAST_PRESSES:
-        raise DatasetError(
-            f'an axisymmetric response needs at least {LEAST_UNTOUCHED} images of the untouched gel and '
-            f'{LEAST_PRESSES} presses, and there are {len(untouched)} and {len(used)}; record more'
-        )
+    require_enough('an axisymmetric response', len(untouched), len(used), LEAST_PRESSES)
     scaling = noise_scaling(dataset, untouched, config)
     inner = inner_held_out(dataset, used, config.seed)
     presses, judges = (Presses.of(dataset, used[chosen], scaling) for chosen in (~inner, inner))

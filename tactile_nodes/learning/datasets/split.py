@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from tactile_nodes.errors import DatasetError
+from tactile_nodes.errors import TooFewPressesError
 
 TEST_SHARE = 0.2
 VALIDATION_SHARE = 0.1
@@ -55,7 +55,7 @@ def by_sample(
     7884, the number that the paper gives. Samples with the same number in `press` stay together.
 
     Raises:
-        DatasetError: too few presses for three parts.
+        TooFewPressesError: too few presses for three parts.
     """
     _, first, member = np.unique(press, return_index=True, return_inverse=True)
     deepest = np.asarray(depth_mm, np.float64)[first]
@@ -75,7 +75,7 @@ def by_position(
     Of the paper's 1369 positions 274 are the test set (2192 presses), 985 train.
 
     Raises:
-        DatasetError: too few positions for three parts.
+        TooFewPressesError: too few positions for three parts.
     """
     member = position_ids(position_mm)
     return _split(member, np.zeros(int(member.max(initial=-1)) + 1, np.int64), seed, test, validation)
@@ -103,9 +103,9 @@ def _split(
     tested = math.ceil(groups * test - 1e-9)
     trained = math.floor((groups - tested) * (1 - validation) + 1e-9)
     if min(tested, trained, groups - tested - trained) < 1:
-        raise DatasetError(
+        raise TooFewPressesError(
             f'{groups} presses or positions are too few to test on {test:g} and validate on {validation:g} of them; '
-            'give more bags'
+            'record more'
         )
     random = np.random.default_rng(seed)
     side = np.zeros(groups, np.int64)

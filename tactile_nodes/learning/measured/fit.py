@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig
+from tactile_nodes.learning.datasets.enough import require_enough
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.measured.calibration import calibrated, most_shift_gain, rescaled
 from tactile_nodes.learning.progress import Progress
@@ -27,7 +28,6 @@ from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.splines import SplineAxis
 from tactile_nodes.sensing.geometry import BinGrid
 
-LEAST_UNTOUCHED = 12
 UNTOUCHED_WEIGHT = 10.0
 CALIBRATION_SHARE = 0.15
 LEAST_VARIANCE = 1e-6
@@ -75,15 +75,6 @@ def fit_response(
     return final
 
 
-def _require_enough(untouched: int, presses: int, components: int) -> None:
-    if untouched < LEAST_UNTOUCHED or presses < components:
-        raise DatasetError(
-            f'a response of {components} components needs at least {LEAST_UNTOUCHED} images of the untouched gel and '
-            f'{components} presses to train on, and beside those put aside there are {untouched} and {presses}; record '
-            'more, or lower response.components'
-        )
-
-
 def at_new_places(dataset: Dataset, held_out: np.ndarray) -> np.ndarray:
     """Held-out samples at positions where no other sample is."""
     known = {(x, y) for x, y in dataset.presses[~held_out, :2].tolist()}
@@ -121,7 +112,10 @@ class Subspace:
     def of(cls, dataset: Dataset, used: np.ndarray, config: ResponseConfig) -> Subspace:
         touched = dataset.presses[:, 2] > 0
         untouched = used[~touched[used]]
-        _require_enough(len(untouched), int(touched[used].sum()), config.components)
+        require_enough(
+            f'a response of {config.components} components', len(untouched), int(touched[used].sum()),
+            config.components, 'lower response.components',
+        )  # fmt: skip
         scaling = noise_scaling(dataset, untouched, config)
         inputs, _ = scaled(dataset, scaling)
         square = gram(inputs, used)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tactile_nodes import clock
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, TooFewPressesError
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.attempt import Attempt, restarted
@@ -47,8 +47,11 @@ def fit_network(
     Raises:
         ConfigurationError: torch is not installed, or not the device that the configuration asks for.
         ModelError: the run's checkpoint is damaged.
+        TooFewPressesError: no press with a force is left to learn from.
     """
     import_torch()
+    if not ((dataset.presses[:, 2] > 0) & (dataset.presses[:, 3] > 0))[~held_out].any():
+        raise TooFewPressesError('a network needs presses with a force to train on, and there is none; record some')
     device = prepare_torch(config)
     training = Training.resumed(dataset, held_out, config, device, run or Run(), progress)
     try:

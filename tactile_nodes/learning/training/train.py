@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes import __version__, clock
+from tactile_nodes.errors import TooFewPressesError
 from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig, TrainConfig
 from tactile_nodes.learning.datasets.pressed_gels import pressed_gel
@@ -26,7 +29,7 @@ from tactile_nodes.learning.training.source import TrainingData, training_data
 from tactile_nodes.learning.transfer.carried import Found, found_by_counts, learned_carried
 from tactile_nodes.learning.transfer.errors import Errors
 from tactile_nodes.learning.transfer.fit import live_errors
-from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, poor, require_worth
+from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, poor, require_worth, unjudged
 from tactile_nodes.model_file import save_model
 from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.explain.arrays import AnyReadout
@@ -35,6 +38,10 @@ from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 
 USUAL_PRESSES = 300
 """So many lead to a model that is worth having (docs/training.md)."""
+CALIBRATE = (
+    'calibrate a model of another gel, which takes ten to a hundred presses that are measured as it measures: tactile '
+    'dataset … --model portable -o presses.npz, then tactile calibrate --dataset presses.npz --model portable -o FILE'
+)
 NETWORK_THRESHOLD_N = 0.05
 """Above what a network that is trained as published reads while nothing touches."""
 
@@ -64,10 +71,12 @@ def train(
         import_torch()  # before any press is rendered
     check_output(config.output)
     progress = progress or Progress()
-    data = training_data(config, progress)
+    with calibration_named(config):
+        data = training_data(config, progress)
     run = Run() if runs is None else RunFolder(runs, data.config, data.dataset.fingerprint, fresh=fresh)
     with run:
-        readout, report = fit(data, progress, run)
+        with calibration_named(config):
+            readout, report = fit(data, progress, run)
         warning = require_learned(readout, data, forced=forced)
         model = ForceModel(
             layout=FeatureLayout(data.config.encoding.name, *data.dataset.features.shape[1:]),
@@ -85,18 +94,34 @@ def train(
     return config.output
 
 
+@contextmanager
+def calibration_named(config: TrainConfig) -> Iterator[None]:
+    """Of recorded presses that are too few for a model of their own, say also what they are enough for.
+
+    Raises:
+        TooFewPressesError: as what is done within, with that beside it.
+    """
+    try:
+        yield
+    except TooFewPressesError as error:
+        if not config.data.file:
+            raise
+        raise TooFewPressesError(f'{error}; or {CALIBRATE}') from error
+
+
 def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = False) -> str:
     """What a person should know of a model trained on recorded presses; nothing where these are enough.
 
     Raises:
-        DatasetError: it reads presses that were held out no better than by answering their mean, and is not `forced`.
+        DatasetError: it reads presses that were held out no better than by answering their mean, or these tell nothing,
+            and it is not `forced`.
     """
+    if not data.config.data.file:
+        return ''
     presses = data.dataset.presses
     judges = np.flatnonzero(data.held_out & (presses[:, 2] > 0))
-    if not (data.config.data.file and len(judges)):
-        return ''
     after, mean = Errors.of(live_errors(readout, data.dataset, judges)), of_the_mean(presses[judges][:, [0, 1, 3]])
-    said = objection('model', after, None, mean)
+    said = objection('model', after, None, mean) or unjudged(len(judges), mean)
     advice = _advice(int((~data.held_out & (presses[:, 2] > 0)).sum()))
     require_worth(said, advice, forced=forced, command='tactile train')
     said = said or poor(after, mean)
@@ -108,11 +133,7 @@ def _advice(presses: int) -> str:
     enough = presses >= USUAL_PRESSES
     few = f'{presses} presses to train on are {"too unlike one another" if enough else "too few"}'
     more = 'check places and forces' if enough else f'record {USUAL_PRESSES} or more'
-    return (
-        f'{few}: {more}, or calibrate a model of another gel, which takes ten to a hundred presses that are measured '
-        'as it measures: tactile dataset … --model portable -o presses.npz, then tactile calibrate --dataset '
-        'presses.npz --model portable -o FILE'
-    )
+    return f'{few}: {more}, or {CALIBRATE}'
 
 
 def threshold_of(config: TrainConfig) -> float:

@@ -100,6 +100,13 @@ def require_worth(said: str, advice: str, *, forced: bool, command: str = 'tacti
         raise DatasetError(f'{said}; {advice} ({command} … --force writes it all the same)')
 
 
+def unjudged(presses: int, mean: Errors) -> str:
+    """Why so many presses cannot judge a model, by the errors of answering their mean; empty where they can."""
+    if math.isfinite(mean.force_median_n) or math.isfinite(mean.place_median_mm):
+        return ''
+    return f'nothing tells how good the model is: presses held out are {presses}, too few or too much alike to judge it'
+
+
 def poor(after: Errors, mean: Errors) -> str:
     """In words that a model is far from what enough presses lead to; empty where it is not."""
     if worst_share_of(after, mean) <= POOR:

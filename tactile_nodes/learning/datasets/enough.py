@@ -1,0 +1,32 @@
+"""Whether samples are enough for a fit, said before anything is fitted."""
+
+from __future__ import annotations
+
+from tactile_nodes.errors import TooFewPressesError
+
+LEAST_UNTOUCHED = 12
+MORE_UNTOUCHED = 'take more of the untouched gel from the same bags (tactile dataset build … --without-contact 0.2)'
+
+
+def require_enough(what: str, untouched: int, presses: int, least_presses: int, or_else: str = '') -> None:
+    """Refuse samples that are too few for `what`; where presses are missing, `or_else` says what else would help.
+
+    Raises:
+        TooFewPressesError: says how many of what are missing.
+    """
+    lacking = [
+        (LEAST_UNTOUCHED - untouched, 'images of the untouched gel'),
+        (least_presses - presses, 'presses'),
+    ]  # fmt: skip
+    missing = ' and '.join(f'{count} {name}' for count, name in lacking if count > 0)
+    if missing:
+        mends = [
+            'record more',
+            or_else if presses < least_presses else '',
+            MORE_UNTOUCHED if untouched < LEAST_UNTOUCHED else '',
+        ]
+        raise TooFewPressesError(
+            f'{what} needs at least {LEAST_UNTOUCHED} images of the untouched gel and {least_presses} presses to train '
+            f'on, and beside those put aside there are {untouched} and {presses}: {missing} are missing; '
+            + ', or '.join(filter(None, mends))
+        )
