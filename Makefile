@@ -34,12 +34,13 @@ test: $(VENV)/.dev
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal $(ARGS)
 
 # The random tests, again and again with other examples until Ctrl-C or a failure; SEED=… tries those of that seed again.
+# What fails is kept in .hypothesis/found, and tried first in the next round.
 fuzz: $(VENV)/.dev
 	@for round in $$(seq $(if $(SEED),1,1000000)); do \
 	  seed=$(or $(SEED),$$(od -An -N4 -tu4 /dev/urandom | tr -d ' ')); \
 	  echo "round $$round: make fuzz SEED=$$seed"; \
-	  TACTILE_HYPOTHESIS=fuzz OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m hypothesis \
-	    --hypothesis-seed=$$seed --numprocesses $(WORKERS) --dist loadfile $(ARGS) || exit 1; \
+	  TACTILE_HYPOTHESIS=fuzz TACTILE_SEED=$$seed OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
+	    $(BIN)/python -m pytest -q -m hypothesis --numprocesses $(WORKERS) --dist loadfile $(ARGS) || exit 1; \
 	done
 
 # Every command of README and the how-to pages that needs no device, the long ones too.

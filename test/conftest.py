@@ -16,6 +16,7 @@ import hypothesis
 import installed_first  # noqa: F401 - before what imports our package
 import jaxtyping
 import pytest
+from found_examples import FoundExamples
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 from pauses import Pauses
@@ -40,11 +41,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Shapes and types of arrays are checked in the tests of these packages. Elsewhere it would double the time of many.
 CHECKED = ('sensing', 'simulation')
+CHECKED_TESTS = [TESTS / package for package in CHECKED]
 jaxtyping.install_import_hook([f'tactile_nodes.{package}' for package in CHECKED], 'beartype.beartype')
 
-# The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints.
+# The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints, and
+# keeps what it finds.
+SEED = int(os.environ.get('TACTILE_SEED', '0'))
+FOUND = FoundExamples(Path(os.environ.get('TACTILE_FOUND') or TESTS.parent / '.hypothesis' / 'found'), SEED)
 hypothesis.settings.register_profile('suite', database=None, deadline=None, derandomize=True, print_blob=True)
-hypothesis.settings.register_profile('fuzz', database=None, deadline=None, print_blob=True)
+hypothesis.settings.register_profile('fuzz', database=FOUND.database, deadline=None, print_blob=True)
 PROFILE = os.environ.get('TACTILE_HYPOTHESIS', 'suite')
 hypothesis.settings.load_profile(PROFILE)
 
@@ -70,7 +75,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, o
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Switch the checks on or off, fixtures included; begin to look for pauses anew."""
-    jaxtyping.config.update('jaxtyping_disable', item.path.relative_to(TESTS).parts[0] not in CHECKED)
+    jaxtyping.config.update('jaxtyping_disable', not any(map(item.path.is_relative_to, CHECKED_TESTS)))
     PAUSES.longest_s = 0.0
     return (yield)
 
@@ -79,6 +84,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 def pytest_configure(config: pytest.Config) -> None:
     """Look for pauses of the machine; have each test wait less for the process that counts its tries."""
     PAUSES.start()
+    if PROFILE == 'fuzz':
+        config.pluginmanager.register(FOUND)
     tries = getattr(config, 'failures_db', None)
     if hasattr(config, 'workerinput') and hasattr(tries, 'sock'):
         # Of two short lines the second waited for the acknowledgement of the first, 40 ms.

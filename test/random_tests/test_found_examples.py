@@ -1,0 +1,62 @@
+"""What the random run finds is kept, so that it can become a test."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+TESTS = Path(__file__).parents[1]
+RANDOM_TEST = """
+from hypothesis import given, strategies as st
+
+@given(st.integers())
+def test_small(number):
+    print('tried', number)
+    assert number < 1000
+"""
+
+
+def ran(file: Path, found: Path, seed: int) -> str:
+    """What pytest says of a file, run as `make fuzz` runs the suite."""
+    told = {
+        'TACTILE_HYPOTHESIS': 'fuzz',
+        'TACTILE_SEED': str(seed),
+        'TACTILE_FOUND': str(found),
+        'PYTHONPATH': str(TESTS),
+    }
+    asked = [sys.executable, '-m', 'pytest', '-q', '-p', 'conftest', '-m', 'hypothesis', str(file)]
+    return subprocess.run(
+        asked, cwd=TESTS.parent, env={**os.environ, **told}, capture_output=True, text=True, timeout=120, check=False
+    ).stdout
+
+
+def test_what_the_random_run_finds_is_kept_tried_first_and_told(tmp_path: Path) -> None:
+    file, found = tmp_path / 'test_small.py', tmp_path / 'found'
+    file.write_text(RANDOM_TEST)
+    said = ran(file, found, 7)
+    (kept,) = found.glob('*.txt')
+    assert str(kept) in said
+    text = kept.read_text()
+    assert 'make fuzz SEED=7' in text
+    assert 'number=1000' in text  # the smallest that fails
+    decorator = re.search(r"@reproduce_failure\('[\d.]+', (b'.*?')\)", text)
+    assert decorator is not None
+    assert ast.literal_eval(decorator[1])
+
+    # The next round tries it before it draws any other.
+    assert tried(ran(file, found, 8))[0] == '1000'
+
+
+def test_a_seed_has_the_same_examples_tried(tmp_path: Path) -> None:
+    file = tmp_path / 'test_small.py'
+    file.write_text(RANDOM_TEST)
+    assert tried(ran(file, tmp_path / 'one', 7)) == tried(ran(file, tmp_path / 'other', 7))
+
+
+def tried(said: str) -> list[str]:
+    """What the random test printed."""
+    return re.findall(r'tried (-?\d+)', said)
