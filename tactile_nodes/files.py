@@ -53,6 +53,23 @@ def check_size(path: str | Path, largest: int) -> None:
     open_plain(path, largest).close()
 
 
+def bytes_there(opened: BinaryIO, enough: int) -> int:
+    """How many bytes of a file are there, holes left out; counted up to `enough`."""
+    descriptor, found, end = opened.fileno(), 0, 0
+    place = os.lseek(descriptor, 0, os.SEEK_CUR)
+    try:
+        while found < enough:
+            begin = os.lseek(descriptor, end, os.SEEK_DATA)
+            end = os.lseek(descriptor, begin, os.SEEK_HOLE)
+            found += end - begin
+    except OSError as error:
+        if error.errno != errno.ENXIO:  # which says that no more follow
+            raise
+    finally:
+        os.lseek(descriptor, place, os.SEEK_SET)
+    return found
+
+
 def _check(found: os.stat_result, path: str | Path, largest: int | None) -> None:
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

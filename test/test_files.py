@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import os
+import re
 import struct
 import tracemalloc
 import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -42,6 +45,8 @@ READERS: dict[str, Callable[[Path], object]] = {
     'a.stl': lambda file: body_of(str(file)),
     'run.yaml': lambda file: read_run(file.parent),
 }
+
+File = TypeVar('File', Path, io.FileIO)
 
 
 def refusal(read: Callable[[Path], object], file: Path) -> str:
@@ -84,9 +89,9 @@ def test_a_small_file_of_a_gigantic_picture_is_not_unpacked(name: str, tmp_path:
     assert 'it is 32000x32000 pixels large, and may be 8192x8192 pixels (64 megapixels) at most' in said
 
 
-def zipped(file: Path, names: tuple[str, ...]) -> Path:
-    """Entries of 64 MB of zeros, packed to 64 kB each."""
-    with zipfile.ZipFile(file, 'w', zipfile.ZIP_DEFLATED) as archive:
+def zipped(file: File, names: tuple[str, ...], packing: int = zipfile.ZIP_DEFLATED) -> File:
+    """Entries of 64 MB of zeros, packed to 64 kB each unless told otherwise."""
+    with zipfile.ZipFile(file, 'w', packing) as archive:
         for name in names:
             with archive.open(f'{name}.npy', 'w') as entry:
                 np.lib.format.write_array(entry, np.zeros(16 << 20, np.float32))
@@ -101,6 +106,36 @@ def test_a_data_set_with_names_of_others_is_refused_before_it_is_unpacked(tmp_pa
 def test_a_data_set_that_would_unpack_to_a_thousand_times_its_size_is_refused_before(tmp_path: Path) -> None:
     said = refusal(load_dataset, zipped(tmp_path / 'a.npz', ('card', 'fingerprint', 'features')))
     assert 'would unpack from' in said
+
+
+def test_holes_of_a_sparse_file_count_for_nothing_beside_what_it_would_unpack_to(tmp_path: Path) -> None:
+    """A gigabyte of nothing before entries of 192 MB that are packed to 192 kB."""
+    packed = zipped(tmp_path / 'packed.npz', ('card', 'fingerprint', 'features')).read_bytes()
+    with (tmp_path / 'a.npz').open('wb') as file:
+        file.write(b'PK\3\4')
+        file.seek(1 << 30)
+        file.write(packed)
+    told = re.search(r'would unpack from (\d+) to (\d+) bytes', refusal(load_dataset, tmp_path / 'a.npz'))
+    assert told is not None
+    assert int(told[1]) < len(packed)
+    assert int(told[2]) == 3 * ((64 << 20) + 128)  # of numpy's header
+
+
+class Sparse(io.FileIO):
+    """A file in which zeros that are written become holes."""
+
+    def write(self, data: bytes | memoryview) -> int:
+        if bytes(data).strip(b'\0'):
+            return super().write(data)
+        self.seek(len(bytes(data)), os.SEEK_CUR)
+        return len(bytes(data))
+
+
+def test_entries_that_are_holes_themselves_are_not_read(tmp_path: Path) -> None:
+    with Sparse(tmp_path / 'a.npz', 'w') as file:
+        zipped(file, ('card', 'fingerprint', 'features'), zipfile.ZIP_STORED)
+    assert (tmp_path / 'a.npz').stat().st_size > 3 * (64 << 20)
+    assert 'would unpack from' in refusal(load_dataset, tmp_path / 'a.npz')
 
 
 def test_a_single_array_of_gigabytes_is_no_data_set(tmp_path: Path) -> None:

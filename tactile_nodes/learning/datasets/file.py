@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -18,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.files import open_plain
+from tactile_nodes.files import bytes_there, open_plain
 from tactile_nodes.learning.datasets.recordings import (
     OPTIONAL,
     REST_IMAGE,
@@ -132,7 +131,8 @@ def _check_entries(path: Path, opened: BinaryIO) -> None:
     opened.seek(0)
     if foreign := {entry.filename for entry in entries} - {f'{name}.npy' for name in _NAMES}:
         raise DatasetError(f'{path} is no data set of tactile_nodes: it holds {sorted(foreign)[0]!r:.60}')
-    unpacked, stored = sum(entry.file_size for entry in entries), os.fstat(opened.fileno()).st_size
+    unpacked, packed = sum(entry.file_size for entry in entries), sum(entry.compress_size for entry in entries)
+    stored = min(packed, bytes_there(opened, packed))  # entries may say what they like, and a sparse file have holes
     if unpacked > _LARGEST_RATIO * stored:
         raise DatasetError(
             f'{path} would unpack from {stored} to {unpacked} bytes, as no data set does; fetch it again'
