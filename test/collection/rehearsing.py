@@ -97,6 +97,7 @@ class Run:
         self.suspects: list[tuple[int, int]] = []
         self.earlier: list[Record] = []
         self.unrecorded: set[int] = set()
+        self.recorder = True
         self.person = Person('answer', self.said.append, self.rig.clock)
         outlet = Outlet(
             record=self._record,
@@ -104,7 +105,7 @@ class Run:
             suspect=lambda entry, reason: self.suspects.append((entry.press, entry.attempt)),
             recall=self._recall,
             say=self.said.append,
-            require_recorder=lambda: True,
+            require_recorder=lambda: self.recorder,
             missing=self._missing,
             person=self.person,
         )

@@ -80,6 +80,11 @@ def image_noise(frames: Sequence[Frame]) -> float:
     return noise
 
 
+def breath() -> Procedure[None]:
+    """Let a tenth of a second pass, with the tip where it is."""
+    yield Look(0.1)
+
+
 def await_recovery(hands: Hands, limits: LimitSettings, reason: str) -> None:
     """Return when sensor and camera have been well for a while.
 

@@ -27,7 +27,7 @@ from tactile_nodes.collection.plan.journal import (
 from tactile_nodes.collection.plan.plan import Plan, Point
 from tactile_nodes.collection.plan.progress import Progress
 from tactile_nodes.collection.press.cycle import Ground, Record, press_cycle
-from tactile_nodes.collection.press.rest import await_recovery, go_to_gel, image_noise, rest_frames
+from tactile_nodes.collection.press.rest import await_recovery, breath, go_to_gel, image_noise, rest_frames
 from tactile_nodes.collection.press.speed import check_speeds
 from tactile_nodes.collection.press.surface import Surface, find_surface
 from tactile_nodes.collection.press.sync_pattern import sync_pattern
@@ -248,11 +248,11 @@ class Campaign:
         if self.paused:
             self._outlet.say('paused, with the tip above the gel')
         while self.paused:
-            self._hands.wait(0.1)
+            self._recovery.patiently(breath)
 
     def _await_recorder(self) -> None:
         while not self._outlet.require_recorder():
-            self._hands.wait(0.1)
+            self._recovery.patiently(breath)
 
     # Before the first press.
 

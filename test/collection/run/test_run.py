@@ -253,3 +253,43 @@ def test_two_runs_cannot_share_a_journal(tmp_path: Path) -> None:
 def test_machine_that_loses_its_master_comes_to_rest_within_two_jogs(undisturbed: Undisturbed) -> None:
     assert len(undisturbed.owed_mm) > 100
     assert max(undisturbed.owed_mm) == 0.0
+
+
+@pytest.mark.parametrize('silent', ['silent_sensor', 'silent_camera'])
+@pytest.mark.parametrize('waiting', ['paused', 'without a recorder'])
+def test_a_device_that_falls_silent_while_the_run_waits_with_the_tip_up_is_waited_for(
+    silent: str, waiting: str, tmp_path: Path
+) -> None:
+    run = Run(tmp_path)
+
+    def wait(waits: bool) -> None:
+        if waiting == 'paused':
+            run.campaign.paused = waits
+        else:
+            run.recorder = not waits
+
+    def begin() -> None:
+        wait(True)
+        run.after(5.0, lambda: setattr(run.rig, silent, True))
+        run.after(7.0, lambda: setattr(run.rig, silent, False))
+        run.after(30.0, lambda: wait(False))
+
+    run.at(3, begin)
+    assert run.campaign.run().startswith('the plan is done: 12 of 12')
+    assert all(not record.reason for record in run.told)
+    (said,) = [line for line in run.said if 'waiting until it is well again' in line]
+    assert ('sensor' if silent == 'silent_sensor' else 'camera') in said
+
+
+def test_an_unbearable_force_during_a_pause_halts_the_run(tmp_path: Path) -> None:
+    """Somebody leans on the tool and stays: 6 N, more than the bearable 5."""
+    run = Run(tmp_path)
+
+    def pause() -> None:
+        run.campaign.paused = True
+        run.after(5.0, lambda: setattr(run.world, 'wrench_at', lambda _: (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)))
+
+    run.at(3, pause)
+    with pytest.raises(DeviceFaultError, match='are left although the machine says that the tip is up'):
+        run.campaign.run()
+    assert 'more than the bearable 5 N' in run.journal.halted  # so that the next one asks first
