@@ -74,8 +74,11 @@ class HandSensorsNode(Node):
         self._folder.cleanup()
 
     def _health(self, sensor: HandSensor) -> Diagnostics:
-        """Below the name of the sensor, where whoever looks at that one alone finds it."""
-        return Diagnostics(f'{self.names.namespace.rstrip("/")}/{sensor.name}/launch')
+        """Below the name of the sensor, where whoever looks at that one alone finds it; of its camera unless played."""
+        health = Diagnostics(f'{self.names.namespace.rstrip("/")}/{sensor.name}/launch')
+        if not self.params.replay:
+            health.hardware['sensor'] = sensor.source
+        return health
 
     def _report(self) -> None:
         for sensor, launch in self._launches.items():

@@ -75,11 +75,15 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
         assert made.message.header.frame_id == 'grip'
         assert 'gone' in made.message.missing
         wanted, deadline_s = {'/dev/video99', "two sensors with the name 'right'"}, monotonic_s() + PATIENCE_S
-        while wanted and monotonic_s() < deadline_s:
+        hardware = dict.fromkeys(('gone/launch: sensor', 'left/launch: sensor', 'left/camera: camera'), '')
+        while (wanted or '' in hardware.values()) and monotonic_s() < deadline_s:
             heard = told.get(PATIENCE_S)
-            texts = ' '.join(status.message for status in heard.message.status) if heard is not None else ''
+            statuses = heard.message.status if heard is not None else []
+            texts = ' '.join(status.message for status in statuses)
             wanted = {each for each in wanted if each not in texts}
+            hardware |= {each.name: each.hardware_id for each in statuses if each.name in hardware}
         assert not wanted
+        assert list(hardware.values()) == ['/dev/video99', 'simulated', 'simulated']
         children = psutil.Process(process.pid).children(recursive=True)
         assert len(children) > 6  # two programs and their guardian; two of each sensor
     finally:
