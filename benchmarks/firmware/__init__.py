@@ -38,12 +38,14 @@ MARLIN_LOWEST_MM, MARLIN_HIGHEST_MM = (0.0, 0.0, 0.0), (120.0, 120.0, 60.0)
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """Each firmware that was named; what was measured before and is not measured again stays."""
     firmware: dict[str, Any] = run.earlier().get(FIRMWARE, {})
+    result: dict[str, Any] = {FIRMWARE: firmware}
     for machine in machines(arguments):
         found = firmware.setdefault(machine.name, {OBEYS: {}, 'faults': {}})
         found |= {**surroundings(_command(machine, arguments)), 'kind': machine.kind, 'sources': arguments.sources}
+        result['command'] = found['command']  # without the user's own paths
         for _ in _tried(machine, found, run):
-            run.keep({FIRMWARE: firmware})
-    return {FIRMWARE: firmware}
+            run.keep(result)
+    return result
 
 
 def machines(arguments: argparse.Namespace) -> list[Machine]:

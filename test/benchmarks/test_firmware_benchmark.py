@@ -148,6 +148,7 @@ def test_what_was_measured_is_kept_with_what_was_measured_before(tmp_path: Path)
         assert run(firmware.BENCHMARK, given) == 0
     kept = json.loads((tmp_path / 'firmware.json').read_text(encoding='utf-8'))
     assert list(kept['firmware']) == ['one', 'another']
+    assert kept['command'] == "tactile bench firmware --grbl 'another=…' -o docs/results"
     assert '## another' in (tmp_path / 'firmware.md').read_text(encoding='utf-8')
 
 
