@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 from tactile_nodes.clock import NS_PER_S
@@ -24,12 +25,15 @@ class Arrival(NamedTuple):
 class Opening:
     """Holds what comes in until something has come of every awaited topic, or for `PATIENCE_S`.
 
+    With `begins_with`, a full name or a pattern of shells, in any case until something has come of that topic.
+
     The bag begins when the last of those that had begun before was heard. What came earlier of awaited topics goes,
     because other topics have no counterpart to it, and what came of others, unless it was heard from its publisher's
     first message on, as the first press of a plan. What latched topics said stays.
     """
 
-    def __init__(self, now_ns: int) -> None:
+    def __init__(self, now_ns: int, begins_with: str = '') -> None:
+        self._begins_with = begins_with
         self._awaited: set[str] = set()
         self._latched: set[str] = set()
         self._begun_ns = now_ns
@@ -53,9 +57,14 @@ class Opening:
         """The awaited topics of which nothing has come yet."""
         return sorted(self._awaited - {topic for topic, _ in self._first})
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether something has come of the topic without which nothing begins."""
+        return not self._begins_with or any(fnmatchcase(topic, self._begins_with) for topic, _ in self._first)
+
     def is_over(self, now_ns: int) -> bool:
         """Whether to wait no longer."""
-        return not self.silent or now_ns - self._begun_ns >= PATIENCE_S * NS_PER_S
+        return self.has_begun and (not self.silent or now_ns - self._begun_ns >= PATIENCE_S * NS_PER_S)
 
     @property
     def begin_ns(self) -> int:

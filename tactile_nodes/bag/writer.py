@@ -151,6 +151,20 @@ class BagWriter:
             raise self._failure
         return self.totals
 
+    def discard_empty(self) -> None:
+        """Close it, and leave neither files nor folder behind; nothing happens to a bag to which anything was written.
+
+        Raises:
+            BagError: not everything could be written.
+        """
+        self.close()
+        if self._accepted:
+            return
+        for name in (FILE_NAME, *self._metadata.files):
+            (self.folder / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # somebody else put something there meanwhile
+            self.folder.rmdir()
+
     def _check_open(self) -> None:
         if self._failure is not None:
             raise self._failure

@@ -52,6 +52,11 @@ class RecorderParams(NodeParams):
     queue_mb: int = parameter(256, 'what may wait for a slow disk before messages are dropped [MB]', minimum=1)
     max_file_bytes: int = parameter(0, 'begin another file when one is this long; 0: never', minimum=0)
     max_file_s: float = parameter(0.0, 'begin another file after these seconds; 0: never', minimum=0.0)
+    begins_with: str = parameter(
+        '',
+        "topic, or '*/' and its name, with whose first message the recording begins; where none comes, no bag is left",
+        read_only=True,
+    )
     autostart: bool = parameter(True, 'record from the start; otherwise wait for ~/start', read_only=True)
 
 
@@ -74,7 +79,7 @@ class RecorderNode(Node):
         self._since_ns: dict[str, int] = {}
         self._woken = False
         if (before := self.kept.get(_RECORDING)) is not None:
-            folder = self._begin(free_folder(folder_of(self.params.bag)))
+            folder = self._begin(free_folder(folder_of(self.params.bag)), begins_with='')
             self.log.warn(f'started again while recording into {before.decode(errors="replace")}: goes on in {folder}')
         elif self.params.autostart:
             self.start_recording()
@@ -87,9 +92,9 @@ class RecorderNode(Node):
         """Begin a bag. Raises BagError, ConfigurationError."""
         if self.writer is not None:
             raise BagError(f'{self.writer.folder} is being recorded already; stop it first')
-        return f'recording into {self._begin(folder_of(self.params.bag))}'
+        return f'recording into {self._begin(folder_of(self.params.bag), self._begins_with)}'
 
-    def _begin(self, folder: Path) -> Path:
+    def _begin(self, folder: Path, begins_with: str) -> Path:
         params = self.params
         names = frozenset(self.names.resolve(name) for name in params.topics)
         self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
@@ -98,9 +103,14 @@ class RecorderNode(Node):
         self.failure, self.tally, self._begun_ns, self._ended = None, Tally(), self.clock.now_ns(), {}
         self.tally.begin_ns = self._begun_ns
         self.post(lambda: self.kept.put(_RECORDING, os.fsencode(folder)))
-        self._opening = Opening(self._begun_ns)
+        self._opening = Opening(self._begun_ns, begins_with)
         self._look()
         return folder
+
+    @property
+    def _begins_with(self) -> str:
+        named = self.params.begins_with
+        return named if not named or named.startswith('*') else self.names.resolve(named)
 
     def _begin_when_connected(self) -> None:
         opening, writer = self._opening, self.writer
@@ -122,6 +132,8 @@ class RecorderNode(Node):
         if self.writer is None:
             raise BagError('nothing is being recorded')
         self._drain()
+        if self._opening is not None and not self._opening.has_begun:
+            return self._give_up()
         if self._opening is not None:
             self._write_what_was_held(self._opening, self.writer)
         if self.writer is None:  # the last messages did not fit any more
@@ -135,6 +147,14 @@ class RecorderNode(Node):
         losses = self.tally.losses(writer.dropped_of, _lost)
         self.last = f'wrote {describe(totals)} into {writer.folder.absolute()}{nothing}{losses}'
         self._ended = self._figures(writer)
+        return self.last
+
+    def _give_up(self) -> str:
+        """End a bag in which nothing stands."""
+        self._opening = None
+        self._let_go().discard_empty()
+        self.last = f'recorded nothing, since nothing came on {self._begins_with}'
+        self._ended = {}
         return self.last
 
     def on_close(self) -> None:

@@ -133,6 +133,17 @@ def test_a_replay_computes_as_live_sensing_does() -> None:
     assert defaults == {('field', 'auto')}
 
 
+@pytest.mark.parametrize('words', [('replay',), ('replay_hand', 'hand:=two_fingers')], ids=lambda words: words[0])
+def test_a_replay_that_fails_before_its_first_picture_leaves_no_bag(words: tuple[str, ...], tmp_path: Path) -> None:
+    made = tmp_path / 'replayed'
+    with launched(*words, 'bag:=nosuch', f'record:={made}', log=tmp_path / 'log') as process:
+        output, _ = process.communicate(timeout=2 * PATIENCE_S)
+    assert process.returncode == 1
+    assert 'there is no bag nosuch' in output.splitlines()[-1]
+    assert 'recorded nothing, since nothing came on' in output
+    assert not made.exists()
+
+
 def replayed(bag: Path, rate: float, made: Path) -> BagReader:
     with launched('replay', f'bag:={bag}', f'record:={made}', f'rate:={rate}', log=made.parent) as process:
         output, _ = process.communicate(timeout=2 * PATIENCE_S)

@@ -57,6 +57,32 @@ def content(folder: Path) -> list[tuple[str, str]]:
         return [(message.topic, reader.decode(message).data) for message in reader.messages()]
 
 
+@pytest.mark.parametrize('begins_with', ['pictures', '*/pictures'])
+def test_without_the_topic_that_a_recording_begins_with_no_bag_is_left(
+    bus, start: Start, tmp_path: Path, begins_with: str
+) -> None:
+    talker = advertise(bus, '/chatter')
+    node = start(all=True, begins_with=begins_with)
+    talker.publish(types.String(data='before'))
+    run(node)
+    assert 'recorded nothing, since nothing came on' in node.stop_recording()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_came_before_the_topic_that_a_recording_begins_with_is_recorded_too(
+    bus, clock: SteppedClock, start: Start, tmp_path: Path
+) -> None:
+    talker, pictures = advertise(bus, '/chatter'), advertise(bus, '/left/pictures')
+    node = start(topics=['chatter', 'left/pictures'], begins_with='*/pictures')
+    talker.publish(types.String(data='before'))
+    run(node)
+    clock.advance(5.0)  # far beyond the time in which any other recording begins
+    pictures.publish(types.String(data='picture'))
+    run(node)
+    node.close()
+    assert content(tmp_path / 'bag') == [('/chatter', 'before'), ('/left/pictures', 'picture')]
+
+
 def test_records_every_message_of_the_topics_it_is_given(bus, start: Start, tmp_path: Path) -> None:
     talker, other = advertise(bus, '/chatter'), advertise(bus, '/other')
     node = start(topics=['chatter'])
