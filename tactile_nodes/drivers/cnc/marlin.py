@@ -28,7 +28,7 @@ from tactile_nodes.drivers.cnc.contract import (
 from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc.envelope import AXES, guard, told, way_between
 from tactile_nodes.drivers.cnc.guarded import UNKNOWN_ACCELERATION
-from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, PLACE, STOP, MarlinDialogue
+from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, PLACE, STOP, STOP_S, MarlinDialogue
 from tactile_nodes.drivers.cnc.marlin_settings import NUMBER, QUESTIONS, AxisSettings, axis_settings
 from tactile_nodes.drivers.cnc.motion import Motion, Verdict
 from tactile_nodes.drivers.cnc.serial_line import SerialCnc
@@ -36,7 +36,6 @@ from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
 PREAMBLE = ('G21', 'G90', 'M220 S100', 'M84 S0')  # the last two: at the feed that is sent; never let go of the motors
-STOP_S = 10.0
 FEWEST_STEPS = 6  # of the axis with the most: MIN_STEPS_PER_SEGMENT, where nobody has changed it
 FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
 BEFORE_FIRST_NS = 100_000_000  # it waits so long for a second move before it begins: BLOCK_DELAY_FOR_1ST_MOVE

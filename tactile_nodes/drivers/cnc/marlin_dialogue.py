@@ -27,6 +27,7 @@ LONGEST_LINE = 90
 SILENT_S = 0.3  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
 AT_ONCE = 0  # is answered whatever moves
 MOVING_S = 0.1  # between two questions while something moves
+STOP_S = 10.0  # without emergency parser it comes after the buffers
 STOP = 'M410'  # answered after a second, in which it does nothing else
 ALIVE = 'G21'  # millimetres, as before: every Marlin answers it at once
 PLACE = 'M114 R'  # the real place, where it was compiled to know it; else the R is ignored, and it tells the target
@@ -40,6 +41,7 @@ class _Numbered(Request):
     resend_ns = 0
     attempts = 0
     due_ns: int | None = 0
+    until_ns = 0  # who sent it waits so long, and says then that it hangs
     in_motion = False
 
 
@@ -128,12 +130,13 @@ class MarlinDialogue:
         assert line.isascii() and len(line) <= LONGEST_LINE
         with self.link.changed:
             generation = self.generation if generation is None else generation
-            self._wait(lambda: not self._unanswered or generation != self.generation, line, timeout_s)
+            self._wait(lambda: not self._unanswered or generation != self.generation, line, timeout_s, self._turn_ns)
             if self.fault:
                 self.require_sound()
             if generation != self.generation:
                 raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
             request = self._put(line, due_ns)
+            request.until_ns = request.sent_ns + round(timeout_s * NS_PER_S)
             self._wait(lambda: request.done, line, timeout_s)
         if request.error is not None:
             raise request.error
@@ -148,6 +151,7 @@ class MarlinDialogue:
             request = _Numbered(line)
             self._unanswered.append(request)
             request.sent_ns = self.link.send(line.encode('ascii') + b'\n')
+            request.until_ns = request.sent_ns + round(timeout_s * NS_PER_S)
             self.link.changed.notify_all()
             self._wait(lambda: not self._unanswered, line, timeout_s)
 
@@ -163,9 +167,9 @@ class MarlinDialogue:
             self.generation += 1
             request = _Numbered(STOP)
             self._unanswered.append(request)
-            request.sent_ns = self.link.send(
-                STOP.encode('ascii') + b'\n'
-            )  # without number: past what waits, by its emergency parser
+            # Without number: past what waits, by its emergency parser.
+            request.sent_ns = self.link.send(STOP.encode('ascii') + b'\n')
+            request.until_ns = request.sent_ns + round(STOP_S * NS_PER_S)
             self._break_off(f'was broken off, because the machine {self.fault or self.refusal}')
 
     def lose_place(self, fault: str) -> None:
@@ -195,10 +199,19 @@ class MarlinDialogue:
             checksum ^= byte
         return self.link.send(f'{text}*{checksum}\n'.encode('ascii'))
 
-    def _wait(self, done: Callable[[], bool], line: str, timeout_s: float) -> None:
+    def _turn_ns(self) -> int:
+        """Until when a line that waits for its turn has to wait, and says nothing: for who sent what is in its way."""
+        return max((each.until_ns for each in self._unanswered), default=0)
+
+    def _wait(
+        self, done: Callable[[], bool], line: str, timeout_s: float, until_ns: Callable[[], int] = lambda: 0
+    ) -> None:
         begin_ns = self._clock.now_ns()
         while not self.link.wait(done, timeout_s):
-            if self._clock.now_ns() - max(begin_ns, self._busy_ns) < BUSY_S * NS_PER_S and self._busy_ns > begin_ns:
+            now_ns = self._clock.now_ns()
+            if now_ns - max(begin_ns, self._busy_ns) < BUSY_S * NS_PER_S and self._busy_ns > begin_ns:
+                continue
+            if now_ns < until_ns():
                 continue
             self.lose_place(
                 'stopped answering, so its place is not known; cut its power, look at it, and connect again'

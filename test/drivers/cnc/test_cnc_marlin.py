@@ -13,6 +13,7 @@ from tactile_nodes.drivers.cnc.contract import CncState
 from tactile_nodes.drivers.cnc.marlin import MarlinCnc, marlin_identity, marlin_place
 from tactile_nodes.drivers.cnc.marlin_settings import AxisSettings, axis_settings
 from tactile_nodes.drivers.health import Level
+from tactile_nodes.emulators.cnc import marlin
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
 BOOT = b'start\necho: Last Updated\nMarlin 2.1.2.7\n'
@@ -264,6 +265,26 @@ def test_a_hung_controller_is_told_in_time() -> None:
     with pytest.raises(DeviceTimeoutError, match='it hangs: cut its power'):
         rig.cnc.move(z=rig.at(0, 0, -6)[2], feed=600.0)
     assert rig.seconds() - begin < 6.0
+
+
+def test_a_question_behind_a_stop_that_takes_long_is_answered_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A native build took 3.0 to 4.4 s for M410. Who sends it waits 10 s; others wait 2 s for answers of their own."""
+    rig = homed_rig()
+    monkeypatch.setattr(marlin, 'CLEANING_NS', 4_000_000_000)
+    rig.cnc._talk().brake('is to stop')
+    begin = rig.seconds()
+    assert rig.cnc.status().homed
+    assert rig.seconds() - begin == pytest.approx(4.0, abs=0.3)
+
+
+def test_a_stop_that_is_never_answered_ends_the_wait_of_who_is_behind_it() -> None:
+    rig = homed_rig()
+    rig.device.faults.hung = True
+    rig.cnc._talk().brake('is to stop')
+    begin = rig.seconds()
+    with pytest.raises(DeviceTimeoutError, match='it hangs: cut its power'):
+        rig.cnc.status()
+    assert rig.seconds() - begin < 10.0 + 2.5
 
 
 def test_nothing_but_a_dialogue_of_numbered_lines_is_sent() -> None:
