@@ -74,6 +74,29 @@ def test_what_was_saved_at_any_frame_goes_on_bit_for_bit(
     assert told(answered(again, range(at, 70))) == found[at:]
 
 
+@pytest.mark.parametrize('begin', [0, 6], ids=['captured with them', 'later'])
+def test_dead_pixels_that_are_filled_in_are_remembered(begin: int) -> None:
+    """A flow features node saves what it remembers once a camera's dead pixels were learned."""
+
+    def frames(numbers: range) -> list[types.FlowFeatures]:
+        found = []
+        for number in numbers:
+            image = picture(*([TOUCH] if number >= 24 else []), number=number)
+            image[DEAD & (number >= begin)] = 255
+            found.append(following.answer(image, conversions.header(S + number * S // 30, 'camera'), acquire_s=0.0))
+        return found
+
+    following = Following(PARAMS)
+    following.begin_capture()
+    frames(range(22))
+    assert following.memory.rest.dead.count > 0.9 * DEAD.sum()
+    saved = following.memory.saved()
+    whole = told(frames(range(22, 30)))
+    following = Following(PARAMS)
+    following.memory.recall(saved)
+    assert told(frames(range(22, 30))) == whole
+
+
 def test_memories_of_the_same_frames_are_the_same_bytes_and_of_others_are_not() -> None:
     saved = []
     for frames in (20, 20, 21):

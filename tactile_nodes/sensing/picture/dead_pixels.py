@@ -62,7 +62,7 @@ class Filling:
     """Fills in some pixels of pictures that are like one picture in how neighbours go together."""
 
     def __init__(self, like: UInt8[np.ndarray, 'h w'], dead: Bool[np.ndarray, 'h w']) -> None:
-        self._mean = np.float32(like.mean())
+        self._mean = float(like.mean())
         rows, cols = np.nonzero(dead)
         at_row, at_col = rows[:, None] + _BESIDE[:, 0], cols[:, None] + _BESIDE[:, 1]
         height, width = dead.shape
@@ -75,8 +75,8 @@ class Filling:
     def __call__(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
         """The picture with those pixels filled in."""
         filled: np.ndarray = image.copy()
-        beside = image.reshape(-1)[self._around] - self._mean
-        told = np.einsum('pn,pn->p', beside, self._weights) + self._mean
+        mean = np.float32(self._mean)
+        told = np.einsum('pn,pn->p', image.reshape(-1)[self._around] - mean, self._weights) + mean
         filled.reshape(-1)[self.pixels] = np.clip(np.rint(told), 0, 255).astype(np.uint8)
         return filled
 
