@@ -6,6 +6,7 @@ What takes minutes is run by `make documents` only; what needs another machine, 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import re
 import select
@@ -23,28 +24,38 @@ import pytest
 from blocks import ROOT, blocks, commands
 
 sys.path.insert(0, str(ROOT / 'test'))
+sys.path.insert(0, str(ROOT / 'test/cli'))
+from body_presses import BodySensor
 from press_bags import OTHER, Sensor, spread_collection
+from test_calibrate import pressed, recorded
 
+from tactile_nodes.learning.datasets.file import save_dataset
+from tactile_nodes.learning.datasets.recordings import RecordedPresses
+from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.simulation.optics import Press
 
 ELSEWHERE = re.compile(
     r'/dev/|rig:=real|my_rig|\bros2\b|rviz2|colcon|rosdep|/opt/ros|camera\.local|192\.168|0\.0\.0\.0|SUBNET|/robot/'
-    r'|^(pip|make|ruff|source|cd|mkdir|export|cp) |\bdask\b|\bssh\b|python -m pytest'
-    r'|TACTILE_ROS|NAME-OF|gel:=NAME|/data/|venv'
-    r'|^tactile reference$|train run\.yaml|by_hand/|mine\.yaml|tcp://HOST'
+    r'|^(pip|make|ruff|source|cd|mkdir|export) |\bdask\b|\bssh\b|python -m pytest'
+    r'|TACTILE_ROS|NAME-OF|gel:=NAME|/data/|venv|camera_0|mini_example'
+    r'|^tactile reference$|train run\.yaml|tcp://HOST'
 )
-"""Devices, other machines, ROS 2, code that the reader writes, and what prepares or changes a checkout: CI runs
-`make test` itself."""
+"""Devices, other machines, ROS 2, recordings of others, code that the reader writes, and what prepares or changes a
+checkout: CI runs `make test` itself."""
 
 MINUTES = re.compile(
-    r'tactile (launch|bench|tune|compile|calibrate|export|model export|reference)|tactile train config'
+    r'tactile (launch|bench|tune|compile|calibrate|export|model export|reference|press by_hand)|tactile train config'
     r'|tactile evaluate (?!gel-7|my_gel)|--profile|--model paper|bag_to_figure|bag_with|--duration'
+    r'|force_views_node|touch_views|gels add'
 )
-"""What renders, trains, measures or draws for long, or runs until somebody ends it."""
+"""What renders, trains, measures or draws for long, runs until somebody ends it, or needs what such a command makes."""
+
+ON_PRESSES = re.compile(r'train --dataset|evaluate .*--dataset')
+"""What learns from more presses than the reader's folder has, or judges what was learned."""
 
 WITH_A_RIG = re.compile(
-    r'/rig/|/emulated_rig|/calibrator/|force_views_node|sync_input|touch_views|undo_calibration|--compare|bag sync'
-    r'|sync_edge|train --dataset|evaluate .*--dataset|both_fingers|gels add'
+    r'(?<!:=)/rig/|/emulated_rig|/calibrator/|sync_input|undo_calibration|--compare|bag sync|sync_edge|both_fingers'
 )
 """What asks a node that the live launch does not start, or for what minutes with a rig make (test/cli tries what a bag
 of a rig becomes, test/nodes that of a hand)."""
@@ -54,7 +65,7 @@ OF_A_RIG = re.compile(r'/rig/(pause|resume|stop|acknowledge)|/emulated_rig')
 
 UNTIL_ENDED = re.compile(
     r'topic (echo(?!.*--once)|delay|hz|bw)|bag record(?!.*--duration)|topic pub|(?<!info -v /)force_distribution$'
-    r'|grip.py|tactile launch'
+    r'|grip.py|tactile launch|force_views_node'
 )
 ASKING = re.compile(r'tactile (bag|topic|param|service)|grip.py|force_distribution$|press1|\btouch\b')
 """What asks a live launch, or a bag of one."""
@@ -70,11 +81,15 @@ NAMED = re.compile(
 """Bags, keys and folders, which a reader names. Of commands that differ in nothing else one is run."""
 
 
-def chosen() -> list[str]:
+def told() -> list[str]:
+    """All commands of the pages, in their order."""
     shells = [each for each in blocks() if each.language in {'sh', 'console'} and 'results' not in each.file.parts]
-    found = dict.fromkeys(command for each in shells for command in commands(each))
-    skipped = [ELSEWHERE, WITH_A_RIG] + ([] if LONG else [MINUTES])
-    kept = [command for command in found if not any(each.search(command) for each in skipped)]
+    return list(dict.fromkeys(command for each in shells for command in commands(each)))
+
+
+def chosen() -> list[str]:
+    skipped = [ELSEWHERE, WITH_A_RIG, ON_PRESSES] + ([] if LONG else [MINUTES])
+    kept = [command for command in told() if not any(each.search(command) for each in skipped)]
     return kept if LONG else list({NAMED.sub('', command): command for command in reversed(kept)}.values())[::-1]
 
 
@@ -97,7 +112,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ('collected', 'collected_2', 'new_gel_bag', 'collection/rosbag2_a', 'gel_7/rosbag2_a'):
         (made / name).parent.mkdir(exist_ok=True)
         shutil.copytree(presses, made / name)
+    (made / 'by_hand').mkdir()
     (made / 'my_points.yaml').symlink_to(ROOT / 'config/plans/coarse.yaml')
+    (made / 'my.yaml').symlink_to(ROOT / 'config/live.yaml')
+    (made / 'my_hand.yaml').symlink_to(ROOT / 'config/hands/two_fingers.yaml')
     (made / 'description.yaml').symlink_to(ROOT / 'config/sensors/simulated.yaml')
     shutil.copy(ROOT / 'models/portable.safetensors', made / 'gel-7.safetensors')
     (made / 'gel-7.csv').write_text(next(each.text for each in blocks() if each.language == 'csv'))
@@ -111,15 +129,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def write_presses(made: Path, sensor: Sensor) -> None:
-    """A picture untouched and two presses, in tables with the names that readers give them, and as a video."""
+    """A picture untouched and two presses, in tables with the names that readers give them, as videos and a folder."""
     pressed = [Press(2.0, 1.0, 0.6), Press(-4.0, 3.0, 1.0)]
     rows = [',,0', *(f'{each.x_mm},{each.y_mm},{sensor.force_n(each.depth_mm):.3f}' for each in pressed)]
-    video = cv2.VideoWriter(str(made / 'video.mp4'), cv2.VideoWriter_fourcc(*'mp4v'), 10.0, (440, 440), False)
+    kinds = {'video.mp4': 'mp4v', 'recording.avi': 'MJPG'}
+    videos = [
+        cv2.VideoWriter(str(made / name), cv2.VideoWriter_fourcc(*kind), 10.0, (440, 440), False)
+        for name, kind in kinds.items()
+    ]
+    (made / 'pictures').mkdir()
     for number, touch in enumerate([[], *([each] for each in pressed)]):
         picture = sensor.image(*touch)
         cv2.imwrite(str(made / f'hand_{number}.png'), picture)
-        video.write(picture)
-    video.release()
+        cv2.imwrite(str(made / f'pictures/{number:03}.png'), picture)
+        for video in videos:
+            video.write(picture)
+    for video in videos:
+        video.release()
     columns = 'x_mm,y_mm,force_n'
     for name in ('presses', 'ball', 'punch'):
         lines = [f'picture,{columns}', *(f'hand_{number}.png,{row}' for number, row in enumerate(rows))]
@@ -176,6 +202,12 @@ def prepare(command: str, folder: Path, environment: dict[str, str]) -> None:
         if f'-o {name}' not in command and not (folder / name).exists():
             earlier = next(each for each in chosen() if f'-o {name}' in each)
             subprocess.run(['bash', '-c', earlier], cwd=folder, env=environment, check=True, capture_output=True)
+    if 'by_hand/presses.csv' in command and not (folder / 'by_hand/presses.csv').exists():  # by a simulated hand
+        words = ['tactile', 'press', 'by_hand', '--sensor', 'mine.yaml', '--indenter', 'ball:5']
+        subprocess.run(words, cwd=folder, env=environment, check=True, capture_output=True)
+    if 'punch_bag' in command and not (folder / 'punch_bag').exists():
+        sensor = BodySensor('punch:1.5', 2.0)
+        spread_collection(folder / 'punch_bag', sensor, 20, 9.5, (0.1, float(sensor.touched.depth_mm[-1])))
     if match := re.search(r'bag record -o (\w+)', command):
         shutil.rmtree(folder / match[1], ignore_errors=True)
     if 'launch replay' in command:
@@ -187,8 +219,7 @@ def prepare(command: str, folder: Path, environment: dict[str, str]) -> None:
 
 def asked_of_a_rig() -> list[str]:
     """What a reader asks of a rig in the midst of a run, its end last."""
-    shells = [each for each in blocks() if each.language in {'sh', 'console'} and 'results' not in each.file.parts]
-    found = {command for each in shells for command in commands(each) if OF_A_RIG.search(command)}
+    found = [command for command in told() if OF_A_RIG.search(command)]
     return sorted(found, key=lambda command: ('/stop' in command, command))
 
 
@@ -208,6 +239,23 @@ def test_what_the_documents_ask_of_a_rig_is_done(folder: Path, environment: dict
         finally:
             rig.send_signal(signal.SIGINT)
             rig.communicate(timeout=60)
+
+
+@pytest.mark.timeout(600)
+def test_what_the_documents_learn_from_presses_is_learned(tmp_path: Path, environment: dict[str, str]) -> None:
+    for name in ('presses.npz', 'gel_7.npz'):
+        save_dataset(tmp_path / name, many_presses())
+    for command in told():
+        if ON_PRESSES.search(command):
+            run(command, tmp_path, environment)
+
+
+def many_presses() -> RecordedPresses:
+    """Of 400 samples one in seven is the untouched gel; of a gel that moves in proportion to the force."""
+    made = recorded(pressed(400, 2, 1.0, 0.0), 'mine')
+    methods = {'flow': make_flow('dis', {}), 'encoding': make_encoding('cartesian_mean', {'rows': 6, 'cols': 6})}
+    described = {what: {'name': each.name, 'options': each.options} for what, each in methods.items()}
+    return dataclasses.replace(made, card={**made.card, **described})
 
 
 @pytest.mark.timeout(3600 if LONG else 600)
