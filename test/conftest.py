@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 import socket
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import installed_first  # noqa: F401 - before what imports our package
 import jaxtyping
 import pytest
 from found_examples import FoundExamples
+from hypothesis import strategies as st
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 from pauses import Pauses
@@ -64,12 +66,39 @@ LONGEST_ARGUMENT = 3000
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
-    """A random test gets no fixture that would fill its report."""
-    if pyfuncitem.get_closest_marker('hypothesis'):
-        given = {name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames}
-        long = [name for name, value in given.items() if len(repr(value)) > LONGEST_ARGUMENT]
-        assert not long, f'give {long} as a path, or keep what it holds out of its repr'
-    return (yield)
+    """A random test gets no fixture, and draws nothing, that would fill its report."""
+    if not pyfuncitem.get_closest_marker('hypothesis'):
+        return (yield)
+    require_short({name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames})
+    handle = pyfuncitem.obj.hypothesis
+    inner = handle.inner_test
+
+    @functools.wraps(inner)
+    def checked(*values: object, **named: object) -> object:
+        require_short({**dict(enumerate(values)), **named})
+        return inner(*values, **named)
+
+    handle.inner_test = checked
+    try:
+        return (yield)
+    finally:
+        handle.inner_test = inner
+
+
+def require_short(given: Mapping[object, object]) -> None:
+    """Of a random test's arguments."""
+    long = [name for name, value in given.items() if len(repr(value)) > LONGEST_ARGUMENT]
+    assert not long, f'{long}: give a path or a seed, draw what it is made of, or keep what it holds out of its repr'
+
+
+def short_draw(data: st.DataObject, strategy: st.SearchStrategy[Any], label: Any = None) -> Any:
+    """What is drawn in the midst of a test stands in its report, too."""
+    drawn = draw_any(data, strategy, label)
+    require_short({label or 'what is drawn': drawn})
+    return drawn
+
+
+draw_any, st.DataObject.draw = st.DataObject.draw, short_draw  # type: ignore[method-assign]
 
 
 @pytest.hookimpl(wrapper=True)
