@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -25,27 +26,35 @@ class HandForces:
     """Sums forces that were captured within a frame time: a sum waits for all sensors, of which some may be late.
 
     For one that says nothing while another is more than `patience` frames ahead sums wait no longer, until it speaks
-    again. So what is summed does not depend on who is ahead.
+    again. So what is summed does not depend on who is ahead. `last_ns` are the stamps of the last pictures of a
+    recording: for a sensor that has answered its last, or has none, nothing waits.
     """
 
-    def __init__(self, hand: Hand, patience: int = PATIENCE) -> None:
+    def __init__(self, hand: Hand, patience: int = PATIENCE, last_ns: Mapping[str, int] | None = None) -> None:
         self._hand = hand
         self._patience = patience
+        self._last_ns = None if last_ns is None else {name: last_ns.get(name, 0) for name in hand.names}
         self._frame_ns = round(NS_PER_S / hand.fps)
         self._waiting: dict[str, deque[types.ForceDistribution]] = {name: deque() for name in hand.names}
-        self._silent: set[str] = set()
+        self._silent = {name for name in hand.names if self._has_ended(name, 0)}
         self._newest_ns = 0
 
     def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
         """A force of the sensor `name`; the sums that are due by it, mostly one or none."""
-        if stamp_ns(force.header.stamp) <= self._newest_ns - self._frame_ns:
-            return []  # what was captured with it has been summed long ago
-        self._waiting[name].append(force)
+        at_ns = stamp_ns(force.header.stamp)
         self._silent.discard(name)
+        if self._has_ended(name, at_ns):
+            self._silent.add(name)
+        if at_ns > self._newest_ns - self._frame_ns:  # else what was captured with it has been summed long ago
+            self._waiting[name].append(force)
         due = []
         while self._is_due():
             due.append(self._sum())
         return due
+
+    def _has_ended(self, name: str, at_ns: int) -> bool:
+        """Whether a sensor says nothing more, by a recording, after what it said of a picture of that time."""
+        return self._last_ns is not None and at_ns >= self._last_ns[name]
 
     def _is_due(self) -> bool:
         longest = max(map(len, self._waiting.values()))
@@ -106,8 +115,8 @@ def _wrench(found: np.ndarray) -> types.Wrench:
 def _margins(sensor: HandSensor, force: types.ForceDistribution, friction: float) -> list[types.GraspMargin]:
     made = []
     for each in force.contacts:
-        shear = math.hypot(each.shear_x, each.shear_y)
-        margin, sigma = grasp_margin(each.force, each.force_sigma, shear, each.shear_sigma, friction)
+        shear, shear_sigma = _shear(each, force)
+        margin, sigma = grasp_margin(each.force, each.force_sigma, shear, shear_sigma, friction)
         x, y, z = sensor.frame.parent_from_surface[:3] @ (each.position.x, each.position.y, each.position.z, 1.0)
         told = types.GraspMargin(
             sensor=sensor.name, position=types.Point(x=float(x), y=float(y), z=float(z)), normal=each.force,
@@ -115,6 +124,16 @@ def _margins(sensor: HandSensor, force: types.ForceDistribution, friction: float
         )  # fmt: skip
         made.append(told)
     return made
+
+
+def _shear(contact: types.Contact, force: types.ForceDistribution) -> tuple[float, float]:
+    """What drags at a contact, and its standard deviation; of one that was read as a tip that only presses, nothing.
+
+    How sure that is, the wrench tells: no contact is dragged by more than all of them are.
+    """
+    if math.isnan(contact.shear_x) and force.explanation == force.EXPLANATION_TIPS and force.wrench_covariance[0] >= 0:
+        return 0.0, math.sqrt(max(float(force.wrench_covariance[0]), float(force.wrench_covariance[7])))
+    return math.hypot(contact.shear_x, contact.shear_y), contact.shear_sigma
 
 
 def _order(margin: types.GraspMargin) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -110,6 +111,32 @@ def test_a_picture_that_was_lost_is_missing_from_its_own_sum_alone() -> None:
     order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('right', 42)]
     made = sums(HandForces(HAND), *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
     assert [each.missing for each in made] == [[], ['right'], []]
+
+
+def test_in_a_replay_nothing_waits_for_a_sensor_whose_last_picture_was_answered() -> None:
+    """Live the right finger fell silent; what the left one felt afterwards, to its last, is summed as well."""
+    last_ns = {'left': START + 1000 * MS, 'right': START + 108 * MS}
+    forces = HandForces(HAND, REPLAYED, last_ns)
+    made = sums(forces, *(('left', pressed(at_ms, 1.0)) for at_ms in range(0, 1001, 100)))
+    assert made == []  # the right one may still come
+    made = sums(forces, ('right', pressed(8, 1.0)), ('right', pressed(108, 1.0)))
+    assert [round((stamp_ns(each.header.stamp) - START) / MS) for each in made] == [8, 108, *range(200, 1001, 100)]
+    assert [each.missing for each in made] == 2 * [[]] + 9 * [['right']]
+
+
+def test_in_a_replay_nothing_waits_for_a_sensor_that_the_bag_does_not_hold() -> None:
+    forces = HandForces(HAND, REPLAYED, {'left': START + 1000 * MS})
+    made = sums(forces, *(('left', pressed(at_ms, 1.0)) for at_ms in (0, 17)))
+    assert [each.missing for each in made] == [['right'], ['right']]
+
+
+def test_a_contact_that_was_read_as_a_tip_is_not_dragged_as_surely_as_the_wrench_says() -> None:
+    # 1 N and a friction of 0.8: 0.01 N of shear are 0.0125 of what holds.
+    contact = types.Contact(force=1.0, shear_x=math.nan, shear_y=math.nan, shear_sigma=math.nan)
+    tip = replace(pressed(0, 1.0), explanation=FORCE.EXPLANATION_TIPS, contacts=[contact])
+    (made,) = sums(HandForces(HAND), ('left', tip), ('right', pressed(3, 1.0, 0.4)))
+    assert [each.sensor for each in made.margins] == ['right', 'left']
+    assert (made.margins[1].margin, made.margins[1].margin_sigma) == (1.0, pytest.approx(0.0125))
 
 
 def test_a_sensor_that_is_back_is_in_the_sum_again() -> None:

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.collection.press.guarded import NS_PER_MS, OK, Felt
+from tactile_nodes.collection.press.guarded import INVALID, NS_PER_MS, OK, Felt
 from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
@@ -70,9 +70,10 @@ class FeltByHand:
     def of(cls, wrench: types.HandWrench, fingers: Mapping[str, Felt]) -> FeltByHand:
         """What the hand and each finger said last; of different pictures the oldest counts.
 
-        The margin is told to the safe side by one standard deviation; NaN where no finger tells one.
+        The margin is told to the safe side by one standard deviation; NaN where no finger tells one. A force that is no
+        number, as of a finger that measures nothing now, says nothing of the others.
         """
-        forces = [each.force_n for each in fingers.values()]
+        forces = [each.force_n for each in fingers.values() if math.isfinite(each.force_n)]
         margins = [
             each.margin - (each.margin_sigma if math.isfinite(each.margin_sigma) else 0.0)
             for each in wrench.margins if math.isfinite(each.margin)
@@ -82,7 +83,14 @@ class FeltByHand:
         reasons = 0
         for each in fingers.values():
             reasons |= each.reasons
-        return cls(oldest_ns, min(forces), max(forces), min(margins, default=math.nan), status, reasons)
+        return cls(
+            oldest_ns,
+            min(forces, default=math.nan),
+            max(forces, default=math.nan),
+            min(margins, default=math.nan),
+            status,
+            reasons,
+        )
 
 
 @dataclass
@@ -167,8 +175,9 @@ class Grasp:
         s = self._settings
         newest_ns = self._start_ns if felt is None else felt.stamp_ns
         if (age_ms := (now_ns - newest_ns) / NS_PER_MS) > s.stale_ms:
+            valid = 'valid ' if felt is not None and felt.status == INVALID else ''
             raise DeviceFaultError(
-                f'the newest force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; look at the sensors'
+                f'the newest {valid}force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; look at the sensors'
             )
         if felt is not None and felt.greatest_n > s.limit_n:
             raise DeviceFaultError(f'a finger presses with {felt.greatest_n:.2f} N, above the limit of {s.limit_n:g} N')

@@ -21,7 +21,7 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
-from tactile_nodes.collection.press.guarded import Felt
+from tactile_nodes.collection.press.guarded import INVALID, Felt
 from tactile_nodes.collection.press.guarded_grasp import FeltByHand, Grasp, GraspSettings
 from tactile_nodes.errors import DeviceError
 from tactile_nodes.messages import types
@@ -50,7 +50,10 @@ class GuardedGraspNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
-        self._names = load_hand(self.params.hand).names
+        hand = load_hand(self.params.hand)
+        self._names = hand.names
+        if not hand.friction:
+            self.log.warn(f'{self.params.hand} tells no friction, so no slip margin guards what is held: add friction')
         self._fingers: dict[str, Felt] = {}
         self._wrench: Any = None
         self._opening_mm: float | None = None
@@ -74,7 +77,10 @@ class GuardedGraspNode(Node):
 
     def _taking(self, name: str) -> Callable[[Received], None]:
         def take(received: Received) -> None:
-            self._fingers[name] = Felt.of(received.message)
+            felt = Felt.of(received.message)
+            if felt.status == INVALID and (valid := self._fingers.get(name)) is not None:
+                felt = replace(valid, status=INVALID, reasons=felt.reasons)  # which grows old, and ends the grasp
+            self._fingers[name] = felt
 
         return take
 

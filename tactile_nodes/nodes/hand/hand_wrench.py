@@ -10,6 +10,8 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from tactile_nodes.bag.last_stamps import last_stamps_ns
+from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
@@ -19,7 +21,7 @@ from tactile_nodes.bus.protocol import Bus, Qos, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
-from tactile_nodes.pipeline.hand_forces import PATIENCE, REPLAYED, HandForces
+from tactile_nodes.pipeline.hand_forces import REPLAYED, HandForces
 from tactile_nodes.sensors import load_hand
 from tactile_nodes.viewing import force_shapes
 
@@ -34,8 +36,8 @@ class HandWrenchParams(NodeParams):
     """Parameters of the hand wrench node."""
 
     hand: str = parameter('two_fingers', 'name of a hand that ships, or its file', read_only=True)
-    replay: bool = parameter(
-        False, 'forces are computed from a bag, and each sum waits for all sensors', read_only=True
+    bag: str = parameter(
+        '', 'of a replay, whose pictures are played: each sum waits for all sensors that it holds', read_only=True
     )
 
 
@@ -48,7 +50,7 @@ class HandWrenchNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._hand = load_hand(self.params.hand)
-        self._forces = HandForces(self._hand, REPLAYED if self.params.replay else PATIENCE)
+        self._forces = HandForces(self._hand, *self._replayed()) if self.params.bag else HandForces(self._hand)
         self._last: types.HandWrench | None = None
         self._sums = self._told = 0
         self._wrench = self.create_publisher(topics.HAND_WRENCH)
@@ -56,9 +58,18 @@ class HandWrenchNode(Node):
         self._transforms.publish(force_shapes.hand_transforms(self._hand, self.clock.now_ns()))
         for name in self._hand.names:
             there = f'{name}/{topics.FORCE_DISTRIBUTION.name}'
-            qos = Qos('queue', QUEUE) if self.params.replay else topics.FORCE_DISTRIBUTION.qos
+            qos = Qos('queue', QUEUE) if self.params.bag else topics.FORCE_DISTRIBUTION.qos
             self.create_subscription(replace(topics.FORCE_DISTRIBUTION, name=there, qos=qos), self._taking(name))
         self.create_timer(REPORT_PERIOD_S, self._report)
+
+    def _replayed(self) -> tuple[int, dict[str, int]]:
+        """How long a sum waits for a sensor that is behind, and when each has its last picture."""
+        of = {f'/{name}/{topics.IMAGE.name}': name for name in self._hand.names}
+        with BagReader(self.params.bag) as bag:
+            last = {of[topic]: last_ns for topic, last_ns in last_stamps_ns(bag, of).items()}
+        if lacking := [name for name in self._hand.names if name not in last]:
+            self.log.warn(f'{self.params.bag} holds no pictures of {", ".join(lacking)}; sums are without')
+        return REPLAYED, last
 
     def _taking(self, name: str) -> Callable[[Received], None]:
         return lambda received: self._on_force(name, received)

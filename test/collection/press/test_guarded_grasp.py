@@ -149,6 +149,15 @@ def test_of_a_hand_the_oldest_picture_the_worst_status_and_the_least_margin_coun
     assert FeltByHand.of(wrench, fingers) == FeltByHand(20, 0.3, 0.4, pytest.approx(0.3), 1, 5)
 
 
+@pytest.mark.parametrize('names', [('left', 'right'), ('right', 'left')])
+def test_a_finger_that_measures_nothing_does_not_hide_what_the_other_feels(names: tuple[str, str]) -> None:
+    felt = {'left': Felt(20, math.nan, types.ForceDistribution.STATUS_INVALID, 4), 'right': Felt(25, 5.0)}
+    found = FeltByHand.of(types.HandWrench(header=header(30, 'gripper')), {name: felt[name] for name in names})
+    assert (found.least_n, found.greatest_n, found.status) == (5.0, 5.0, types.ForceDistribution.STATUS_INVALID)
+    with pytest.raises(DeviceFaultError, match=r'a finger presses with 5.00 N, above the limit of 0.9 N'):
+        Grasp(SETTINGS, 0).command_mm(30, 50.0, found)
+
+
 def test_settings_that_could_press_too_hard_are_refused() -> None:
     with pytest.raises(ValueError, match='limit_n must be above target_n by more than one step'):
         GraspSettings(target_n=0.8, limit_n=0.9)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.messages.services import TRIGGER
 from tactile_nodes.nodes.hand.guarded_grasp import GuardedGraspNode
 from tactile_nodes.nodes.hand.simulated_gripper import SimulatedGripperNode
+from tactile_nodes.paths import share_directory
 from tactile_nodes.pipeline.hand_forces import HandForces
 from tactile_nodes.sensors import load_hand
 from tactile_nodes.simulation.optics import Press
@@ -37,6 +40,7 @@ class Feeling:
     """In the place of cameras and models: the force of each touch that the gripper tells, and their sum."""
 
     def __init__(self, bus: InProcessBus, finger: Finger) -> None:
+        self.blind = ''
         self._finger = finger
         self._forces = HandForces(HAND)
         self._held = {
@@ -52,6 +56,8 @@ class Feeling:
         for name, end in self._held.items():
             if (received := end.take()) is not None:
                 force = self._of(now_ns, conversions.press_of(received.message)[1])
+                if name == self.blind:
+                    force = replace(force, status=force.STATUS_INVALID, total=math.nan)
                 self._out[name].publish(force)
                 for each in self._forces.add(name, force):
                     self._sum.publish(each)
@@ -77,7 +83,7 @@ class Loop:
         self.gripper, self.grasp = SimulatedGripperNode(self.bus, arguments), GuardedGraspNode(self.bus, arguments)
         command = topics.GRIPPER_COMMAND
         self._commands = self.bus.subscribe(f'/{command.name}', command.type_name, Qos('queue', 10_000))
-        self._feeling = Feeling(self.bus, finger)
+        self.feeling = Feeling(self.bus, finger)
         self.commands_mm: list[float] = []
         self._done = threading.Event()
         self._thread = threading.Thread(target=run_until, args=([self.gripper, self.grasp], self._done))
@@ -95,7 +101,7 @@ class Loop:
         deadline_s = monotonic_s() + PATIENCE_S
         while not until():
             assert monotonic_s() < deadline_s
-            self._feeling.tell()
+            self.feeling.tell()
             while (received := self._commands.take()) is not None:
                 self.commands_mm.append(received.message.data * 1e3)
             self.bus.clock.sleep_until(self.bus.clock.now_ns() + NS_PER_S // 100)
@@ -141,3 +147,22 @@ def test_hand_of_one_finger_is_no_gripper(tmp_path: Path) -> None:
     (tmp_path / 'one.yaml').write_text('frame: hand\nsensors: [{name: left}]\n')
     with pytest.raises(ConfigurationError, match=r'a gripper has two fingers; .*one.yaml has 1'):
         SimulatedGripperNode(InProcessBus(), parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/one.yaml']))
+
+
+def test_a_finger_whose_force_stays_invalid_ends_the_grasp(finger: Finger) -> None:
+    with Loop(finger, 'object_mm:=30.0', 'grasp.hold_s:=60.0') as loop:
+        loop.go_on(lambda: 'holding' in loop.said())
+        loop.feeling.blind = 'right'
+        loop.go_on(lambda: loop.grasp.failure is not None)
+    assert re.search(r'the newest valid force is \d+ ms old, above 1000 ms', str(loop.grasp.failure))
+
+
+def test_a_hand_without_friction_is_said_to_have_no_guard(
+    finger: Finger, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shipped = share_directory() / 'config' / 'hands' / 'gripping_fingers.yaml'
+    lines = [line for line in shipped.read_text('utf-8').splitlines() if not line.startswith('friction')]
+    (tmp_path / 'hand.yaml').write_text('\n'.join(lines), 'utf-8')
+    with Loop(finger, f'hand:={tmp_path / "hand.yaml"}'):
+        pass
+    assert 'tells no friction, so no slip margin guards what is held' in capsys.readouterr().err
