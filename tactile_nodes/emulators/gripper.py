@@ -33,6 +33,10 @@ class GripperSettings:
     pull_after_s: float = parameter(3.0, 'how long it is held before it is pulled', minimum=0.0)
     pull_n_s: float = parameter(0.2, 'how fast the pull rises, and how it ceases [N/s]', minimum=0.01)
 
+    def __post_init__(self) -> None:
+        if self.object_mm >= self.open_mm:
+            raise ValueError(f'object_mm is {self.object_mm:g}, and the fingers open to {self.open_mm:g} mm (open_mm)')
+
 
 class Gripper:
     """Follows commands at its speed; `advance` says how the object is held then.

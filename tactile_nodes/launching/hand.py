@@ -23,13 +23,13 @@ def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> s
     for block in load_parameter_file(sensor.config or share_directory() / 'config' / 'live.yaml'):
         named = blocks.setdefault(normal_pattern(block.pattern), {})
         named.update({name: located.value for name, located in block.values.items()})
-    frame = sensor.frame.id
+    frame, of_pictures = sensor.frames
     told: dict[str, dict[str, object]] = {
         'camera': {
             'fps': hand.fps,
             'open_within_s': open_within_s,
             'surface_frame_id': frame,
-            'frame_id': f'{frame}_camera_optical_frame',
+            'frame_id': of_pictures,
         },
         'flow_features': {'most_hz': hand.fps},
         'force_estimator': {'frame_id': frame},

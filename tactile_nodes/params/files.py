@@ -132,7 +132,23 @@ def _mapping(path: str | Path) -> yaml.MappingNode | None:
         raise ConfigurationError(f'cannot read {path}: {error}') from error
     if root is not None and not isinstance(root, yaml.MappingNode):
         raise _refusal(str(path), root, 'a mapping of names to values is expected here')
+    _require_each_once(root, str(path))
     return root
+
+
+def _require_each_once(node: yaml.Node | None, source: str) -> None:
+    """Of a key that is given twice nobody knows which was meant. Raises ConfigurationError."""
+    if isinstance(node, yaml.SequenceNode):
+        for each in node.value:
+            _require_each_once(each, source)
+    if isinstance(node, yaml.MappingNode):
+        seen = set()
+        for key, value in node.value:
+            name = str(key.value)
+            if name in seen:
+                raise _refusal(source, key, f'{name!r} is given twice')
+            seen.add(name)
+            _require_each_once(value, source)
 
 
 def compose(text: str, source: str) -> yaml.Node | None:

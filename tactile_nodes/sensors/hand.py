@@ -38,6 +38,11 @@ class HandSensor:
             raise ValueError(f'a sensor needs a name of letters, digits and underscores, got {self.name!r}')
 
     @property
+    def frames(self) -> tuple[str, str]:
+        """That of the surface, and that of the pictures."""
+        return self.frame.id, f'{self.frame.id}_camera_optical_frame'
+
+    @property
     def camera(self) -> str:
         """What only one sensor can have: its camera; empty for pictures that several may take, files and simulated."""
         path = f'/dev/video{self.source}' if self.source.isdigit() else self.source
@@ -120,10 +125,14 @@ def _check(made: HandSensor, others: Sequence[HandSensor], parent: str) -> None:
             f'{made.name!r} is mounted in {made.frame.parent!r}, and forces are summed in {parent!r}, '
             'the frame of the hand: say where it is in that'
         )
+    if parent in made.frames:
+        raise ValueError(f'{made.name!r} has a frame {parent!r}, which is that of the hand; rename one')
     for other in others:
         if made.name == other.name:
             raise ValueError(f'there are two sensors with the name {made.name!r}; the first has it, rename this one')
         if made.frame.id == other.frame.id:
             raise ValueError(f'{made.name!r} and {other.name!r} have one frame.id, {made.frame.id!r}; rename one')
+        if shared := set(made.frames) & set(other.frames):
+            raise ValueError(f'{made.name!r} and {other.name!r} have one frame, {shared.pop()!r}; rename one')
         if made.camera and made.camera == other.camera:
             raise ValueError(f'{made.name!r} takes the camera {made.source}, which is that of {other.name!r}')

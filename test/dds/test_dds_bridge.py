@@ -19,7 +19,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.errors import BusError, ConfigurationError
+from tactile_nodes.errors import NOT_AGAIN, BusError, ConfigurationError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.dds_bridge import DdsBridgeNode
 
@@ -212,7 +212,7 @@ def test_without_cyclone_the_program_says_what_to_install(tmp_path: Path, domain
         "sys.argv = ['dds_bridge_node']; from tactile_nodes.nodes.dds_bridge import main; sys.exit(main())"
     )
     ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-    assert ended.returncode == 1
+    assert ended.returncode == NOT_AGAIN
     assert "install it with: pip install 'tactile_nodes[dds]'" in ended.stderr
     assert 'Traceback' not in ended.stderr
 

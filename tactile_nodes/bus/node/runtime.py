@@ -20,7 +20,7 @@ from tactile_nodes.bus.node.signals import heard
 from tactile_nodes.bus.protocol import Bus, ProcessBus
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import monotonic_s
-from tactile_nodes.errors import AskedToEndError, ConfigurationError, TactileError
+from tactile_nodes.errors import NOT_AGAIN, AskedToEndError, ConfigurationError, ModelError, TactileError
 
 NodeFactory = Callable[[Bus, NodeArguments], Node]
 
@@ -74,6 +74,9 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
         return _run(factories, arguments)
     except AskedToEndError:
         return 0
+    except (ConfigurationError, ModelError) as error:
+        sys.stderr.write(f'{error}\n')
+        return NOT_AGAIN  # however long it took on a busy machine to find out
     except TactileError as error:
         sys.stderr.write(f'{error}\n')
         return 1

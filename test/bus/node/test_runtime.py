@@ -12,7 +12,11 @@ import pytest
 from agents import until
 from programs import Program, Ready
 
+from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.runtime import run_nodes, settle
+from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.errors import NOT_AGAIN, ModelError
 
 SOON_S = 2.0
 Launch = Callable[..., Program]
@@ -156,7 +160,7 @@ def test_node_that_cannot_start_is_one_sentence_and_closes_those_that_could(laun
 )
 def test_bus_that_cannot_be_joined_is_one_sentence(launch: Launch, environment: dict[str, str], sentence: str) -> None:
     program = launch('Ready', **environment)
-    assert program.ended(8.0) == 1
+    assert program.ended(8.0) in {1, NOT_AGAIN}
     assert sentence in program.output
     assert program.output.count('\n') == 1
 
@@ -171,10 +175,20 @@ def test_bus_that_cannot_be_joined_is_one_sentence(launch: Launch, environment: 
     ],
 )
 def test_wrong_command_line_is_one_sentence(argv: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_nodes([Ready], argv) == 1
+    assert run_nodes([Ready], argv) == NOT_AGAIN
     error = capsys.readouterr().err
     assert sentence in error
     assert error.count('\n') == 1
+
+
+def test_a_model_that_is_not_there_ends_a_program_for_good(capsys: pytest.CaptureFixture[str]) -> None:
+    """By its status a launch knows that another start would not help, however slow the machine was to find out."""
+
+    def node(bus: Bus, arguments: NodeArguments) -> Node:
+        raise ModelError("there is no model 'nosuch'")
+
+    assert run_nodes([node], []) == NOT_AGAIN
+    assert capsys.readouterr().err == "there is no model 'nosuch'\n"
 
 
 def test_what_is_there_when_frames_begin_is_never_looked_through_for_garbage() -> None:
