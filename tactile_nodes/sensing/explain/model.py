@@ -15,6 +15,7 @@ from jaxtyping import Float32
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.explain.reading import UNKNOWN, Acting, Contact, Reading, nothing_read
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
@@ -113,16 +114,19 @@ class ForceEstimator:
     def at_rest(self, features: Features) -> ForceMap:
         """No force, with the uncertainty that the model states for these features, which are those of no motion.
 
-        They are the same in frame after frame, so the model is asked once.
+        They are the same in frame after frame, so the model is asked once. Of a network it is the uncertainty of no
+        force: its training shows no features without noise, and what it says of such is not told.
 
         Raises:
             ModelError: as above.
         """
         known = self._at_rest
         if known is None or not np.array_equal(known[0].confidence, features.confidence):
-            found = self.predict(features)
+            found, nominal_n = self.predict(features), self.model.readout.nominal_n(0.0)
             none = np.zeros_like(found.normal_force_n)
-            resting = replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0)
+            resting = replace(found, normal_force_n=none, total_n=0.0, peak_n=0.0, nominal_n=nominal_n)
+            if isinstance(readout := self.model.readout, NetworkReadout):
+                resting = replace(resting, total_sigma_n=readout.spread.sigma_n(0.0), unlikeness=0.0)
             self._at_rest = known = features, replace(resting, acting=self._still(resting))
         return known[1]
 

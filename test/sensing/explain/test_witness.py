@@ -9,6 +9,7 @@ import pytest
 from responding import BINS, components, features, readout
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.pipeline.judge_force import FORCE, judged_alone
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.explain.network import Mlp, NetworkReadout, TotalSpread
@@ -80,13 +81,15 @@ def test_what_directions_leave_over_counts_beside_the_witness():
     assert reading.unlikeness == strict.unlikeness(values.reshape(-1)) > 1
 
 
-def test_at_rest_no_force_is_contradicted():
-    """What a network says of no motion is no force; that it says 0.3 N there is told as unlike the training."""
-    model = ForceModel(FeatureLayout('cartesian_mean', 6, 6, 2), BINS, network(0.3))
+def test_of_no_motion_no_force_is_told_as_sure_as_the_network_is_of_none():
+    """It says 0.3 N there, 10 times its 0.03 N, and 0.5 N / N more of that: none of it is told."""
+    sure_of_none = network(0.3, spread=TotalSpread(0.03, 0.5))
+    model = ForceModel(FeatureLayout('cartesian_mean', 6, 6, 2), BINS, sure_of_none)
     still = Features('cartesian_mean', np.zeros((6, 6, 2), np.float32), SURE)
     found = ForceEstimator(model).at_rest(still)
-    assert (found.total_n, found.nominal_n) == (0.0, pytest.approx(0.03))
-    assert found.unlikeness == pytest.approx(0.3 / (3**0.5 * 0.03), rel=1e-3)
+    assert (found.total_n, found.unlikeness) == (0.0, 0.0)
+    assert (found.total_sigma_n, found.nominal_n) == (pytest.approx(0.03), pytest.approx(0.03))
+    assert judged_alone(found).status == FORCE.STATUS_OK
 
 
 def test_a_witness_of_other_features_is_refused():
