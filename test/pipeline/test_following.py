@@ -186,10 +186,29 @@ def test_a_gel_seated_anew_whose_markers_moved_each_its_way_is_measured_as_befor
     assert np.sqrt(np.square(np.subtract(after.values, before.values)).mean()) < 0.01
 
 
-def test_a_picture_that_grew_stays_degraded() -> None:
-    stream = Stream()
+@pytest.mark.parametrize(('model', 'percent'), [('fast', 0.2), ('fast', -1.0), ('field', 1.0), ('paper', 1.0)])
+def test_a_camera_that_magnifies_is_in_doubt_until_the_gel_was_seen_at_rest(model: str, percent: float) -> None:
+    """A dense search needs a rest image of its own, the second of which comes after two seconds."""
+    stream, larger = Stream(model=model), grow(percent / 100)
     stream.feed(8)
-    assert stream.feed(12, grow(0.0015)).reasons & FORCE.REASON_FOREIGN_MOTION  # by 0.33 px at the rim
+    assert stream.feed(1, larger).reasons & FORCE.REASON_FOREIGN_MOTION
+    stream.feed(30, larger)
+    assert stream.feed(2, press(200, 200, 1.0), larger).reasons == 0
+    stream.feed(80)
+    assert stream.feed(1).reasons == stream.feed(1, press(200, 200, 1.0)).reasons == 0
+
+
+def test_a_picture_that_grew_while_each_marker_moved_its_way_stays_degraded_whatever_its_camera_does() -> None:
+    """Those near the camera moved otherwise than those above them, so that patches are off by 0.04 px: another gel."""
+    depths = np.random.default_rng(5).normal(0, 0.3, (len(DOTS), 2))
+    stream, swollen = Stream(), (grow(0.0015), lambda _: depths)  # by 0.33 px at the rim
+    stream.feed(8)
+    told = [stream.feed(1, *swollen) for _ in range(30)]
+    assert stream.following.renewed
+    told += [stream.feed(1, *swollen, grow(0.005)) for _ in range(30)]
+    assert all(each.reasons & FORCE.REASON_FOREIGN_MOTION for each in told)
+    stream.feed(8)
+    assert not stream.feed(1).reasons & FORCE.REASON_FOREIGN_MOTION
 
 
 def test_a_speck_of_dirt_is_told_until_it_is_gone() -> None:

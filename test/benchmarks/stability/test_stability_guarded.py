@@ -10,7 +10,7 @@ import pytest
 from benchmarks.stability import read
 from benchmarks.stability.cases import named
 from benchmarks.stability.scores import FORCE, OK, Answer, score
-from benchmarks.stability.stream import HELD, Change, Plan, World
+from benchmarks.stability.stream import BEFORE, HELD, Change, Plan, World
 from tactile_nodes.sensing.explain.uncertainty import nominal_error_n
 
 FEW = Plan(presses=4, before=1, coming=10, hold=1, rest=1, after=1)
@@ -25,6 +25,9 @@ GUARDED = (
     ('taken while touched', 0.1), ('gel swollen', 0.3),
 )  # fmt: skip
 """Disturbances under which `fast` is right or says that it is not."""
+
+SETTLING = 8
+"""Frames at rest in which it is found out what the whole picture's motion left."""
 
 Heard = Callable[..., list[Answer]]
 
@@ -63,11 +66,23 @@ def test_error_stays_within_twice_the_usual_while_the_status_says_ok(heard: Hear
 
 @pytest.mark.parametrize(
     ('name', 'level'),
-    [('', 0), ('brightness', 0.7), ('brightness', 1.3), ('blur', 1), ('noise', 4), ('markers gone', 20)],
-)
+    [
+        ('', 0), ('brightness', 0.7), ('brightness', 1.3), ('blur', 1), ('noise', 4), ('markers gone', 20),
+        ('magnified', 0.2), ('magnified', 1), ('magnified', -1),
+    ],
+)  # fmt: skip
 def test_forces_that_a_disturbance_changes_by_less_than_a_tenth_are_ok(heard: Heard, name: str, level: float) -> None:
     held = [each for each in held_of(heard('fast', name, level)) if abs(each.error_n) < 0.1 * each.true_n]
     assert [each.status for each in held] == [OK] * 4
+
+
+@pytest.mark.parametrize('profile', ['paper', 'fast', 'field'])
+@pytest.mark.parametrize(('name', 'level'), [('', 0), ('magnified', 1)])
+def test_frames_at_rest_and_pressed_are_ok_of_every_profile_but_while_a_contact_begins(
+    heard: Heard, profile: str, name: str, level: float
+) -> None:
+    told = [each for each in heard(profile, name, level) if each.moment.part != BEFORE]
+    assert [each.moment for each in told[SETTLING:] if each.said] == []
 
 
 @pytest.mark.parametrize(('name', 'level'), [('blur', 1), ('markers gone', 20), ('stuck pixels', 5), ('dirt', 1)])
