@@ -20,11 +20,12 @@ class RestCapture:
     """Collects `wanted` frames for a rest image.
 
     Frames that show the same make a run. A frame that shows something else begins a new one; of one that shows a touch
-    beside an earlier run nothing is taken. `unsteady`: no run came for too long, and any frames were taken.
+    beside an earlier run nothing is taken. `unsteady`: no run came for too long, and any frames were taken; not while
+    touches come and go, which patience does not wait for.
     """
 
     def __init__(self, wanted: int, skip: int = 0) -> None:
-        self.unsteady = self.touched = False
+        self.unsteady = self.touched = self._comes_and_goes = False
         self._wanted, self._left_to_skip = wanted, skip
         self._offered, self._longest = 0, 0
         self._frames = RestAccumulator()
@@ -36,16 +37,19 @@ class RestCapture:
         """Why there is no rest image though frames for two have come; empty while it may still be on its way."""
         if self._offered < 2 * self._wanted:
             return ''
-        why = (
-            'something touches the gel now that did not before'
-            if self.touched
-            else 'the picture goes on changing, as when something touches or the camera moves'
-        )
         return (
             f'no rest image yet: it takes {self._wanted} frames in a row of the untouched gel, '
-            f'and {self._longest} came; {why}. Leave the gel untouched, ask for fewer frames (reference_frames), '
+            f'and {self._longest} came; {self._why}. Leave the gel untouched, ask for fewer frames (reference_frames), '
             'or give a picture of the gel at rest (reference:=file reference_file:=…)'
         )
+
+    @property
+    def _why(self) -> str:
+        if self.touched:
+            return 'something touches the gel now that did not before'
+        if self._comes_and_goes:
+            return 'something touches the gel in some frames and not in others (or the camera changes its focus)'
+        return 'the picture goes on changing, as when the camera moves'
 
     def offer(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w'] | None:
         """Take one frame more; the rest image, once it is complete. The capture then begins anew.
@@ -60,32 +64,49 @@ class RestCapture:
         self._offered += 1
         self.touched = self._earlier is not None and self._earlier.pressed(image)
         if self.touched:
-            self._offered = min(self._offered, PATIENCE * self._wanted)  # no patience makes a touch a rest image
+            self._have_no_patience()
             self._frames = RestAccumulator()
             return None
         if not self._same(image):
-            self._begin_run(image)
+            self._take_another(_about(image))
         self._frames.add(image)
         self._longest = max(self._longest, self._frames.count)
         return self._finished() if self._frames.count >= self._wanted else None
 
     def _same(self, image: UInt8[np.ndarray, 'h w']) -> bool:
-        """Whether a frame shows what the run shows; of a picture that never rests all frames do."""
-        if self._frames.count and self._first is not None and self._shows_the_same(self._first, image):
-            return True
+        """Whether a frame shows what the run shows."""
+        if not self._frames.count or self._first is None:
+            return False
+        return not self._first.able or steady(self._first.look(image))
+
+    def _take_another(self, shown: StillnessCheck) -> None:
+        """A frame that shows something else begins a new run; of a picture that never rests it goes on with the old."""
+        self._comes_and_goes = self._first is not None and _touched(self._first, shown)
+        if self._comes_and_goes:
+            self._have_no_patience()
         self.unsteady = self._offered > PATIENCE * self._wanted
-        return self.unsteady and self._frames.count > 0
-
-    @staticmethod
-    def _shows_the_same(first: StillnessCheck, image: UInt8[np.ndarray, 'h w']) -> bool:
-        return not first.able or steady(first.look(image))
-
-    def _begin_run(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        if self.unsteady and self._frames.count:
+            return
         if self._frames.count >= LEAST_RUN:
             self._earlier = self._first
-        self._frames, self._first = RestAccumulator(), StillnessCheck()
-        self._first.set_reference(image)
+        self._frames, self._first = RestAccumulator(), shown
+
+    def _have_no_patience(self) -> None:
+        """No patience makes a touch a rest image."""
+        self._offered = min(self._offered, PATIENCE * self._wanted)
 
     def _finished(self) -> UInt8[np.ndarray, 'h w']:
         image, self._frames = self._frames.image(), RestAccumulator()
         return image
+
+
+def _about(image: UInt8[np.ndarray, 'h w']) -> StillnessCheck:
+    check = StillnessCheck()
+    check.set_reference(image)
+    return check
+
+
+def _touched(one: StillnessCheck, other: StillnessCheck) -> bool:
+    """Whether something presses in one of two pictures that does not in the other."""
+    assert one.reference is not None and other.reference is not None
+    return one.pressed(other.reference) or other.pressed(one.reference)

@@ -48,6 +48,21 @@ def test_no_patience_makes_presses_a_rest_image(pictures: Pictures) -> None:
     assert not capture.unsteady
 
 
+@pytest.mark.parametrize('force', ['elsewhere', 'growing', 'fading'])
+def test_a_gel_that_is_never_left_alone_gives_no_rest_image_and_why_is_said(pictures: Pictures, force: str) -> None:
+    """Forty frames, of which twenty would do of a camera that never rests; then the untouched gel is taken at once."""
+    press = {
+        'elsewhere': lambda number: Press(number % 7 - 3.0, number % 5 - 2.0, 0.4),
+        'growing': lambda number: Press(3.0, -4.0, 0.2 + 0.02 * number),
+        'fading': lambda number: Press(3.0, -4.0, 1.0 - 0.02 * number),
+    }[force]
+    capture = RestCapture(wanted=5)
+    assert not any(offered(capture, [pictures.of(press(number)) for number in range(40)]))
+    assert 'something touches the gel in some frames and not in others' in capture.waiting
+    assert offered(capture, [pictures.of() for _ in range(5)])[-1]
+    assert not capture.unsteady
+
+
 def test_a_touch_that_ends_leaves_the_untouched_gel_to_be_taken(pictures: Pictures) -> None:
     capture = RestCapture(wanted=8)
     assert not any(offered(capture, [pictures.of(Press(0.0, 2.0, 0.8)) for _ in range(6)]))
