@@ -42,6 +42,11 @@ FORCE = types.ForceDistribution
 ANOTHER_TIME_S = 60.0
 """Stamps further away than this are not of this time base, and say nothing of a frame's age."""
 
+DENTED = (
+    'the rest image was taken while something touched the gel that has let go since; leave the gel untouched until it '
+    'is taken anew, or call capture_reference'
+)
+
 
 @dataclass(frozen=True)
 class FollowingParams(MethodParams):
@@ -88,8 +93,9 @@ class Following:
 
     @property
     def trouble(self) -> str:
-        """Why frames are not measured; empty while all is well."""
-        return self._trouble or self.memory.rest.trouble
+        """Why frames are not measured, or beside a rest image of no use; empty while all is well."""
+        moved = self.memory.measure.registration
+        return self._trouble or self.memory.rest.trouble or (DENTED if moved and moved.dent.dented else '')
 
     @property
     def renewed(self) -> bool:

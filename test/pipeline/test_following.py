@@ -88,6 +88,32 @@ def test_a_rest_image_that_was_touched_is_told_and_taken_anew_once_nothing_touch
     assert float(np.abs(motion).max()) == pytest.approx(most_px, rel=0.4)  # a region's mean of it
 
 
+@pytest.mark.parametrize('frames', [1, 20])
+def test_a_press_held_from_the_first_frame_on_is_told_once_it_is_let_go_however_slowly(frames: int) -> None:
+    """At rest beside itself, and nobody can know more. What was pressed then reads as much as it is."""
+    stream, held = Stream(), press(180, 250, 0.5)
+    stream.feed(24, held)
+    assert stream.following.trouble == ''
+    for share in np.linspace(1, 0, frames + 1)[1:]:
+        stream.feed(1, press(180, 250, 0.5 * share))
+    told = [stream.feed(1).reasons & FORCE.REASON_REST_DOUBTFUL for _ in range(29)]
+    assert any(told)
+    stream.feed(80)  # taken while it was let go, it is taken anew two seconds later
+    assert stream.feed(1).reasons == 0
+    assert stream.following.trouble == ''
+    motion = stream.feed(1, held).values
+    assert float(np.abs(motion).max()) == pytest.approx(0.5, rel=0.4)  # a region's mean of it
+
+
+def test_why_a_dented_rest_image_is_of_no_use_is_said_until_it_is_taken_anew() -> None:
+    stream = Stream()
+    stream.feed(6, press(180, 250, 0.5))
+    stream.feed(6)
+    assert 'taken while something touched the gel that has let go since' in stream.following.trouble
+    stream.feed(16)
+    assert stream.following.trouble == ''
+
+
 def test_another_light_is_told_and_then_has_a_rest_image_of_its_own_until_it_ends() -> None:
     stream = Stream()
     stream.feed(8)
