@@ -100,7 +100,7 @@ of single frames 4.7, and changes the light of the darkest block by 0.04."""
 
 
 def steady(seen: Stillness) -> bool:
-    """Whether one frame beside another shows the same, as frames must that go into one rest image."""
+    """Whether a frame shows what a mean of many does, as frames must in which only dead pixels are odd."""
     return seen.motion <= STEADY_MOTION and seen.light_share <= STEADY_LIGHT_SHARE
 
 
@@ -115,6 +115,7 @@ class StillnessCheck:
         self._parts: np.ndarray
         self._rest: np.ndarray
         self._light: np.ndarray
+        self._contrast: np.ndarray
         self._whole: tuple[np.ndarray, np.ndarray]
         self._places: TouchPlaces
         self._average = _averaging(self.options.blocks)
@@ -140,6 +141,7 @@ class StillnessCheck:
         self._whole = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
         self._rest = shrunk(image)
         self._light = np.maximum(np.square(self._blocks(self._rest).astype(np.float32)).sum(axis=1), 1.0)
+        self._contrast = np.maximum(np.abs(size[:, 1]), 1e-6).astype(np.float32)
 
     def __call__(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether a frame is still and need not be measured.
@@ -182,6 +184,28 @@ class StillnessCheck:
         assert seen is not None
         return seen
 
+    def same(self, image: UInt8[np.ndarray, 'h w']) -> bool:
+        """Whether a frame shows what the image given does, a frame as well, but for the noise of both.
+
+        Some of the given one's contrast c is its noise, which no other frame has: n s² / c of n pixels with a noise of
+        s, which in a block without markers is more than light ever changes. Without that the two noises leave
+        s² (2 - n s² / c²) in a pixel; so `pattern` is how much of the contrast is none. Of images that are too small
+        for the blocks all are the same.
+
+        Raises:
+            ImageError: as above.
+        """
+        require_like(self.reference, image)
+        if not self._able:
+            return True
+        part, left = self._split(image)
+        pattern = np.sqrt(np.maximum(1 - self._parts.shape[2] * left / np.square(self._contrast), 0.0))
+        part[:, 1] = pattern * (part[:, 1] + self._contrast * (1 - pattern))
+        lit = np.square(part[:, :2]).sum(axis=1)
+        if (lit > np.maximum(STEADY_LIGHT_SHARE**2 * self._light, STEADY_MOTION**2 * left)).any():
+            return False
+        return self._largest(part[:, 2:]) <= STEADY_MOTION * math.sqrt(_middle(left))
+
     def pressed(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether something presses that did not in the image given, from which motion goes away more than towards.
 
@@ -193,13 +217,17 @@ class StillnessCheck:
         require_like(self.reference, image)
         if not self._able:
             return False
-        change = self._blocks(cv2.subtract(shrunk(image), self._rest, dtype=cv2.CV_32F))
-        part = np.matmul(self._parts, change[:, :, None])[:, :, 0]
-        left = np.maximum(np.square(change).sum(axis=1) - np.square(part).sum(axis=1), 1e-6)
-        noise = math.sqrt(_middle((left / (change.shape[1] - part.shape[1])).astype(np.float32)))
-        motion = part[:, 2:].astype(np.float32)
+        part, left = self._split(image)
+        motion, noise = part[:, 2:], math.sqrt(_middle(left))
         away = self._places.away(motion)
         return float(away.max()) > max(STEADY_MOTION * noise, float(-away.min()), self._alike(motion))
+
+    def _split(self, image: UInt8[np.ndarray, 'h w']) -> tuple[np.ndarray, np.ndarray]:
+        """The four parts of each block's change, and the variance that they leave."""
+        change = self._blocks(cv2.subtract(shrunk(image), self._rest, dtype=cv2.CV_32F))
+        part = np.matmul(self._parts, change[:, :, None])[:, :, 0].astype(np.float32)
+        left = np.maximum(np.square(change).sum(axis=1) - np.square(part).sum(axis=1), 1e-6)
+        return part, (left / (change.shape[1] - part.shape[1])).astype(np.float32)
 
     def _seen(self, small: UInt8[np.ndarray, 'h w'], *, closely: bool) -> Stillness | None:
         """How still a frame is; None where blocks changed by so much, as under most presses, that no look need tell.

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from tactile_nodes.sensing.picture.quality import require_picture
-from tactile_nodes.sensing.picture.stillness import StillnessCheck, steady
+from tactile_nodes.sensing.picture.stillness import StillnessCheck
 from tactile_nodes.sensing.rest.reference import RestAccumulator
 
 PATIENCE = 4
@@ -75,9 +75,7 @@ class RestCapture:
 
     def _same(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether a frame shows what the run shows."""
-        if not self._frames.count or self._first is None:
-            return False
-        return not self._first.able or steady(self._first.look(image))
+        return self._frames.count > 0 and self._first is not None and self._first.same(image)
 
     def _take_another(self, shown: StillnessCheck) -> None:
         """A frame that shows something else begins a new run; of a picture that never rests it goes on with the old."""

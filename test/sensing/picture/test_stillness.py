@@ -12,7 +12,7 @@ from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.flow.patches import moved_image
 from tactile_nodes.sensing.geometry import centre_crop
-from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck, StillnessOptions, steady
+from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck, StillnessOptions
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
@@ -149,6 +149,17 @@ def test_a_speck_of_dirt_is_unexplained_and_no_motion_of_a_twentieth_of_a_pixel_
 def test_frames_of_one_rest_image_differ_by_noise_alone() -> None:
     single = StillnessCheck()
     single.set_reference(frame(seed=1))
-    assert steady(single.look(frame(seed=2)))
-    assert not steady(single.look(frame(0.9 * PATTERN, seed=2)))
-    assert not steady(single.look(frame(moved_image(PATTERN, 0.1, 0.0), seed=2)))
+    assert single.same(frame(seed=2))
+    assert not single.same(frame(0.9 * PATTERN, seed=2))
+    assert not single.same(frame(moved_image(PATTERN, 0.1, 0.0), seed=2))
+
+
+@pytest.mark.parametrize('noise_grey', [1.0, 2.0, 4.0, 8.0])
+def test_where_a_frame_shows_no_pattern_its_noise_is_none_that_another_frame_has_lost(noise_grey: float) -> None:
+    """Two of a hundred blocks have no contrast but that of one frame's noise, none of which is in another frame."""
+    blank = PATTERN.copy()
+    blank[:24, :48] = 40.0
+    single = StillnessCheck()
+    single.set_reference(frame(blank, 0, noise_grey))
+    assert [seed for seed in range(1, 30) if not single.same(frame(blank, seed, noise_grey))] == []
+    assert not any(single.same(frame(0.8 * blank, seed, noise_grey)) for seed in range(1, 30))

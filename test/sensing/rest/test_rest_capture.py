@@ -8,6 +8,7 @@ import pytest
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.capture import RestCapture
+from tactile_nodes.simulation.disturbances import noisier
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
@@ -15,8 +16,8 @@ from tactile_nodes.simulation.optics import Optics, Press
 class Pictures:
     """Frames of the simulated gel, each with noise of its own."""
 
-    def __init__(self) -> None:
-        self._optics, self._seed = Optics(Gel(), contact_table(Gel())), 0
+    def __init__(self, noise: float = 1.0) -> None:
+        self._optics, self._seed = Optics(noisier(Gel(), noise), contact_table(Gel())), 0
 
     def of(self, *presses: Press) -> np.ndarray:
         self._seed += 1
@@ -60,6 +61,14 @@ def test_a_gel_that_is_never_left_alone_gives_no_rest_image_and_why_is_said(pict
     assert not any(offered(capture, [pictures.of(press(number)) for number in range(40)]))
     assert 'something touches the gel in some frames and not in others' in capture.waiting
     assert offered(capture, [pictures.of() for _ in range(5)])[-1]
+    assert not capture.unsteady
+
+
+@pytest.mark.parametrize('noise', [2.0, 4.0])
+def test_a_noisy_camera_is_no_picture_that_never_rests(noise: float) -> None:
+    noisy = Pictures(noise)
+    capture = RestCapture(wanted=16)
+    assert offered(capture, [noisy.of() for _ in range(16)])[-1]
     assert not capture.unsteady
 
 
