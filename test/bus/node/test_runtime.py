@@ -188,7 +188,7 @@ def test_a_model_that_is_not_there_ends_a_program_for_good(capsys: pytest.Captur
         raise ModelError("there is no model 'nosuch'")
 
     assert run_nodes([node], []) == NOT_AGAIN
-    assert capsys.readouterr().err == "there is no model 'nosuch'\n"
+    assert capsys.readouterr().err == "node: there is no model 'nosuch'\n"
 
 
 def test_what_is_there_when_frames_begin_is_never_looked_through_for_garbage() -> None:
