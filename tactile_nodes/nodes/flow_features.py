@@ -37,6 +37,8 @@ KEEP_NS = NS_PER_S
 
 SOONEST = 0.75
 """Of the time between two frames: a picture that comes sooner after the last one is one too many."""
+CHECK_PERIOD_S = 1.0
+SILENT_NS = 2 * NS_PER_S
 
 
 @dataclass(frozen=True)
@@ -78,11 +80,14 @@ class FlowFeaturesNode(Node):
         self._frames = self._answered_ns = self._kept_ns = 0
         self._learned: tuple[object, ...] = ()
         self._came, self._size = '', image_size(self.params)
+        self._heard_ns = self._apart_ns = 0
+        self._about = ''
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/capture_reference', self._capture_again)
         self.create_trigger('~/save_reference', self._save_reference)
         self.create_trigger('~/save_overlay', self._save_overlay)
+        self.create_timer(CHECK_PERIOD_S, self._check_pictures)
 
     def _begin(self, chosen: FlowFeaturesParams) -> None:
         if chosen.reference == 'topic':
@@ -129,6 +134,8 @@ class FlowFeaturesNode(Node):
         self.kept.put(_MEMORY, self._following.memory.saved())
 
     def _on_image(self, received: Received) -> None:
+        now_ns = self.clock.now_ns()
+        self._apart_ns, self._heard_ns = now_ns - (self._heard_ns or now_ns), now_ns
         if self._too_soon(stamp_ns(received.message.header.stamp)):
             return
         image, head = self._picture(received.message), received.message.header
@@ -164,8 +171,19 @@ class FlowFeaturesNode(Node):
         whole = came.startswith(f'{taken} ')
         how = 'taken whole' if whole else f'{taken} are cut from the middle (parameter crop)'
         text = f'{self.names.resolve(topics.IMAGE.name)} brings {came}: {how}'
+        self._about = text
         self.diagnostics.report('pictures', Level.OK, text)
         self.log.info(text)
+
+    def _check_pictures(self) -> None:
+        """A camera's process that hangs, or its network, says nothing by itself."""
+        silent_ns = self.clock.now_ns() - self._heard_ns
+        if not self._about:
+            return
+        if silent_ns > max(SILENT_NS, 3 * self._apart_ns):
+            self.report('pictures', Level.WARN, 'no picture comes any more; look at the camera and at its node')
+        else:
+            self.report('pictures', Level.OK, self._about)
 
     def _on_reference(self, received: Received) -> None:
         image = np.array(conversions.image_array(received.message))

@@ -75,6 +75,31 @@ def test_of_a_camera_that_brings_ten_times_as_many_pictures_no_more_are_answered
     assert told == stamps[::8]
 
 
+def test_a_camera_from_which_no_picture_comes_any_more_is_told_and_when_it_is_back(
+    bus: InProcessBus, clock: SteppedClock, publisher: Advertise
+) -> None:
+    """Its process hangs, say, and tells nothing itself. One that brings a picture every five seconds does not."""
+    camera, tested = publisher(topics.IMAGE), node(bus, clock)
+
+    def told(after_s: float, *, comes: bool = False) -> tuple[Level, str]:
+        clock.advance(after_s)
+        if comes:
+            camera.publish(image(PATTERN, clock.now_ns()))
+        run(tested)
+        tested._check_pictures()  # as each second
+        found = next(each for each in tested.diagnostics.message(0).status if each.name.endswith('pictures'))
+        return Level(found.level), found.message
+
+    assert told(0.0, comes=True)[0] is Level.OK
+    assert told(0.1, comes=True)[0] is Level.OK
+    assert told(1.5)[0] is Level.OK
+    assert told(1.0) == (Level.WARN, 'no picture comes any more; look at the camera and at its node')
+    assert told(1.0, comes=True)[0] is Level.OK
+    assert told(5.0, comes=True)[0] is Level.OK
+    assert told(10.0)[0] is Level.OK
+    assert told(6.0)[0] is Level.WARN
+
+
 WHOLE = np.random.default_rng(6).integers(20, 200, (480, 640), dtype=np.uint8)
 
 
