@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD, HAND_WRENCH
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import image_pixels
 from tactile_nodes.errors import DatasetError
@@ -26,6 +27,12 @@ _MAPS = {
 }  # fmt: skip
 """What lies on a grid of rows and columns; where it is not known, or of an invalid frame, the array is empty."""
 
+_APART = {IMAGE_TYPE: ('data',), HAND_WRENCH.type_name: ('sensors', 'missing', 'margins')}
+"""Fields that have columns of another form than their own."""
+
+_MARGIN = (
+    'position.x', 'position.y', 'position.z', 'normal', 'shear', 'margin', 'margin_sigma', 'slip_share',
+)  # fmt: skip
 _STRONGEST = (
     'position_sigma', 'force', 'force_sigma', 'shear_x', 'shear_y', 'shear_sigma', 'torsion', 'torsion_sigma', 'area',
     'length', 'width', 'angle', 'slip_share',
@@ -62,8 +69,8 @@ class Layout:
     told: set[str] = field(default_factory=set)
 
     @classmethod
-    def of(cls, topic: str, type_name: str, first: Any) -> Layout:
-        """The layout that the first message of a topic asks for."""
+    def of(cls, topic: str, type_name: str, first: Any, sensors: Sequence[str] = ()) -> Layout:
+        """The layout that the first message of a topic asks for; `sensors` are those of a hand's wrench."""
         made = cls(topic, type_name)
         made._add_all(first, '', lambda message: message)
         if type_name in _MAPS:
@@ -72,6 +79,8 @@ class Layout:
             made._add_contacts(first)
         if type_name == IMAGE_TYPE:
             made._add_image(first)
+        for sensor in sensors:
+            made._add_sensor(sensor)
         return made
 
     @property
@@ -123,7 +132,7 @@ class Layout:
 
     def _add_all(self, value: Any, prefix: str, get: Getter) -> None:
         for entry in _fields(value):
-            if not prefix and self.type_name == IMAGE_TYPE and entry == 'data':
+            if not prefix and entry in _APART.get(self.type_name, ()):
                 continue
             name = f'{prefix}{entry}'
             if name == 'header':
@@ -169,6 +178,13 @@ class Layout:
         for name in _STRONGEST:
             self._add(f'strongest.{name}', 'float64', _strongest(name))
 
+    def _add_sensor(self, sensor: str) -> None:
+        """Of a sensor of a hand: whether its wrench is in the sum, how many contacts it has, and which slips first."""
+        self._add(f'sensors.{sensor}', 'bool', lambda message: sensor in message.sensors)
+        self._add(f'margins.{sensor}.count', 'int64', lambda message: len(_margins(message, sensor)))
+        for part in _MARGIN:
+            self._add(f'margins.{sensor}.{part}', 'float64', _first_margin(sensor, part))
+
     def _add_image(self, first: Any) -> None:
         pixels = image_pixels(first)
         self._add('pixels', pixels.dtype.name, image_pixels, pixels.shape)
@@ -185,3 +201,13 @@ def _within(get: Getter, entry: str) -> Getter:
 def _strongest(name: str) -> Getter:
     """NaN where nothing touches."""
     return lambda message: float(getattr(message.contacts[0], name)) if message.contacts else float('nan')
+
+
+def _margins(message: Any, sensor: str) -> list[Any]:
+    return [margin for margin in message.margins if margin.sensor == sensor]
+
+
+def _first_margin(sensor: str, part: str) -> Getter:
+    """NaN where nothing touches that sensor."""
+    read = attrgetter(part)
+    return lambda message: next((float(read(each)) for each in _margins(message, sensor)), float('nan'))

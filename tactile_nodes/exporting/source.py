@@ -6,6 +6,7 @@ import hashlib
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -18,7 +19,7 @@ from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.stamps import header_stamp_ns, starts_with_header
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD, HAND_WRENCH
 from tactile_nodes.errors import BagError, ImageError, MessageError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
 from tactile_nodes.exporting.resampling import Horizon
@@ -189,7 +190,7 @@ class Source:
 
     def _lay_out(self, name: str) -> None:
         """Find the first message of a topic that says what its columns are, of forces the first that is not invalid."""
-        reason = 'no messages'
+        reason, sensors = 'no messages', self._sensors(name)
         for message in self.bag.messages([name]):
             try:
                 first = self.bag.decode(message)
@@ -198,13 +199,23 @@ class Source:
                     continue
                 is_invalid = _is_invalid(first, message.type_name)
                 if name not in self.layouts or not is_invalid:
-                    self.layouts[name] = Layout.of(name, message.type_name, first)
+                    self.layouts[name] = Layout.of(name, message.type_name, first, sensors)
                 if not is_invalid:
                     return
             except (MessageError, ImageError) as error:
                 reason = str(error)
         if name not in self.layouts:
             self.left_out[name] = reason
+
+    def _sensors(self, name: str) -> list[str]:
+        """All sensors that the messages of a hand's wrench name, in the sum or missing; of other topics none."""
+        found: set[str] = set()
+        if self.bag.topics[name].type_name == HAND_WRENCH.type_name:
+            for message in self.bag.messages([name]):
+                with suppress(MessageError):  # told of when the rows are read
+                    decoded = self.bag.decode(message)
+                    found.update(decoded.sensors, decoded.missing)
+        return sorted(found)
 
 
 def _is_empty(message: Any, type_name: str) -> bool:

@@ -15,6 +15,10 @@ _UNITS: dict[str, dict[str, str]] = {
     },
     'tactile_nodes/msg/ForceField': {'cell_*': 'm', 'origin.*': 'm', 'pressure*': 'Pa', 'shear_*': 'Pa'},
     'geometry_msgs/msg/WrenchStamped': _WRENCH,
+    'tactile_nodes/msg/HandWrench': {
+        'margins.*.position.[xyz]': 'm', 'margins.*.normal': 'N', 'margins.*.shear': 'N',
+        'margins.*.slip_share': '0 to 1', **_WRENCH,
+    },
     'tactile_nodes/msg/RigState': {'position.*': 'm', 'depth': 'm'},
     'tactile_nodes/msg/Press': {
         **_WRENCH, 'tare.force.*': 'N', 'position.*': 'm', 'depth': 'm', 'depth_reported': 'm', 'force_rate': 'N/s',

@@ -1,0 +1,98 @@
+"""A recording of a hand as tables and frames, though its sensors do not all speak from the first message on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported_bags import START_NS, STEP_NS, force
+
+from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, HAND_WRENCH
+from tactile_nodes.cli.main import main
+from tactile_nodes.conversions import header
+from tactile_nodes.messages import types
+
+pq = pytest.importorskip('pyarrow.parquet')
+
+SUMMED = [['left'], [], ['left', 'right'], ['left', 'right']]
+"""Whose wrench is in the sum of each frame, as at a start: one sensor, none, then both."""
+
+
+def wrench(number: int) -> types.HandWrench:
+    """In the last frame the left sensor has two contacts and the right one one; until then nothing touches."""
+    pull = types.Vector3(z=-float(number) if SUMMED[number] else float('nan'))
+    margins = [
+        types.GraspMargin(sensor=sensor, position=types.Point(x=0.01, y=0.02, z=0.03), margin=margin, normal=2.0)
+        for sensor, margin in (('left', 0.25), ('right', 0.5), ('left', 0.75))
+    ]
+    return types.HandWrench(
+        header=header(START_NS + number * STEP_NS, 'gripper'), wrench=types.Wrench(force=pull),
+        sensors=SUMMED[number], missing=[each for each in ('left', 'right') if each not in SUMMED[number]],
+        margins=margins if number == 3 else [],
+    )  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('bags') / 'both'
+    writer = BagWriter(folder)
+    topics = {f'/{finger}/{FORCE_DISTRIBUTION.name}': FORCE_DISTRIBUTION for finger in ('left', 'right')}
+    for name, topic in {**topics, f'/{HAND_WRENCH.name}': HAND_WRENCH}.items():
+        writer.add_topic(BagTopic.of_type(name, topic.type_name))
+    for number in range(len(SUMMED)):
+        stamp_ns = START_NS + number * STEP_NS
+        for name in topics:
+            writer.write(name, messages.encode(force(number, stamp_ns)), stamp_ns, stamp_ns)
+        writer.write(f'/{HAND_WRENCH.name}', messages.encode(wrench(number)), stamp_ns, stamp_ns)
+    writer.close()
+    return folder
+
+
+@pytest.fixture(scope='module')
+def table(bag: Path):
+    assert main(['export', 'parquet', str(bag), '-o', str(bag.parent / 'tables')]) == 0
+    return pq.read_table(bag.parent / 'tables' / 'hand_wrench.parquet')
+
+
+@pytest.mark.parametrize(
+    ('name', 'values'),
+    [
+        ('sensors.left', [True, False, True, True]),
+        ('sensors.right', [False, False, True, True]),
+        ('margins.left.count', [0, 0, 0, 2]),
+        ('margins.right.count', [0, 0, 0, 1]),
+        ('margins.left.margin', [None, None, None, 0.25]),
+        ('margins.right.margin', [None, None, None, 0.5]),
+        ('margins.right.position.y', [None, None, None, 0.02]),
+        ('wrench.force.z', [0.0, None, -2.0, -3.0]),
+    ],
+)
+def test_each_sensor_of_a_hand_has_columns_of_its_own(table, name: str, values: list[float | None]) -> None:
+    expected = [np.nan if value is None else value for value in values]
+    np.testing.assert_array_equal(table[name].to_pylist(), expected)
+
+
+def test_the_columns_of_a_hand_have_units(table) -> None:
+    units = {each.name: (each.metadata or {}).get(b'unit') for each in table.schema}
+    assert [units[f'margins.left.{name}'] for name in ('position.x', 'normal', 'shear')] == [b'm', b'N', b'N']
+    assert units['wrench.torque.x'] == b'N m'
+
+
+def test_zarr_holds_a_hand_too(bag: Path) -> None:
+    zarr = pytest.importorskip('zarr')
+    assert main(['export', 'zarr', str(bag), '-o', str(bag.parent / 'both.zarr')]) == 0
+    group = zarr.open_group(str(bag.parent / 'both.zarr'), mode='r')['hand_wrench']
+    assert group['sensors.right'][:].tolist() == [False, False, True, True]
+
+
+def test_frames_of_a_hand_hold_the_margin_of_each_sensor(bag: Path, tmp_path: Path) -> None:
+    assert main(['export', 'lerobot', str(bag), '-o', str(tmp_path / 'set'), '--fps', '60', '--pick', 'nearest']) == 0
+    info = json.loads((tmp_path / 'set/meta/info.json').read_text())['features']['observation.hand_wrench']
+    frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+    last = dict(zip(info['names'], frames['observation.hand_wrench'][-1].as_py(), strict=True))
+    assert (last['margins.left.margin'], last['margins.right.margin']) == (0.25, 0.5)
