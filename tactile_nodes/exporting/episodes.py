@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from bisect import bisect_left, bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, PRESS
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import BagError
 from tactile_nodes.exporting.resampling import Episode
 from tactile_nodes.exporting.source import Source
@@ -15,26 +18,60 @@ from tactile_nodes.messages import stamp_ns, types
 BAG, PRESSES = 'bag', 'presses'
 
 
-def find_episodes(source: Source, cut: str) -> list[Episode]:
-    """The episodes of a bag, in order of time: from a force message to a force message.
+@dataclass(frozen=True)
+class Start:
+    """Where the episodes of a bag may begin: where `topic`, the last of all, speaks first.
 
-    Cut at presses, each begins where the window of the press before ended and ends with the window of its own. Where
-    there are several sensors, an episode begins and ends where all of them speak.
+    That is `skipped_s` after the first force message.
+    """
+
+    at_ns: int
+    topic: str
+    skipped_s: float
+
+
+def find_start(source: Source, topics: Iterable[str]) -> Start:
+    """From where on each frame knows something of all of `topics` and of all forces.
 
     Raises:
-        BagError: the bag holds no forces, or is to be cut at presses and tells of none.
+        BagError: the bag holds no forces that can be read.
     """
+    forces = _force_topics(source)
+    first_ns = source.first_stamps_ns({*topics, *forces})
+    topic = max(sorted(first_ns), key=lambda each: first_ns[each])
+    earliest_ns = min(first_ns[each] for each in forces)
+    return Start(first_ns[topic], topic, max(0, first_ns[topic] - earliest_ns) / NS_PER_S)
+
+
+def find_episodes(source: Source, cut: str, start: Start) -> list[Episode]:
+    """The episodes of a bag from `start` on, in order of time, up to a force message.
+
+    Cut at presses, each begins where the window of the press before ended and ends with the window of its own. Where
+    there are several sensors, the last episode ends where the first of them falls silent.
+
+    Raises:
+        BagError: there is no force from `start` on, or the bag is to be cut at presses and tells of none.
+    """
+    stamps = [source.stamps_ns(topic) for topic in _force_topics(source)]
+    end_ns = min(each[-1] for each in stamps)
+    if start.at_ns > end_ns:
+        raise BagError(
+            f'{start.topic} of {source.bag.path} says nothing until after the last force; '
+            f'leave it out with --exclude {start.topic}'
+        )
+    if cut == BAG:
+        return [Episode(start.at_ns, end_ns)]
+    return _cut(stamps[0], start.at_ns, end_ns, _presses(source))
+
+
+def _force_topics(source: Source) -> list[str]:
     topics = [topic for topic, layout in source.layouts.items() if layout.is_force]
     if not topics:
         raise BagError(
             f'{source.bag.path} holds no {FORCE_DISTRIBUTION.name}, which the frames of a data set follow; play it '
             'with a force estimator and record that, or export parquet or zarr'
         )
-    stamps = [source.stamps_ns(topic) for topic in topics]
-    start_ns, end_ns = max(each[0] for each in stamps), min(each[-1] for each in stamps)
-    if cut == BAG:
-        return [Episode(start_ns, end_ns)] if start_ns <= end_ns else []
-    return _cut(stamps[0], start_ns, end_ns, _presses(source))
+    return topics
 
 
 def count_outside(stamps: list[int], episodes: list[Episode]) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 
 from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.errors import ConfigurationError, DatasetError
-from tactile_nodes.exporting.episodes import BAG, count_outside, find_episodes
+from tactile_nodes.exporting.episodes import BAG, Start, count_outside, find_episodes, find_start
 from tactile_nodes.exporting.features import EVENTS, Feature, features_of, png
 from tactile_nodes.exporting.lerobot_files import EpisodeFile, Meta
 from tactile_nodes.exporting.output import FACTS, write_json
@@ -49,9 +49,10 @@ def export_lerobot(
     plan: Plan,
     facts: dict[str, Any],
     progress: Progress,
-    over: Callable[[Source], None] = lambda _: None,
+    over: Callable[[Source, Start], None] = lambda _source, _start: None,
 ) -> Meta:
-    """Write a data set of `bags` into `folder`; `over` takes each bag when all of it was read.
+    """Write a data set of `bags` into `folder`; `over` takes each bag when all of it was read, and where its
+    episodes could begin.
 
     Raises:
         ConfigurationError: pyarrow is not installed, or the plan names what is no vector.
@@ -62,9 +63,14 @@ def export_lerobot(
     sources = []
     for path in bags:
         with Source(path, plan.topics, plan.exclude, images=plan.images) as source:
-            outside = _export_bag(source, meta, plan, facts, progress)
-            sources.append({**source.facts(), 'force_messages_outside_episodes': outside})
-            over(source)
+            start, outside = _export_bag(source, meta, plan, facts, progress)
+            sources.append({
+                **source.facts(),
+                'force_messages_outside_episodes': outside,
+                'left_out_at_start_s': start.skipped_s,
+                'begins_with': start.topic,
+            })  # fmt: skip
+            over(source, start)
     if not meta.frames:
         raise DatasetError(f'there is no frame in {", ".join(map(str, bags))}; nothing was exported')
     whole = {
@@ -78,12 +84,15 @@ def export_lerobot(
     return meta
 
 
-def _export_bag(source: Source, meta: Meta, plan: Plan, facts: dict[str, Any], progress: Progress) -> dict[str, int]:
+def _export_bag(
+    source: Source, meta: Meta, plan: Plan, facts: dict[str, Any], progress: Progress
+) -> tuple[Start, dict[str, int]]:
     if not plan.topics:
         _leave_out_events(source)
     plan = _with_full_names(source, plan)
-    episodes = find_episodes(source, plan.cut)
     features = features_of(list(source.layouts.values()), plan.state, plan.action)
+    start = find_start(source, {feature.topic for feature in features})
+    episodes = find_episodes(source, plan.cut, start)
     meta.agree(features, source.bag.path)
     writing = _Writing(source, meta, episodes, facts)
     with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:
@@ -95,7 +104,7 @@ def _export_bag(source: Source, meta: Meta, plan: Plan, facts: dict[str, Any], p
                 bar.advance(_TELL_EVERY)
         writing.finish()
         bar.advance(count % _TELL_EVERY)
-    return _outside(source, episodes)
+    return start, _outside(source, episodes)
 
 
 def _frames(source: Source, episodes: list[Episode], plan: Plan) -> Iterator[tuple[int, Frame | None]]:

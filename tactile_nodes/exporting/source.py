@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -111,6 +111,22 @@ class Source:
     def stamps_ns(self, topic: str) -> list[int]:
         """The stamps of a topic in rising order, read without decoding."""
         return sorted(_stamp_ns(message) for message in self.bag.messages([topic]))
+
+    def first_stamps_ns(self, topics: Iterable[str]) -> dict[str, int]:
+        """The earliest stamp of each topic among its messages that can be read."""
+        found: dict[str, int] = {}
+        for message in self.bag.messages(topics):
+            stamp_ns = _stamp_ns(message)
+            if stamp_ns < found.get(message.topic, stamp_ns + 1) and self._is_readable(message):
+                found[message.topic] = stamp_ns
+        return found
+
+    def _is_readable(self, message: BagMessage) -> bool:
+        try:
+            self.bag.decode(message)
+        except MessageError:
+            return False
+        return True
 
     def horizon(self, start_ns: int) -> Horizon:
         """Up to when everything stamped from `start_ns` on has come; read without decoding.

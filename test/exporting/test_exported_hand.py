@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_bags import START_NS, STEP_NS, force
+from exported_bags import START_NS, STEP_NS, force, picture
 
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, HAND_WRENCH
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, HAND_WRENCH, IMAGE
 from tactile_nodes.cli.main import main
-from tactile_nodes.conversions import header
+from tactile_nodes.conversions import header, image_message
+from tactile_nodes.exporting import lerobot
 from tactile_nodes.messages import types
 
 pq = pytest.importorskip('pyarrow.parquet')
@@ -96,3 +97,44 @@ def test_frames_of_a_hand_hold_the_margin_of_each_sensor(bag: Path, tmp_path: Pa
     frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
     last = dict(zip(info['names'], frames['observation.hand_wrench'][-1].as_py(), strict=True))
     assert (last['margins.left.margin'], last['margins.right.margin']) == (0.25, 0.5)
+
+
+def write_pictures(folder: Path, first: dict[str, int]) -> Path:
+    """Twelve forces and 13 pictures of each of two fingers; its pictures begin with the number in `first`."""
+    writer = BagWriter(folder)
+    for finger in first:
+        writer.add_topic(BagTopic.of_type(f'/{finger}/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
+        writer.add_topic(BagTopic.of_type(f'/{finger}/{IMAGE.name}', IMAGE.type_name))
+    for number in range(13):
+        stamp_ns = START_NS + number * STEP_NS
+        for finger, begin in first.items():
+            told = messages.encode(force(number, stamp_ns))
+            if number < 12:
+                writer.write(f'/{finger}/{FORCE_DISTRIBUTION.name}', told, stamp_ns, stamp_ns)
+            if number >= begin:
+                seen = messages.encode(image_message(picture(number), header(stamp_ns, finger)))
+                writer.write(f'/{finger}/{IMAGE.name}', seen, stamp_ns, stamp_ns)
+    writer.close()
+    return folder
+
+
+def export_pictures(bag: Path) -> int:
+    return main(['export', 'lerobot', str(bag), '-o', str(bag.parent / 'set'), '--fps', '60', '--images'])
+
+
+def test_an_episode_begins_with_the_pictures_of_the_last_finger(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert export_pictures(write_pictures(tmp_path / 'both', {'left': 0, 'right': 3})) == 0
+    frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+    assert frames['stamp_ns'][0].as_py() == START_NS + 3 * STEP_NS
+    assert 'the first 0.05 s of the forces, until /right/image_raw spoke' in capsys.readouterr().out
+
+
+def test_pictures_that_begin_after_the_last_force_are_refused_before_any_frame(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = write_pictures(tmp_path / 'late', {'left': 0, 'right': 12})
+    monkeypatch.setattr(lerobot, 'png', lambda _: pytest.fail('a frame was encoded'))
+    assert export_pictures(bag) == 1
+    assert '--exclude /right/image_raw' in capsys.readouterr().err

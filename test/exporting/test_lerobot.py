@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_bags import START_NS, STEP_NS, force, picture, write_bag, write_presses
+from exported_bags import JOINTS, START_NS, STEP_NS, force, picture, write_bag, write_presses
 
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
@@ -22,6 +22,8 @@ pa = pytest.importorskip('pyarrow')
 pq = pytest.importorskip('pyarrow.parquet')
 cv2 = pytest.importorskip('cv2')
 
+BEGIN_NS = START_NS + 3 * STEP_NS - 1_000_000
+"""When the joints, the last of all, speak first."""
 FORCES = [force(number, START_NS + number * STEP_NS) for number in range(30)]
 
 
@@ -47,10 +49,10 @@ def taken(first) -> list[int]:
     return [max(n for n in range(30) if n * STEP_NS <= at - START_NS) for at in first['stamp_ns'].to_pylist()]
 
 
-def test_frames_are_at_a_fixed_rate_from_the_first_force_to_the_last(first) -> None:
-    # 30 forces at 60 Hz last 0.483 s: frames at 0, 0.05 … 0.45 s.
-    assert first['stamp_ns'].to_pylist() == [START_NS + number * 50_000_000 for number in range(10)]
-    assert first['timestamp'].to_pylist() == [pytest.approx(number / 20, abs=1e-7) for number in range(10)]
+def test_frames_are_at_a_fixed_rate_from_where_all_have_spoken_to_the_last_force(first) -> None:
+    # 30 forces at 60 Hz last 483 ms, and joints speak first at 49 ms: frames at 49, 99 … 449 ms.
+    assert first['stamp_ns'].to_pylist() == [BEGIN_NS + number * 50_000_000 for number in range(9)]
+    assert first['timestamp'].to_pylist() == [pytest.approx(number / 20, abs=1e-7) for number in range(9)]
 
 
 def test_a_frame_holds_the_force_map_of_the_last_message_before_it(first) -> None:
@@ -84,17 +86,19 @@ def test_a_bag_played_slowly_and_recorded_again_gives_the_same_frames(first, fol
         assert str(again[name].to_pylist()) == str(first[name].to_pylist())  # as texts: a NaN equals no other
 
 
-def test_what_nobody_told_yet_is_no_number_and_has_no_age(first) -> None:
-    # Joints speak first at 3 * 16.7 - 1 = 49 ms: the frame at 0 knows nothing, that at 50 ms does.
-    assert np.isnan(first['observation.state'][0].as_py()).all()
-    assert np.isnan(first['age_s.state'][0].as_py())
-    assert first['observation.state'][1].as_py() == pytest.approx([1.0, 0.1])
-    assert first['age_s.state'][1].as_py() == pytest.approx(0.05 - (3 * STEP_NS - 1_000_000) * 1e-9, abs=1e-8)
+def test_an_episode_begins_when_all_have_spoken_and_says_how_much_was_left_out(first, folder: Path) -> None:
+    assert first['observation.state'][0].as_py() == pytest.approx([1.0, 0.1])
+    assert first['age_s.state'][0].as_py() == 0.0
+    facts = json.loads((folder / 'tactile.json').read_text())['bags'][0]
+    assert (facts['begins_with'], facts['left_out_at_start_s']) == (JOINTS, pytest.approx(0.049, abs=1e-6))
 
 
-def test_invalid_forces_keep_their_status(first) -> None:
-    assert first['observation.status'].to_pylist() == [2, *[0] * 9]
-    assert first['observation.reasons'].to_pylist() == [8, *[0] * 9]
+def test_invalid_forces_keep_their_status(folder: Path, tmp_path: Path) -> None:
+    words = ['--fps', '20', '--exclude', 'joint_states']
+    assert main(['export', 'lerobot', str(folder.parent / 'one'), '-o', str(tmp_path / 'set'), *words]) == 0
+    frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+    assert frames['observation.status'].to_pylist() == [2, *[0] * 9]
+    assert frames['observation.reasons'].to_pylist() == [8, *[0] * 9]
 
 
 def test_pictures_lie_in_the_frames_without_loss(first) -> None:
@@ -109,18 +113,18 @@ def test_info_describes_every_column_of_the_data(folder: Path, first) -> None:
     assert set(info['features']) == set(first.column_names)
     assert info['features']['observation.state']['names'] == ['position[0]', 'position[1]']
     assert info['data_path'].format(chunk_index=0, file_index=1) == 'data/chunk-000/file-001.parquet'
-    assert (info['total_episodes'], info['total_frames']) == (2, 10 + 7)
+    assert (info['total_episodes'], info['total_frames']) == (2, 9 + 6)
 
 
 def test_each_bag_is_an_episode_and_indexes_go_on(folder: Path) -> None:
     episodes = pq.read_table(folder / 'meta/episodes/chunk-000/file-000.parquet').to_pylist()
-    assert [(each['dataset_from_index'], each['dataset_to_index']) for each in episodes] == [(0, 10), (10, 17)]
+    assert [(each['dataset_from_index'], each['dataset_to_index']) for each in episodes] == [(0, 9), (9, 15)]
     assert [(each['bag'], each['tasks']) for each in episodes] == [
         ('one', ['press the cup']),
         ('two', ['press the cup']),
     ]
     second = pq.read_table(folder / 'data/chunk-000/file-001.parquet')
-    assert second['index'].to_pylist() == list(range(10, 17))
+    assert second['index'].to_pylist() == list(range(9, 15))
     assert set(second['episode_index'].to_pylist()) == {1}
 
 
@@ -134,7 +138,7 @@ def test_statistics_are_those_of_all_frames_together(folder: Path) -> None:
     told = json.loads((folder / 'meta/stats.json').read_text())['observation.total_force']
     files = sorted((folder / 'data').glob('*/*.parquet'))
     values = np.concatenate([pq.read_table(file)['observation.total_force'].to_numpy() for file in files])
-    assert (told['count'], told['min'], told['max']) == ([17], [values.min()], [values.max()])
+    assert (told['count'], told['min'], told['max']) == ([15], [values.min()], [values.max()])
     assert told['mean'] == [pytest.approx(values.mean(dtype=np.float64), rel=1e-6)]
     assert told['std'] == [pytest.approx(values.std(dtype=np.float64), rel=1e-6)]
 
