@@ -6,7 +6,7 @@ import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
@@ -70,12 +70,20 @@ class GelList:
         self.file = file or list_file()
 
     def add(self, calibration: Calibration) -> None:
-        """Add a calibration; one with the same model id is replaced.
+        """Add a calibration.
+
+        Of a model that is listed all is kept that is not told anew, when it was made, and its file while that is there.
 
         Raises:
             ConfigurationError: the file cannot be written, or is no such list.
         """
         with self._open(create=True) as database:
+            database.execute('BEGIN IMMEDIATE')  # nobody changes what is kept until it is written
+            others = {each.model_id: each for each in _listed(database)}
+            known = others.pop(calibration.model_id, None)
+            if known is not None:
+                is_its_own = all(each.file != known.file for each in others.values())
+                calibration = _merged(known, calibration, keep_file=is_its_own and Path(known.file).is_file())
             database.execute(_ADD, asdict(calibration))
 
     def look(self, model_id: str, level: str, remedy: str, at_ns: int) -> bool:
@@ -109,7 +117,7 @@ class GelList:
         if not self.file.exists():
             return []
         with self._open() as database:
-            return [Calibration(*row) for row in database.execute(_ALL).fetchall()]
+            return _listed(database)
 
     @contextmanager
     def _open(self, *, create: bool = False) -> Iterator[sqlite3.Connection]:
@@ -127,6 +135,21 @@ class GelList:
                 f'{self.file} is no list of calibrations that can be used ({error}); move it away, '
                 'or name another one by TACTILE_GELS'
             ) from error
+
+
+def _listed(database: sqlite3.Connection) -> list[Calibration]:
+    return [Calibration(*row) for row in database.execute(_ALL).fetchall()]
+
+
+def _merged(known: Calibration, anew: Calibration, *, keep_file: bool) -> Calibration:
+    told = {name: value for name, value in asdict(anew).items() if value not in {'', 0, None}}
+    if anew.level:
+        told['remedy'] = anew.remedy
+    if known.made_ns:
+        told['made_ns'] = known.made_ns
+    if keep_file:
+        told['file'] = known.file
+    return replace(known, **told)
 
 
 def _require_table(database: sqlite3.Connection) -> None:

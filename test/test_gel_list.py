@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_list import NS_PER_DAY, Calibration, GelList, list_file
 
@@ -31,6 +33,38 @@ def test_the_same_model_added_again_takes_its_own_place(gels: GelList) -> None:
     gels.add(Calibration('a1', gel='wrong'))
     gels.add(SEVEN)
     assert gels.calibrations() == [SEVEN]
+
+
+def test_a_model_added_again_keeps_what_is_not_told_anew(gels: GelList, tmp_path: Path) -> None:
+    file, copy = tmp_path / 'gel-7.safetensors', tmp_path / 'copy.safetensors'
+    file.touch()
+    gels.add(replace(SEVEN, sensor='finger_2', file=str(file)))
+    gels.look('a1', 'ageing', 'calibrate again', 15 * DAY)
+    before = gels.calibrations()
+    gels.add(replace(SEVEN, file=str(copy), made_ns=30 * DAY))
+    assert gels.calibrations() == before
+    gels.add(replace(SEVEN, sensor='finger_3', file=str(copy)))
+    assert gels.calibrations() == [replace(before[0], sensor='finger_3')]
+
+
+def test_a_file_that_is_gone_or_holds_another_model_now_gives_way_to_the_one_that_is_added(
+    gels: GelList, tmp_path: Path
+) -> None:
+    gels.add(SEVEN)
+    again = tmp_path / 'again.safetensors'
+    again.touch()
+    gels.add(replace(SEVEN, file=str(again)))
+    assert [each.file for each in gels.calibrations()] == [str(again)]
+    gels.add(replace(EIGHT, file=str(again)))
+    gels.add(replace(SEVEN, file='copy.safetensors'))
+    assert {each.gel: each.file for each in gels.calibrations()} == {'gel-7': 'copy.safetensors', 'gel-8': str(again)}
+
+
+@pytest.mark.parametrize('days', ['nan', '-1'])
+def test_an_age_that_is_no_number_of_days_is_refused(days: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(['gels', '--after', days])
+    assert '--after' in capsys.readouterr().err
 
 
 def test_what_the_drift_monitor_said_last_is_kept_and_older_words_are_not(gels: GelList) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tactile_nodes.cli.columns import columns
+from tactile_nodes.cli.running.session import positive_float
 
 if TYPE_CHECKING:
     from tactile_nodes.gel_list import Calibration, GelList
@@ -35,7 +36,9 @@ HEAD = ('model', 'gel', 'sensor', 'made', 'presses', 'error [mN]', 'drift', 'due
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
-    parser.add_argument('--after', type=float, default=AFTER_DAYS, metavar='DAYS', help='age at which one is due')
+    parser.add_argument(
+        '--after', type=positive_float, default=AFTER_DAYS, metavar='DAYS', help='age at which one is due'
+    )
     parser.add_argument('--json', action='store_true', help='print the list as JSON')
     actions = parser.add_subparsers(dest='action', metavar='add|look|forget')
     add = actions.add_parser('add', help='add model files to the list')
