@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
+from queue import Empty, Queue
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,9 +28,14 @@ Result = TypeVar('Result')
 Arrays = Mapping[str, np.ndarray]
 
 CONNECT_S, WORKERS_S = 10.0, 30.0
+LOOK_S = 2.0
+"""How often to look whether there are workers, while no task ends."""
+
 RETRIES = 3
 """How often a task is given to another worker, whose worker was killed."""
 
+_GOES_ON = 'what was finished is kept, and the same command goes on from there'
+_START = 'dask worker {} --no-nanny --nthreads 1'
 _SCHEDULER: ContextVar[str] = ContextVar('scheduler', default='')
 
 
@@ -95,7 +101,7 @@ def _numbered(make: Callable[[Job], Result], numbered: tuple[int, Job]) -> tuple
 
 def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
     try:
-        from distributed import CancelledError, Client, KilledWorker, as_completed
+        from distributed import CancelledError, Client, KilledWorker
     except ImportError as error:
         raise ConfigurationError("a cluster needs Dask: pip install 'tactile_nodes[cluster]'") from error
     try:
@@ -107,9 +113,15 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
     with client:
         _require_workers(client, scheduler)
         futures = {client.submit(make, job, pure=False, retries=RETRIES): number for number, job in enumerate(jobs)}
+        ended: Queue[Any] = Queue()
+        for future in futures:
+            future.add_done_callback(ended.put)  # type: ignore[no-untyped-call]
         try:
-            for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
-                yield futures[future], future.result()
+            while futures:
+                future = _first(ended, client, scheduler)
+                result = _result(future, client, scheduler)
+                future.release()  # neither kept by a worker nor made again when that is killed
+                yield futures.pop(future), result
         except RuntimeError as error:
             if 'deserialization' not in str(error):
                 raise
@@ -120,17 +132,47 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
         except (KilledWorker, CancelledError) as error:
             raise ConfigurationError(
                 f'the scheduler {scheduler} ended, or workers did so again and again in one task ({in_a_line(error)}); '
-                'what was finished is kept, and the same command goes on from there'
+                f'{_GOES_ON}'
             ) from error
+
+
+def _first(ended: Queue[Any], client: Any, scheduler: str) -> Any:
+    """The next future that ended; it may take as long as it likes while there are workers."""
+    while True:
+        try:
+            return ended.get(timeout=LOOK_S)
+        except Empty:
+            _await_workers(client, scheduler)
+
+
+def _result(future: Any, client: Any, scheduler: str) -> Any:
+    """What a task returned; it is made again where the worker that kept it was killed since."""
+    while True:
+        try:
+            return future.result(timeout=LOOK_S)
+        except TimeoutError:
+            if future.status == 'error':  # the task's own
+                raise
+            _await_workers(client, scheduler)
+
+
+def _await_workers(client: Any, scheduler: str) -> None:
+    try:
+        if not client.scheduler_info()['workers']:
+            client.wait_for_workers(1, timeout=WORKERS_S)
+    except TimeoutError as error:
+        raise ConfigurationError(
+            f'{scheduler} has lost all its workers; start some with: {_START.format(scheduler)}; {_GOES_ON}'
+        ) from error
+    except OSError as error:
+        raise ConfigurationError(f'the scheduler {scheduler} ended ({in_a_line(error)}); {_GOES_ON}') from error
 
 
 def _require_workers(client: Any, scheduler: str) -> None:
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)
     except TimeoutError as error:
-        raise ConfigurationError(
-            f'{scheduler} has no workers; start some with: dask worker {scheduler} --no-nanny --nthreads 1'
-        ) from error
+        raise ConfigurationError(f'{scheduler} has no workers; start some with: {_START.format(scheduler)}') from error
     try:
         versions = set(client.run(_version).values())
     except (ImportError, AttributeError) as error:

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -35,6 +36,36 @@ def drawn_or_killed(job: tuple[int, str]) -> Arrays:
         Path(once).touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return drawn(seed)
+
+
+def counted(job: tuple[int, str]) -> Arrays:
+    """The same, each time noted in a folder; the worker of the last seed is killed once all others are written."""
+    seed, folder = job
+    with (Path(folder) / 'runs').open('a') as runs:
+        runs.write(f'{seed} ')
+    if seed == JOBS[-1] and not (Path(folder) / 'killed').exists():
+        while not all((Path(folder) / f'{each}.npz').exists() for each in JOBS[:-1]):
+            threading.Event().wait(0.01)
+        threading.Event().wait(0.5)  # what was said of them reaches the scheduler
+        (Path(folder) / 'killed').touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return drawn(seed)
+
+
+@contextmanager
+def worker_alone(scheduler: str) -> Iterator[None]:
+    """A worker that nobody starts again, as `dask worker --no-nanny` is."""
+    from distributed import Client
+
+    words = [sys.executable, '-m', 'dask', 'worker', scheduler, '--no-nanny', '--nthreads', '1', '--no-dashboard']
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
+    with subprocess.Popen(words, env={**os.environ, 'PYTHONPATH': path}, stderr=subprocess.DEVNULL) as worker:
+        try:
+            with Client(scheduler, set_as_default=False) as client:
+                client.wait_for_workers(1, timeout=60)
+            yield
+        finally:
+            worker.kill()
 
 
 @contextmanager
@@ -73,6 +104,32 @@ def test_a_worker_that_is_killed_costs_nothing_but_its_task_once_more(tmp_path: 
     with on_cluster(two_workers):
         make_files(drawn_or_killed, jobs, 1, Progress(), 'drawing')
     assert (tmp_path / 'killed').exists()
+    assert bytes_of(tmp_path) == [drawn(seed)['numbers'].tobytes() for seed in JOBS]
+
+
+def test_a_worker_that_is_killed_has_nothing_made_again_that_was_written(tmp_path: Path) -> None:
+    jobs = [(tmp_path / f'{seed}.npz', (seed, str(tmp_path))) for seed in JOBS]
+    with cluster(1) as scheduler, on_cluster(scheduler):
+        make_files(counted, jobs, 1, Progress(), 'drawing')
+    assert (tmp_path / 'runs').read_text().split() == [*map(str, JOBS), str(JOBS[-1])]
+
+
+def test_the_death_of_the_last_worker_is_one_sentence_and_the_same_command_goes_on(
+    tmp_path: Path, two_workers: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('tactile_nodes.learning.tasks.LOOK_S', 0.1)
+    monkeypatch.setattr('tactile_nodes.learning.tasks.WORKERS_S', 0.5)
+    jobs = [(tmp_path / f'{seed}.npz', (seed, str(tmp_path))) for seed in JOBS]
+    with (
+        cluster(0) as scheduler,
+        worker_alone(scheduler),
+        on_cluster(scheduler),
+        pytest.raises(ConfigurationError, match='has lost all its workers; start some with: dask worker tcp'),
+    ):
+        make_files(counted, jobs, 1, Progress(), 'drawing')
+    assert sorted(file.name for file in tmp_path.glob('*.npz')) == [f'{seed}.npz' for seed in JOBS[:-1]]
+    with on_cluster(two_workers):
+        make_files(counted, jobs, 1, Progress(), 'drawing')
     assert bytes_of(tmp_path) == [drawn(seed)['numbers'].tobytes() for seed in JOBS]
 
 
