@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from tactile_nodes.sensing.inspection.judging import BAD, LOOK, OK, Inspection, outline_px
+from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK
+from tactile_nodes.sensing.inspection.judging import Inspection, outline_px
 
 Canvas = UInt8[np.ndarray, 'high wide 3']
 Colour = tuple[int, int, int]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -12,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
-from tactile_nodes.sensing.elasticity.rays import described_dots, dot_place_mm
+from tactile_nodes.sensing.elasticity.rays import described_dots
 from tactile_nodes.sensing.elasticity.region_choice import LEAST_SEEN, usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.features import RegionOptions, texture_confidence
@@ -22,13 +21,12 @@ from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import Crop
+from tactile_nodes.sensing.inspection.dot_grid import dot_findings
+from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK, Finding, percent
 from tactile_nodes.sensing.inspection.stillness import alike, apart_px
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, peaks
 from tactile_nodes.sensing.picture.quality import picture_faults, require_rest_image
 from tactile_nodes.sensors import Sensor
-
-OK, LOOK, BAD = 'ok', 'look', 'bad'
-"""Fine; works, but look at it; nothing useful can be measured like this."""
 
 DIM_GREY, BURNT_SHARE, FLICKER = 60, 0.01, 0.02
 """Brightest parts of a picture that are too dim; share of burnt pixels that is too much; change of light."""
@@ -39,14 +37,6 @@ BLURRED, LEAST_EDGE_PX = 1.6, 2.5
 LENS_PX = 0.6
 """Blur of a good lens and its pixels beside their size (standard deviation)."""
 
-PITCH_OFF, TURNED_DEG, DOTS_FOUND = 0.05, 3.0, 0.8
-"""Share by which dots may be further apart than described; angle by which their rows may be turned; share of the
-described ones that should be found."""
-ASIDE = 0.1
-"""Of their pitch: how far dots may lie beside those described."""
-
-PITCH_HELP = 'check pattern.pitch_mm, camera.position_mm and its focal length'
-
 MEASURED, MARKED, MOST_MARKED = 0.1, 0.5, 0.9
 """Confidence in a region's motion from which models of described sensors use it; share of the usable regions that must
 reach it, and that should."""
@@ -56,15 +46,6 @@ UNSTEADY_PX, UNEVEN_PX = 0.3, 0.1
 
 UNMASKED = 0.01
 """Share of the picture that may look covered and not be in the mask."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What was looked at, how it is (`OK`, `LOOK`, `BAD`), and that in a sentence."""
-
-    what: str
-    level: str
-    text: str
 
 
 class Inspection:
@@ -153,7 +134,7 @@ class Inspection:
         burnt = float((self.rest[self.gel] == 255).mean()) if self.gel.any() else 0.0
         levels = [each.level for each in faults]
         flicker = max(levels) / max(min(levels), 1.0) - 1
-        told = f'brightest parts at {bright:.0f} of 255, {_percent(burnt)} of the gel burnt out'
+        told = f'brightest parts at {bright:.0f} of 255, {percent(burnt)} of the gel burnt out'
         if any(each.dark for each in faults):
             return Finding('light', BAD, f'{told}; a picture is black: switch on the light or uncover the lens')
         if any(each.saturated for each in faults):
@@ -163,13 +144,13 @@ class Inspection:
         if burnt > BURNT_SHARE:
             return Finding('light', LOOK, f'{told}; lower the exposure, or mask what reflects')
         if flicker > FLICKER:
-            told += f'; it differs by {_percent(flicker)} between pictures: fix exposure and gain'
+            told += f'; it differs by {percent(flicker)} between pictures: fix exposure and gain'
             return Finding('light', LOOK, told)
         return Finding('light', OK, told)
 
     def _pattern(self) -> Sequence[Finding]:
         if self.sensor.pattern.kind == 'dots':
-            return self._described_dots()
+            return dot_findings(self.regions.view, self.dots, len(self.expected_dots))
         if self.dots is not None:
             told = f'{len(self.dots)} dots in rows and columns, and the description says spheres: set pattern.kind'
             return (Finding('pattern', BAD, told),)
@@ -178,39 +159,6 @@ class Inspection:
         few = int(np.median(inside)) if inside.size else 0
         level = BAD if few < 1 else LOOK if few < 2 else OK
         return (Finding('pattern', level, f'{few} markers a region (median)'),)
-
-    def _described_dots(self) -> Sequence[Finding]:
-        pattern, wanted = self.sensor.pattern, self.expected_dots
-        if self.dots is None:
-            told = (
-                f'no dots in rows and columns; {len(wanted)} are described: check light and focus, or set pattern.kind '
-                'to spheres'
-            )
-            return (Finding('dots', BAD, told),)
-        if self.dots.dark != pattern.dark:
-            told = f'dots are {_tone(self.dots.dark)}, and the description says {_tone(pattern.dark)}: set pattern.dark'
-            return (Finding('dots', BAD, told),)
-        described_px = self.regions.view.px_per_mm * pattern.pitch_mm
-        off, turned = self.dots.pitch_px / described_px - 1, self.dots.turn_deg + self.sensor.camera.roll_deg
-        told = f'{self.dots.pitch_px:.1f} px apart, {described_px:.1f} described, rows turned by {turned:.1f} degrees'
-        if abs(off) > PITCH_OFF:
-            told += f': {PITCH_HELP}'
-        level = LOOK if abs(off) > PITCH_OFF or abs(turned) > TURNED_DEG else OK
-        found = f'{len(self.dots)} {_tone(pattern.dark)} dots found, {len(wanted)} described within the picture'
-        enough = len(self.dots) >= DOTS_FOUND * len(wanted)
-        return Finding('dots', OK if enough else LOOK, found), Finding('pitch', level, told), self._place(self.dots)
-
-    def _place(self, dots: Dots) -> Finding:
-        """Whether dots are where the description has them."""
-        pattern = self.sensor.pattern
-        x, y = dot_place_mm(self.regions.view, dots.centres_px)
-        aside = np.array([x, y]) - pattern.dot_mm
-        away = float(np.hypot(*(aside - pattern.pitch_mm * np.rint(aside / pattern.pitch_mm))))
-        told = f'dots lie {away:.1f} mm beside those described'
-        if away <= ASIDE * pattern.pitch_mm:
-            return Finding('place', OK, told)
-        told += f', so forces are told in the wrong places: set pattern.dot_mm to [{x:.1f}, {y:.1f}]'
-        return Finding('place', LOOK, told)
 
     @cached_property
     def expected_dots(self) -> Float[np.ndarray, 'dots 2']:
@@ -239,7 +187,7 @@ class Inspection:
         share = float(self.marked[usable].mean()) if usable.any() else 0.0
         sure = float(np.median(self._confidence[usable])) if usable.any() else 0.0
         told = (
-            f'{usable.sum()} of {usable.size} see the gel and nothing else, {_percent(share)} of them a pattern to '
+            f'{usable.sum()} of {usable.size} see the gel and nothing else, {percent(share)} of them a pattern to '
             f'measure by (confidence {sure:.2f}, median)'
         )
         if share < MARKED or self._measured.mean() < LEAST_SEEN:
@@ -265,9 +213,9 @@ class Inspection:
 
     def _mask(self) -> Finding:
         covered, more = float(self.sensor.covered.mean()), float(self.unmasked.mean())
-        told = f'the mask covers {_percent(covered)} of the picture'
+        told = f'the mask covers {percent(covered)} of the picture'
         if more > UNMASKED:
-            told += f', and {_percent(more)} more look covered (red in the figure): mask them'
+            told += f', and {percent(more)} more look covered (red in the figure): mask them'
         return Finding('mask', LOOK if more > UNMASKED else OK, told)
 
     def _rest(self) -> Finding | None:
@@ -342,11 +290,3 @@ def outline_px(regions: Regions) -> Float[np.ndarray, 'corners 2']:
     """The rim of the gel as the picture has it, where its pattern begins."""
     gel = regions.sensor.gel
     return regions.view.below_seen_at(gel.outline.rim_mm(), gel.markers_mm[0])
-
-
-def _percent(share: float) -> str:
-    return f'{100 * share:.1f} %' if 0 < share < 0.1 else f'{100 * share:.0f} %'
-
-
-def _tone(dark: bool) -> str:
-    return 'dark' if dark else 'bright'

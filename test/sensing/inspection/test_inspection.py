@@ -13,7 +13,8 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.flow.dot_pattern import find_dots
 from tactile_nodes.sensing.inspection.describing import Answers, describe, understood, usual_crop
 from tactile_nodes.sensing.inspection.drawing import figure
-from tactile_nodes.sensing.inspection.judging import BAD, LOOK, OK, Inspection
+from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK
+from tactile_nodes.sensing.inspection.judging import Inspection
 from tactile_nodes.sensing.inspection.stillness import alike, apart_px
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, noise_grey
 from tactile_nodes.sensors import CameraDescription, MaskSettings, Sensor, load_sensor
@@ -150,6 +151,43 @@ def test_what_is_wrong_is_said(printed: list[np.ndarray], membrane: np.ndarray) 
     assert levels(DOTS, hidden)['mask'] == LOOK
     masked = replace(DOTS, mask=MaskSettings(('0,0 90,0 90,239 0,239',)))
     assert levels(masked, hidden)['mask'] == OK
+
+
+def grid(across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:
+    """Dots of 20 px about the middle of 400x300 px, each such ways (px) from the next ones."""
+    y, x = np.mgrid[:300, :400].astype(float)
+    row, column = np.linalg.solve(np.array([across, down]).T, [x.ravel() - 200, y.ravel() - 150])
+    off = [each - np.round(each) for each in (row, column)]
+    away = np.hypot(*(np.array([across, down]).T @ off)).reshape(x.shape)
+    return np.rint(cv2.GaussianBlur(np.where(away < 10, 40.0, 180.0), (0, 0), 1.0)).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ('across', 'down', 'fault'),
+    [
+        ((40.0, 0.0), (20.0, 34.6), 'staggered or in diagonal rows'),  # 60 degrees, all 40 px apart
+        ((34.6, 20.0), (0.0, 40.0), 'staggered or in diagonal rows'),  # the same, turned by 90
+        ((35.4, 35.4), (-35.4, 35.4), 'staggered or in diagonal rows'),  # square, turned by 45
+        ((38.6, 10.4), (10.4, 38.6), 'columns lean by 30 degrees'),  # 60 degrees, turned by 15
+        ((60.0, 0.0), (0.0, 40.0), '3.00 mm apart along rows and 2.00 mm along columns'),
+    ],
+)
+def test_a_grid_that_no_description_holds_is_bad(
+    across: tuple[float, float], down: tuple[float, float], fault: str
+) -> None:
+    """Of 400 px that are 20 mm: 20 px a millimetre."""
+    picture = grid(across, down)
+    sensor = describe(understood(picture), Answers('it', 20.0, markers_mm=(0.3, 0.4)), (400, 300))
+    (dots,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.what == 'dots')
+    assert dots.level == BAD
+    assert fault in dots.text
+    assert 'holds rows and columns at right angles alone' in dots.text
+
+
+def test_far_more_dots_than_described_are_bad(printed: list[np.ndarray]) -> None:
+    """Twice the pitch is a quarter of the dots."""
+    few = replace(DOTS, pattern=replace(DOTS.pattern, pitch_mm=2 * DOTS.pattern.pitch_mm))
+    assert levels(few, printed[0])['dots'] == BAD
 
 
 def test_a_gel_that_shows_hardly_any_marks_tells_no_force(membrane: np.ndarray) -> None:

@@ -1,0 +1,119 @@
+"""Printed dots of a picture judged beside those described: how many, in which rows and columns, and where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from tactile_nodes.sensing.elasticity.rays import dot_place_mm
+from tactile_nodes.sensing.elasticity.view import View
+from tactile_nodes.sensing.flow.dot_pattern import Dots
+from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK, Finding, tone
+
+PITCH_OFF, TURNED_DEG, DOTS_FOUND, MORE = 0.05, 3.0, 0.8, 1.8
+"""Share by which dots may be further apart than described; angle by which their rows may be turned; share of the
+described ones that should be found, and of the found ones that should be described; times as many as described of which
+no use can be made."""
+
+ASIDE = 0.1
+"""Of their pitch: how far dots may lie beside those described."""
+
+ASKEW_DEG, UNLIKE, BETWEEN = 15.0, 0.2, 0.5
+"""Beyond these no grid is one of rows and columns at right angles with one pitch: angle by which columns lean beside
+rows, share by which one pitch is longer than the other, share of the dots that have one amid four others."""
+
+NEAR = 0.2
+"""Of the pitch: how far a dot may lie beside the middle of four others."""
+
+PITCH_HELP = 'check pattern.pitch_mm, camera.position_mm and its focal length'
+NO_GRID = (
+    '; a description holds rows and columns at right angles alone, as far apart along one as along the other, and '
+    'nearly along the sides of the picture'
+)
+
+
+def dot_findings(view: View, dots: Dots | None, wanted: int) -> Sequence[Finding]:
+    """What is to be said of dots, of which so many are described within the picture."""
+    pattern = view.sensor.pattern
+    if dots is None:
+        told = (
+            f'no dots in rows and columns; {wanted} are described: check light and focus, or set pattern.kind to '
+            'spheres'
+        )
+        return (Finding('dots', BAD, told),)
+    if dots.dark != pattern.dark:
+        told = f'dots are {tone(dots.dark)}, and the description says {tone(pattern.dark)}: set pattern.dark'
+        return (Finding('dots', BAD, told),)
+    found = f'{len(dots)} {tone(pattern.dark)} dots found, {wanted} described within the picture'
+    if fault := _no_grid(view, dots):
+        return (Finding('dots', BAD, f'{found}: {fault}{NO_GRID}'),)
+    return _count(found, len(dots), wanted), _pitch(view, dots), _place(view, dots)
+
+
+def _count(found: str, count: int, wanted: int) -> Finding:
+    if DOTS_FOUND * count > wanted:
+        level = BAD if MORE * wanted < count else LOOK
+        return Finding('dots', level, f'{found}: check pattern.pitch_mm and the size of the gel')
+    return Finding('dots', OK if count >= DOTS_FOUND * wanted else LOOK, found)
+
+
+def _no_grid(view: View, dots: Dots) -> str:
+    """Why dots are in no rows and columns at right angles with one pitch; empty if they are."""
+    between = _between(dots)
+    if between > BETWEEN:
+        return (
+            f'{100 * between:.0f} % of them lie in the middle of four others, so they are staggered or in diagonal rows'
+        )
+    across, down = (np.hypot(*each) for each in _steps_mm(view, dots))
+    if not 1 / (1 + UNLIKE) < across / down < 1 + UNLIKE:
+        return f'they are {across:.2f} mm apart along rows and {down:.2f} mm along columns'
+    (x, y), (u, v) = _steps_mm(view, dots)
+    askew = math.degrees(math.asin(float((x * u + y * v) / (across * down))))
+    if abs(askew) > ASKEW_DEG:
+        return f'their columns lean by {abs(askew):.0f} degrees beside their rows'
+    return ''
+
+
+def _between(dots: Dots) -> float:
+    """Share of the dots, of those that have two others a row and a column on, that have one in the middle of these."""
+    centres, near = dots.centres_px, NEAR * dots.pitch_px
+
+    def there(step: Float[np.ndarray, ' 2']) -> Float[np.ndarray, ' dots']:
+        away = centres[None] - (centres + step)[:, None]
+        return np.asarray(np.hypot(away[..., 0], away[..., 1]).min(axis=1))
+
+    whole = (there(dots.across_px) < near) & (there(dots.down_px) < near)
+    middle = there((dots.across_px + dots.down_px) / 2) < near
+    return float(middle[whole].mean()) if whole.any() else 0.0
+
+
+def _steps_mm(view: View, dots: Dots) -> Float[np.ndarray, '2 2']:
+    """The ways from a dot to the next of its row and of its column, on the gel in the middle of the picture."""
+    middle = (np.array(view.sensor.image.crop_px)[None] - 1) / 2
+    px_per_mm = view.moves_at(view.met_at(middle, view.middle_mm))[0, :, :2]
+    return np.asarray(np.linalg.solve(px_per_mm, np.column_stack([dots.across_px, dots.down_px])).T)
+
+
+def _pitch(view: View, dots: Dots) -> Finding:
+    described_px = view.px_per_mm * view.sensor.pattern.pitch_mm
+    off, turned = dots.pitch_px / described_px - 1, dots.turn_deg + view.sensor.camera.roll_deg
+    told = f'{dots.pitch_px:.1f} px apart, {described_px:.1f} described, rows turned by {turned:.1f} degrees'
+    if abs(off) > PITCH_OFF:
+        told += f': {PITCH_HELP}'
+    return Finding('pitch', LOOK if abs(off) > PITCH_OFF or abs(turned) > TURNED_DEG else OK, told)
+
+
+def _place(view: View, dots: Dots) -> Finding:
+    """Whether dots are where the description has them."""
+    pattern = view.sensor.pattern
+    x, y = dot_place_mm(view, dots.centres_px)
+    aside = np.array([x, y]) - pattern.dot_mm
+    away = float(np.hypot(*(aside - pattern.pitch_mm * np.rint(aside / pattern.pitch_mm))))
+    told = f'dots lie {away:.1f} mm beside those described'
+    if away <= ASIDE * pattern.pitch_mm:
+        return Finding('place', OK, told)
+    told += f', so forces are told in the wrong places: set pattern.dot_mm to [{x:.1f}, {y:.1f}]'
+    return Finding('place', LOOK, told)
