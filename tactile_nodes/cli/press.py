@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--unit', choices=list(UNITS), default='g', help='of the scale (default: g)')
     parser.add_argument(
         '--presses', type=positive_int, default=30, metavar='N',
-        help='how many are enough: 30 calibrate, 400 train a model of its own (default: 30)',
+        help='how many are enough: 30 calibrate (5 at least), 400 train a model of its own (default: 30)',
     )  # fmt: skip
 
 
@@ -71,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.guided.simulated import TIP, SimulatedPerson
     from tactile_nodes.learning.guided.targets import Wish
     from tactile_nodes.learning.tables.columns import NEWTONS
+    from tactile_nodes.learning.transfer.checks import LEAST_PRESSES
     from tactile_nodes.sensors import load_sensor
 
     sensor, unit = load_sensor(arguments.sensor), UNITS[arguments.unit]
@@ -90,6 +91,12 @@ def run(arguments: argparse.Namespace) -> int:
     settings = CameraSettings(source=arguments.source, sensor=arguments.sensor, scene=scene)
     with closing(open_camera(settings, SystemClock(), print)) as camera:
         until_enough(Guide(camera, person, folder, wish, sensor), print)
+    if (made := len(folder.done)) < LEAST_PRESSES:
+        print(
+            f'{made} presses calibrate nothing, {LEAST_PRESSES} at least do: go on with the same command and '
+            '--presses 30'
+        )
+        return 0
     print('enough. What to do with them:')
     for words in next_steps(folder.table, arguments.sensor, known=body is not None):
         print(f'  {shlex.join(words)}')

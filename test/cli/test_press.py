@@ -84,8 +84,11 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
 ) -> None:
     words = ['press', str(tmp_path / 'by_hand'), '--indenter', 'ball:0.6', '--forces', '20', '60', '--presses']
     assert main([*words, '2']) == 0
-    assert '2 of 2 presses (1 of about 0.2 N, 1 of about 0.59 N)' in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert '2 of 2 presses (1 of about 0.2 N, 1 of about 0.59 N)' in told
+    assert told.endswith('2 presses calibrate nothing, 5 at least do: go on with the same command and --presses 30\n')
     assert main([*words, '10']) == 0
+    assert 'enough. What to do with them:' in capsys.readouterr().out
     table = tmp_path / 'by_hand' / 'presses.csv'
     rows = read_table(table).rows
     assert [row.touches for row in rows] == [False] * RESTS + [True] * 10
