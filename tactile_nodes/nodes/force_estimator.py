@@ -36,7 +36,9 @@ class ForceEstimatorParams(NodeParams):
     """Parameters of the force estimator node."""
 
     model: str = parameter('fast', 'name of a model that ships, or path of a model file')
-    sensor: str = parameter('', 'description of the sensor: what `frame` it says the forces have', read_only=True)
+    sensor: str = parameter(
+        '', 'description of the sensor: `model` has to be one of it, and forces have its `frame`', read_only=True
+    )
     frame_id: str = parameter('', 'frame of the forces; empty: as described, or gel_surface')
     least_confidence: float = parameter(
         0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
@@ -58,7 +60,7 @@ class ForceEstimatorNode(Node):
         self._asked: dict[str, Ready | ModelError] = {}
         super().__init__(bus, arguments, clock)
         compiled = choose(self.given('compiled'), self.log.info, self.log.warn)
-        self._estimating = Estimating(self.params.model, compiled=compiled)
+        self._estimating = Estimating(self.params.model, sensor=self.params.sensor, compiled=compiled)
         self._misfit = ''
         self._described = mounting_of(self.params.sensor)
         self._in_use = self.create_publisher(topics.MODEL_IN_USE)

@@ -10,6 +10,7 @@ from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ModelError
 from tactile_nodes.messages import types
 from tactile_nodes.paths import is_file
+from tactile_nodes.pipeline.described_model import require_of_sensor
 from tactile_nodes.pipeline.judge_force import ForceMemory, judge_force
 from tactile_nodes.pipeline.ready_model import Inputs, Ready
 from tactile_nodes.pipeline.tell import tell_force
@@ -27,12 +28,13 @@ class Estimating:
     by numpy.
 
     Raises:
-        ModelError: there is no such model.
+        ModelError: there is no such model, or it is not one of the described `sensor`, if one is named.
     """
 
-    def __init__(self, name: str, *, compiled: bool = False) -> None:
-        self._compiled = compiled
+    def __init__(self, name: str, *, sensor: str = '', compiled: bool = False) -> None:
+        self._compiled, self._sensor = compiled, sensor
         self.now = Ready.read(name, compiled)
+        require_of_sensor(self.now, sensor)
         self._earlier: deque[Ready] = deque(maxlen=MOST_EARLIER)
         self._back: Ready | None = None
         self._last: types.FlowFeatures | None = None
@@ -44,7 +46,7 @@ class Estimating:
         """A model that can take over.
 
         Raises:
-            ModelError: there is no such model, or it needs other features than come in.
+            ModelError: there is no such model, it needs other features than come in, or it is of another sensor.
         """
         ready, last = Ready.read(name, self._compiled), self._last
         known = self.now.inputs if last is None else Inputs.of_message(last)
@@ -53,6 +55,7 @@ class Estimating:
                 f'model {name} needs other features than come in: {ready.inputs.unlike(known)}; choose a model of '
                 'features that do, or start flow features and force estimator with that one'
             )
+        require_of_sensor(ready, self._sensor)
         return ready
 
     def misfit(self) -> str:

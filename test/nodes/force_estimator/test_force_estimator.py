@@ -192,7 +192,7 @@ def test_a_typo_in_its_own_block_is_an_error(bus: InProcessBus, clock: SteppedCl
 def test_forces_have_the_frame_of_the_described_sensor_unless_a_parameter_names_one(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path, tmp_path: Path
 ) -> None:
-    (tmp_path / 'mine.yaml').write_text('frame: {id: left_finger}\n')
+    (tmp_path / 'mine.yaml').write_text('image: {crop: 160}\nframe: {id: left_finger}\n')
     forces, source = listen(topics.FORCE_DISTRIBUTION), publisher(topics.FLOW_FEATURES)
     tested = node(bus, clock, small_model, f'sensor:={tmp_path}/mine.yaml')
     for given, expected in (('', 'left_finger'), ('skin', 'skin')):
@@ -202,3 +202,32 @@ def test_forces_have_the_frame_of_the_described_sensor_unless_a_parameter_names_
         received = forces.take()
         assert received is not None
         assert received.message.header.frame_id == expected
+
+
+@pytest.mark.parametrize(
+    ('model', 'sensor', 'cause'),
+    [
+        ('field', 'digit_like', 'reads pictures of 440x440, and this sensor gives 240x320'),
+        ('field', 'wide', 'it follows from simulated'),
+        ('fast', 'digit_like', 'reads pictures of 440x440, and this sensor gives 240x320'),
+    ],
+)
+def test_a_model_of_another_sensor_is_refused_with_the_command_that_makes_one(
+    bus: InProcessBus, clock: SteppedClock, tmp_path: Path, model: str, sensor: str, cause: str
+) -> None:
+    """The second reads pictures of the same size, and was made of a gel of 32 mm."""
+    if sensor == 'wide':
+        (tmp_path / 'wide.yaml').write_text('name: wide\ngel: {width_mm: 30.0}\n')
+        sensor = str(tmp_path / 'wide.yaml')
+    made = f'{Path(sensor).stem}.safetensors'
+    with pytest.raises(ModelError) as caught:
+        node(bus, clock, model, f'sensor:={sensor}')
+    assert cause in str(caught.value)
+    assert f'`tactile calibrate --sensor {sensor} --model field -o {made}` and start with model:={made}' in str(
+        caught.value
+    )
+
+
+@pytest.mark.parametrize('model', ['field', 'fast'])
+def test_models_of_the_simulated_sensor_are_taken_for_it(bus: InProcessBus, clock: SteppedClock, model: str) -> None:
+    assert node(bus, clock, model, 'sensor:=simulated').params.model == model

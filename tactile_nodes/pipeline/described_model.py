@@ -1,0 +1,49 @@
+"""A model that reads pictures of a described sensor has to be one of that sensor."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from tactile_nodes.errors import ModelError
+from tactile_nodes.pipeline.ready_model import Ready
+from tactile_nodes.sensors import load_sensor
+from tactile_nodes.sensors.writing import values_of
+
+SENSOR = 'sensor'
+"""Of a card: the description that the model follows from."""
+
+
+def require_of_sensor(ready: Ready, sensor: str) -> None:
+    """Refuse a model of another sensor than the one that is described; `sensor` is its name or file, or empty.
+
+    Raises:
+        ConfigurationError: there is no such description.
+        ModelError: pictures are cut to another size than the model reads, or it follows from another description of
+            another name. (One of the same name may have been changed a little since, by a calibration say.)
+    """
+    if not sensor:
+        return
+    described, card = load_sensor(sensor), ready.loaded.card.get(SENSOR, {})
+    size, reads = described.image.crop_px, ready.inputs.image_size
+    now = values_of(described)
+    other = card.get('name', described.name) != described.name and any(
+        now[key] != value for key, value in card.items() if key in now and key != 'name'
+    )
+    if size == reads and not other:
+        return
+    why = (
+        f'it follows from {card["name"]}'
+        if size == reads
+        else f'it reads pictures of {_size(reads)}, and this sensor gives {_size(size)}'
+    )
+    made = f'{Path(sensor).stem}.safetensors'
+    command = shlex.join(['tactile', 'calibrate', '--sensor', sensor, '--model', 'field', '-o', made])
+    raise ModelError(
+        f'model {ready.name} is not one of sensor {sensor}: {why}; make one with `{command}` and start with '
+        f'model:={shlex.quote(made)}'
+    )
+
+
+def _size(size: tuple[int, int]) -> str:
+    return f'{size[0]}x{size[1]}'
