@@ -24,8 +24,10 @@ MODELS = {
     'plumb_bob': 'pinhole', 'radtan': 'pinhole', 'rational_polynomial': 'pinhole',
     'equidistant': 'fisheye', 'fisheye': 'fisheye',
 }  # fmt: skip
-LENS_NUMBERS = 5
-"""Of a description."""
+LENS_NUMBERS, FISHEYE_NUMBERS = 5, 4
+"""Of a description, and of OpenCV's fisheye."""
+BINNED = 'binningx', 'binningy'
+SAY_LENS = 'add the line distortion_model: equidistant (a fisheye) or distortion_model: plumb_bob (a pinhole) to it'
 
 
 def read_camera_file(path: Path, model: str = '') -> dict[str, Value]:
@@ -35,6 +37,7 @@ def read_camera_file(path: Path, model: str = '') -> dict[str, Value]:
         ConfigurationError: no such file, none of these formats, or a lens that no description can hold.
     """
     file = _CameraFile(path)
+    file.require_whole()
     (fx, skew, u, *_), (_, fy, v, *_), _ = (file.matrix()[row : row + 3] for row in (0, 3, 6))
     model = file.model(model)
     lens = file.lens(model)
@@ -84,12 +87,45 @@ class _CameraFile:
         found = MODELS.get(told, '') or ('fisheye' if self._text('fisheyemodel') in {'1', 'true'} else '')
         if wanted and found and wanted != found:
             raise self.refusal(f'its lens is a {found}, and the description says camera.model: {wanted}; change one')
+        if not found:
+            self._require_likely(wanted)
         return found or wanted or 'pinhole'
+
+    def _require_likely(self, wanted: str) -> None:
+        """Refuse numbers that may be of another lens than is wanted, where the file does not say which."""
+        count = len(self._numbers(LENS) or [])
+        if wanted == 'fisheye' and count > FISHEYE_NUMBERS:
+            raise self.refusal(
+                f"its distortion has {count} numbers, and OpenCV's fisheye {FISHEYE_NUMBERS}: it is of a pinhole, or "
+                f'{SAY_LENS}'
+            )
+        if not wanted and self._shape(LENS) == (FISHEYE_NUMBERS, 1):
+            raise self.refusal(
+                f"its distortion has {FISHEYE_NUMBERS} rows of one number, as OpenCV's fisheye writes it, and it does "
+                f'not say which lens that is: {SAY_LENS}'
+            )
+
+    def require_whole(self) -> None:
+        """Refuse pictures that the driver made smaller than those that were calibrated with, or cut."""
+        binned = [self._text(name) not in {'', '0', '1'} for name in BINNED]
+        if any(binned):
+            raise self.refusal(
+                'its pictures are binned (binning_x, binning_y), and its numbers are those of whole ones; switch the '
+                'binning off, or calibrate with pictures as they are used'
+            )
+        roi = self._inner('roi')
+        size = {'width': next(filter(None, map(self._text, WIDTH)), ''),
+                'height': next(filter(None, map(self._text, HEIGHT)), '')}  # fmt: skip
+        if any(roi.get(name, '0') not in {'0', size.get(name, '0')} for name in (*size, 'x_offset', 'y_offset')):
+            raise self.refusal(
+                'its pictures are cut (roi), and its numbers are those of whole ones; calibrate with pictures as they '
+                'are used'
+            )
 
     def lens(self, model: str) -> list[float]:
         """Five numbers, as a description has them."""
         numbers = self._numbers(LENS) or []
-        kept = 4 if model == 'fisheye' else LENS_NUMBERS
+        kept = FISHEYE_NUMBERS if model == 'fisheye' else LENS_NUMBERS
         if any(numbers[kept:]):
             raise self.refusal(
                 f'its distortion has {len(numbers)} numbers, and a {model} here has {kept}; calibrate without '
@@ -109,6 +145,18 @@ class _CameraFile:
     def _text(self, name: str) -> str:
         node = self._entries.get(name)
         return str(node.value) if isinstance(node, yaml.ScalarNode) else ''
+
+    def _inner(self, *names: str) -> dict[str, str]:
+        """Plain entries of an entry by any of these names."""
+        node = next((self._entries[name] for name in names if name in self._entries), None)
+        if not isinstance(node, yaml.MappingNode):
+            return {}
+        return {str(key.value): str(value.value) for key, value in node.value if isinstance(value, yaml.ScalarNode)}
+
+    def _shape(self, names: Sequence[str]) -> tuple[int, int]:
+        """Rows and columns of a matrix; 0 of a list."""
+        rows, cols = (self._inner(*names).get(name, '') for name in ('rows', 'cols'))
+        return (int(rows), int(cols)) if rows.isdigit() and cols.isdigit() else (0, 0)
 
     def _numbers(self, names: Sequence[str]) -> list[float] | None:
         """A list, or the `data` of a matrix."""

@@ -137,6 +137,7 @@ def test_questions_that_end_early_name_the_flag(
         (['rest', '--width', '18', '--camera-info', 'ost.yaml'], 'was calibrated with pictures of 640x240'),
         (['rest', '--width', '18', '--crop', '400x200'], 'cannot cut 400x200 pixels from an image of 320x240'),
         (['rest', '--width', '18', '--skip', '9'], 'ends before its picture 9'),
+        (['rest/0.png', '--pitch', '2.5', '--fisheye'], '--fisheye says what lens a calibration is of'),
         (['none.png', '--width', '18'], 'cannot read the image none.png'),
     ],
 )

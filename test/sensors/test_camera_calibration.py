@@ -87,6 +87,26 @@ def test_a_fisheye_of_opencv_sees_as_opencv_says() -> None:
     np.testing.assert_allclose(camera.unproject(camera.project(points)), rays, atol=1e-9)
 
 
+ROWS = """\
+camera_matrix: {rows: 3, cols: 3, data: [700.5, 0.0, 319.5, 0.0, 702.25, 239.5, 0.0, 0.0, 1.0]}
+distortion_coefficients: {rows: 4, cols: 1, data: [0.01, -0.002, 0.0003, 0.0]}
+"""
+"""As cv2.fisheye.calibrate has it, written by cv2.FileStorage."""
+
+
+def test_four_rows_of_one_number_are_the_lens_that_somebody_says(tmp_path: Path) -> None:
+    for lens in ('fisheye', 'pinhole'):
+        assert load_sensor(written(tmp_path, ROWS, f', model: {lens}')).camera.model == lens
+    for lens, model in (('equidistant', 'fisheye'), ('plumb_bob', 'pinhole')):
+        assert load_sensor(written(tmp_path, f'{ROWS}distortion_model: {lens}\n')).camera.model == model
+
+
+def test_a_message_of_a_camera_that_sends_whole_pictures_says_so_in_several_ways(tmp_path: Path) -> None:
+    roi = 'roi: {x_offset: 0, y_offset: 0, height: 480, width: 640, do_rectify: false}'
+    whole = ECHOED.replace('---', f'binning_x: 1\nbinning_y: 0\n{roi}\n---')
+    assert load_sensor(written(tmp_path, whole)).camera.focal_px_per_rad == 300.0
+
+
 @pytest.mark.parametrize(
     ('calibration', 'more', 'said'),
     [
@@ -96,6 +116,10 @@ def test_a_fisheye_of_opencv_sees_as_opencv_says() -> None:
         (ROS.replace('-0.002, 0.0]', '-0.002, 0.0, 0.1, 0.0, 0.0]'), '', 'distortion has 8 numbers'),
         (ROS.replace('700.5', 'nan'), '', 'not finite'),
         (ROS.replace('700.5', 'one'), '', 'what is no number'),
+        (ROWS, '', '4 rows of one number, as OpenCV.s fisheye .* add the line distortion_model: equidistant'),
+        (ROS.replace('distortion_model: plumb_bob\n', ''), ', model: fisheye', '5 numbers, and OpenCV.s fisheye 4'),
+        (ECHOED.replace('---', 'binning_x: 2\nbinning_y: 0\n---'), '', 'its pictures are binned'),
+        (ECHOED.replace('---', 'roi: {x_offset: 80, width: 480}\n---'), '', 'its pictures are cut'),
         (ROS, ', model: fisheye', 'its lens is a pinhole, and the description says camera.model: fisheye'),
         (ROS, ', focal_px: [600.0, 600.0]', r"mine.yaml:2: 'camera.focal_px' is \[600.0, 600.0\], and the calibration"),
         (ROS.replace('-0.1, 0.02', '-9.0, 0.0'), '', 'folds the picture back before its corner'),

@@ -179,13 +179,19 @@ def _told(value: Any) -> str:
 
 
 def _calibrated(arguments: argparse.Namespace, size_px: tuple[int, int]) -> CameraDescription | None:
-    """The camera that a calibration tells of. Raises ConfigurationError: it is of pictures of another size."""
+    """The camera that a calibration tells of.
+
+    Raises:
+        ConfigurationError: it is of pictures of another size, or there is none and yet a lens.
+    """
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.params import from_mapping
     from tactile_nodes.sensors import CameraDescription
     from tactile_nodes.sensors.camera_file import read_camera_file
 
     file: Path | None = arguments.camera_info
+    if file is None and arguments.fisheye:
+        raise ConfigurationError('--fisheye says what lens a calibration is of: name its file with --camera-info')
     if file is None:
         return None
     told = read_camera_file(file, 'fisheye' if arguments.fisheye else '')
