@@ -63,7 +63,7 @@ def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytes
     assert sensor.gel.moduli_off == 0.3
     assert cv2.imread('mine.png').shape[1] == 960
     assert main(['sensor', 'check', 'mine.yaml', 'rest']) == 0
-    assert capsys.readouterr().out.count('ok   ') == 10
+    assert capsys.readouterr().out.count('ok   ') == 11
     assert Path('mine_check.png').is_file()
 
 

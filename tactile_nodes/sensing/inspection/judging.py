@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
@@ -23,19 +22,20 @@ from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.sensing.inspection.dot_grid import dot_findings
 from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK, Finding, percent
+from tactile_nodes.sensing.inspection.markers import Markers, beside
 from tactile_nodes.sensing.inspection.stillness import alike, apart_px
-from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, peaks
+from tactile_nodes.sensing.inspection.texture import looks_covered
 from tactile_nodes.sensing.picture.quality import picture_faults, require_rest_image
 from tactile_nodes.sensors import Sensor
 
 DIM_GREY, BURNT_SHARE, FLICKER = 60, 0.01, 0.02
 """Brightest parts of a picture that are too dim; share of burnt pixels that is too much; change of light."""
 
-BLURRED, LEAST_EDGE_PX = 1.6, 2.5
-"""Times as wide as a sharp picture has them marks are, and blur of edges of dots, that speak of bad focus."""
+LEAST_EDGE_PX = 2.5
+"""Blur of edges of dots that speaks of bad focus."""
 
-LENS_PX = 0.6
-"""Blur of a good lens and its pixels beside their size (standard deviation)."""
+LITTLE_SEEN, HARDLY_SEEN, PLACES = 0.5, 0.1, 200
+"""Shares of the described gel that a picture may show, and has to; places along its longer side that are asked."""
 
 MEASURED, MARKED, MOST_MARKED = 0.1, 0.5, 0.9
 """Confidence in a region's motion from which models of described sensors use it; share of the usable regions that must
@@ -80,9 +80,14 @@ class Inspection:
     @cached_property
     def gel(self) -> Bool[np.ndarray, 'h w']:
         """Where the picture should show the gel, and nothing that the mask covers."""
+        return np.asarray(self._within & ~self.sensor.covered)
+
+    @cached_property
+    def _within(self) -> Bool[np.ndarray, 'h w']:
+        """Where the gel's outline is, covered or not."""
         drawn = np.zeros(self.rest.shape, np.uint8)
         cv2.fillPoly(drawn, [np.rint(outline_px(self.regions)).astype(np.int32)], 1)
-        return np.asarray((drawn > 0) & ~self.sensor.covered)
+        return np.asarray(drawn > 0)
 
     @cached_property
     def dots(self) -> Dots | None:
@@ -111,8 +116,9 @@ class Inspection:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """All that was looked at, in the order in which it is to be mended."""
-        told = self._size(), self._frame(), self._light(), *self._pattern(), self._focus(), self._seen(), self._mask()
-        return tuple(each for each in (*told, self._rest()) if each is not None)
+        pattern = *self._pattern(), self._focus(), self._shown()
+        told = self._size(), self._frame(), self._light(), *pattern, self._seen(), self._mask(), self._rest()
+        return tuple(each for each in told if each is not None)
 
     @property
     def usable(self) -> bool:
@@ -154,11 +160,12 @@ class Inspection:
         if self.dots is not None:
             told = f'{len(self.dots)} dots in rows and columns, and the description says spheres: set pattern.kind'
             return (Finding('pattern', BAD, told),)
-        count = self.regions.usable
-        inside = self._per_region(peaks(self.rest, dark=self.sensor.pattern.dark))[count]
-        few = int(np.median(inside)) if inside.size else 0
-        level = BAD if few < 1 else LOOK if few < 2 else OK
-        return (Finding('pattern', level, f'{few} markers a region (median)'),)
+        inside = self._per_region(self._markers.peaks)[self.regions.usable]
+        return (self._markers.pattern(int(np.median(inside)) if inside.size else 0),)
+
+    @cached_property
+    def _markers(self) -> Markers:
+        return Markers(self.regions.view, self.rest, self.gel, beside(self._within) & ~self.sensor.covered)
 
     @cached_property
     def expected_dots(self) -> Float[np.ndarray, 'dots 2']:
@@ -166,21 +173,36 @@ class Inspection:
         return described_dots(self.regions.view)
 
     def _focus(self) -> Finding | None:
-        if self.sensor.pattern.kind == 'dots':
-            if self.dots is None:
-                return None
-            told = f'edges of dots are blurred by {self.dots.edge_px:.1f} px (standard deviation)'
-            level = OK if self.dots.edge_px < LEAST_EDGE_PX else LOOK
-        else:
-            wide, sharp = mark_px(self.rest, self.gel), self._sharp_px
-            told = f'marks are {wide:.1f} px wide (standard deviation), {sharp:.1f} where they are sharp'
-            level = OK if wide < BLURRED * sharp else LOOK
-        return Finding('focus', level, told if level == OK else f'{told}; turn the lens until they are narrowest')
+        if self.sensor.pattern.kind == 'spheres':
+            return self._markers.focus() if self.gel.any() else None
+        if self.dots is None:
+            return None
+        told = f'edges of dots are blurred by {self.dots.edge_px:.1f} px (standard deviation)'
+        if self.dots.edge_px < LEAST_EDGE_PX:
+            return Finding('focus', OK, told)
+        return Finding('focus', LOOK, f'{told}; turn the lens until they are narrowest')
+
+    def _shown(self) -> Finding:
+        """How much of the gel the picture shows, and whether it goes on beyond its rim."""
+        share = self._shown_share
+        told = f'{percent(share)} of the described gel are seen'
+        if self.sensor.pattern.kind == 'spheres' and self.dots is None and (more := self._markers.beyond()):
+            return Finding('gel', BAD if self._markers.much_beyond else LOOK, f'{told}, and {more}')
+        if share < LITTLE_SEEN:
+            told += ': check gel.width_mm and height_mm, camera.position_mm and its focal length'
+            return Finding('gel', BAD if share < HARDLY_SEEN else LOOK, told)
+        return Finding('gel', OK, told)
 
     @property
-    def _sharp_px(self) -> float:
-        """Width of described markers under a good lens: a disc's variance is a quarter of its squared radius."""
-        return math.sqrt(self.regions.view.marker_radius_px**2 / 4 + 1 / 12 + LENS_PX**2)
+    def _shown_share(self) -> float:
+        """Of places all over the described gel, those that the picture shows and nothing covers."""
+        gel = self.sensor.gel
+        places = gel.outline.lattice_mm(max(gel.width_mm, gel.height_mm) / PLACES, (0.0, 0.0))
+        u, v = np.rint(self.regions.view.below_seen_at(places, gel.markers_mm[0])).T
+        height, width = self.rest.shape
+        inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+        covered = self.sensor.covered[v[inside].astype(int), u[inside].astype(int)]
+        return float((~covered).sum() / len(places))
 
     def _seen(self) -> Finding:
         usable = self.regions.usable

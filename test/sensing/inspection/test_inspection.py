@@ -201,6 +201,37 @@ def test_a_gel_that_shows_hardly_any_marks_tells_no_force(membrane: np.ndarray) 
         assert 'too little to tell forces by: a gel without marks' in regions.text
 
 
+def test_markers_that_are_not_those_described_are_told(membrane: np.ndarray) -> None:
+    """Seen of 25x19 mm 24.8 at the surface; from twice as far 50, of which 75 % lie beside the gel."""
+
+    def told(**camera: object) -> dict[str, str]:
+        return levels(replace(MEMBRANE, camera=replace(MEMBRANE.camera, **camera)), membrane)
+
+    dark = replace(MEMBRANE.pattern, dark=True)
+    assert levels(replace(MEMBRANE, pattern=dark), membrane)['pattern'] == BAD
+    assert levels(replace(MEMBRANE, pattern=dark), 255 - membrane)['pattern'] == OK
+    assert levels(MEMBRANE, 255 - membrane)['pattern'] == BAD
+    assert told(position_mm=(0.0, 0.0, -40.0))['gel'] == BAD
+    assert told(position_mm=(0.0, 0.0, -25.0))['gel'] == LOOK
+    near = told(position_mm=(0.0, 0.0, -10.0))
+    assert (near['pattern'], near['focus'], near['gel']) == (LOOK, LOOK, LOOK)
+    few = replace(MEMBRANE, pattern=replace(MEMBRANE.pattern, count=900))
+    assert levels(few, membrane)['pattern'] == LOOK
+
+
+def test_how_much_of_the_gel_is_seen_is_told(membrane: np.ndarray) -> None:
+    """A lens of twice the focal length sees half of each side; a mask over the left half takes half of that."""
+    tele = replace(MEMBRANE, camera=replace(MEMBRANE.camera, focal_px=(1024.0, 1024.0)))
+    half = replace(tele, mask=MaskSettings(('0,0 319,0 319,479 0,479',)))
+    for sensor, share in (
+        (tele, 0.5 * 0.5 * 24.75 / 25 * 18.56 / 19),
+        (half, 0.5 * 0.5 * 0.5 * 24.75 / 25 * 18.56 / 19),
+    ):
+        (gel,) = (each for each in Inspection(sensor, {'it': membrane}).findings if each.what == 'gel')
+        assert gel.level == LOOK
+        assert int(gel.text.split(' %')[0]) == pytest.approx(100 * share, abs=2)
+
+
 def test_noise_of_regions_is_their_motion_in_single_pictures(printed: list[np.ndarray]) -> None:
     moved = np.roll(printed[0], 1, axis=0)
     assert np.median(Inspection(DOTS, {'a': printed[0], 'b': moved}).noise_px) == pytest.approx(1.0, abs=0.05)
