@@ -42,15 +42,23 @@ def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> 
     """Why a model is not worth to be written; empty where it is. `what` it is: 'calibration'.
 
     Against the model before on balance; by answering the mean neither force nor place may be as good: a table with
-    true places and the forces of other presses would give places that make up for any force.
+    true places and the forces of other presses would give places that make up for any force. Medians do not see the
+    few presses that are ruined, as at the rim, and places do not make up for these: no root mean square may be worse.
     """
     for other, words, share in (
         (before, 'without', share_of), (mean, 'by answering the mean of all presses', worst_share_of)
     ):  # fmt: skip
-        if other is not None and share(after, other) >= 1:
+        if other is None:
+            continue
+        if share(after, other) >= 1:
             return (
                 f'the {what} would not pay: held-out presses are read {told(after)} off with it, '
                 f'{told(other)} {words} (medians)'
+            )
+        if after.force_rmse_n > other.force_rmse_n:
+            return (
+                f'the {what} would not pay: the force RMSE of held-out presses is {after.force_rmse_n:.4f} N with it, '
+                f'{other.force_rmse_n:.4f} N {words}'
             )
     return ''
 

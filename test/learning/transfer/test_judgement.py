@@ -56,6 +56,18 @@ def test_places_do_not_make_up_for_forces_that_are_no_better_than_the_mean() -> 
     assert 'by answering the mean' in objection('calibration', off(0.3, 0.2), off(0.3, 1.2), off(0.15, 5.0))
 
 
+def test_a_few_ruined_presses_count_though_medians_do_not_see_them() -> None:
+    """Nine presses 0.01 N off and one 1.6 N: their median is 0.01 N, their root mean square 0.506 N."""
+    ruined = Errors.of(np.column_stack([np.full((10, 2), 0.1), [0.01] * 9 + [1.6]]))
+    assert (ruined.force_median_n, ruined.force_rmse_n) == pytest.approx((0.01, 0.506), abs=1e-3)
+    assert objection('calibration', ruined, off(0.8, 0.5), off(0.253, 5.0)) == (
+        'the calibration would not pay: the force RMSE of held-out presses is 0.5061 N with it, 0.2530 N by answering '
+        'the mean of all presses'
+    )
+    assert objection('calibration', ruined, off(0.3, 5.0), off(0.8, 5.0)).endswith('0.5061 N with it, 0.3000 N without')
+    assert objection('calibration', ruined, off(0.6, 0.5), off(0.8, 5.0)) == ''
+
+
 def test_an_objection_ends_it_unless_the_model_is_wanted_all_the_same() -> None:
     with pytest.raises(DatasetError, match=r'^worse; press more \(tactile train … --force writes it all the same\)$'):
         require_worth('worse', 'press more', forced=False, command='tactile train')
