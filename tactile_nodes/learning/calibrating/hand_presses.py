@@ -19,6 +19,7 @@ from jaxtyping import Float, UInt8
 from tactile_nodes import __version__, clock
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
+from tactile_nodes.learning.agreement.told import Told, require_agreement
 from tactile_nodes.learning.calibrating.files import CALIBRATION, Source, require_source
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -37,6 +38,7 @@ from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, re
 from tactile_nodes.learning.transfer.partial import PartialTransfer, transfer_outline, transfer_partial
 from tactile_nodes.model_file import LoadedModel, save_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensing.flow.dot_pattern import find_dots
 from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import centre_crop
@@ -55,7 +57,7 @@ BodyOf = Callable[[str, bool], KnownBody]
 class HandPresses:
     """Pictures of one gel: untouched, and pressed at `contacts` (x, y in mm, force in N; NaN where nobody knows).
 
-    `indenters` are what pressed, by their names in the table; `told` says how its columns were read.
+    `indenters` are what pressed, by their names in the table.
     """
 
     rest: list[UInt8[np.ndarray, 'h w']]
@@ -63,7 +65,7 @@ class HandPresses:
     contacts: Float[np.ndarray, 'n 3']
     indenters: tuple[str, ...]
     fingerprint: str
-    told: str
+    table: PressTable
 
     @classmethod
     def read(cls, table: Path, reach_mm: tuple[float, float] = REACH_MM, body_of: BodyOf | None = None) -> HandPresses:
@@ -88,7 +90,7 @@ class HandPresses:
         for picture, at_rest in zip(pictures, untouched, strict=True):
             chosen[0 if at_rest else 1].append(picture)
         indenters = tuple(row.indenter for row in read.rows if row.touches)
-        return cls(*chosen, contacts[~untouched], indenters, digest.hexdigest()[:16], f'{table}: {read.told}')
+        return cls(*chosen, contacts[~untouched], indenters, digest.hexdigest()[:16], read)
 
     @property
     def rest_picture(self) -> UInt8[np.ndarray, 'h w']:
@@ -107,6 +109,15 @@ class HandPresses:
             np.stack([each.values for each in measured]), presses, np.arange(len(measured)),
             np.stack([each.confidence for each in measured]), self.fingerprint,
             indenter=np.array([''] * len(self.rest) + list(self.indenters)),
+        )  # fmt: skip
+
+    def shown(self, dataset: Dataset, encoding: str) -> Told:
+        """What is told of the presses beside what their pictures show, by `dataset`."""
+        rows = np.arange(len(self.rest), len(self.rest) + len(self.pressed))
+        lines = np.array([row.line for row in self.table.rows if row.touches], int)
+        return Told(
+            self.table.file, lines, self.contacts[:, :2], self.contacts[:, 2],
+            as_motion(encoding, dataset.features[rows].astype(np.float32)), dataset.confidence[dataset.rest[rows]],
         )  # fmt: skip
 
 
@@ -185,7 +196,7 @@ def calibrate_by_hand(
     left, top = (abs(each) for each in bins.centre_mm)
     half_mm = left + bins.width_mm / 2, top + bins.height_mm / 2
     presses = HandPresses.read(table, half_mm, body_of if field else None)
-    progress.say(presses.told)
+    progress.say(f'{table}: {presses.table.told}')
     _require_pattern(loaded, presses.rest_picture, forced=forced)
     made, bodies, rest = _fitted(loaded, presses, pressed, progress, forced=forced)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
@@ -241,6 +252,7 @@ def _fitted(
     with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size) as measurer:
         dataset = presses.dataset(measurer)
         half_px, rest = measurer.size[0] / 2, measurer.rest_image
+    require_agreement([presses.shown(dataset, loaded.encoding[0])], progress, forced=forced)
     bodies = pressed.bodies(loaded, dataset) if isinstance(loaded.model.readout, FieldReadout) else None
     if not presses_tell_tips(loaded, pressed, dataset):
         return alone_by_hand(loaded, dataset, pressed, progress, forced=forced), bodies, rest

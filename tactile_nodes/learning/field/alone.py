@@ -24,7 +24,7 @@ from tactile_nodes.learning.transfer.checks import (
     require_tared,
 )
 from tactile_nodes.learning.transfer.fit import Transfer, at_rest, pressed_gel, reached_mm
-from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
+from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.reading import Contact
@@ -115,7 +115,7 @@ def transfer_alone(
     as_described = fit.form == 'description' and abs(math.log(fit.gain)) < CONFIRMED
     confirmed = as_described and loaded.of_description
     said = objection('calibration', fit.errors, None if confirmed else before, of_the_mean(contacts))
-    require_worth(said, 'keep the model, or press at more places', forced=forced)
+    require_worth(said, ADVICE, forced=forced)
     why = (
         f'presses of {bodies.card_name} tell nothing of tips'
         if source.tips

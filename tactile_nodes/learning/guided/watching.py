@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from tactile_nodes.learning.imported.agreement import middles
+from tactile_nodes.learning.agreement.objections import middles
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.features import make_encoding

@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,8 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import header
 from tactile_nodes.drivers.camera.contract import Picture
 from tactile_nodes.errors import DatasetError, ImageError
+from tactile_nodes.learning.agreement.told import Told, require_agreement
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
-from tactile_nodes.learning.imported.agreement import require_agreement
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.bags import Frame, RecordedPress
 from tactile_nodes.learning.recorded.building import Builder, BuildOptions
@@ -28,6 +29,7 @@ from tactile_nodes.learning.tables.faults import RowFaults
 from tactile_nodes.learning.tables.pictures import OneSize, Pictures, picture_id
 from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
+from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
 
@@ -79,8 +81,19 @@ def import_presses(
         for number, source in enumerate(sources):
             told.append(_taken(builder, number, source, OneSize.of(sensor)))
     made = builder.recordings(told, [source.table.file for source in sources], command=command)
-    require_agreement(made, [source.table.file for source in sources], progress, sensor, forced=forced)
+    shown = [_shown(made, number, source.table.file) for number, source in enumerate(sources)]
+    require_agreement(shown, progress, sensor, forced=forced)
     return made
+
+
+def _shown(presses: RecordedPresses, number: int, table: Path) -> Told:
+    """The presses of one table, with what their pictures show."""
+    rows = np.flatnonzero(presses.contact & (presses.bag == number))
+    return Told(
+        table, presses.window_ns[rows, 0] // NS_PER_S, presses.position_mm[rows], presses.force_n[rows],
+        as_motion(presses.card['encoding']['name'], presses.features[rows].astype(np.float32)),
+        presses.confidence[presses.confidence_row[rows]],
+    )  # fmt: skip
 
 
 def require_rows(source: Imported) -> None:

@@ -100,5 +100,6 @@ def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
     """
     if abs(offset_n) > MOST_OFFSET_N + spread_n:
         raise DatasetError(
-            f'the forces seem to be {offset_n:+.2f} N where the gel shows none; tare the force sensor and press again'
+            f'the forces seem to be {offset_n:+.2f} N where the gel shows none; tare the force sensor and '
+            'press again, or check the forces that are told, and their unit'
         )

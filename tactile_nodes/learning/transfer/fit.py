@@ -39,7 +39,7 @@ from tactile_nodes.learning.transfer.checks import (
     require_tared,
 )
 from tactile_nodes.learning.transfer.errors import Errors, Point
-from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, require_worth
+from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
 from tactile_nodes.learning.transfer.regions import ASIDE, Smooth, fit_with_smooth
 from tactile_nodes.learning.transfer.source import axisymmetric_source
 from tactile_nodes.learning.transfer.whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
@@ -140,7 +140,7 @@ def transfer(
     before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
     said = objection('calibration', after, before, of_the_mean(other.presses.contacts))
-    require_worth(said, 'keep the model, or press at more places', forced=forced)
+    require_worth(said, ADVICE, forced=forced)
     readout = replace(readout, calibration=calibration_of(readout, held, dataset, other.untouched))
     told = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
     return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told, said)

@@ -16,6 +16,7 @@ from tactile_nodes.learning.transfer.errors import Errors
 
 TELLING_SHARE, TELLING_MM = 0.2, 1.0
 """Forces that are all within so much of their mean, and places as near to one another, are no measure of a model."""
+ADVICE = 'keep the model, check the places and forces that are told, or press at more places'
 POOR = 0.1
 """Of the errors of answering the mean: models of enough presses are at a fiftieth of them."""
 

@@ -12,8 +12,8 @@ import pytest
 from tactile_nodes.cli.main import main
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.agreement.objections import places_objection
 from tactile_nodes.learning.datasets.file import load_dataset
-from tactile_nodes.learning.imported.agreement import places_objection
 from tactile_nodes.learning.imported.arrays import import_arrays, options_of
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press

@@ -1,4 +1,4 @@
-"""Whether a table tells what its pictures show: motion is where was pressed, and grows with the force.
+"""What contradicts what: motion is where was pressed, and grows with the force.
 
 Two columns that were exchanged, an axis that counts the other way, and rows beside the wrong pictures all make a model
 that is wrong without a sign of it.
@@ -6,22 +6,12 @@ that is wrong without a sign of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 from jaxtyping import Float
 
-from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.datasets.recordings import RecordedPresses
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.elasticity.view import View
-from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensors import Sensor
 
-LEAST = 8
-"""Fewer presses say nothing of a table."""
 SPANNED_MM = 4.0
 """Places nearer to one another, along x or y, say nothing of the axes."""
 FOLLOWS = 0.5
@@ -30,46 +20,10 @@ CLEARLY = 0.8
 """Correlation from which it follows something else than is told."""
 ASIDE_MM, ASIDE_TIMES = 4.0, 6.0
 """A press is named whose motion is farther from its place, in mm and in times the median of all."""
+ALIKE = 1.2
+"""Forces of which the greatest is at most so many times the least are one force, which motion cannot follow."""
 SCALE = 1.5
 """By how many times pixels for a mm may differ from those of a description; right ones differ by 1.2 at most."""
-
-
-def require_agreement(
-    presses: RecordedPresses,
-    tables: Sequence[Path],
-    progress: Progress,
-    sensor: Sensor | None = None,
-    *,
-    forced: bool = False,
-) -> None:
-    """Refuse tables that contradict their pictures, unless forced; single rows that may be mixed up are named.
-
-    `sensor` describes what was pressed, where somebody did.
-
-    Raises:
-        DatasetError: says what contradicts, and what it looks like.
-    """
-    for number, table in enumerate(tables):
-        rows = np.flatnonzero(presses.contact & (presses.bag == number))
-        if len(rows) < LEAST:
-            continue
-        motion = as_motion(presses.card['encoding']['name'], presses.features[rows].astype(np.float32))
-        strength = np.square(motion).sum(axis=-1) * presses.confidence[presses.confidence_row[rows]]
-        place, force = presses.position_mm[rows], presses.force_n[rows]
-        seen = middles(strength)
-        if said := (
-            places_objection(place, seen)
-            or force_objection(force, strength)
-            or (sensor and description_objection(place, seen, sensor))
-        ):
-            if not forced:
-                raise DatasetError(f'{table}: {said} (--force takes the table as it is)')
-            progress.say(f'{table}: taken by --force: {said}')
-            continue
-        if lines := [int(presses.window_ns[rows[each], 0] // NS_PER_S) for each in aside(place, seen)]:
-            progress.say(
-                f'{table}: look at line {", ".join(map(str, lines))}: the picture moves elsewhere than is told'
-            )
 
 
 def middles(strength: Float[np.ndarray, 'n rows cols']) -> Float[np.ndarray, 'n 2']:
@@ -119,7 +73,9 @@ def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.nda
 
 
 def force_objection(force_n: Float[np.ndarray, ' n'], strength: Float[np.ndarray, 'n rows cols']) -> str:
-    """What is wrong with the forces told beside the motion seen; empty where nothing is."""
+    """What is wrong with the forces told beside the motion seen; empty where nothing is, or they are all alike."""
+    if force_n.max() <= ALIKE * force_n.min():
+        return ''
     if _correlation(_ranks(force_n), _ranks(strength.sum(axis=(1, 2)))) >= FOLLOWS:
         return ''
     return 'the pictures do not move more where more force is told: rows or columns are mixed up'
@@ -134,7 +90,10 @@ def aside(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) ->
 
 
 def _ranks(values: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
-    return np.argsort(np.argsort(values)).astype(float)
+    """The place of each in their order; equal ones have the same."""
+    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
+    middle: np.ndarray = (np.cumsum(counts) - (counts - 1) / 2)[which.reshape(-1)]
+    return middle
 
 
 def _correlation(one: Float[np.ndarray, ' n'], other: Float[np.ndarray, ' n']) -> float:

@@ -1,0 +1,97 @@
+"""Tables beside their pictures: what is told of presses, and how these move the gel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.agreement.objections import (
+    aside,
+    description_objection,
+    force_objection,
+    middles,
+    places_objection,
+)
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensors import Sensor
+
+LEAST = 8
+"""Fewer presses say nothing of a table."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Presses of one table, by the lines that they stand in; NaN of places and forces that nobody knows.
+
+    `motion` (px) and `confidence` are what regions of their pictures show.
+    """
+
+    table: Path
+    lines: Int[np.ndarray, ' n']
+    place_mm: Float[np.ndarray, 'n 2']
+    force_n: Float[np.ndarray, ' n']
+    motion: Float32[np.ndarray, 'n rows cols 2']
+    confidence: Float32[np.ndarray, 'n rows cols']
+
+    @property
+    def placed(self) -> Told:
+        """Those whose places are known."""
+        return self._take(np.isfinite(self.place_mm).all(axis=1))
+
+    @property
+    def weighed(self) -> Told:
+        """Those whose forces are known."""
+        return self._take(np.isfinite(self.force_n))
+
+    @property
+    def strength(self) -> Float[np.ndarray, 'n rows cols']:
+        """How much regions move, as far as they show it."""
+        return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
+
+    def _take(self, chosen: np.ndarray) -> Told:
+        return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)[1:]})
+
+
+def require_agreement(
+    tables: Sequence[Told], progress: Progress, sensor: Sensor | None = None, *, forced: bool = False
+) -> None:
+    """Refuse tables that contradict their pictures, unless forced; single rows that may be mixed up are named.
+
+    `sensor` describes what was pressed, where somebody did.
+
+    Raises:
+        DatasetError: says what contradicts, and what it looks like.
+    """
+    for table in tables:
+        if said := _objection(table, sensor):
+            if not forced:
+                raise DatasetError(f'{table.table}: {said} (--force takes the table as it is)')
+            progress.say(f'{table.table}: taken by --force: {said}')
+        elif lines := _lines_aside(table):
+            progress.say(
+                f'{table.table}: look at line {", ".join(map(str, lines))}: the picture moves elsewhere than is told'
+            )
+
+
+def _objection(table: Told, sensor: Sensor | None) -> str:
+    """What is wrong with a table; empty where nothing is, or it tells too little."""
+    placed, weighed, said = table.placed, table.weighed, ''
+    if len(placed.lines) >= LEAST:
+        seen = middles(placed.strength)
+        said = places_objection(placed.place_mm, seen)
+        said = said or (description_objection(placed.place_mm, seen, sensor) if sensor else '')
+    if not said and len(weighed.lines) >= LEAST:
+        said = force_objection(weighed.force_n, weighed.strength)
+    return said
+
+
+def _lines_aside(table: Told) -> list[int]:
+    placed = table.placed
+    if len(placed.lines) < LEAST:
+        return []
+    return [int(placed.lines[each]) for each in aside(placed.place_mm, middles(placed.strength))]

@@ -1,0 +1,155 @@
+"""Tables that contradict their pictures, by ``tactile calibrate --pictures`` and ``tactile dataset import``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactile_nodes.cli.main import main
+from tactile_nodes.learning.agreement.objections import force_objection
+from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
+from tactile_nodes.sensors import load_sensor
+from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.mechanics import solve
+from tactile_nodes.simulation.optics import Optics, Press
+
+SENSOR = 'speckle_membrane'
+HEADER = 'picture,x_mm,y_mm,force_g,indenter'
+RESTS = 4
+Row = list[str]
+Change = Callable[[list[Row]], object]
+
+pytestmark = pytest.mark.usefixtures('own_cache')
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four pictures of an untouched gel, a grid of twelve presses by the tip, and the model of the description."""
+    made = tmp_path_factory.mktemp('pictures')
+    gel = dataclasses.replace(gel_of(load_sensor(SENSOR)), mechanics='linear')
+    table = solve(gel)
+    optics, rows = Optics(gel, table), []
+    for number in range(RESTS):
+        cv2.imwrite(str(made / f'rest{number}.png'), optics.render((), number))
+        rows.append([f'rest{number}.png', '', '', '0', ''])
+    for number, (x, y) in enumerate((x, y) for y in (-5.0, 0.0, 5.0) for x in (-8.0, -3.0, 3.0, 8.0)):
+        depth = 0.25 + 0.03 * (7 * number % 12)
+        cv2.imwrite(str(made / f'press{number}.png'), optics.render((Press(x, y, depth),), 100 + number))
+        grams = table.force_at(depth) / NEWTON_PER_GRAM
+        rows.append([f'press{number}.png', str(x), str(y), f'{grams:.3f}', 'ball:0.6'])
+    written(made / 'presses.csv', rows)
+    assert main(['calibrate', '--sensor', SENSOR, '--model', 'field', '-o', str(made / 'described.safetensors')]) == 0
+    return made
+
+
+def written(table: Path, rows: list[Row], header: str = HEADER) -> Path:
+    table.write_text('\n'.join([header, *(','.join(row) for row in rows)]) + '\n')
+    return table
+
+
+def rows_of(folder: Path) -> list[Row]:
+    return [line.split(',') for line in (folder / 'presses.csv').read_text().splitlines()[1:]]
+
+
+def edited(folder: Path, change: Change, header: str = HEADER) -> Path:
+    rows = rows_of(folder)
+    change(rows)
+    return written(folder / 'edited.csv', rows, header)
+
+
+def calibrated(table: Path, output: Path, *more: str) -> int:
+    words = ['--model', str(table.parent / 'described.safetensors'), '--gel', 'mine', '-o', str(output)]
+    return main(['calibrate', '--pictures', str(table), *words, *more])
+
+
+def imported(table: Path, output: Path, *more: str) -> int:
+    model = ['--model', str(table.parent / 'described.safetensors')]
+    return main(['dataset', 'import', str(table), '-o', str(output), *model, *more])
+
+
+def turned(column: int) -> Change:
+    def change(rows: list[Row]) -> None:
+        for row in rows[RESTS:]:
+            row[column] = str(-float(row[column]))
+
+    return change
+
+
+def exchanged(rows: list[Row]) -> None:
+    for row in rows[RESTS:]:
+        row[1], row[2] = row[2], row[1]
+
+
+def slipped(column: int, by: int) -> Change:
+    """A column slipped by some lines, as sorted alone in a spreadsheet."""
+
+    def change(rows: list[Row]) -> None:
+        values = [row[column] for row in rows[RESTS:]]
+        for row, value in zip(rows[RESTS:], values[by:] + values[:by], strict=True):
+            row[column] = value
+
+    return change
+
+
+def test_presses_that_are_told_rightly_calibrate_their_model(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert calibrated(folder / 'presses.csv', tmp_path / 'mine.safetensors') == 0
+    assert 'look at line' not in capsys.readouterr().out
+    assert imported(folder / 'presses.csv', tmp_path / 'mine.npz') == 0
+
+
+@pytest.mark.parametrize('command', [calibrated, imported])
+@pytest.mark.parametrize(
+    ('change', 'said'),
+    [
+        (exchanged, 'x and y are exchanged'),
+        (turned(1), 'the pictures move the other way along x than is told'),
+        (turned(2), 'the pictures move the other way along y than is told'),
+        (slipped(0, 5), 'the pictures do not move where the table says'),
+        (slipped(3, 6), 'the pictures do not move more where more force is told'),
+    ],
+)
+def test_both_commands_refuse_a_table_that_contradicts_its_pictures(
+    command: Callable[..., int], change: Change, said: str, folder: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    table, output = edited(folder, change), tmp_path / 'made'
+    assert command(table, output) == 1
+    assert said in (told := capsys.readouterr().err) and '--force takes the table as it is' in told
+    assert not output.exists()
+
+
+@pytest.mark.parametrize('command', [calibrated, imported])
+def test_both_commands_name_two_rows_that_were_exchanged(
+    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def change(rows: list[Row]) -> None:
+        rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
+
+    command(edited(folder, change), tmp_path / 'made')
+    told = ' '.join(capsys.readouterr().out.split())
+    assert f'look at line {RESTS + 2}, {RESTS + 3}: the picture moves elsewhere than is told' in told
+
+
+def test_one_force_told_of_presses_that_differ_calibrates_no_model(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def change(rows: list[Row]) -> None:
+        for row in rows[RESTS:]:
+            row[3] = '20'
+
+    assert calibrated(edited(folder, change), tmp_path / 'mine.safetensors') == 1
+    assert not (tmp_path / 'mine.safetensors').exists()
+    assert 'check the places and forces that are told, or press at more places' in capsys.readouterr().err
+
+
+def test_motion_cannot_follow_forces_that_are_all_alike() -> None:
+    strength = np.random.default_rng(1).uniform(0, 1, (20, 3, 3))
+    assert force_objection(np.full(20, 0.49), strength) == ''
+    assert 'do not move more' in force_objection(strength.sum(axis=(1, 2)).max() - strength.sum(axis=(1, 2)), strength)
