@@ -48,6 +48,7 @@ class Snapshot:
 
     `force` and `truth` belong together: when a true force exists, they are the last two of the same stamp.
     `lost` counts forces that were published and did not come here; `skipped`, frames of which no force was published.
+    Of a hand there are the snapshots of its `sensors`, and the sum of what acts on them.
     """
 
     namespace: str
@@ -69,6 +70,8 @@ class Snapshot:
     estimators: tuple[str, ...]
     advice: str
     first_after_s: float
+    sensors: tuple[Snapshot, ...] = ()
+    wrench: Any = None
 
     @property
     def pair(self) -> Pair | None:
@@ -84,6 +87,8 @@ class ViewState:
         self.malformed = 0
         self.estimators: tuple[str, ...] = ()
         self.advice = 'start a sensor with: tactile launch live'
+        self.sensors: dict[str, ViewState] = {}
+        self._wrench: Any = None
         self._health: dict[str, _Heard] = {}
         self._logs: deque[_Said] = deque(maxlen=4)
         self._start_ns = start_ns
@@ -130,6 +135,14 @@ class ViewState:
         self._truth_ns = received.received_ns
         self._comparison.add_truth(stamp_ns(message.header.stamp), message)
 
+    def add_sensor(self, namespace: str, now_ns: int) -> ViewState:
+        """One sensor of a hand, to be fed with its forces."""
+        return self.sensors.setdefault(namespace, ViewState(namespace, now_ns))
+
+    def add_wrench(self, received: Received) -> None:
+        """The sum of what acts on a hand came in."""
+        self._wrench = received.message
+
     def add_diagnostics(self, received: Received) -> None:
         """Nodes said how they are."""
         for status in received.message.status:
@@ -166,14 +179,22 @@ class ViewState:
     def snapshot(self, now_ns: int) -> Snapshot:
         """What to show now; rates and latencies are those of the last `WINDOW_S` seconds."""
         self._recent.forget(now_ns)
-        return self._picture(now_ns, self._recent.rates_hz(), self._recent.percentiles())
+        sensors = tuple(each.snapshot(now_ns) for each in self.sensors.values())
+        return self._picture(now_ns, self._recent.rates_hz(), self._recent.percentiles(), sensors)
 
     def summary(self, now_ns: int) -> Snapshot:
         """The same, but rates and latencies are those of the whole time, the latencies right to half a percent."""
         latencies = {stage: found.percentiles() for stage, found in zip(STAGES, self._overall, strict=True)}
-        return self._picture(now_ns, self._overall_hz(), latencies)
+        sensors = tuple(each.summary(now_ns) for each in self.sensors.values())
+        return self._picture(now_ns, self._overall_hz(), latencies, sensors)
 
-    def _picture(self, now_ns: int, rates_hz: tuple[float, float], latencies: Mapping[str, Percentiles]) -> Snapshot:
+    def _picture(
+        self,
+        now_ns: int,
+        rates_hz: tuple[float, float],
+        latencies: Mapping[str, Percentiles],
+        sensors: tuple[Snapshot, ...] = (),
+    ) -> Snapshot:
         force, truth = self._shown()
         return Snapshot(
             namespace=self.namespace,
@@ -195,6 +216,8 @@ class ViewState:
             estimators=self.estimators,
             advice=self.advice,
             first_after_s=(self._first_ns[0] - self._start_ns) / NS_PER_S if self._first_ns else math.nan,
+            sensors=sensors,
+            wrench=self._wrench,
         )
 
     def _shown(self) -> tuple[Any, Any]:

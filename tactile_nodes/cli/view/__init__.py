@@ -1,4 +1,7 @@
-"""``tactile view``: force, its latency and the state of the nodes, in place in a terminal or as lines."""
+"""``tactile view``: force, its latency and the state of the nodes, in place in a terminal or as lines.
+
+Where several sensors publish in namespaces of their own, as those of a hand, all are shown together.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, TextIO
 
 from tactile_nodes.bus.names import absolute_namespace
@@ -18,6 +22,7 @@ from tactile_nodes.cli.running.session import completed, ended_by_signals, joine
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
     from tactile_nodes.bus.protocol import Bus
     from tactile_nodes.viewing.state import Snapshot, ViewState
@@ -27,7 +32,7 @@ EPILOG = """\
 examples:
   tactile view                          in this terminal, updating in place
   tactile view --plain --duration 10    one line a second for ten seconds, then the summary
-  tactile view --namespace /left        the sensor whose topics begin with /left
+  tactile view --namespace /left        the sensor whose topics begin with /left; without, all of a hand together
   tactile view --scale 0.2              colours for light touches: brightest at 0.2 N a bin
 """
 FULL_SCALE_N = 1.0  # of the brightest colour, whatever is shown: a scale that moves hides how hard one presses
@@ -67,9 +72,10 @@ def can_draw(stream: TextIO, environment: Mapping[str, str] = os.environ) -> boo
 
 def print_summary(state: ViewState, now_ns: int) -> None:
     """How it went."""
-    from tactile_nodes.cli.view.render import summary
+    from tactile_nodes.cli.view import hand, render
 
-    print(summary(state.summary(now_ns)), flush=True)
+    shot = state.summary(now_ns)
+    print(hand.summary(shot) if shot.sensors else render.summary(shot), flush=True)
 
 
 def new_state(bus: Bus, namespace: str = '/') -> ViewState:
@@ -109,13 +115,18 @@ def run_view(
 
 def _printing() -> Show:
     """Prints each snapshot as a line, and below it what nodes warned of since the one before."""
-    from tactile_nodes.cli.view.render import line
+    from tactile_nodes.cli.view import hand, render
 
     before: tuple[str, ...] = ()
 
     def show(shot: Snapshot) -> None:
         nonlocal before
-        print(line(shot), *(text for text in shot.logs if text not in before), sep='\n', flush=True)
+        print(
+            hand.line(shot) if shot.sensors else render.line(shot),
+            *(text for text in shot.logs if text not in before),
+            sep='\n',
+            flush=True,
+        )
         before = shot.logs
 
     return show
@@ -125,11 +136,14 @@ def _printing() -> Show:
 def _drawing(full_scale_n: float, console: Console | None) -> Iterator[Show]:
     from rich.live import Live
 
-    from tactile_nodes.cli.view.render import picture
+    from tactile_nodes.cli.view import hand, render
+
+    def picture(shot: Snapshot) -> Text:
+        return hand.picture(shot) if shot.sensors else render.picture(shot, full_scale_n)
 
     # Without a thread of its own, Live draws just what we say and when; it also puts the cursor back at the end.
     with Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live:
-        yield lambda shot: live.update(picture(shot, full_scale_n), refresh=True)
+        yield lambda shot: live.update(picture(shot), refresh=True)
 
 
 class Watch:
@@ -158,16 +172,32 @@ class Watch:
             graph = self._bus.graph()
             self._state.estimators = tuple(sorted({end.node for end in graph.publishers(self._force_topic)}))
             if not self._state.estimators:
-                self._look_elsewhere({end.name for end in graph.publishers()})
+                self._look_elsewhere({end.name for end in graph.publishers()}, now_ns)
 
     def close(self) -> None:
         self._feeds.close()
 
-    def _look_elsewhere(self, published: set[str]) -> None:
-        """Sensors of a hand, or of another namespace, are told by the name that shows them."""
+    def _look_elsewhere(self, published: set[str], now_ns: int) -> None:
+        """One sensor of another namespace is told by the name that shows it; several are shown together."""
         ending = f'/{self._force_topic.rpartition("/")[2]}'
-        if there := sorted(name.removesuffix(ending) for name in published if name.endswith(ending)):
-            self._state.advice = f'sensors are at {", ".join(there)}: tactile view --namespace {there[0]}'
+        there = sorted(name.removesuffix(ending) for name in published if name.endswith(ending))
+        if len(there) > 1:
+            for namespace in there:
+                self._add_sensor(namespace, now_ns)
+        elif there:
+            self._state.advice = f'sensors are at {there[0]}: tactile view --namespace {there[0]}'
+
+    def _add_sensor(self, namespace: str, now_ns: int) -> None:
+        from tactile_nodes.bus import topics
+
+        if namespace in self._state.sensors:
+            return
+        if not self._state.sensors:
+            self._feeds.add(topics.HAND_WRENCH, self._state.add_wrench)
+        name = f'{namespace}/{topics.FORCE_DISTRIBUTION.name}'
+        self._feeds.add(
+            replace(topics.FORCE_DISTRIBUTION, name=name), self._state.add_sensor(namespace, now_ns).add_force
+        )
 
     def _full(self, name: str) -> str:
         return name if name.startswith('/') else f'{self._state.namespace.rstrip("/")}/{name}'

@@ -17,8 +17,8 @@ from tactile_nodes.viewing.measures import STAGES, Scores, strongest
 from tactile_nodes.viewing.net import net_of
 from tactile_nodes.viewing.state import NodeHealth, Snapshot, complaint, reason_names, silent
 
-_BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
-_LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
+BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
+LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
 _LEVEL_NAMES = ('ok', 'warning', 'error', 'stale')
 _STATUSES = ('OK', 'DEGRADED', 'INVALID')
 _WAYS = '→↘↓↙←↖↑↗'  # from x, to the right, towards y, downwards
@@ -28,13 +28,13 @@ def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
     """The whole view."""
     lines = [_title(shot), Text()]
     if shot.force is None:
-        lines.append(Text(waiting(shot), _LEVELS[1]))
+        lines.append(Text(waiting(shot), LEVELS[1]))
     else:
         lines += _side_by_side(map_lines(shot.force, _true_bin(shot), full_scale_n), _latency_lines(shot))
         lines += [Text(), _force_line(shot), _place_line(shot), *_net_lines(shot)]
         lines += [_counts_line(shot), _provenance_line(shot)]
-    lines += _health_lines(shot)
-    lines += [Text(line, _LEVELS[1]) for line in shot.logs]
+    lines += health_lines(shot)
+    lines += [Text(line, LEVELS[1]) for line in shot.logs]
     made = Text('\n').join(lines)
     made.no_wrap, made.overflow = True, 'ellipsis'
     return made
@@ -48,15 +48,15 @@ def line(shot: Snapshot) -> str:
     whole = shot.latencies['end to end']
     parts = [
         head,
-        f'{_hz(shot.arrivals_hz):>5} fps',
+        f'{hz(shot.arrivals_hz):>5} fps',
         _total_text(shot),
         _place_text(shot),
-        *filter(None, [_net_text(shot.force)]),
-        f'capture to here p50 {_ms(whole.p50)} p99 {_ms(whole.p99)} ms',
+        *filter(None, [net_text(shot.force)]),
+        f'capture to here p50 {milliseconds(whole.p50)} p99 {milliseconds(whole.p99)} ms',
         f'lost {shot.lost} skipped {shot.skipped}',
-        _state_text(shot),
+        state_text(shot),
     ]
-    told = [complaint(shot)] if _is_old(shot) else []
+    told = [complaint(shot)] if is_old(shot) else []
     return '  '.join(filter(None, [*parts, *told]))
 
 
@@ -75,10 +75,13 @@ def summary(shot: Snapshot) -> str:
         return f'{shot.running_s:.1f} s; {waiting(shot)}'
     lines = [
         f'{shot.frames} frames in {shot.running_s:.1f} s, the first after {shot.first_after_s:.1f} s; '
-        f'{_hz(shot.arrivals_hz)} fps arriving, {_hz(shot.stamps_hz)} by stamps',
+        f'{hz(shot.arrivals_hz)} fps arriving, {hz(shot.stamps_hz)} by stamps',
         f'{_drops_text(shot)}; {shot.invalid} invalid, {shot.malformed} malformed',
         'latency [ms]   p50     p99',
-        *(f'  {stage:<10} {_ms(found.p50):>6}  {_ms(found.p99):>6}' for stage, found in shot.latencies.items()),
+        *(
+            f'  {stage:<10} {milliseconds(found.p50):>6}  {milliseconds(found.p99):>6}'
+            for stage, found in shot.latencies.items()
+        ),
         *_score_lines(shot.scores),
     ]
     return '\n'.join(lines)
@@ -97,21 +100,21 @@ def _score_lines(scores: Scores) -> list[str]:
 
 
 def _title(shot: Snapshot) -> Text:
-    level = 2 if _is_old(shot) else int(shot.force.status) if shot.force is not None else 1
+    level = 2 if is_old(shot) else int(shot.force.status) if shot.force is not None else 1
     title = Text.assemble(
-        (_topic(shot), _BOLD),
-        f'  {shot.running_s:6.1f} s  {_hz(shot.arrivals_hz)} fps  ',
+        (_topic(shot), BOLD),
+        f'  {shot.running_s:6.1f} s  {hz(shot.arrivals_hz)} fps  ',
     )
-    title.append(_state_text(shot), _LEVELS[min(level, 2)])
+    title.append(state_text(shot), LEVELS[min(level, 2)])
     return title
 
 
 def _latency_lines(shot: Snapshot) -> list[Text]:
-    lines = [Text('latency [ms]   p50     p99', _BOLD)]
+    lines = [Text('latency [ms]   p50     p99', BOLD)]
     for stage in STAGES:
         found = shot.latencies[stage]
-        text = f'{stage:<11} {_ms(found.p50):>6}  {_ms(found.p99):>6}'
-        lines.append(Text(text, _BOLD if stage == STAGES[-1] else _PLAIN))
+        text = f'{stage:<11} {milliseconds(found.p50):>6}  {milliseconds(found.p99):>6}'
+        lines.append(Text(text, BOLD if stage == STAGES[-1] else _PLAIN))
     return lines
 
 
@@ -126,25 +129,23 @@ def _side_by_side(left: list[Text], right: list[Text]) -> Iterator[Text]:
 
 def _force_line(shot: Snapshot) -> Text:
     overall = f'  RMSE {shot.scores.rmse_n:.3f} N' if shot.scores.pairs else ''
-    return Text.assemble(('force    ', _BOLD), _total_text(shot).removeprefix('force '), overall)
+    return Text.assemble(('force    ', BOLD), _total_text(shot).removeprefix('force '), overall)
 
 
 def _place_line(shot: Snapshot) -> Text:
-    return Text.assemble(('contact  ', _BOLD), _place_text(shot).removeprefix('contact '))
+    return Text.assemble(('contact  ', BOLD), _place_text(shot).removeprefix('contact '))
 
 
 def _net_lines(shot: Snapshot) -> list[Text]:
     """None of models that look for normal forces alone."""
-    text = _net_text(shot.force)
-    return [Text.assemble(('acting   ', _BOLD), text)] if text else []
+    text = net_text(shot.force)
+    return [Text.assemble(('acting   ', BOLD), text)] if text else []
 
 
 def _counts_line(shot: Snapshot) -> Text:
-    made = Text.assemble(
-        ('frames   ', _BOLD), f'{shot.frames}, {_hz(shot.stamps_hz)} fps by stamps, {_drops_text(shot)}'
-    )
+    made = Text.assemble(('frames   ', BOLD), f'{shot.frames}, {hz(shot.stamps_hz)} fps by stamps, {_drops_text(shot)}')
     if shot.malformed:
-        made.append(f', {shot.malformed} malformed', _LEVELS[1])
+        made.append(f', {shot.malformed} malformed', LEVELS[1])
     return made
 
 
@@ -153,18 +154,21 @@ def _provenance_line(shot: Snapshot) -> Text:
     text = (
         f'{known.model or "?"} ({known.model_id or "?"})  gel {known.gel or "?"}  rest {known.reference_id or "none"}'
     )
-    return Text.assemble(('model    ', _BOLD), text)
+    return Text.assemble(('model    ', BOLD), text)
 
 
-def _health_lines(shot: Snapshot) -> list[Text]:
+def health_lines(shot: Snapshot, least: int = 0) -> list[Text]:
+    """What nodes say of themselves from that level on, the worst first; and who says nothing any more."""
     lines = []
     quiet = silent(shot.health)
     for entry in _by_level(shot.health):
+        if entry.level < least and entry not in quiet:
+            continue
         name = _LEVEL_NAMES[min(entry.level, 3)]
-        made = Text.assemble((f'{entry.node}  ', _DIM), (name, _LEVELS[min(entry.level, 3)]))
+        made = Text.assemble((f'{entry.node}  ', _DIM), (name, LEVELS[min(entry.level, 3)]))
         made.append(f'  {entry.text}' if entry.text else '')
         if entry in quiet:
-            made.append(f'  silent for {entry.age_s:.0f} s', _LEVELS[1])
+            made.append(f'  silent for {entry.age_s:.0f} s', LEVELS[1])
         lines.append(made)
     return lines
 
@@ -181,14 +185,14 @@ def _total_text(shot: Snapshot) -> str:
 def _place_text(shot: Snapshot) -> str:
     pair = shot.pair
     others = len(shot.force.contacts) - 1
-    text = f'contact {_where(shot.force)}{f" and {others} more" if others > 0 else ""}'
+    text = f'contact {where(shot.force)}{f" and {others} more" if others > 0 else ""}'
     if pair is None:
         return text
     apart = f'  off by {pair.distance_mm:.2f} mm' if not math.isnan(pair.distance_mm) else ''
-    return f'{text}  true {_where(pair.truth)}{apart}'
+    return f'{text}  true {where(pair.truth)}{apart}'
 
 
-def _net_text(force: Any) -> str:
+def net_text(force: Any) -> str:
     """Net shear with its direction as it is seen on the map, torsion, and how the motion was explained."""
     found = net_of(force)
     if not found.is_known:
@@ -200,7 +204,8 @@ def _net_text(force: Any) -> str:
     return '  '.join([*parts, *([f'explained by {found.explanation}'] if found.explanation else [])])
 
 
-def _where(force: Any) -> str:
+def where(force: Any) -> str:
+    """The place of the strongest contact."""
     if not force.in_contact or math.isnan(force.contact.x):
         return 'none'.ljust(18)
     return f'({force.contact.x * 1000:+6.2f}, {force.contact.y * 1000:+6.2f}) mm'
@@ -210,17 +215,17 @@ def _drops_text(shot: Snapshot) -> str:
     return f'{shot.lost} lost on the way here, {shot.skipped} skipped before'
 
 
-def _is_old(shot: Snapshot) -> bool:
+def is_old(shot: Snapshot) -> bool:
     """Whether the last force is no reading any more."""
     return shot.age_s > 1
 
 
-def _state_text(shot: Snapshot) -> str:
+def state_text(shot: Snapshot) -> str:
     """The status of the force; of one that is old the time since then, and that it was the last."""
     if shot.force is None:
         return 'waiting'
     status = _status_text(shot.force)
-    return f'no force for {shot.age_s:.1f} s, the last was {status}' if _is_old(shot) else status
+    return f'no force for {shot.age_s:.1f} s, the last was {status}' if is_old(shot) else status
 
 
 def _status_text(force: Any) -> str:
@@ -242,9 +247,11 @@ def _topic(shot: Snapshot) -> str:
     return f'{shot.namespace.rstrip("/")}/{FORCE_DISTRIBUTION.name}'
 
 
-def _ms(seconds: float) -> str:
+def milliseconds(seconds: float) -> str:
+    """A latency."""
     return '-' if math.isnan(seconds) else f'{seconds * 1000:.2f}'
 
 
-def _hz(rate: float) -> str:
+def hz(rate: float) -> str:
+    """A rate."""
     return '-' if math.isnan(rate) else f'{rate:.1f}'

@@ -63,6 +63,19 @@ def test_a_view_that_finds_nothing_says_where_there_are_sensors(
     assert 'sensors are at /left: tactile view --namespace /left' in ended.out
 
 
+def test_all_sensors_of_a_hand_are_seen_together(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
+    for namespace in ('/left', '/right'):
+        publish_forces(other, repeating, namespace)
+    ended = tactile('view', '--plain', '--duration', '3.1')
+    assert 'left 0.000 N OK  right 0.000 N OK  sum not told: nobody publishes hand_wrench' in ended.out
+    rows = {
+        words[0]: int(words[1])
+        for line in ended.out.splitlines()
+        if (words := line.split())[:1] in (['left'], ['right'])
+    }
+    assert min(rows['left'], rows['right']) > 0
+
+
 def test_the_drawn_view_stops_when_told(other: ZmqBus, repeating: Repeating, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv('TERM', 'xterm-256color')  # where it is dumb nothing can be drawn
     publish_forces(other, repeating)

@@ -187,4 +187,4 @@ def test_the_picture_fits_a_terminal_of_80_columns() -> None:
 
 
 def test_no_number_is_shown_where_none_was_measured() -> None:
-    assert view_render._ms(math.nan) == '-'
+    assert view_render.milliseconds(math.nan) == '-'
