@@ -15,6 +15,7 @@ from jaxtyping import Bool
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.dome import Dome
+from tactile_nodes.sensors.limits import require_real, require_real_gel
 from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
 
@@ -150,6 +151,7 @@ class GelDescription:
             raise ValueError('gel.poisson_ratios must lie between 0 and 0.5')
         if len(self.markers_mm) != 2 or not 0 <= self.markers_mm[0] < self.markers_mm[1] <= self.depth_mm + 1e-9:
             raise ValueError(f'gel.markers_mm must hold two depths within the {self.depth_mm:g} mm of gel.layers_mm')
+        require_real_gel(self)
         self._require_shallow()
 
     def _require_shallow(self) -> None:
@@ -266,3 +268,4 @@ class Sensor:
             )
         if self.mask.polygons_px and self.covered.all():
             raise ValueError('mask covers all of the picture; black, or within a polygon, is what to leave out')
+        require_real(self)

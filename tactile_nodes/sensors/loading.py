@@ -22,7 +22,7 @@ def load_sensor(name: Path | str) -> Sensor:
     """A description by the name of one that ships ('simulated'), or its file.
 
     Raises:
-        ConfigurationError: there is none, an unknown key, or numbers that contradict each other.
+        ConfigurationError: there is none, it is empty, an unknown key, or numbers that contradict each other.
     """
     folder = share_directory() / 'config' / 'sensors'
     shipped = folder / f'{name}.yaml'
@@ -31,6 +31,8 @@ def load_sensor(name: Path | str) -> Sensor:
         known = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
         raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or one that ships: {known}')
     written = load_mapping(file)
+    if not written:
+        raise ConfigurationError(f'{file} describes nothing: write one by `tactile sensor new` (docs/sensors.md)')
     values = _calibrated(written, file)
     values.pop(MASK, None)
     sensor = from_mapping(Sensor, values, source=str(file), exact=False)

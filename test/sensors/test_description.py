@@ -65,6 +65,18 @@ def test_a_camera_is_told_as_opencv_and_ros_write_it(tmp_path: Path) -> None:
         ('image: {with: 320}', "unknown parameter 'image.with'"),
         ('bins: {width_mm: 30.0, centre_mm: [2.0, 0.0]}', 'up to 17 mm from the middle, and the gel ends at 16 mm'),
         ('bins: {centre_mm: [0.0]}', 'bins.centre_mm must hold 2 numbers'),
+        ('gel: {width_mm: 2500.0}', 'gel.width_mm has 2500 mm, and no gel has more than 500'),
+        ('gel: {moduli_mpa: [0.1, 100.0]}', 'gel.moduli_mpa holds 100, .* 100 kPa are 0.1'),
+        ('gel: {moduli_off: 3.0}', 'gel.moduli_off is 3, and it is a share'),
+        ('pattern: {kind: dots, pitch_mm: 40.0}', 'pattern.pitch_mm is 40, and the gel has 32 mm'),
+        ('pattern: {kind: dots, diameter_mm: [3.0, 3.0]}', 'pattern.diameter_mm is 3, .*, 2 mm, apart would touch'),
+        ('mask: {polygons_px: ["0,0 9,0 9,9", "700,0 900,0 900,480"]}', 'polygon 2 of mask.polygons_px lies wholly'),
+        (
+            'camera: {focal_px_per_rad: 5000.0}',
+            'camera.focal_px_per_rad and .* 6078x6078 pixels large, and 440x440 are used',
+        ),
+        ('camera: {model: pinhole, focal_px: [30.0, 30.0]}', 'camera.focal_px and .* 42x42 pixels large'),
+        ('# nothing yet', 'sensor.yaml describes nothing'),
     ],
 )
 def test_a_description_that_contradicts_itself_is_refused(tmp_path: Path, text: str, said: str) -> None:
