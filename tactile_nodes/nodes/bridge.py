@@ -73,7 +73,7 @@ class BridgeNode(Node):
             raise ConfigurationError('to be found, listen as well: -p listen:=0.0.0.0:7460')
         self._security = _security(chosen)
         self._group = Group(self._listen) if chosen.discover and self._listen else None
-        self._bridge = self._opened()
+        self._bridge, self._reopens = self._opened(), False
         self._finder = Finder(self._group, self._security, chosen.plain_tcp) if self._group else None
         self.create_timer(_CHECK_PERIOD_S, self._report)
         if self._finder is not None:
@@ -98,12 +98,16 @@ class BridgeNode(Node):
 
     def _find(self) -> None:
         """Connect to older bridges than this one that have been found, too."""
-        if self._finder is None or not (missing := self._finder.missing(self._bridge.linked())):
-            return
-        self._connect += [each for each in missing if each not in self._connect]
-        self._bridge.close()
-        self._bridge = self._opened(AGAIN_WITHIN)
-        self._say_ends()
+        if self._finder is not None and not self._reopens:
+            if not (missing := self._finder.missing(self._bridge.linked())):
+                return
+            self._connect += [each for each in missing if each not in self._connect]
+            self._bridge.close()
+            self._reopens = True
+        if self._reopens and self._bridge.closed:
+            self._bridge = self._opened(AGAIN_WITHIN)
+            self._reopens = False
+            self._say_ends()
 
     def _report(self) -> None:
         connected = self._bridge.connected()

@@ -9,6 +9,7 @@ recognised as one. Stamps are those of the sender's clock; how far the clocks ar
 from __future__ import annotations
 
 import struct
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -37,6 +38,7 @@ from tactile_nodes.clock import monotonic_s
 if TYPE_CHECKING:
     import zenoh
 
+_CLOSE_WITHIN_S = 1.0
 _LOOK_EVERY_S = 0.1
 _ASK_EVERY_S = 1.0
 _NOW = struct.Struct('<q')
@@ -74,6 +76,7 @@ class Bridge(Loop):
         self._declared = self._declare(CallAnswers(bus, choice.serve))
         self._pictures = Loop('bridge of pictures')
         self._pictures.start()
+        self._closing = threading.Thread(target=self._close_session, name='bridge that closes', daemon=True)
         self.start()
 
     def connected(self) -> list[tuple[str, ClockOffset]]:
@@ -95,9 +98,14 @@ class Bridge(Loop):
         return None
 
     def close(self) -> None:
-        """Leave; the others are told."""
+        """Leave; the others are told. `closed` says whether all is over, which an address that is silent may delay."""
         self._bus.attach(None)
         self.stop()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the session is closed, too, so that its port is free."""
+        return not self.is_alive() and not self._closing.is_alive()
 
     # --- what the others may ask, and what they tell; called by Zenoh's threads ------------------------------
 
@@ -166,6 +174,11 @@ class Bridge(Loop):
     def finish(self) -> None:
         for uid in list(self._peers):
             self._forget(uid, VERSION)
+        self._closing.start()
+        self._closing.join(_CLOSE_WITHIN_S)
+
+    def _close_session(self) -> None:
+        """Zenoh waits until an attempt to connect, or to find out an address, has failed; the node does not."""
         self._session.close()  # ends a picture's waiting
         self._pictures.stop()
 

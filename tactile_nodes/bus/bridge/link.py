@@ -127,6 +127,7 @@ def _settings(listen: Address | None, connect: Sequence[Address], security: Secu
         'connect/endpoints': [
             f'{protocol}/{address}?prio={priorities}' for address in connect for priorities in _CONNECTIONS
         ],
+        'transport/unicast/open_timeout': GONE_AFTER_MS,
         'transport/unicast/max_links': len(_CONNECTIONS),
         f'transport/link/{protocol}': {'so_sndbuf': _QUEUE_BYTES},
         'connect/exit_on_failure': False,

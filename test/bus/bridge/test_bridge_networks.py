@@ -129,3 +129,18 @@ def test_those_that_look_for_each_other_need_no_address_and_a_stranger_finds_nob
         for one in (robot, lab, desk):
             until(lambda one=one: seen_by(one) == {'/robot', '/lab2', '/desk'}, 'all after a restart', 30.0)
         assert seen_by(stranger) == {'/stranger'}
+
+
+@pytest.mark.parametrize('address', [f'{NETWORK}.9:7460', 'nowhere.example:7460'])
+def test_a_bridge_whose_other_host_is_silent_ends_in_time(switch: list[str], tmp_path: Path, address: str) -> None:
+    """Packets to the other host, and to the server of names, are lost without a word."""
+    for name in ('robot', 'lab'):
+        create_keys(name, tmp_path)
+    silent = f'{NETWORK}.9'
+    _ip('-n', switch[0], 'neigh', 'add', silent, 'lladdr', '02:00:00:00:00:09', 'dev', switch[0], 'nud', 'permanent')
+    _ip('-n', switch[0], 'route', 'add', 'default', 'via', silent)
+    with tempfile.TemporaryDirectory(prefix='tb') as folder:
+        words = f'connect:={address}', 'key:=lab', 'peers:=[robot]'
+        machine = Machine(switch[0], Path(folder) / 'a', tmp_path, *words)
+        until(lambda: '/bridge' in machine.agent.nodes(), 'the bridge', 15.0)
+        machine.close()
