@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
 DESCRIPTION = 'Make and show the keys by which machines know each other; see the parameters of bridge_node.'
 EPILOG = """\
@@ -25,8 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Make keys, or show them."""
-    from tactile_nodes.bus.bridge.keys import create_keys, fingerprint, keys_directory, read_public
-    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.bus.bridge.keys import create_keys, read_public
 
     if arguments.action == 'create':
         public, secret = create_keys(arguments.name)
@@ -35,11 +35,22 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.name:
         print(read_public(arguments.name).decode(), end='')
         return 0
+    return _list()
+
+
+def _list() -> int:
+    """What is no key is named, and hides none that is."""
+    from tactile_nodes.bus.bridge.keys import fingerprint, keys_directory, read_public
+    from tactile_nodes.errors import ConfigurationError
+
     folder = keys_directory()
     names = sorted(file.stem for file in folder.glob('*.key'))
     if not names:
         raise ConfigurationError(f'there are no keys in {folder}; make some with: tactile keys create NAME')
     for name in names:
         mine = 'own' if (folder / f'{name}.key_secret').exists() else 'of another machine'
-        print(f'{name}  {fingerprint(read_public(name))}  {mine}')
+        try:
+            print(f'{name}  {fingerprint(read_public(name))}  {mine}')
+        except ConfigurationError as error:
+            print(f'Warning: {name}.key is left out: {error}', file=sys.stderr)
     return 0

@@ -135,6 +135,11 @@ class BridgeNode(Node):
 
 def _security(chosen: BridgeParams) -> Security:
     if not chosen.key:
+        if chosen.peers:
+            raise ConfigurationError(
+                "peers without key have no effect: set key to the name of this machine's own keys (tactile keys create "
+                'NAME), or leave peers out'
+            )
         return Security()
     if not chosen.peers:
         raise ConfigurationError('set peers to the public keys of the other machines; theirs print: tactile keys show')

@@ -96,11 +96,18 @@ def read_public(name: str) -> bytes:
 
 
 def fingerprint(public: bytes) -> str:
-    """A certificate's SHA-256 fingerprint, as ``openssl x509 -fingerprint -sha256`` tells it, without the colons."""
+    """A certificate's SHA-256 fingerprint, as ``openssl x509 -fingerprint -sha256`` tells it, without the colons.
+
+    Raises:
+        ConfigurationError: it is damaged.
+    """
     import ssl
     from hashlib import sha256
 
-    return sha256(ssl.PEM_cert_to_DER_cert(public.decode())).hexdigest()
+    try:
+        return sha256(ssl.PEM_cert_to_DER_cert(public.decode())).hexdigest()
+    except ValueError as error:
+        raise ConfigurationError(f'the certificate is damaged ({error})') from error
 
 
 def _make_pair(name: str) -> KeyPair:

@@ -98,6 +98,21 @@ def test_command_makes_and_shows_keys(place: Path, capsys: pytest.CaptureFixture
     assert openssl.partition('=')[2].strip().replace(':', '').lower() == told
 
 
+@pytest.mark.parametrize(
+    'content', ['not a key', '-----BEGIN CERTIFICATE-----\nA\n-----END CERTIFICATE-----\n'], ids=['text', 'damaged']
+)
+def test_a_file_that_is_no_key_is_named_and_hides_none_that_is(
+    place: Path, capsys: pytest.CaptureFixture[str], content: str
+) -> None:
+    for name in ('robot', 'arm'):
+        create_keys(name)
+    (place / 'lab.key').write_text(content)
+    assert _run('show') == 0
+    told = capsys.readouterr()
+    assert [line.split()[0] for line in told.out.splitlines()] == ['arm', 'robot']
+    assert 'lab.key is left out' in told.err
+
+
 def test_command_says_that_there_are_none(place: Path) -> None:
     with pytest.raises(ConfigurationError, match=r'there are no keys in .*; make some with: tactile keys create NAME'):
         _run('show')
