@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import tempfile
@@ -157,6 +158,17 @@ def test_nodes_of_the_other_machine_are_seen_and_their_services_called(joined: t
     until(lambda: here.call('/lab/rig/home', 5.0) == f'from {there.pid()}')
     assert here.call('/lab/rig/stop', 5.0) == 'ServiceError: /lab/rig/stop: /lab/rig/stop: not today'
     assert here.call('/lab/none').startswith('ServiceUnavailableError')
+
+
+def test_bridges_that_are_started_as_the_manual_says_share_no_name(machine: Callable[[], Machine], port: int) -> None:
+    manual = (Path(__file__).parents[3] / 'docs/bus.md').read_text(encoding='utf-8')
+    names = dict(re.findall(r'^(robot|lab)\$ +tactile run bridge_node .*-r __node:=(\w+)', manual, re.MULTILINE))
+    robot, lab = machine(), machine()
+    robot.bridge(f'listen:={HERE}:{port}', 'key:=robot', 'peers:=[lab]', node=names['robot'])
+    lab.bridge(f'connect:={HERE}:{port}', 'key:=lab', 'peers:=[robot]', node=names['lab'])
+    agent = robot.agent()
+    until(lambda: len([node for node in agent.nodes() if node.startswith('/bridge')]) == 2, 'both bridges')
+    assert len(set(agent.nodes())) == len(agent.nodes())
 
 
 def test_parameters_of_a_node_of_the_other_machine_are_set(joined: tuple[Machine, Machine]) -> None:
