@@ -35,7 +35,8 @@ def calibrated(source: LoadedModel, gel: Gel, presses: int, folder: Path, progre
     card: dict[str, Any] = dict(source.card)
     if presses:
         dataset = _pressed(source, gel, presses, progress)
-        made = with_field(source, transfer(source_readout(source), dataset, progress, forced=True), dataset, progress)
+        tips = transfer(source_readout(source), dataset, progress, forced=True)
+        made = with_field(source, tips, dataset, progress, forced=True)
         fitted = made.readout
     else:
         scaling = replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean))

@@ -215,7 +215,7 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
     with closing(
         Calibrator(source.loaded, gel, all_of_them, fitting, pressed, forced=arguments.force, curve=curve)
     ) as calibrator:
-        written = Written(source, calibrator, command, progress, pressed, curve=curve)
+        written = Written(source, calibrator, command, progress, pressed, forced=arguments.force, curve=curve)
         with closing(BagPresses(arguments.bags, arguments.namespace, tell=progress.say)) as presses:
             if along:
                 take_presses(calibrator, presses, progress.say, command=command)

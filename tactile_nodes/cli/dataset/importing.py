@@ -6,8 +6,12 @@ import argparse
 import shlex
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tactile_nodes.cli.dataset import methods
+
+if TYPE_CHECKING:
+    from tactile_nodes.learning.agreement.known import Known
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +38,6 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.tables.pictures import pictures_of
     from tactile_nodes.learning.tables.presses import read_table
     from tactile_nodes.paths import check_output
-    from tactile_nodes.sensors import load_sensor
 
     if arguments.pictures is not None and not arguments.pictures.exists():
         raise ConfigurationError(f'there is no folder and no video {arguments.pictures}; name where the pictures are')
@@ -45,9 +48,20 @@ def run(arguments: argparse.Namespace) -> int:
     presses = import_presses(
         [Imported(table, pictures_of(table, arguments.pictures)) for table in tables],
         options,
-        load_sensor(arguments.sensor) if arguments.sensor else None,
+        _known(arguments),
         TerminalProgress(),
         command=shlex.join(['tactile', *sys.argv[1:]]),
         forced=arguments.force,
     )
     return methods.written(presses, arguments.output)
+
+
+def _known(arguments: argparse.Namespace) -> Known:
+    """The description of the sensor: as somebody gives it, or as the model holds it that pictures are measured for."""
+    from tactile_nodes.learning.agreement.known import Known
+    from tactile_nodes.model_file import find_model, load_model
+    from tactile_nodes.sensors import load_sensor
+
+    if arguments.model:
+        return Known.of(load_model(find_model(arguments.model)))
+    return Known(load_sensor(arguments.sensor) if arguments.sensor else None)

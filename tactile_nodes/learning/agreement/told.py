@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.agreement.known import Known
 from tactile_nodes.learning.agreement.objections import (
     aside,
     description_objection,
@@ -18,7 +19,6 @@ from tactile_nodes.learning.agreement.objections import (
     places_objection,
 )
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.sensors import Sensor
 
 LEAST = 8
 """Fewer presses say nothing of a table."""
@@ -57,18 +57,17 @@ class Told:
         return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)[1:]})
 
 
-def require_agreement(
-    tables: Sequence[Told], progress: Progress, sensor: Sensor | None = None, *, forced: bool = False
-) -> None:
+def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, *, forced: bool = False) -> None:
     """Refuse tables that contradict their pictures, unless forced; single rows that may be mixed up are named.
 
-    `sensor` describes what was pressed, where somebody did.
+    `known` describes what was pressed, where somebody did.
 
     Raises:
         DatasetError: says what contradicts, and what it looks like.
+        ConfigurationError: by the description hardly any region sees the gel.
     """
     for table in tables:
-        if said := _objection(table, sensor):
+        if said := _objection(table, known):
             if not forced:
                 raise DatasetError(f'{table.table}: {said} (--force takes the table as it is)')
             progress.say(f'{table.table}: taken by --force: {said}')
@@ -78,15 +77,16 @@ def require_agreement(
             )
 
 
-def _objection(table: Told, sensor: Sensor | None) -> str:
+def _objection(table: Told, known: Known) -> str:
     """What is wrong with a table; empty where nothing is, or it tells too little."""
     placed, weighed, said = table.placed, table.weighed, ''
     if len(placed.lines) >= LEAST:
         seen = middles(placed.strength)
         said = places_objection(placed.place_mm, seen)
-        said = said or (description_objection(placed.place_mm, seen, sensor) if sensor else '')
+        said = said or (description_objection(placed.place_mm, seen, known.sensor) if known.sensor else '')
     if not said and len(weighed.lines) >= LEAST:
         said = force_objection(weighed.force_n, weighed.strength)
+        said = said or known.force_objection(weighed.force_n, weighed.motion, weighed.confidence)
     return said
 
 

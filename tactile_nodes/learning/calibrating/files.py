@@ -82,7 +82,7 @@ def calibrate(
         made: Made = _with_layer(source.loaded, recordings, layer, progress, forced)
     else:
         made = transferred(source.loaded, recordings, progress, pressed, forced=forced)
-        source, made = completed(source, recordings, made, progress, pressed)
+        source, made = completed(source, recordings, made, progress, pressed, forced=forced)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     return write(source, recordings, made, output, seconds=seconds, command=command), made
 
@@ -106,12 +106,13 @@ def completed(
     progress: Progress | None = None,
     pressed: Pressed | None = None,
     *,
+    forced: bool = False,
     curve: bool = False,
 ) -> tuple[Source, Transfer]:
     """With the force field, of a source that has one; and the source, its card telling of the sensor that was pressed.
 
     Raises:
-        DatasetError: no press has a force that is known.
+        DatasetError: no press has a force that is known, or by the presses the camera is another than described.
         ConfigurationError: the body is wider than the gel.
     """
     pressed = pressed or Pressed()
@@ -120,7 +121,7 @@ def completed(
     dataset = recordings.as_samples()
     card = pressed.told(source.loaded.card, pressed.bodies(source.loaded, dataset))
     loaded = replace(source.loaded, card=card)
-    made = with_field(source.loaded, made, dataset, progress, pressed, curve=curve)
+    made = with_field(source.loaded, made, dataset, progress, pressed, forced=forced, curve=curve)
     return replace(source, loaded=loaded), made
 
 

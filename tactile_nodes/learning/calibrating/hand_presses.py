@@ -19,6 +19,7 @@ from jaxtyping import Float, UInt8
 from tactile_nodes import __version__, clock
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
+from tactile_nodes.learning.agreement.known import Known
 from tactile_nodes.learning.agreement.told import Told, require_agreement
 from tactile_nodes.learning.calibrating.files import CALIBRATION, Source, require_source
 from tactile_nodes.learning.config import Choice
@@ -252,7 +253,8 @@ def _fitted(
     with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size) as measurer:
         dataset = presses.dataset(measurer)
         half_px, rest = measurer.size[0] / 2, measurer.rest_image
-    require_agreement([presses.shown(dataset, loaded.encoding[0])], progress, forced=forced)
+    known = Known.of(loaded, pressed.sensor and pressed.known_sensor(loaded))
+    require_agreement([presses.shown(dataset, loaded.encoding[0])], progress, known, forced=forced)
     bodies = pressed.bodies(loaded, dataset) if isinstance(loaded.model.readout, FieldReadout) else None
     if not presses_tell_tips(loaded, pressed, dataset):
         return alone_by_hand(loaded, dataset, pressed, progress, forced=forced), bodies, rest
@@ -263,7 +265,7 @@ def _fitted(
     else:
         assert isinstance(outline, OutlineMap)
         made = transfer_outline(readout, outline, half_px)
-    made = with_field_by_hand(loaded, made, dataset, pressed, progress)
+    made = with_field_by_hand(loaded, made, dataset, pressed, progress, forced=forced)
     said = objection('calibration', made.after, made.before, of_the_mean(presses.contacts)) or no_press
     require_worth(said, 'keep the model, or check the table and take more pictures', forced=forced)
-    return replace(made, objection=said), bodies, rest
+    return replace(made, objection=made.objection or said), bodies, rest

@@ -143,22 +143,24 @@ class Written:
         progress: Progress | None = None,
         pressed: Pressed | None = None,
         *,
+        forced: bool = False,
         curve: bool = False,
     ) -> None:
+        self._forced = forced
         self._source, self._calibrator, self._command = source, calibrator, command
         self._progress, self._pressed, self._curve = progress, pressed, curve
         self.made: Transfer | None = None
         self._begun_ns = perf_ns()
 
     def to(self, output: Path, replaces: Mapping[str, str] | None = None) -> str:
-        """Write the model file; its id."""
+        """Write the model file; its id. Raises DatasetError: by the presses the camera is another than described."""
         made, recordings = self._calibrator.made, self._calibrator.recordings
         assert made is not None
         assert recordings is not None
         seconds = round((perf_ns() - self._begun_ns) / NS_PER_S, 1)
         source, self.made = completed(
-            self._source, recordings, made, self._progress, self._pressed, curve=self._curve
-        )  # fmt: skip
+            self._source, recordings, made, self._progress, self._pressed, forced=self._forced, curve=self._curve
+        )
         return write(source, recordings, self.made, output, seconds=seconds, command=self._command, replaces=replaces)
 
 

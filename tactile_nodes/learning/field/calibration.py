@@ -14,9 +14,11 @@ from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import BALL_MM, BODY, Bodies, KnownBody, body_of_card
+from tactile_nodes.learning.field.camera import focal_objection
 from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, regions_of, scaling_of, uncovered
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
+from tactile_nodes.learning.transfer.judgement import ADVICE, require_worth
 from tactile_nodes.learning.transfer.judgement import told as told_errors
 from tactile_nodes.model_file import DESCRIPTION, LoadedModel, crop_of_size, find_model, load_model, save_model
 from tactile_nodes.params import from_mapping
@@ -163,17 +165,24 @@ def with_field(
     progress: Progress | None = None,
     pressed: Pressed | None = None,
     *,
+    forced: bool = False,
     curve: bool = False,
 ) -> Transfer:
     """A calibration of a model `field`: what reads tips was calibrated before, the field is by the same presses.
 
-    With `curve` it also says what fewer presses would have told.
+    With `forced` also one by which the camera is another than described; with `curve` it also says what fewer presses
+    would have told.
+
+    Raises:
+        DatasetError: by the presses the camera is another than described.
     """
     if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
         return made
     fit = fit_beside_tips(loaded, made.readout, dataset, pressed or Pressed(), progress, curve=curve)
+    require_worth(said := focal_objection(fit.looks), ADVICE, forced=forced)
     told = f'{fit.reason}; it reads held-out presses {told_errors(fit.errors)} off by itself (medians)'
-    return replace(made, readout=replace(fit.readout, tips=made.readout), field=told, curve=fit.curve)
+    readout = replace(fit.readout, tips=made.readout)
+    return replace(made, readout=readout, field=told, curve=fit.curve, objection=made.objection or said)
 
 
 def fit_beside_tips(

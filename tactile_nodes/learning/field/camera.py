@@ -31,6 +31,10 @@ AS_DESCRIBED = np.zeros(len(SCALES))
 LEAST, MOST = 5, 30
 """Presses that are needed, and that are used: more tell hardly more of six numbers."""
 
+FARTHEST = 0.2
+"""Share by which a focal length may be another than described; beyond it places, pictures or the description are of
+something else."""
+
 VARIED, ENOUGH, LOOKS = 0.05, 0.01, 12
 """By how much of its scale each number is varied, what change of it is none, and how many cameras are tried at most."""
 
@@ -98,6 +102,17 @@ def in_words(by: Float[np.ndarray, ' 6']) -> str:
     return (
         f'; beside its description the camera is {x:+.2f} mm along x and {y:+.2f} mm along y, tilted by {about_x:+.1f} '
         f'and {about_y:+.1f} degrees, turned by {roll:+.1f}, its focal length {100 * math.expm1(larger):+.1f} %'
+    )
+
+
+def focal_objection(by: Float[np.ndarray, ' 6']) -> str:
+    """What speaks against a calibration by which a camera looks otherwise than it is described; empty where nothing."""
+    share = math.expm1(by[-1])
+    if abs(share) <= FARTHEST:
+        return ''
+    return (
+        f'by the presses the focal length of the camera is {100 * share:+.0f} % of the described one off: places are '
+        'told in another unit, or the description is of another camera'
     )
 
 

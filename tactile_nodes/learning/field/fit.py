@@ -83,22 +83,24 @@ class FieldFit:
         return f'; {self.left_out} presses, too deep for a linear layer, are left out' if self.left_out else ''
 
 
-def scaling_of(sensor: Sensor, gain: float) -> InputScaling:
+def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> InputScaling:
     """The regions of a described sensor: those that see nothing but gel are known; `gain` is one over their noise (px).
+
+    They are the usual ones, or of a `shape`: rows and columns.
 
     Raises:
         ConfigurationError: hardly any region sees the gel.
     """
-    regions = usual_regions(sensor)
+    regions = Regions(sensor, *shape) if shape else usual_regions(sensor)
     trusted = regions.usable.reshape(regions.rows, regions.cols)
     if trusted.mean() < LEAST_SEEN:
         raise ConfigurationError(
             f'{trusted.sum()} of the {trusted.size} regions of the picture of {sensor.name} see its gel; check '
             'camera.position_mm and its focal length, gel.width_mm, gel.height_mm and mask'
         )
-    shape = (*trusted.shape, 2)
+    axes = (*trusted.shape, 2)
     return InputScaling(
-        np.zeros(shape, np.float32), np.full(shape, gain, np.float32), trusted.astype(np.float32), KNOWN_CONFIDENCE
+        np.zeros(axes, np.float32), np.full(axes, gain, np.float32), trusted.astype(np.float32), KNOWN_CONFIDENCE
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.agreement.known import Known
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.imported.importing import Imported, import_presses
@@ -83,7 +84,7 @@ def import_arrays(
             require_possible(row, reach_mm, NAMES)
     faults.require_none()
     source = Imported(table, ArrayPictures(images, order))
-    return import_presses([source], options, sensor, progress, command='import_arrays', forced=forced)
+    return import_presses([source], options, Known(sensor), progress, command='import_arrays', forced=forced)
 
 
 def options_of(model: str | Path, gel: str = '', frames: str = 'first') -> BuildOptions:

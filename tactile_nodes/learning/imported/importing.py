@@ -19,6 +19,7 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import header
 from tactile_nodes.drivers.camera.contract import Picture
 from tactile_nodes.errors import DatasetError, ImageError
+from tactile_nodes.learning.agreement.known import Known
 from tactile_nodes.learning.agreement.told import Told, require_agreement
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.progress import Progress
@@ -31,7 +32,6 @@ from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensing.rest.reference import average
-from tactile_nodes.sensors import Sensor
 
 UNTOUCHED = 0.5
 """All pictures of the untouched gel are measured, up to one for each press."""
@@ -48,7 +48,7 @@ class Imported:
 def import_presses(
     sources: Sequence[Imported],
     options: BuildOptions,
-    sensor: Sensor | None = None,
+    known: Known | None = None,
     progress: Progress | None = None,
     *,
     command: str = '',
@@ -59,7 +59,7 @@ def import_presses(
     Args:
         sources: tables with their pictures; each may have indenters of its own.
         options: how pictures become samples.
-        sensor: the description of what was pressed, which pictures must be like; without, they must be of one size.
+        known: the description of what was pressed, which pictures must be like; without, they must be of one size.
         progress: told how the columns of each table were read.
         command: what was typed.
         forced: whether a table counts whose places or forces contradict its pictures.
@@ -68,7 +68,7 @@ def import_presses(
         DatasetError: a row or a picture cannot be used, or table and pictures contradict each other; says in which row.
         ConfigurationError: an option that cannot be used.
     """
-    progress, options = progress or Progress(), replace(options, without_contact=UNTOUCHED)
+    progress, options, known = progress or Progress(), replace(options, without_contact=UNTOUCHED), known or Known()
     for source in sources:
         progress.say(f'{source.table.file}: {source.table.told}')
         require_rows(source)
@@ -79,10 +79,10 @@ def import_presses(
     ):
         builder = Builder(options, measurer, bar)
         for number, source in enumerate(sources):
-            told.append(_taken(builder, number, source, OneSize.of(sensor)))
+            told.append(_taken(builder, number, source, OneSize.of(known.sensor)))
     made = builder.recordings(told, [source.table.file for source in sources], command=command)
     shown = [_shown(made, number, source.table.file) for number, source in enumerate(sources)]
-    require_agreement(shown, progress, sensor, forced=forced)
+    require_agreement(shown, progress, known, forced=forced)
     return made
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -37,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number in range(RESTS):
         cv2.imwrite(str(made / f'rest{number}.png'), optics.render((), number))
         rows.append([f'rest{number}.png', '', '', '0', ''])
-    for number, (x, y) in enumerate((x, y) for y in (-5.0, 0.0, 5.0) for x in (-8.0, -3.0, 3.0, 8.0)):
+    for number, (x, y) in enumerate((x, y) for y in (-6.5, 0.0, 6.5) for x in (-8.0, -3.0, 3.0, 8.0)):
         depth = 0.25 + 0.03 * (7 * number % 12)
         cv2.imwrite(str(made / f'press{number}.png'), optics.render((Press(x, y, depth),), 100 + number))
         grams = table.force_at(depth) / NEWTON_PER_GRAM
@@ -146,7 +147,64 @@ def test_one_force_told_of_presses_that_differ_calibrates_no_model(
 
     assert calibrated(edited(folder, change), tmp_path / 'mine.safetensors') == 1
     assert not (tmp_path / 'mine.safetensors').exists()
-    assert 'check the places and forces that are told, or press at more places' in capsys.readouterr().err
+    assert 'the pictures show forces that differ by' in capsys.readouterr().err
+
+
+def in_unit(rows: list[Row]) -> None:
+    """As they are: another header says another unit."""
+
+
+@pytest.mark.parametrize('command', [calibrated, imported])
+@pytest.mark.parametrize(('unit', 'least', 'most'), [('mn', 0.08, 0.13), ('n', 80.0, 130.0)])
+def test_grams_under_a_header_of_another_unit_are_refused(
+    command: Callable[..., int], unit: str, least: float, most: float, folder: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """A gram weighs 9.81 mN: read as mN it is 0.102 times as much, as N 102 times."""
+    table = edited(folder, in_unit, HEADER.replace('force_g', f'force_{unit}'))
+    assert command(table, tmp_path / 'made') == 1
+    told = capsys.readouterr().err
+    found = re.search(r'forces are about (\S+) times what the description lets expect: check the unit', told)
+    assert found and least < float(found[1]) < most
+    if command is imported:
+        assert command(table, tmp_path / 'made', '--force') == 0
+
+
+def test_a_description_alone_tells_which_forces_to_expect(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = edited(folder, in_unit, HEADER.replace('force_g', 'force_mn'))
+    words = ['dataset', 'import', str(table), '-o', str(tmp_path / 'x.npz'), '--sensor', SENSOR]
+    assert main([*words, '--rows', '8', '--cols', '8']) == 1
+    assert 'times what the description lets expect' in capsys.readouterr().err
+
+
+def scaled(by: float) -> Change:
+    def change(rows: list[Row]) -> None:
+        for row in rows[RESTS:]:
+            row[1], row[2] = (str(by * float(each)) for each in row[1:3])
+
+    return change
+
+
+@pytest.mark.parametrize('command', [calibrated, imported])
+def test_the_description_that_a_model_holds_is_checked(
+    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Places told half as far out as they were: from each to the next the picture moves twice as far."""
+    assert command(edited(folder, scaled(0.5)), tmp_path / 'made') == 1
+    assert 'one of them is of another camera or gel' in capsys.readouterr().err
+
+
+def test_a_calibration_that_makes_the_camera_another_one_is_no_calibration(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Places told 1 / 1.35 times as far out, which is within what pictures tell by themselves: a longer lens."""
+    table, output = edited(folder, scaled(1 / 1.35)), tmp_path / 'mine.safetensors'
+    assert calibrated(table, output) == 1
+    assert 'the focal length of the camera is +' in capsys.readouterr().err and not output.exists()
+    assert calibrated(table, output, '--force') == 0
+    assert 'written by --force: ' in capsys.readouterr().out
 
 
 def test_motion_cannot_follow_forces_that_are_all_alike() -> None:

@@ -1,0 +1,104 @@
+"""What is known of a sensor before its tables are read: its description, and which forces that lets expect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from tactile_nodes.learning.agreement.objections import ALIKE
+from tactile_nodes.learning.field.calibration import SENSOR, sensor_of
+from tactile_nodes.learning.field.fit import described, scaling_of
+from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensors import Sensor
+
+NOISE_PX = 0.02
+"""Of regions of which no model tells it."""
+JUDGES = 40
+"""Presses of a table whose forces are read at most."""
+FORCE_TIMES = 5.0
+"""By how many times forces may be off what a description lets expect: gels differ by less, units by more."""
+DIFFER = 1.6
+"""Forces read of one press after another differ by so many times (nine of ten) where they were not one force: those of
+one differ by 1.2."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """The description of a sensor, as a person gives it or a model holds it, and that model; none where nobody knows.
+
+    `loaded` tells how hard the gel is where it is described by `sensor`.
+    """
+
+    sensor: Sensor | None = None
+    loaded: LoadedModel | None = None
+
+    @classmethod
+    def of(cls, loaded: LoadedModel, sensor: Sensor | None = None) -> Known:
+        """What a model holds; or a person says, who then describes another sensor."""
+        if sensor is not None:
+            return cls(sensor)
+        return cls(sensor_of(loaded.card, loaded.model_id) if SENSOR in loaded.card else None, loaded)
+
+    @property
+    def force_times(self) -> float:
+        """By how many times forces may be off: more where the description has its moduli off by more."""
+        return max(FORCE_TIMES, (1 + self.sensor.gel.moduli_off) ** 3) if self.sensor else np.inf
+
+    def forces_n(
+        self, motion: Float32[np.ndarray, 'n rows cols 2'], confidence: Float32[np.ndarray, 'n rows cols']
+    ) -> Float[np.ndarray, ' n']:
+        """The forces that motion of regions lets expect, by the field alone, whatever pressed.
+
+        Raises:
+            ConfigurationError: by the description hardly any region sees the gel.
+        """
+        readout = self._readout(motion.shape[1:3])
+        found = [
+            readout.solver.field(*readout.weighed(each, sure)[1:]).forces_n[0].sum()
+            for each, sure in zip(motion, confidence, strict=True)
+        ]
+        return np.array(found, float)
+
+    def force_objection(
+        self,
+        force_n: Float[np.ndarray, ' n'],
+        motion: Float32[np.ndarray, 'n rows cols 2'],
+        confidence: Float32[np.ndarray, 'n rows cols'],
+    ) -> str:
+        """What is wrong with the forces told beside those that pictures let expect; empty where nothing is, or nobody
+        described the sensor.
+
+        Raises:
+            ConfigurationError: by the description hardly any region sees the gel.
+        """
+        if self.sensor is None:
+            return ''
+        few = slice(None, None, max(1, len(force_n) // JUDGES))
+        told, expected = force_n[few], self.forces_n(motion[few], confidence[few])
+        told, expected = told[expected > 0], expected[expected > 0]
+        if not len(told):
+            return ''
+        times = float(np.median(told / expected))
+        if not 1 / self.force_times <= times <= self.force_times:
+            return f'forces are about {_round(times)} times what the description lets expect: check the unit'
+        least, most = np.quantile(expected, (0.1, 0.9)).tolist()
+        if told.max() <= ALIKE * told.min() and most > DIFFER * least:
+            return (
+                f'forces of {told.min():.3g} to {told.max():.3g} N are told, all alike, and by the description of the '
+                f'sensor the pictures show forces that differ by {most / least:.1f} times'
+            )
+        return ''
+
+    def _readout(self, regions: tuple[int, ...]) -> FieldReadout:
+        """Of the model, or one that follows from the description alone."""
+        if self.loaded is not None and isinstance(self.loaded.model.readout, FieldReadout):
+            return self.loaded.model.readout
+        assert self.sensor is not None
+        return described(self.sensor, scaling_of(self.sensor, 1 / NOISE_PX, regions)).readout
+
+
+def _round(times: float) -> str:
+    return f'{times:.0f}' if times >= 10 else f'{times:.2g}'
