@@ -40,6 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bags', nargs='*', type=Path, metavar='BAG', help='a bag of presses on the new gel')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='presses as a data set, instead of bags')
     parser.add_argument('--pictures', type=Path, metavar='CSV', help='presses by hand: a table of pictures')
+    parser.add_argument(
+        '--untouched-below', type=float, default=0.0, metavar='N',
+        help='of pictures: forces up to so much are the gel untouched',
+    )  # fmt: skip
     parser.add_argument('--model', required=True, help='the model to begin with: a file, or the name of one that ships')
     parser.add_argument('-o', '--output', required=True, type=Path, metavar='FILE', help='model file to write')
     parser.add_argument(
@@ -129,6 +133,8 @@ def _require_used(arguments: argparse.Namespace) -> None:
         raise ConfigurationError('--gel does not go with --dataset, which names its gel: tactile dataset build … --gel')
     if arguments.indenter and not arguments.dataset:
         raise ConfigurationError('--indenter chooses presses of a --dataset FILE; leave it out')
+    if arguments.untouched_below and not arguments.pictures:
+        raise ConfigurationError('--untouched-below goes with --pictures CSV; leave it out')
     for option in ('curve', 'namespace'):
         if getattr(arguments, option) and not arguments.bags:
             raise ConfigurationError(f'--{option} goes with bags; leave it out, or give the bags themselves')
@@ -141,7 +147,7 @@ def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str
     source = Source.find(arguments.model)
     model_id, made = calibrate_by_hand(
         source, arguments.pictures, arguments.gel, arguments.output, progress, command, _pressed(arguments),
-        forced=arguments.force,
+        forced=arguments.force, untouched_n=arguments.untouched_below,
     )  # fmt: skip
     print(f'{arguments.output}: model {model_id}, from {made.told_presses}')
     print(f'form {made.reason}')

@@ -69,14 +69,21 @@ class HandPresses:
     table: PressTable
 
     @classmethod
-    def read(cls, table: Path, reach_mm: tuple[float, float] = REACH_MM, body_of: BodyOf | None = None) -> HandPresses:
-        """A table and the pictures that it names; with `body_of` what pressed must be known.
+    def read(
+        cls,
+        table: Path,
+        reach_mm: tuple[float, float] = REACH_MM,
+        body_of: BodyOf | None = None,
+        untouched_n: float = 0.0,
+    ) -> HandPresses:
+        """A table and the pictures that it names; with `body_of` what pressed must be known; forces up to
+        `untouched_n`, of either sign, are the gel untouched.
 
         Raises:
             DatasetError: the table cannot be read or understood, or has no picture of the gel untouched.
             ConfigurationError: a picture cannot be read.
         """
-        read = read_table(table, reach_mm)
+        read = read_table(table, reach_mm, untouched_n)
         if read.of_video:
             raise DatasetError(f'{table} names no pictures; make a data set of a video: tactile dataset import')
         if body_of is not None:
@@ -174,11 +181,12 @@ def calibrate_by_hand(
     pressed: Pressed | None = None,
     *,
     forced: bool = False,
+    untouched_n: float = 0.0,
 ) -> tuple[str, PartialTransfer]:
     """Write the model of the gel that the table's pictures show; its id, and how it came about.
 
     With `forced` also one that reads held-out presses no better than the source, or than their mean. `pressed` is what
-    a readout of any contact has to know, as its source says unless given.
+    a readout of any contact has to know, as its source says unless given. `untouched_n` as for `HandPresses.read`.
 
     Raises:
         ModelError: the model cannot be transferred, or is a calibration for this gel already.
@@ -196,7 +204,7 @@ def calibrate_by_hand(
 
     left, top = (abs(each) for each in bins.centre_mm)
     half_mm = left + bins.width_mm / 2, top + bins.height_mm / 2
-    presses = HandPresses.read(table, half_mm, body_of if field else None)
+    presses = HandPresses.read(table, half_mm, body_of if field else None, untouched_n)
     progress.say(f'{table}: {presses.table.told}')
     _require_pattern(loaded, presses.rest_picture, forced=forced)
     made, bodies, rest = _fitted(loaded, presses, pressed, progress, forced=forced)

@@ -16,7 +16,7 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.tables.cells import EXAMPLE
 
 NEWTON_PER_GRAM = 9.81e-3
-MILLIMETRES = {'um': 1e-3, 'mm': 1.0, 'cm': 10.0, 'm': 1e3}
+MILLIMETRES = {'um': 1e-3, 'mm': 1.0, 'cm': 10.0, 'm': 1e3, 'in': 25.4}
 NEWTONS = {'n': 1.0, 'mn': 1e-3, 'g': NEWTON_PER_GRAM, 'kg': 1e3 * NEWTON_PER_GRAM}
 NEWTON_METRES = {'nm': 1.0, 'nmm': 1e-3, 'mnm': 1e-3}
 SECONDS = {'s': 1.0, 'ms': 1e-3}
@@ -24,6 +24,7 @@ SPELT = {
     'newton': 'n', 'newtons': 'n', 'millinewton': 'mn', 'millinewtons': 'mn', 'gram': 'g', 'grams': 'g',
     'gramme': 'g', 'grammes': 'g', 'kilogram': 'kg', 'kilograms': 'kg', 'millimetre': 'mm', 'millimetres': 'mm',
     'millimeter': 'mm', 'millimeters': 'mm', 'second': 's', 'seconds': 's', 'sec': 's',
+    'inch': 'in', 'inches': 'in',
 }  # fmt: skip
 SHOWN = {'n': 'N', 'mn': 'mN', 'nm': 'Nm', 'nmm': 'Nmm', 'mnm': 'mNm'}
 NAMES = {
@@ -121,9 +122,14 @@ def column_of(name: str, table: Path) -> tuple[str, Column] | None:
 
 
 def _name_and_unit(name: str) -> tuple[str, str]:
-    """'Force [mN]', 'force_mn' and 'force in mN' are a force in mN, 'grams' is a unit alone, 'x' has none."""
+    """'Force [mN]', 'force_mn' and 'force in mN' are a force in mN, 'grams' is a unit alone, 'x' has none.
+
+    A last 'in', as a quotation mark of its own, is inches: 'x_in', 'x (\")'.
+    """
     plain = re.sub(r'(?<![a-z])(m?n)[ ·*.]+(m?m)(?![a-z])', r'\1\2', name.strip().lower().replace('µ', 'u'))
-    words = [SPELT.get(word, word) for word in re.split(r'[^a-z0-9]+', plain) if word and word != 'in']
+    plain = re.sub(r'(?<![a-z])["″]+(?=\W*$)', ' in', plain)
+    words = [SPELT.get(word, word) for word in re.split(r'[^a-z0-9]+', plain) if word]
+    words = [word for word in words[:-1] if word != 'in'] + words[-1:]
     whole = ' '.join(words)
     if plain != 'n' and whole in NEWTONS:  # 'n' alone may be a number of something
         return '', whole

@@ -37,8 +37,8 @@ class RowFaults:
         """
         if not self._found:
             return
-        line, first = self._found[0]
-        others = [str(number) for number, _ in self._found[1:]]
+        (line, first), *rest = sorted(self._found, key=lambda found: found[0])
+        others = [str(number) for number, _ in rest]
         more = ', '.join(others[:SHOWN_ROWS]) + (' …' if len(others) > SHOWN_ROWS else '')
         told = f'; {len(others)} more cannot be used either: {self._counted} {more}' if others else ''
         raise DatasetError(f'{self._table}, {self._counted} {line}: {first}{told}')

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.tables.cells import Cells, read_cells
@@ -14,6 +16,10 @@ from tactile_nodes.learning.tables.faults import RowFaults
 
 REACH_MM = (16.0, 16.0)
 """From the middle of the usual gel to its rims, along x and y."""
+NOISE_TIMES = 4.0
+"""Standard deviations of what a gauge shows of nothing, within which a force is none."""
+NOISE_SHARE = 0.1
+"""Of the median force of presses: more is no noise of a gauge at rest."""
 MOST_N = 200.0
 """More on a soft gel is another unit."""
 
@@ -73,7 +79,8 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
     Args:
         table: the file.
         reach_mm: from the middle to the rims of the gel along x and y; no place lies beyond.
-        untouched_n: forces up to so much, of either sign, are the gel untouched.
+        untouched_n: forces up to so much, of either sign, are the gel untouched. What a gauge shows of nothing is also
+            without: forces below 0 tell how much that may be.
 
     Raises:
         DatasetError: it cannot be read or understood; says where.
@@ -88,9 +95,36 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
     for line, row in cells.rows:
         with faults.row(line):
             values = _Row(dict(zip(cells.header, row, strict=True)), columns, cells)
-            rows.append(values.press(line, reach_mm, untouched_n))
+            rows.append(values.press(line, untouched_n))
+    noise_n = noise_at_rest_n(rows)
+    if noise_n:
+        rows = [replace(row, force_n=0.0) if _is_noise(row, noise_n) else row for row in rows]
+        told += f'; rows without a place, or below 0, of up to {noise_n:.2g} N are the gel untouched, by their noise'
+    names = {what: column.name for what, column in columns.items()}
+    for press in rows:
+        with faults.row(press.line):
+            require_possible(press, reach_mm, names)
     faults.require_none()
     return PressTable(table, told, tuple(rows))
+
+
+def noise_at_rest_n(rows: Sequence[TablePress]) -> float:
+    """Up to which force a gauge shows nothing, by the forces below 0; 0 where there are none, or these are no noise.
+
+    Ten of -0.01 N beside presses of 1 N tell 0.04 N.
+    """
+    forces = np.array([row.force_n for row in rows])
+    below, pressed = forces[forces < 0], forces[forces > 0]
+    if not below.size or not pressed.size:
+        return 0.0
+    noise_n = NOISE_TIMES * float(np.sqrt(np.mean(below**2)))
+    pressed = pressed[pressed > noise_n]
+    return noise_n if pressed.size and noise_n <= NOISE_SHARE * np.median(pressed) else 0.0
+
+
+def _is_noise(row: TablePress, noise_n: float) -> bool:
+    """Whether a row is of the gel untouched: nobody presses a place with less than nothing."""
+    return abs(row.force_n) <= noise_n and (row.force_n < 0 or not np.isfinite((row.x_mm, row.y_mm)).any())
 
 
 def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Mapping[str, str]) -> None:
@@ -102,7 +136,10 @@ def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Ma
     if press.time_s < 0:
         raise DatasetError(f'{names["time"]} must not be negative: a video begins at 0')
     if press.force_n < 0:
-        raise DatasetError(f'{names["force"]} must not be negative: into the gel counts positive')
+        raise DatasetError(
+            f'{names["force"]} must not be negative: into the gel counts positive; what a gauge shows of the gel '
+            'untouched is taken for 0 by --untouched-below N'
+        )
     for name, value, most, said in (
         ('force', press.force_n, MOST_N, f'forces lie below {MOST_N:g} N'),
         ('x', press.x_mm, reach_mm[0], f'places lie within {reach_mm[0]:g} mm of the middle'),
@@ -123,18 +160,16 @@ class _Row:
     columns: Mapping[str, Column]
     cells: Cells
 
-    def press(self, line: int, reach_mm: tuple[float, float], untouched_n: float) -> TablePress:
+    def press(self, line: int, untouched_n: float) -> TablePress:
         picture, time_s, force_n = self.text('picture'), self.number('time'), self.number('force')
         if not picture and math.isnan(time_s):
             raise DatasetError('no picture is named' if 'picture' in self.columns else 'no time in the video is told')
         if abs(force_n) <= untouched_n:
             force_n = 0.0
-        press = TablePress(
+        return TablePress(
             line, picture, time_s, self.number('x'), self.number('y'), force_n, (self.number('fx'), self.number('fy')),
             (self.number('tx'), self.number('ty'), self.number('tz')), self.number('depth'), self.text('indenter'),
         )  # fmt: skip
-        require_possible(press, reach_mm, {what: column.name for what, column in self.columns.items()})
-        return press
 
     def text(self, name: str) -> str:
         """What is written; nothing without such a column."""

@@ -214,6 +214,17 @@ def test_a_table_that_cannot_be_meant_is_refused(folder: Path, lines: list[str],
         HandPresses.read(table)
 
 
+def test_what_a_gauge_shows_of_nothing_is_no_press_where_that_is_said(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / 'gauge.csv').write_text('picture,x,y,force_n\nrest0.png,,,-0.08\nrest1.png,,,0.07\npress0.png,,,0.5\n')
+    words = ['calibrate', '--pictures', str(folder / 'gauge.csv'), '--model', 'portable', '-o', str(folder / 'g.x')]
+    assert main(words) == 1
+    assert 'line 2: force_n must not be negative' in (told := capsys.readouterr().err) and '--untouched-below N' in told
+    assert main([*words, '--untouched-below', '0.1']) == 1
+    assert 'a calibration needs 5 presses at least, not 1' in capsys.readouterr().err
+
+
 def test_a_number_left_empty_is_not_known(folder: Path) -> None:
     contacts = HandPresses.read(folder / 'gel.csv').contacts
     assert np.isnan(contacts[:5, :2]).all() and contacts[:5, 2] == pytest.approx(0.4905)

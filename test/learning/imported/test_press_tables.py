@@ -26,6 +26,10 @@ def written(folder: Path, text: str) -> Path:
         ('filename,pos_x,pos_y,Force in N', 'a.png,-8,3,0.5', -8.0, 0.5),
         ('image_file;x/mm;y/mm;Newtons', 'a.png;-8,0;3,0;0,5', -8.0, 0.5),
         ('weight g\ty\tx\timg', '50\t3\t-8\ta.png', -8.0, 0.4905),
+        ('picture,x_in,y_mm,force_n', 'a.png,-0.25,3,0.5', -6.35, 0.5),  # 25.4 mm an inch
+        ('picture,x [inch],y in mm,force_n', 'a.png,-0.25,3,0.5', -6.35, 0.5),
+        ('picture,x in,y,force_n', 'a.png,-0.25,3,0.5', -6.35, 0.5),
+        ('picture,x (″),y,force_n', 'a.png,-0.25,3,0.5', -6.35, 0.5),
     ],
 )
 def test_columns_are_read_by_their_names_and_units(
@@ -115,6 +119,22 @@ def test_all_rows_with_a_fault_are_named_at_once(tmp_path: Path) -> None:
 def test_what_a_gauge_reads_of_the_untouched_gel_is_no_force_where_that_is_said(tmp_path: Path) -> None:
     table = written(tmp_path, 'picture,x,y,force_n\na.png,,,-0.012\nb.png,0,0,0.021\n')
     assert [each.touches for each in read_table(table, untouched_n=0.02).rows] == [False, True]
+
+
+GAUGE = 'picture,x,y,force_n\n' + ''.join(f'rest.png,,,{force}\n' for force in (-0.01, 0.01, -0.01, 0.02))
+
+
+def test_small_forces_below_nothing_say_what_a_gauge_shows_of_nothing(tmp_path: Path) -> None:
+    """Of -0.01, -0.01 and -0.02 N the root mean square is 0.0141 N, and four times that are noise."""
+    read = read_table(written(tmp_path, f'{GAUGE}a.png,1,2,0.03\nb.png,1,2,1\nc.png,,,0.9\nd.png,1,2,-0.02\n'))
+    assert [each.force_n for each in read.rows] == [0.0] * 4 + [0.03, 1.0, 0.9, 0.0]
+    assert 'of up to 0.057 N are the gel untouched, by their noise' in read.told
+
+
+@pytest.mark.parametrize('presses', ['a.png,1,2,-1\nb.png,1,2,-0.9\n', 'a.png,1,2,0.3\n', ''])
+def test_forces_below_nothing_that_are_no_noise_are_refused_with_what_to_do(presses: str, tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r'line 2: force_n must not be negative.*--untouched-below N'):
+        read_table(written(tmp_path, f'{GAUGE}{presses}'))
 
 
 def test_a_parquet_table_says_the_same_as_its_csv(tmp_path: Path) -> None:
