@@ -38,6 +38,16 @@ class MaskSettings:
                     "as '0,0 640,0 640,20 0,20'"
                 ) from error
 
+    def require_within(self, width: int, height: int) -> None:
+        """Refuse polygons beside pictures of such a size. Raises ValueError."""
+        for number, text in enumerate(self.polygons_px, 1):
+            corners = corners_of(text)
+            (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
+            if right < 0 or bottom < 0 or left > width - 1 or top > height - 1:
+                raise ValueError(
+                    f'polygon {number} of mask.polygons_px lies wholly outside of pictures of {width}x{height} pixels'
+                )
+
     def covers(self, width: int, height: int) -> Bool[np.ndarray, 'h w']:
         """Which pixels of a picture are covered; the middle of the first one is at (0, 0)."""
         import cv2

@@ -15,7 +15,6 @@ from jaxtyping import Bool
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.dome import Dome
-from tactile_nodes.sensors.limits import require_real, require_real_gel
 from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
 
@@ -31,6 +30,18 @@ FISHEYE_LENS = 4
 
 LEAST_BELOW_MM = 0.2
 """Of gel below the lowest markers, and of the lowest layer, at the rim of a dome."""
+
+MOST_MM = 500.0
+"""Of a gel, along any side."""
+
+SOFTEST_MPA, HARDEST_MPA, MOST_OFF = 1e-4, 20.0, 1.0
+"""Shear moduli from the softest jelly to hard rubber, and the share that one may be off by."""
+
+LEAST_FILLED, MOST_FILLED = 1 / 8, 8.0
+"""Times as large as the picture, along both sides, the gel is by focal length and distance."""
+
+MOST_TILT_DEG = 80.0
+"""Of a camera: beyond it, what it looks at is taken to be no farther away."""
 
 STEPS = 100
 """Places at which a lens is looked at, from the axis to the corner of the picture."""
@@ -110,6 +121,15 @@ class CameraDescription:
         across, down = self.focal_px
         return across, down
 
+    def extent_px(self, width_mm: float, height_mm: float) -> tuple[float, float]:
+        """How large a gel is in the picture, by the angle that it fills, without lens distortion and most of a tilt."""
+        leans = math.prod(math.cos(math.radians(min(abs(each), MOST_TILT_DEG))) for each in self.tilt_deg)
+        wide, high = (side / 2 * leans / -self.position_mm[2] for side in (width_mm, height_mm))
+        if self.model == 'fisheye':
+            wide, high = math.atan(wide), math.atan(high)
+        across, down = self.focal_lengths_px
+        return 2 * across * wide, 2 * down * high
+
     def shows(self, reach_px: float) -> bool:
         """Whether the lens maps all that lies up to so far from the optical axis to one place each."""
         angle = [reach_px / min(self.focal_lengths_px) * step / STEPS for step in range(3 * STEPS)]
@@ -151,8 +171,26 @@ class GelDescription:
             raise ValueError('gel.poisson_ratios must lie between 0 and 0.5')
         if len(self.markers_mm) != 2 or not 0 <= self.markers_mm[0] < self.markers_mm[1] <= self.depth_mm + 1e-9:
             raise ValueError(f'gel.markers_mm must hold two depths within the {self.depth_mm:g} mm of gel.layers_mm')
-        require_real_gel(self)
+        self._require_real()
         self._require_shallow()
+
+    def _require_real(self) -> None:
+        """Refuse what comes of a slip in a unit or a digit. Raises ValueError."""
+        for name, value in (('width_mm', self.width_mm), ('height_mm', self.height_mm), ('layers_mm', self.depth_mm)):
+            if not value <= MOST_MM:
+                raise ValueError(
+                    f'gel.{name} has {value:g} mm, and no gel has more than {MOST_MM:g}: lengths are in millimetres'
+                )
+        for value in self.moduli_mpa:
+            if not SOFTEST_MPA <= value <= HARDEST_MPA:
+                raise ValueError(
+                    f'gel.moduli_mpa holds {value:g}, and shear moduli of gels lie between {SOFTEST_MPA:g} and '
+                    f'{HARDEST_MPA:g} MPa: 100 kPa are 0.1'
+                )
+        if not self.moduli_off <= MOST_OFF:
+            raise ValueError(
+                f'gel.moduli_off is {self.moduli_off:g}, and it is a share of {MOST_OFF:g} at most: 0.6 is 60 %'
+            )
 
     def _require_shallow(self) -> None:
         """Refuse a dome that is steep, or that is thin at its rim. Raises ValueError."""
@@ -201,6 +239,20 @@ class PatternDescription:
             raise ValueError(f'pattern.dot_mm must hold two numbers, got {len(self.dot_mm)}')
         if len(self.diameter_mm) != 2 or not 0 < self.diameter_mm[0] <= self.diameter_mm[1]:
             raise ValueError('pattern.diameter_mm must hold two numbers above 0, the least one first')
+        if self.kind == 'dots' and self.diameter_mm[1] >= self.pitch_mm:
+            raise ValueError(
+                f'pattern.diameter_mm is {self.diameter_mm[1]:g}, and dots that are pattern.pitch_mm, '
+                f'{self.pitch_mm:g} mm, apart would touch'
+            )
+
+    def require_within(self, gel: GelDescription) -> None:
+        """Refuse dots of which a gel has less than a row. Raises ValueError."""
+        side = min(gel.width_mm, gel.height_mm)
+        if self.kind == 'dots' and self.pitch_mm > side:
+            raise ValueError(
+                f'pattern.pitch_mm is {self.pitch_mm:g}, and the gel has {side:g} mm along its shorter side: it is the '
+                'way from one dot to the next'
+            )
 
 
 @dataclass(frozen=True)
@@ -268,4 +320,19 @@ class Sensor:
             )
         if self.mask.polygons_px and self.covered.all():
             raise ValueError('mask covers all of the picture; black, or within a polygon, is what to leave out')
-        require_real(self)
+        self.mask.require_within(self.image.width, self.image.height)
+        self.pattern.require_within(self.gel)
+        self._require_seen()
+
+    def _require_seen(self) -> None:
+        """Refuse a gel of which the picture shows hardly any, or that is a speck in it. Raises ValueError."""
+        wide, high = self.camera.extent_px(self.gel.width_mm, self.gel.height_mm)
+        width, height = self.image.crop_px
+        times = wide / width, high / height
+        if max(times) >= LEAST_FILLED and min(times) <= MOST_FILLED:
+            return
+        focal = 'camera.focal_px_per_rad' if self.camera.model == 'fisheye' else 'camera.focal_px'
+        raise ValueError(
+            f'{focal} and camera.position_mm make the gel {wide:.0f}x{high:.0f} pixels large, and {width}x{height} are '
+            'used; check them, gel.width_mm and gel.height_mm'
+        )
