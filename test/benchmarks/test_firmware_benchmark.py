@@ -220,6 +220,7 @@ def test_too_great_a_force_stops_the_press_and_the_tip_goes_up(tmp_path: Path) -
 def test_when_the_commanding_process_is_killed_the_tip_goes_up_by_what_watches_over_it(tmp_path: Path) -> None:
     with emulated(tmp_path) as machine:
         came = pressed(machine, FAULTS['killed'], SystemClock(), tmp_path)
+    assert 'failed' not in came, came
     assert came['said'] == 'what watches over it says 6 times $J=G21 G90 G53 Z-19.000 F600.0'
     assert came['up'] == 'up'
     assert 0.3 <= came['reached_mm'] < 1.0

@@ -23,7 +23,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.node import Node
-from tactile_nodes.errors import AddressInUseError, BusError
+from tactile_nodes.errors import NOT_AGAIN, AddressInUseError, BusError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.foxglove_bridge import ORIGINS, FoxgloveBridgeNode
 from tactile_nodes.web import accounts
@@ -275,7 +275,7 @@ def test_without_the_library_the_program_says_what_to_install() -> None:
         'from tactile_nodes.nodes.foxglove_bridge import main; sys.exit(main())'
     )
     ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-    assert ended.returncode == 1
+    assert ended.returncode == NOT_AGAIN
     assert 'install it with: pip install aiohttp' in ended.stderr
     assert 'Traceback' not in ended.stderr
 

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from ros2_here import EMULATOR, ROOT, run
 
+from tactile_nodes.errors import NOT_AGAIN
+
 STAND_INS = Path(__file__).parent / 'cmake_emulator'
 SITE = Path('lib/python3/site-packages')
 
@@ -68,7 +70,7 @@ def test_program_of_a_node_joins_the_graph_of_ros_2(prefix: Path) -> None:
     environment.pop('TACTILE_BUS', None)
     code = f'import sys, runpy; sys.modules["rclpy"] = None; sys.argv = [{str(program)!r}]; runpy.run_path(sys.argv[0])'
     ended = subprocess.run([sys.executable, '-c', code], env=environment, capture_output=True, text=True, check=False)
-    assert ended.returncode == 1
+    assert ended.returncode == NOT_AGAIN
     assert ended.stderr.startswith('TACTILE_BUS=ros2 needs rclpy')
 
 

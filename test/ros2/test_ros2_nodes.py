@@ -19,7 +19,7 @@ from tactile_nodes.bus.node.parameter_client import ParameterClient
 from tactile_nodes.bus.node.parameters import to_message
 from tactile_nodes.bus.node.runtime import open_bus
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.params import parameter
 
@@ -208,7 +208,7 @@ def test_without_rclpy_a_node_says_what_to_source() -> None:
     ended = subprocess.run(
         [sys.executable, '-c', code], env=environment(TACTILE_BUS='ros2'), capture_output=True, text=True, check=False
     )
-    assert ended.returncode == 1
+    assert ended.returncode == NOT_AGAIN
     assert ended.stderr.startswith('TACTILE_BUS=ros2 needs rclpy')
     assert 'source /opt/ros/jazzy/setup.bash' in ended.stderr
     assert 'Traceback' not in ended.stderr

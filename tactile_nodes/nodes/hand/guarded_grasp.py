@@ -55,6 +55,7 @@ class GuardedGraspNode(Node):
         if not hand.friction:
             self.log.warn(f'{self.params.hand} tells no friction, so no slip margin guards what is held: add friction')
         self._fingers: dict[str, Felt] = {}
+        self._valid: dict[str, Felt] = {}
         self._wrench: Any = None
         self._opening_mm: float | None = None
         self._opened_mm = 0.0
@@ -78,8 +79,10 @@ class GuardedGraspNode(Node):
     def _taking(self, name: str) -> Callable[[Received], None]:
         def take(received: Received) -> None:
             felt = Felt.of(received.message)
-            if felt.status == INVALID and (valid := self._fingers.get(name)) is not None:
-                felt = replace(valid, status=INVALID, reasons=felt.reasons)  # which grows old, and ends the grasp
+            if felt.status != INVALID:
+                self._valid[name] = felt
+            elif name in self._valid:  # which grows old, and ends the grasp
+                felt = replace(self._valid[name], status=INVALID, reasons=felt.reasons)
             self._fingers[name] = felt
 
         return take

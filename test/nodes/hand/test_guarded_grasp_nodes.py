@@ -157,6 +157,17 @@ def test_a_finger_whose_force_stays_invalid_ends_the_grasp(finger: Finger) -> No
     assert re.search(r'the newest valid force is \d+ ms old, above 1000 ms', str(loop.grasp.failure))
 
 
+def test_a_finger_that_has_no_rest_image_yet_is_waited_for(finger: Finger) -> None:
+    """Its forces are invalid for as long as that takes, on a busy machine for seconds."""
+    with Loop(finger, 'object_mm:=30.0', 'grasp.hold_s:=60.0') as loop:
+        loop.feeling.blind = 'right'
+        begin_s = monotonic_s()
+        loop.go_on(lambda: monotonic_s() - begin_s > 2.5)
+        assert loop.grasp.failure is None
+        loop.feeling.blind = ''
+        loop.go_on(lambda: 'holding' in loop.said())
+
+
 def test_a_hand_without_friction_is_said_to_have_no_guard(
     finger: Finger, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
