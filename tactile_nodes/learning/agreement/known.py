@@ -10,6 +10,7 @@ from jaxtyping import Float, Float32
 from tactile_nodes.learning.agreement.objections import ALIKE
 from tactile_nodes.learning.field.calibration import SENSOR, sensor_of
 from tactile_nodes.learning.field.fit import described, scaling_of
+from tactile_nodes.learning.tables.pictures import OneSize
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensors import Sensor
@@ -41,6 +42,12 @@ class Known:
         if sensor is not None:
             return cls(sensor)
         return cls(sensor_of(loaded.card, loaded.model_id) if SENSOR in loaded.card else None, loaded)
+
+    @property
+    def size(self) -> OneSize:
+        """Which size pictures must have: as described, where nothing else is known of the sensor."""
+        trained = self.loaded is not None and not self.loaded.of_description
+        return OneSize.of(None if trained else self.sensor)
 
     @property
     def force_times(self) -> float:

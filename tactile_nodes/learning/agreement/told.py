@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +22,16 @@ from tactile_nodes.learning.progress import Progress
 
 LEAST = 8
 """Fewer presses say nothing of a table."""
+PRESSED = 0.25
+"""Of how much the median press moves: a picture of the gel untouched that moves more shows a press, too."""
 
 
 @dataclass(frozen=True)
 class Told:
     """Presses of one table, by the lines that they stand in; NaN of places and forces that nobody knows.
 
-    `motion` (px) and `confidence` are what regions of their pictures show.
+    `motion` (px) and `confidence` are what regions of their pictures show. `rest_lines` are those of the gel untouched,
+    `rest_motion` what their pictures show.
     """
 
     table: Path
@@ -37,6 +40,8 @@ class Told:
     force_n: Float[np.ndarray, ' n']
     motion: Float32[np.ndarray, 'n rows cols 2']
     confidence: Float32[np.ndarray, 'n rows cols']
+    rest_lines: Int[np.ndarray, ' rests']
+    rest_motion: Float32[np.ndarray, 'rests rows cols 2']
 
     @property
     def placed(self) -> Told:
@@ -54,7 +59,8 @@ class Told:
         return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
 
     def _take(self, chosen: np.ndarray) -> Told:
-        return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)[1:]})
+        names = 'lines', 'place_mm', 'force_n', 'motion', 'confidence'
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
 def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, *, forced: bool = False) -> None:
@@ -67,6 +73,11 @@ def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, 
         ConfigurationError: by the description hardly any region sees the gel.
     """
     for table in tables:
+        if lines := _rests_pressed(table):
+            progress.say(
+                f'{table.table}: look at line {", ".join(map(str, lines))}: the gel untouched is told, and the picture '
+                'moves as under a press'
+            )
         if said := _objection(table, known):
             if not forced:
                 raise DatasetError(f'{table.table}: {said} (--force takes the table as it is)')
@@ -88,6 +99,16 @@ def _objection(table: Told, known: Known) -> str:
         said = force_objection(weighed.force_n, weighed.strength)
         said = said or known.force_objection(weighed.force_n, weighed.motion, weighed.confidence)
     return said
+
+
+def _rests_pressed(table: Told) -> list[int]:
+    """Lines of the gel untouched whose pictures show a press."""
+    if not (len(table.lines) and len(table.rest_lines)):
+        return []
+    sure = table.confidence.mean(axis=0)
+    moved = (np.square(table.rest_motion).sum(axis=-1) * sure).sum(axis=(1, 2))
+    usual = float(np.median(table.strength.sum(axis=(1, 2))))
+    return [int(line) for line in table.rest_lines[moved > PRESSED * usual]]
 
 
 def _lines_aside(table: Told) -> list[int]:

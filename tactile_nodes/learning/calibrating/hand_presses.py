@@ -20,13 +20,14 @@ from tactile_nodes import __version__, clock
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
 from tactile_nodes.learning.agreement.known import Known
+from tactile_nodes.learning.agreement.rows import Row, require_seen, require_single
 from tactile_nodes.learning.agreement.told import Told, require_agreement
 from tactile_nodes.learning.calibrating.files import CALIBRATION, Source, require_source
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.evaluation.evaluate import config_of
 from tactile_nodes.learning.field.alone import presses_tell_tips
-from tactile_nodes.learning.field.body import Bodies, KnownBody
+from tactile_nodes.learning.field.body import BALL_MM, BODY, Bodies, KnownBody, as_ball, body_of_card
 from tactile_nodes.learning.field.by_hand import alone_by_hand, with_field_by_hand
 from tactile_nodes.learning.field.calibration import Pressed, kept
 from tactile_nodes.learning.progress import Progress
@@ -75,9 +76,10 @@ class HandPresses:
         reach_mm: tuple[float, float] = REACH_MM,
         body_of: BodyOf | None = None,
         untouched_n: float = 0.0,
+        known: Known | None = None,
     ) -> HandPresses:
         """A table and the pictures that it names; with `body_of` what pressed must be known; forces up to
-        `untouched_n`, of either sign, are the gel untouched.
+        `untouched_n`, of either sign, are the gel untouched; `known` describes what was pressed.
 
         Raises:
             DatasetError: the table cannot be read or understood, or has no picture of the gel untouched.
@@ -88,7 +90,10 @@ class HandPresses:
             raise DatasetError(f'{table} names no pictures; make a data set of a video: tactile dataset import')
         if body_of is not None:
             _require_bodies(read, body_of)
-        pictures = read_pictures(read)
+        known, faults = known or Known(), read.faults
+        require_seen(read.rows, known.sensor, faults)
+        faults.require_none()
+        pictures = read_pictures(read, known.size)
         contacts = np.array([(row.x_mm, row.y_mm, row.force_n) for row in read.rows]).reshape(-1, 3)
         untouched = contacts[:, 2] == 0
         if not untouched.any():
@@ -119,13 +124,20 @@ class HandPresses:
             indenter=np.array([''] * len(self.rest) + list(self.indenters)),
         )  # fmt: skip
 
+    @property
+    def rows(self) -> list[Row]:
+        """All rows, with what their pictures are known by."""
+        left = iter(self.rest), iter(self.pressed)
+        return [Row(self.table, row, picture_id(next(left[row.touches]))) for row in self.table.rows]
+
     def shown(self, dataset: Dataset, encoding: str) -> Told:
         """What is told of the presses beside what their pictures show, by `dataset`."""
         rows = np.arange(len(self.rest), len(self.rest) + len(self.pressed))
-        lines = np.array([row.line for row in self.table.rows if row.touches], int)
+        lines = [np.array([row.line for row in self.table.rows if row.touches == pressed], int) for pressed in (0, 1)]
+        motion = as_motion(encoding, dataset.features.astype(np.float32))
         return Told(
-            self.table.file, lines, self.contacts[:, :2], self.contacts[:, 2],
-            as_motion(encoding, dataset.features[rows].astype(np.float32)), dataset.confidence[dataset.rest[rows]],
+            self.table.file, lines[1], self.contacts[:, :2], self.contacts[:, 2], motion[rows],
+            dataset.confidence[dataset.rest[rows]], lines[0], motion[: len(self.rest)],
         )  # fmt: skip
 
 
@@ -204,10 +216,12 @@ def calibrate_by_hand(
 
     left, top = (abs(each) for each in bins.centre_mm)
     half_mm = left + bins.width_mm / 2, top + bins.height_mm / 2
-    presses = HandPresses.read(table, half_mm, body_of if field else None, untouched_n)
+    known = Known.of(loaded, pressed.sensor and pressed.known_sensor(loaded))
+    presses = HandPresses.read(table, half_mm, body_of if field else None, untouched_n, known)
     progress.say(f'{table}: {presses.table.told}')
     _require_pattern(loaded, presses.rest_picture, forced=forced)
-    made, bodies, rest = _fitted(loaded, presses, pressed, progress, forced=forced)
+    require_single(presses.rows, progress, forced=forced)
+    made, bodies, rest = _fitted(loaded, presses, pressed, known, progress, forced=forced)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
     samples = len(presses.rest) + len(presses.pressed)
     card = {
@@ -243,8 +257,37 @@ def _require_pattern(loaded: LoadedModel, rest: UInt8[np.ndarray, 'h w'], *, for
         )
 
 
+def _cut_told(loaded: LoadedModel, presses: HandPresses, known: Known) -> str:
+    """That not all of the pictures counts, in words; empty where all does, or their model was made of such ones."""
+    height, width = presses.rest[0].shape
+    image = known.sensor.image if known.sensor else None
+    if (width, height) in (loaded.image_size, (image.width, image.height) if image else None):
+        return ''
+    across, down = loaded.image_size
+    own = f', which is made for pictures of {image.width}x{image.height}' if image else ''
+    return (
+        f'the pictures have {width}x{height} pixels: the middle {min(across, width)}x{min(down, height)} of each '
+        f'counts, by model {loaded.model_id}{own}'
+    )
+
+
+def _tips_told(loaded: LoadedModel, presses: HandPresses, bodies: Bodies | None) -> str:
+    """That another tip pressed than the model knows, in words; empty where none did, or nobody tells."""
+    if BODY in loaded.card or BALL_MM in loaded.card:
+        own = body_of_card(loaded.card, loaded.model_id).told
+    else:
+        own = f'ball:{config_of(loaded).gel.tip_radius_mm:g}'
+    names = [each.told for each in bodies.known] if bodies else list(map(as_ball, presses.indenters))
+    if not (others := sorted({name for name in names if name.startswith('ball:')} - {own})):
+        return ''
+    return (
+        f'{", ".join(others)} pressed, and model {loaded.model_id} knows tips as {own}: a blunter one reads as a '
+        'softer and wider gel'
+    )
+
+
 def _fitted(
-    loaded: LoadedModel, presses: HandPresses, pressed: Pressed, progress: Progress, *, forced: bool
+    loaded: LoadedModel, presses: HandPresses, pressed: Pressed, known: Known, progress: Progress, *, forced: bool
 ) -> tuple[PartialTransfer, Bodies | None, np.ndarray]:
     """The calibration, what pressed if a field was there to be fitted, and the rest image that it was measured against.
 
@@ -261,12 +304,15 @@ def _fitted(
     with Measurer(Choice(*loaded.flow), Choice(*loaded.encoding), loaded.image_size) as measurer:
         dataset = presses.dataset(measurer)
         half_px, rest = measurer.size[0] / 2, measurer.rest_image
-    known = Known.of(loaded, pressed.sensor and pressed.known_sensor(loaded))
+    if said := _cut_told(loaded, presses, known):
+        progress.say(said)
     require_agreement([presses.shown(dataset, loaded.encoding[0])], progress, known, forced=forced)
     bodies = pressed.bodies(loaded, dataset) if isinstance(loaded.model.readout, FieldReadout) else None
     if not presses_tell_tips(loaded, pressed, dataset):
         return alone_by_hand(loaded, dataset, pressed, progress, forced=forced), bodies, rest
     readout = source_readout(loaded)
+    if said := _tips_told(loaded, presses, bodies):
+        progress.say(said)
     if presses.pressed:
         seen = None if isinstance(outline, str) else outline
         made = transfer_partial(readout, dataset, seen, half_px, progress)

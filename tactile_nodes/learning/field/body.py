@@ -28,6 +28,11 @@ ROUND = {'tip': 'ball:0.6', 'ball': 'ball:5'}
 """Families that are balls."""
 
 
+def as_ball(name: str) -> str:
+    """The name of a body by its radius, where it is that of a family of balls: 'tip' is 'ball:0.6'."""
+    return ROUND.get(name, name)
+
+
 @dataclass(frozen=True)
 class KnownBody:
     """A body by its name: 'ball:0.6', 'punch:1.5' (radius in mm), a family, a mesh, heights, or a description."""

@@ -10,16 +10,17 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float32
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import header
 from tactile_nodes.drivers.camera.contract import Picture
 from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.agreement.known import Known
+from tactile_nodes.learning.agreement.rows import Row, require_seen, require_single
 from tactile_nodes.learning.agreement.told import Told, require_agreement
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.progress import Progress
@@ -32,6 +33,7 @@ from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.sensors import Sensor
 
 UNTOUCHED = 0.5
 """All pictures of the untouched gel are measured, up to one for each press."""
@@ -71,33 +73,38 @@ def import_presses(
     progress, options, known = progress or Progress(), replace(options, without_contact=UNTOUCHED), known or Known()
     for source in sources:
         progress.say(f'{source.table.file}: {source.table.told}')
-        require_rows(source)
-    told = []
+        require_rows(source, known.sensor)
+    told, rests, rows = [], [], []
     with (
         Measurer(options.flow, options.encoding, options.crop) as measurer,
         progress.bar('reading presses', sum(len(_presses(each.table.rows)) for each in sources)) as bar,
     ):
         builder = Builder(options, measurer, bar)
         for number, source in enumerate(sources):
-            told.append(_taken(builder, number, source, OneSize.of(known.sensor)))
+            taken = _taken(builder, number, source, known.size)
+            told.append(taken.card)
+            rests.append(taken.rest_motion)
+            rows += taken.rows
+    require_single(rows, progress, forced=forced)
     made = builder.recordings(told, [source.table.file for source in sources], command=command)
-    shown = [_shown(made, number, source.table.file) for number, source in enumerate(sources)]
+    shown = [_shown(made, number, source.table, rests[number]) for number, source in enumerate(sources)]
     require_agreement(shown, progress, known, forced=forced)
     return made
 
 
-def _shown(presses: RecordedPresses, number: int, table: Path) -> Told:
+def _shown(presses: RecordedPresses, number: int, table: PressTable, rest_motion: np.ndarray) -> Told:
     """The presses of one table, with what their pictures show."""
+    rests = np.array([row.line for row in table.rows if not row.touches])
     rows = np.flatnonzero(presses.contact & (presses.bag == number))
     return Told(
-        table, presses.window_ns[rows, 0] // NS_PER_S, presses.position_mm[rows], presses.force_n[rows],
+        table.file, presses.window_ns[rows, 0] // NS_PER_S, presses.position_mm[rows], presses.force_n[rows],
         as_motion(presses.card['encoding']['name'], presses.features[rows].astype(np.float32)),
-        presses.confidence[presses.confidence_row[rows]],
+        presses.confidence[presses.confidence_row[rows]], rests, rest_motion,
     )  # fmt: skip
 
 
-def require_rows(source: Imported) -> None:
-    """Refuse a table of which a data set cannot be made, before any picture is read.
+def require_rows(source: Imported, sensor: Sensor | None = None) -> None:
+    """Refuse a table of which a data set cannot be made, before any picture is read; `sensor` as it is described.
 
     Raises:
         DatasetError: says in which rows.
@@ -110,6 +117,7 @@ def require_rows(source: Imported) -> None:
                     'a press of a data set needs x, y and force; a table with presses of which less is known goes with '
                     'tactile calibrate --pictures'
                 )
+    require_seen(table.rows, sensor, faults)
     source.pictures.require(table.rows, faults)
     faults.require_none()
     forces = {row.force_n for row in table.rows if row.touches}
@@ -130,11 +138,21 @@ def _presses(rows: Sequence[TablePress]) -> list[list[TablePress]]:
     return [list(group) for held, group in groupby(ordered, lambda row: (row.touches, row.held)) if held[0]]
 
 
-def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> dict[str, Any]:
-    """Give a table's presses to a builder; what a card says of the table."""
+class _Taken(NamedTuple):
+    """What a card says of a table, how its pictures of the gel untouched move, and what each picture is known by."""
+
+    card: dict[str, Any]
+    rest_motion: Float32[np.ndarray, 'rests rows cols 2']
+    rows: list[Row]
+
+
+def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> _Taken:
+    """Give a table's presses to a builder."""
     table, faults = source.table, source.table.faults
     pressed: list[str] = []
-    rests = [picture for _, picture in _checked(source, [row for row in table.rows if not row.touches], size, faults)]
+    untouched = list(_checked(source, [row for row in table.rows if not row.touches], size, faults))
+    rests = [picture for _, picture in untouched]
+    known = [Row(table, row, picture_id(picture)) for row, picture in untouched]
     faults.require_none()
     presses = _presses(table.rows)
     plan = hashlib.sha256(repr((table.rows, [each.tobytes() for each in rests])).encode()).hexdigest()[:12]
@@ -143,21 +161,25 @@ def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> di
         builder.measurer.use_reference(reference.image)
     except ImageError as error:
         raise DatasetError(f'{table.file}: {error}') from error
+    moved = np.stack([builder.measurer.measure([each]).values for each in rests]).astype(np.float32)
     press_of = {row.line: press for press, rows in enumerate(presses) for row in rows}
     pictures = _checked(source, [row for rows in presses for row in rows], size, faults)
     for press, group in groupby(pictures, lambda pair: press_of[pair[0].line]):
-        frames = [picture for _, picture in group]
+        pairs = list(group)
+        frames = [picture for _, picture in pairs]
         if faults:
             continue  # the rows left are looked at for further ones
+        known += [Row(table, row, picture_id(picture)) for row, picture in pairs]
         pressed += map(picture_id, frames)
         rest = [Frame(reference.stamp_ns, rests[press])] if press < len(rests) else []
         builder.take(number, _recorded(plan, press, presses[press][0], frames, rest, reference))
     faults.require_none()
     name = hashlib.sha256(''.join([plan, *pressed]).encode()).hexdigest()[:12]
-    return {
+    card = {
         'id': name, 'gel': builder.options.gel['id'], 'attempts': len(presses), 'problems': [], 'clocks': [],
         'columns': table.told, 'pictures': pressed,
     }  # fmt: skip
+    return _Taken(card, as_motion(builder.measurer.encoding.name, moved), known)
 
 
 def _checked(

@@ -161,13 +161,13 @@ class OneSize:
             )
 
 
-def read_pictures(table: PressTable) -> list[Picture]:
+def read_pictures(table: PressTable, size: OneSize) -> list[Picture]:
     """All pictures of a table, by row; they are where `folder_of` says.
 
     Raises:
-        DatasetError: one cannot be read, or has another size than the first; says in which rows.
+        DatasetError: one cannot be read, or has another size than it must; says in which rows.
     """
-    faults, source, size = table.faults, FolderPictures(folder_of(table)), OneSize()
+    faults, source = table.faults, FolderPictures(folder_of(table))
     source.require(table.rows, faults)
     faults.require_none()
     read = []

@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 
 from tactile_nodes.cli.main import main
+from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.agreement.objections import force_objection
+from tactile_nodes.learning.agreement.rows import require_seen
 from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
-from tactile_nodes.sensors import load_sensor
+from tactile_nodes.learning.tables.presses import read_table
+from tactile_nodes.sensors import CameraDescription, ImageSettings, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press
@@ -211,3 +214,109 @@ def test_motion_cannot_follow_forces_that_are_all_alike() -> None:
     strength = np.random.default_rng(1).uniform(0, 1, (20, 3, 3))
     assert force_objection(np.full(20, 0.49), strength) == ''
     assert 'do not move more' in force_objection(strength.sum(axis=(1, 2)).max() - strength.sum(axis=(1, 2)), strength)
+
+
+def appended(*rows: Row) -> Change:
+    return lambda known: known.extend(rows)
+
+
+@pytest.mark.parametrize('command', [calibrated, imported])
+def test_one_picture_that_is_told_twice_is_refused_with_both_lines(
+    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = edited(folder, appended(['press2.png', '3.0', '-6.5', '1', 'ball:0.6']))
+    assert command(table, tmp_path / 'made') == 1
+    told = capsys.readouterr().err
+    assert 'edited.csv, line 18 has the picture of line 8, and tells 0.00981 N at 3, -6.5 mm where that tells ' in told
+
+
+@pytest.mark.parametrize('command', [calibrated, imported])
+def test_a_press_that_is_told_to_be_the_untouched_gel_is_refused_with_both_lines(
+    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def change(rows: list[Row]) -> None:
+        rows[1][0] = 'press0.png'
+
+    assert command(edited(folder, change), tmp_path / 'made') == 1
+    told = capsys.readouterr().err
+    assert re.search(r'line (6 has the picture of line 3|3 has the picture of line 6), and tells .*gel untouched', told)
+
+
+@pytest.mark.parametrize('command', [calibrated, imported])
+def test_a_picture_that_is_there_twice_is_named(
+    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def change(rows: list[Row]) -> None:
+        rows.append(rows[RESTS + 2])
+
+    command(edited(folder, change), tmp_path / 'made')
+    assert 'edited.csv, line 18 has the picture of line 8 again' in ' '.join(capsys.readouterr().out.split())
+
+
+def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = written(folder / 'other.csv', [*rows_of(folder)[:RESTS], *rows_of(folder)[RESTS + 3 : RESTS + 6]])
+    words = ['--model', str(folder / 'described.safetensors'), '-o', str(tmp_path / 'both.npz')]
+    assert main(['dataset', 'import', str(folder / 'presses.csv'), str(other), *words]) == 0
+    told = ' '.join(capsys.readouterr().out.split())
+    assert f'other.csv, line 6 has the picture of line 9 of {folder / "presses.csv"} again; 2 more rows' in told
+    assert 'has the picture of line 2' not in told
+
+
+@pytest.mark.parametrize('command', [calibrated, imported])
+def test_a_picture_of_the_untouched_gel_that_shows_a_press_is_named_by_its_line(
+    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A press taken out of the table, and put where a picture of the untouched gel was."""
+
+    def change(rows: list[Row]) -> None:
+        rows[2][0] = rows.pop(RESTS + 4)[0]
+
+    command(edited(folder, change), tmp_path / 'made')
+    told = ' '.join(capsys.readouterr().out.split())
+    assert 'look at line 4: the gel untouched is told, and the picture moves as under a press' in told
+
+
+def test_a_place_beside_what_the_camera_sees_is_a_fault_of_its_line(tmp_path: Path) -> None:
+    """A pinhole of 400 px sees 320 px at 20 mm from its pupil: 8 mm to each side, and less below the surface."""
+    sensor = dataclasses.replace(
+        load_sensor(SENSOR),
+        image=ImageSettings(320, 240, 320, 240),
+        camera=CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0)),
+    )
+    read = read_table(written(tmp_path / 'table.csv', [['a.png', x, '1', '5', ''] for x in ('6', '-9.5', '', '9.5')]))
+    faults = read.faults
+    require_seen(read.rows, sensor, faults)
+    with pytest.raises(DatasetError, match=r'line 3: -9.5, 1 mm lies outside of what the camera sees.*: line 5$'):
+        faults.require_none()
+
+
+def test_pictures_of_another_size_than_described_are_refused_with_their_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    half = tmp_path / 'half'
+    half.mkdir()
+    for file in folder.glob('*.png'):
+        cv2.imwrite(str(half / file.name), cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)[::2, ::2])
+    for name in ('presses.csv', 'described.safetensors'):
+        (half / name).write_bytes((folder / name).read_bytes())
+    assert calibrated(half / 'presses.csv', tmp_path / 'mine.safetensors') == 1
+    said = 'line 2: picture rest0.png has 320x240 pixels, and the description of the sensor 640x480'
+    assert said in capsys.readouterr().err
+
+
+def test_what_is_cut_and_another_tip_than_the_model_knows_are_told(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`portable` is of 440x440 pixels and the paper's tip of 0.6 mm."""
+
+    def change(rows: list[Row]) -> None:
+        for row in rows[RESTS:]:
+            row[4] = 'ball:5'
+
+    table = edited(folder, change)
+    main(['calibrate', '--pictures', str(table), '--model', 'portable', '--gel', 'x', '-o', str(tmp_path / 'mine')])
+    told = ' '.join(capsys.readouterr().out.split())
+    assert 'the pictures have 640x480 pixels: the middle 440x440 of each counts' in told
+    assert 'ball:5 pressed, and model' in told and 'knows tips as ball:0.6: a blunter one reads' in told

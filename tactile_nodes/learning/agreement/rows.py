@@ -1,0 +1,91 @@
+"""What rows of tables contradict before any motion is measured: places that no camera sees, one picture told twice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_nodes.errors import DatasetError
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.tables.faults import RowFaults
+from tactile_nodes.learning.tables.presses import PressTable, TablePress
+from tactile_nodes.sensing.elasticity.view import View
+from tactile_nodes.sensors import Sensor
+
+
+class Row(NamedTuple):
+    """A row of a table, and what its picture is known by."""
+
+    table: PressTable
+    press: TablePress
+    picture: str
+
+    def beside(self, other: Row) -> str:
+        """Where it stands, for who reads that other row."""
+        line = f'{self.table.counted} {self.press.line}'
+        return line if self.table is other.table else f'{line} of {self.table.file}'
+
+    def told(self) -> str:
+        """What it tells of its picture."""
+        press = self.press
+        if not press.touches:
+            return 'the gel untouched'
+        force = 'an unknown force' if math.isnan(press.force_n) else f'{press.force_n:.3g} N'
+        return force if math.isnan(press.x_mm + press.y_mm) else f'{force} at {press.x_mm:g}, {press.y_mm:g} mm'
+
+    def contradicts(self, other: Row) -> bool:
+        """Whether both cannot be true of one picture."""
+        one, two = self.press, other.press
+        if one.touches != two.touches:
+            return True
+        pairs = ((one.x_mm, two.x_mm), (one.y_mm, two.y_mm), (one.force_n, two.force_n))
+        return any(abs(mine - theirs) > 0 for mine, theirs in pairs)  # no number differs from nothing
+
+
+def require_seen(rows: Iterable[TablePress], sensor: Sensor | None, faults: RowFaults) -> None:
+    """Keep a fault of each row whose place the camera of a described sensor does not see."""
+    if sensor is None:
+        return
+    view = View(sensor)
+    for row in rows:
+        with faults.row(row.line):
+            place = np.array([[row.x_mm, row.y_mm]])
+            if np.isfinite(place).all() and not ((view.shares_of(place) >= 0) & (view.shares_of(place) <= 1)).all():
+                raise DatasetError(
+                    f'{row.x_mm:g}, {row.y_mm:g} mm lies outside of what the camera sees by the description of the '
+                    'sensor; check the unit, or press further in'
+                )
+
+
+def require_single(rows: Iterable[Row], progress: Progress, *, forced: bool = False) -> None:
+    """Refuse one picture of which rows tell different things, unless forced; one that is told twice alike is named.
+
+    Tables may share pictures of the gel untouched.
+
+    Raises:
+        DatasetError: names both rows.
+    """
+    first: dict[str, Row] = {}
+    wrong, twice = [], []
+    for row in rows:
+        before = first.setdefault(row.picture, row)
+        if before is row or (row.table is not before.table and not (row.press.touches or before.press.touches)):
+            continue
+        said = f'{row.table.file}, {row.table.counted} {row.press.line} has the picture of {before.beside(row)}'
+        if row.contradicts(before):
+            wrong.append(f'{said}, and tells {row.told()} where that tells {before.told()}')
+        else:
+            twice.append(f'{said} again')
+    if twice:
+        progress.say(_first_of(twice))
+    if wrong and not forced:
+        raise DatasetError(f'{_first_of(wrong)} (--force takes the table as it is)')
+    if wrong:
+        progress.say(f'taken by --force: {_first_of(wrong)}')
+
+
+def _first_of(said: list[str]) -> str:
+    return said[0] + (f'; {len(said) - 1} more rows are alike' if len(said) > 1 else '')
