@@ -16,6 +16,10 @@ from tactile_nodes.learning.transfer.errors import Errors
 
 TELLING_SHARE, TELLING_MM = 0.2, 1.0
 """Forces that are all within so much of their mean, and places as near to one another, are no measure of a model."""
+CHANCE = 1.25
+"""By how many times a root mean square may be larger than that of answering the mean: of twelve presses it is known to
+a fifth (one over the root of twice as many). Beside the model before the presses are the same, and none may be
+larger."""
 ADVICE = 'keep the model, check the places and forces that are told, or press at more places'
 POOR = 0.1
 """Of the errors of answering the mean: models of enough presses are at a fiftieth of them."""
@@ -44,10 +48,11 @@ def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> 
 
     Against the model before on balance; by answering the mean neither force nor place may be as good: a table with
     true places and the forces of other presses would give places that make up for any force. Medians do not see the
-    few presses that are ruined, as at the rim, and places do not make up for these: no root mean square may be worse.
+    few presses that are ruined, as at the rim, and places do not make up for these: no root mean square may be worse
+    than before, or by more than chance than by answering the mean.
     """
-    for other, words, share in (
-        (before, 'without', share_of), (mean, 'by answering the mean of all presses', worst_share_of)
+    for other, words, share, most in (
+        (before, 'without', share_of, 1.0), (mean, 'by answering the mean of all presses', worst_share_of, CHANCE)
     ):  # fmt: skip
         if other is None:
             continue
@@ -56,7 +61,7 @@ def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> 
                 f'the {what} would not pay: held-out presses are read {told(after)} off with it, '
                 f'{told(other)} {words} (medians)'
             )
-        if after.force_rmse_n > other.force_rmse_n:
+        if after.force_rmse_n > most * other.force_rmse_n:
             return (
                 f'the {what} would not pay: the force RMSE of held-out presses is {after.force_rmse_n:.4f} N with it, '
                 f'{other.force_rmse_n:.4f} N {words}'

@@ -66,6 +66,8 @@ def test_a_few_ruined_presses_count_though_medians_do_not_see_them() -> None:
     )
     assert objection('calibration', ruined, off(0.3, 5.0), off(0.8, 5.0)).endswith('0.5061 N with it, 0.3000 N without')
     assert objection('calibration', ruined, off(0.6, 0.5), off(0.8, 5.0)) == ''
+    # A fifth more than the mean is chance of twelve presses.
+    assert objection('calibration', ruined, off(0.8, 0.5), off(0.506 / 1.2, 5.0)) == ''
 
 
 def test_an_objection_ends_it_unless_the_model_is_wanted_all_the_same() -> None:
