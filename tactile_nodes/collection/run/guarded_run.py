@@ -16,12 +16,12 @@ import numpy as np
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.actions import Go, Look, Procedure
 from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
-from tactile_nodes.collection.machine_record import ACKNOWLEDGED, BEGUN, ENDED, HALTED, MachineRecord, record_file
+from tactile_nodes.collection.machine_record import BEGUN, ENDED, HALTED, MachineRecord, record_file
 from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
 from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.readings import Readings
-from tactile_nodes.collection.run.person import AFTER_KILL, ASK, GO_ON, Person
+from tactile_nodes.collection.run.person import AFTER_KILL, ASK, GO_ON, Person, require_looked
 from tactile_nodes.collection.safety import OVERLOAD
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
@@ -131,7 +131,8 @@ class GuardedRun:
 
     def _approach(self) -> Outcome:
         hands = self.station.hands
-        self._ask_first()
+        if why := self._record.question(self._settings.after_kill == GO_ON):
+            require_looked(why, self._person, self._record, hands)
         hands.safety.watch(self._clock.now_ns(), camera=False)
         self._note(BEGUN, 'a guarded approach')
         self._begun = True
@@ -139,13 +140,6 @@ class GuardedRun:
         self._homed = True
         self._tare = hands.run(above_gel(self._settings, self._feel))
         return hands.run(guarded_approach(self._settings, hands.readings, self._feel, self._tare))
-
-    def _ask_first(self) -> None:
-        if not (why := self._record.question(self._settings.after_kill == GO_ON)):
-            return
-        if not self._person.ask(why, lambda: self.station.hands.asked_to_stop):
-            raise InterruptedRunError
-        self._note(ACKNOWLEDGED)
 
     def _write_down(self, tripped: TrippedError) -> None:
         """That a person has to look, before the tip goes up."""

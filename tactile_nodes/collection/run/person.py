@@ -5,10 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.collection.hands import Hands, InterruptedRunError
+from tactile_nodes.collection.machine_record import ACKNOWLEDGED, MachineRecord
 
 LOOK_S = 0.05
 ASK, GO_ON = 'ask', 'go_on'
 AFTER_KILL = 'after a run that was cut off: ask a person before anything moves, or go_on by itself'
+
+
+def require_looked(why: str, person: Person, record: MachineRecord, hands: Hands) -> None:
+    """Wait until a person has looked, and write that down.
+
+    Raises:
+        InterruptedRunError: the run is to end before that.
+    """
+    if not person.ask(why, lambda: hands.asked_to_stop):
+        raise InterruptedRunError
+    record.note(ACKNOWLEDGED, hands.clock.now_ns())
 
 
 class Person:

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from tactile_nodes.collection.actions import Procedure
-from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
-from tactile_nodes.collection.machine_record import ACKNOWLEDGED, BEGUN, ENDED, HALTED, MachineRecord
+from tactile_nodes.collection.hands import Hands, TrippedError
+from tactile_nodes.collection.machine_record import BEGUN, ENDED, HALTED, MachineRecord
 from tactile_nodes.collection.press.rest import await_recovery
 from tactile_nodes.collection.press.up import bring_up, check_free
 from tactile_nodes.collection.run.outlet import Outlet
+from tactile_nodes.collection.run.person import require_looked
 from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, OVERLOAD, SENSOR, Trip
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import Tare
@@ -136,9 +137,7 @@ class Recovery:
         return self._hands.safety.trip or tripped.trip
 
     def _ask(self, why: str) -> None:
-        if not self._outlet.person.ask(why, lambda: self._hands.asked_to_stop):
-            raise InterruptedRunError
-        self._note(ACKNOWLEDGED)
+        require_looked(why, self._outlet.person, self._record, self._hands)
 
     def _note(self, step: str, reason: str = '') -> None:
         self._record.note(step, self._hands.clock.now_ns(), reason)
