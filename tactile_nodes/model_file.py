@@ -37,6 +37,9 @@ Axisymmetric ones were written as version 4 before they knew streaks; those file
 DESCRIPTION = 'description'
 """Where the data of a model come from that no press told anything."""
 
+SENSOR = 'sensor'
+"""Of a card: the description of the sensor that the model follows from."""
+
 NO_CHECKSUM = '0' * 64
 REST_IMAGE = 'rest_image'
 LARGEST_BYTES = 1 << 30

@@ -6,12 +6,10 @@ import shlex
 from pathlib import Path
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.model_file import SENSOR
 from tactile_nodes.pipeline.ready_model import Ready
 from tactile_nodes.sensors import load_sensor
 from tactile_nodes.sensors.writing import values_of
-
-SENSOR = 'sensor'
-"""Of a card: the description that the model follows from."""
 
 
 def require_of_sensor(ready: Ready, sensor: str) -> None:

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from tactile_nodes.learning.agreement.objections import ALIKE
-from tactile_nodes.learning.field.calibration import SENSOR, sensor_of
+from tactile_nodes.learning.field.calibration import sensor_of
 from tactile_nodes.learning.field.fit import described, scaling_of
 from tactile_nodes.learning.tables.pictures import OneSize
-from tactile_nodes.model_file import LoadedModel
+from tactile_nodes.model_file import SENSOR, LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensors import Sensor
 

@@ -20,7 +20,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
 from tactile_nodes.learning.transfer.judgement import ADVICE, require_worth
 from tactile_nodes.learning.transfer.judgement import told as told_errors
-from tactile_nodes.model_file import DESCRIPTION, LoadedModel, crop_of_size, find_model, load_model, save_model
+from tactile_nodes.model_file import DESCRIPTION, SENSOR, LoadedModel, crop_of_size, find_model, load_model, save_model
 from tactile_nodes.params import from_mapping
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
@@ -29,9 +29,6 @@ from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.sensors.writing import values_of
-
-SENSOR = 'sensor'
-"""What a card says of the sensor."""
 
 NO_TEXTURE = 1e-3
 """Gradient (grey levels a pixel) at which a region of dots counts half: its dots say themselves how sure they are."""
