@@ -20,6 +20,7 @@ from tactile_nodes.bus.node.keeping import Kept
 from tactile_nodes.bus.node.log import Log
 from tactile_nodes.bus.node.parameters import ParameterServer, from_message
 from tactile_nodes.bus.node.qos_overrides import PREFIX, QosOverrides
+from tactile_nodes.bus.node.taking import take
 from tactile_nodes.bus.protocol import Bus, Closing, Publisher, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
@@ -194,7 +195,7 @@ class Node:
     def spin_once(self, timeout_s: float | None = 0.0) -> bool:
         """Run one callback and the timers that are due; false when the node was stopped."""
         try:
-            work = self._work.get(timeout=timeout_s) if timeout_s != 0.0 else self._work.get_nowait()
+            work = take(self._work, timeout_s)
         except queue.Empty:
             work = _nothing
         if work is None or self._stopping:  # not after all that still waits

@@ -8,6 +8,7 @@ import queue
 from collections.abc import Callable
 
 from tactile_nodes import clock
+from tactile_nodes.bus.node.taking import take
 
 Task = Callable[[], None]
 
@@ -48,7 +49,7 @@ class Agenda:
         while self._later and self._later[0][2].task is None:
             heapq.heappop(self._later)
         try:
-            task = self._now.get(timeout=self._patience_s())
+            task = take(self._now, self._patience_s())
         except queue.Empty:
             task = self._due()
         task()

@@ -89,6 +89,7 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
     finally:
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=20)
+        print(output)  # shown if it fails
     assert process.returncode == 0
     assert 'Traceback' not in output
     assert not [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
