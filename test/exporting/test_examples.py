@@ -10,8 +10,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 from exported_bags import START_NS, STEP_NS, force, write_bag
-from fields import ring
 from matplotlib.quiver import Quiver
+from seen import ring
 
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exported_bags import START_NS, STEP_NS
-from fields import BINS, CELLS, ring
+from seen import BINS, CELLS, ring
 
 from tactile_nodes import conversions, messages
 from tactile_nodes.bag.metadata import BagTopic

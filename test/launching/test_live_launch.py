@@ -12,9 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 import yaml
+from launch_processes import processes_of, still_there
 
 from tactile_nodes import messages, paths
 from tactile_nodes.bag.compare import compare
@@ -96,10 +96,10 @@ def test_live_launch_senses_the_press_of_the_simulated_probe(bus: ZmqBus, tmp_pa
             # The bounds are wide: that it follows at all is tested here, how well is in docs/results/contacts.md.
             assert abs(force.total - truth.total) < 0.05 + 0.1 * truth.total
             assert math.dist(centre_mm(force), centre_mm(truth)) < 1.0
-        children = psutil.Process(process.pid).children(recursive=True)
+        children = processes_of(process.pid)
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=10) == 0
-        assert not [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+        assert not still_there(children)
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
 
 
 def small_config(folder: Path, **training_options: object) -> TrainConfig:
-    options = {'batch': 10, 'epochs': 4, 'warm_up_epochs': 2, 'threads': 1, **training_options}
+    options = {'batch': 10, 'epochs': 4, 'warm_up_epochs': 2, 'threads': 1, 'device': 'cpu', **training_options}
     return TrainConfig(
         output=folder / 'small.safetensors',
         data=DataConfig(presses=40, presses_per_rest_image=20, frames_per_rest_image=2, processes=1, seed=3),

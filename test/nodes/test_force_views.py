@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from feeding import START_NS, run
-from fields import CELLS, ring
+from seen import CELLS, ring
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics

@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from fields import CELLS, PLACE_MM, RADIUS_MM, SHEAR_SIGMA_N, TORSION_SIGMA_N_MM, ring
-from seen import force
+from seen import CELLS, PLACE_MM, RADIUS_MM, SHEAR_SIGMA_N, TORSION_SIGMA_N_MM, force, ring
 
 from tactile_nodes import conversions
 from tactile_nodes.errors import MessageError

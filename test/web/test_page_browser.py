@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from browsing import IN_CHROMIUM, PATIENCE_MS, SIZE, expect, opened, started
-from fields import ring
 from matplotlib import colormaps
+from seen import ring
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics

@@ -8,8 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from fields import CELLS, ring
-from seen import MS, NAN, diagnostics, force, received
+from seen import CELLS, MS, NAN, diagnostics, force, received, ring
 
 from tactile_nodes import conversions
 from tactile_nodes.messages import types

@@ -7,9 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from fields import ring
 from rich.console import Console
-from seen import MS, diagnostics, force, received
+from seen import MS, diagnostics, force, received, ring
 
 from tactile_nodes import conversions
 from tactile_nodes.cli.view import map as view_map

@@ -11,8 +11,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import psutil
 import pytest
+from launch_processes import processes_of, still_there
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
@@ -84,7 +84,7 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
             hardware |= {each.name: each.hardware_id for each in statuses if each.name in hardware}
         assert not wanted
         assert list(hardware.values()) == ['/dev/video99', 'simulated', 'simulated']
-        children = psutil.Process(process.pid).children(recursive=True)
+        children = processes_of(process.pid)
         assert len(children) > 6  # two programs and their guardian; two of each sensor
     finally:
         process.send_signal(signal.SIGINT)
@@ -92,7 +92,7 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
         print(output)  # shown if it fails
     assert process.returncode == 0
     assert 'Traceback' not in output
-    assert not [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+    assert not still_there(children)
 
 
 def test_a_hand_that_is_none_is_one_sentence_and_a_failure(tmp_path: Path) -> None:
