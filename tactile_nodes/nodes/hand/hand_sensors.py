@@ -52,7 +52,8 @@ class HandSensorsNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._hand = load_hand(self.params.hand)
-        self._folder = tempfile.TemporaryDirectory(prefix='tactile_hand_')
+        (logs := log_directory() / 'hand').mkdir(parents=True, exist_ok=True)
+        self._folder = tempfile.TemporaryDirectory(prefix='parameters_', dir=logs)
         for number, refused in enumerate(self._hand.refused):
             self.report(f'left out {number + 1}', Level.ERROR, refused)
         self._launches = {sensor: self._launched(sensor) for sensor in self._hand.sensors}

@@ -86,6 +86,7 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
         assert list(hardware.values()) == ['/dev/video99', 'simulated', 'simulated']
         children = processes_of(process.pid)
         assert len(children) > 6  # two programs and their guardian; two of each sensor
+        assert list(tmp_path.glob('hand/parameters_*/left.yaml'))  # among the logs, where a killed program may leave it
     finally:
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=20)
@@ -93,6 +94,7 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
     assert process.returncode == 0
     assert 'Traceback' not in output
     assert not still_there(children)
+    assert not list(tmp_path.glob('hand/parameters_*'))
 
 
 def test_a_hand_that_is_none_is_one_sentence_and_a_failure(tmp_path: Path) -> None:
