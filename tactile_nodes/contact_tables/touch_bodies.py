@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 from pathlib import Path
@@ -9,8 +10,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.files import check_size, open_plain
+from tactile_nodes.errors import ConfigurationError, in_a_line
+from tactile_nodes.files import open_plain, read_plain
 
 if TYPE_CHECKING:
     from tactile_nodes.simulation.touch.body import Body
@@ -106,26 +107,45 @@ def _family(name: str) -> Body:
 def _mesh(file: Path, tilt_deg: Tilt) -> Body:
     from tactile_nodes.simulation.touch.mesh import body_of_mesh
 
-    _check(file)
+    try:
+        data = read_plain(file, LARGEST_BYTES)
+    except OSError as error:
+        raise _unreadable(file, error) from error
     try:
         import trimesh
     except ImportError as error:
         raise ConfigurationError(f"{file}: meshes need: pip install 'tactile_nodes[mesh]'") from error
+    kind = file.suffix.lower()
     try:
-        mesh = trimesh.load_mesh(file, process=True)
+        mesh = trimesh.load_mesh(io.BytesIO(_in_utf8(data, kind)), file_type=kind[1:], process=True)
         vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
     except Exception as error:
-        raise ConfigurationError(f'{file} cannot be read as a mesh ({error}); export it again') from error
+        raise ConfigurationError(f'{file} cannot be read as a mesh ({in_a_line(error)}); export it again') from error
     return body_of_mesh(file.stem, vertices, faces, tilt_deg)
+
+
+def _in_utf8(data: bytes, kind: str) -> bytes:
+    """What a mesh file holds, its text as trimesh reads it; what is no UTF-8 of it are names, of which none is used.
+
+    Raises:
+        ValueError: an STL file that is neither text nor as long as its header says.
+    """
+    faces = int.from_bytes(data[80:84], 'little')
+    if kind == '.ply' or (kind == '.stl' and len(data) == 84 + 50 * faces):
+        return data
+    if kind == '.stl' and b'facet' not in data:
+        raise ValueError(f'it is no text, and not as long as its header says, which is {84 + 50 * faces} bytes')
+    return data.decode('utf-8', 'replace').encode()
 
 
 def _heights(file: Path) -> Body:
     from tactile_nodes.simulation.touch.body import SPACING_MM, Body
 
-    _check(file)
     try:
         with open_plain(file, LARGEST_BYTES) as opened:
             heights = _array(opened)
+    except OSError as error:
+        raise _unreadable(file, error) from error
     except Exception as error:  # numpy passes on whatever Python's parser raises at a header
         raise ConfigurationError(
             f'{file} holds no array of heights, or less of one than its header says; write it anew with numpy.save'
@@ -152,8 +172,5 @@ def _array(file: BinaryIO) -> np.ndarray[Any, Any]:
     return np.lib.format.read_array(file, allow_pickle=False)
 
 
-def _check(file: Path) -> None:
-    try:
-        check_size(file, LARGEST_BYTES)
-    except OSError as error:
-        raise ConfigurationError(f'cannot read the body {file} ({error.strerror}); check the path') from error
+def _unreadable(file: Path, error: OSError) -> ConfigurationError:
+    return ConfigurationError(f'cannot read the body {file} ({error.strerror}); check the path')

@@ -137,7 +137,8 @@ def _problem(gel: Gel, contact: Contact) -> _Problem:
     layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), body_of(contact.body, contact.tilt_deg)
     if _width_mm(body) > (narrow_mm := min(gel.sides_mm)):
         raise ConfigurationError(
-            f'{body.name} is {_width_mm(body):.0f} mm wide, and the gel {narrow_mm:g} mm; give a smaller body'
+            f'{body.name} is {_width_mm(body):.0f} mm wide about its origin, and the gel {narrow_mm:g} mm; give a '
+            'smaller body, or place it nearer'
         )
     way = _way(contact, gel)
     return _Problem(layer, body, way, table_key(track_key(layer, body, way), gel))

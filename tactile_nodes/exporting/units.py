@@ -9,7 +9,7 @@ _UNITS: dict[str, dict[str, str]] = {
     'tactile_nodes/msg/ForceDistribution': {
         'bin_*': 'm', 'origin.*': 'm', 'contact.[xyz]': 'm', 'strongest.position_sigma': 'm', 'strongest.force*': 'N',
         'normal_force': 'N', 'total': 'N', 'total_sigma': 'N', 'peak': 'N', 'confidence': '0 to 1',
-        'stages.*': 's', 'averaged': 's', 'normal_force_sigma': 'N', 'shear_force_[xy]': 'N', 'strongest.shear_*': 'N',
+        'stages.*': 's', 'normal_force_sigma': 'N', 'shear_force_[xy]': 'N', 'strongest.shear_*': 'N',
         'strongest.torsion*': 'N m', 'strongest.area': 'm²', 'strongest.length': 'm', 'strongest.width': 'm',
         'strongest.angle': 'rad', 'strongest.slip_share': '0 to 1', **_WRENCH,
     },

@@ -205,7 +205,7 @@ def test_an_open_mesh_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[s
     mesh.write_text('v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n')
     words = ['--model', 'field', '--dataset', 'gel.npz', '--body', str(mesh), '-o', str(tmp_path / 'none.safetensors')]
     assert main(['calibrate', *words]) == 1
-    assert "the mesh 'sheet' is not closed; fill its holes" in capsys.readouterr().err
+    assert "the mesh 'sheet' is not closed: 3 of its edges do not join" in capsys.readouterr().err
 
 
 @pytest.mark.timeout(240)  # a contact is solved, and fitted to, in half a minute of a processor

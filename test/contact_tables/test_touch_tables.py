@@ -93,15 +93,29 @@ def test_a_description_that_says_nonsense_is_refused(tmp_path: Path, text: str, 
         ('rign', "there is no contact 'rign'; give one of: tip, ball"),
         ('missing.stl', r'cannot read the body missing.stl \(No such file or directory\)'),
         ('text.npy', 'holds no array of heights'),
-        ('text.obj', 'cannot be read as a mesh|is not closed|has no point'),
+        ('text.obj', 'holds no triangles'),
+        ('text.stl', 'it is no text, and not as long as its header says'),
     ],
 )
 def test_bodies_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, said: str):
     monkeypatch.chdir(tmp_path)
-    for file in ('text.npy', 'text.obj'):
+    for file in ('text.npy', 'text.obj', 'text.stl'):
         (tmp_path / file).write_text('no numbers\n')
     with pytest.raises(ConfigurationError, match=said):
         solved_contact(load_gel('paper'), Contact.named(name))
+
+
+def test_meshes_whose_names_are_no_utf8_are_read_and_one_cut_short_is_told(tmp_path: Path):
+    trimesh = pytest.importorskip('trimesh')
+    box, plain, binary = trimesh.creation.box((6.0, 4.0, 2.0)), tmp_path / 'box.obj', tmp_path / 'cut.stl'
+    plain.write_bytes('o Gehäuse\n'.encode('latin-1') + box.export(file_type='obj').encode())
+    text = tmp_path / 'text.stl'
+    text.write_bytes(box.export(file_type='stl_ascii').encode().replace(b'solid', b'solid Geh\xe4use', 1))
+    binary.write_bytes(box.export(file_type='stl')[:-50])
+    for file in (plain, text):
+        assert body_of(str(file)).reach_mm == pytest.approx(3.0, abs=0.11)
+    with pytest.raises(ConfigurationError, match=r'cut.stl cannot be read as a mesh \(.*which is 684 bytes\)'):
+        body_of(str(binary))
 
 
 @pytest.mark.parametrize(
@@ -160,7 +174,7 @@ def test_a_body_of_heights_is_tilted_a_little_only():
 
 def test_a_body_wider_than_the_gel_is_refused_with_both_sizes(tmp_path: Path):
     np.save(tmp_path / 'plate.npy', np.zeros((361, 361)))
-    with pytest.raises(ConfigurationError, match='plate is 36 mm wide, and the gel 32 mm; give a smaller body'):
+    with pytest.raises(ConfigurationError, match='plate is 36 mm wide about its origin, and the gel 32 mm'):
         solved_contact(load_gel('paper'), Contact(str(tmp_path / 'plate.npy')))
     np.save(tmp_path / 'field.npy', np.zeros((2500, 2500), np.float16))
     with pytest.raises(ConfigurationError, match='is 250 mm wide, more than 40; cut it'):

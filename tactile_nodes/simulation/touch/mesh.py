@@ -9,8 +9,8 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.touch.body import SPACING_MM, Body, grid
 
 MOST_FACES = 500_000
-LARGEST_MM = 40.0
-"""From the middle of its bounding box a body may reach half of this sideways."""
+SMALLEST_MM, LARGEST_MM = 0.4, 40.0
+"""How wide a mesh is at least and at most, along x or y; the gel's surface is followed on a grid of 0.4 mm."""
 
 
 def body_of_mesh(
@@ -24,7 +24,7 @@ def body_of_mesh(
     The middle of its bounding box becomes the body's origin. `tilt_deg` turns it about x, then about y.
 
     Raises:
-        ConfigurationError: the mesh is not closed, is too large or has too many faces.
+        ConfigurationError: the mesh is empty or not closed, is too small or too large, or has too many faces.
     """
     import trimesh  # only where somebody gives a mesh
     from scipy.spatial.transform import Rotation
@@ -32,17 +32,28 @@ def body_of_mesh(
     if len(faces) > MOST_FACES:
         raise ConfigurationError(f'the mesh {name!r} has {len(faces)} faces, more than {MOST_FACES}; simplify it')
     mesh = trimesh.Trimesh(vertices_mm @ Rotation.from_euler('xy', tilt_deg, degrees=True).as_matrix().T, faces)
-    if not mesh.is_watertight:
-        raise ConfigurationError(f'the mesh {name!r} is not closed; fill its holes')
+    _require_closed(name, mesh.edges_sorted)
     low, high = mesh.bounds
-    half_mm = float((high - low)[:2].max()) / 2
-    if half_mm > LARGEST_MM / 2:
+    wide_mm = float((high - low)[:2].max())
+    if not SMALLEST_MM <= wide_mm <= LARGEST_MM:
+        beside = f'less than {SMALLEST_MM:g}; ' if wide_mm < SMALLEST_MM else f'more than {LARGEST_MM:g}; cut it, or '
         raise ConfigurationError(
-            f'the mesh {name!r} is {2 * half_mm:.0f} mm wide, more than {LARGEST_MM:.0f}; cut it, or scale it: '
-            'meshes are in millimetres'
+            f'the mesh {name!r} is {wide_mm:.3g} mm wide, {beside}scale it: meshes are in millimetres'
         )
     mesh.apply_translation(-(low + high) / 2)
-    return Body.of_heights(name, _lower_side(mesh, half_mm))
+    return Body.of_heights(name, _lower_side(mesh, wide_mm / 2))
+
+
+def _require_closed(name: str, edges: Int[np.ndarray, 'edges 2']) -> None:
+    """Two triangles meet at each edge of a closed mesh; `edges` has each as often as triangles have it."""
+    if not len(edges):
+        raise ConfigurationError(f'the mesh {name!r} holds no triangles; export it again')
+    sides = np.unique(edges, axis=0, return_counts=True)[1]
+    if apart := np.count_nonzero(sides != 2):
+        raise ConfigurationError(
+            f'the mesh {name!r} is not closed: {apart} of its edges do not join two triangles; fill its holes, and '
+            'join bodies that touch'
+        )
 
 
 def _lower_side(mesh: object, half_mm: float) -> Float[np.ndarray, 'n n']:

@@ -23,9 +23,24 @@ def test_a_tilted_mesh_touches_with_its_lower_side():
     assert left - right == pytest.approx(5 * np.tan(np.radians(2.0)), abs=2e-3)
 
 
-def test_an_open_mesh_and_one_too_large_are_refused():
+@pytest.mark.parametrize(
+    ('faces', 'scale', 'said'),
+    [
+        (slice(0, -1), 1.0, 'is not closed: 3 of its edges do not join two triangles; fill its holes'),
+        (slice(0, 0), 1.0, 'holds no triangles; export it again'),
+        (slice(None), 25.0, 'is 150 mm wide, more than 40; cut it, or scale it: meshes are in millimetres'),
+        (slice(None), 1e-3, 'is 0.006 mm wide, less than 0.4; scale it: meshes are in millimetres'),
+    ],
+)
+def test_a_mesh_that_is_open_empty_too_large_or_in_metres_is_refused(faces: slice, scale: float, said: str):
     box = trimesh.creation.box((6.0, 4.0, 2.0))
-    with pytest.raises(ConfigurationError, match="the mesh 'open' is not closed; fill its holes"):
-        body_of_mesh('open', box.vertices, box.faces[:-1])
-    with pytest.raises(ConfigurationError, match='is 150 mm wide, more than 40; cut it, or scale it'):
-        body_of_mesh('large', box.vertices * 25, box.faces)
+    with pytest.raises(ConfigurationError, match=said):
+        body_of_mesh('box', box.vertices * scale, box.faces[faces])
+
+
+def test_two_boxes_that_share_an_edge_are_told_apart_from_one_with_a_hole():
+    one, other = trimesh.creation.box((4.0, 4.0, 4.0)), trimesh.creation.box((4.0, 4.0, 4.0))
+    both = trimesh.util.concatenate([one, other.apply_translation((4.0, 4.0, 0.0))])
+    both.merge_vertices()
+    with pytest.raises(ConfigurationError, match='1 of its edges do not join two triangles; fill its holes'):
+        body_of_mesh('boxes', both.vertices, both.faces)
