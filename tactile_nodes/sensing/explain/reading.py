@@ -41,8 +41,8 @@ class Region:
 
     `torsion_n_mm` is the moment about z at the contact's place. `area_mm2` is that of the surface that carries half of
     the highest pressure or more, `length_mm` and `width_mm` are its extent along its longest axis, which is turned by
-    `angle_rad` from x towards y, and across it. `slip_share` is the share of the normal force where the shear has
-    reached the friction limit.
+    `angle_rad` from x towards y, and across it. `slip_share` is how near the contact is to slipping as a
+    whole: net shear and torsion over those of the highest friction that it shows.
     """
 
     shear_n: tuple[float, float]

@@ -116,8 +116,8 @@ def _parts(pressed, shape, part):
 
 
 @compiled()
-def _slip_share(forces, inside, total, most):
-    """As `contacts.slip_share`, of some patches, of which the strongest presses by `most`."""
+def _slip_share(forces, inside, most, numbers):
+    """As `contacts.slip_share`, of some patches, of which the strongest presses by `most`, and of their numbers."""
     friction, pressed, touched, count = np.empty(inside.shape[0]), np.empty(inside.shape[0]), 0.0, 0
     for k in inside:
         normal = forces[0, k]
@@ -127,15 +127,15 @@ def _slip_share(forces, inside, total, most):
                 friction[at], pressed[at] = friction[at - 1], pressed[at - 1]
                 at -= 1
             friction[at], pressed[at], touched, count = size, normal, touched + normal, count + 1
-    at, below, slips = 0, pressed[0], 0.0
+    at, below = 0, pressed[0]
     while at < count - 1 and below < contacts.EXCEEDED * touched:
         at += 1
         below += pressed[at]
-    greatest = friction[at]
-    for k in range(count):
-        if friction[k] >= contacts.SLIPS * greatest:
-            slips += pressed[k]
-    return slips / total if greatest >= contacts.LEAST_FRICTION else 0.0
+    if friction[at] < contacts.LEAST_FRICTION:
+        return 0.0
+    turning = numbers[5] / numbers[6] if numbers[6] > 0 else 0.0
+    net = math.sqrt(numbers[3] ** 2 + numbers[4] ** 2 + turning**2)
+    return min(1.0, net / (friction[at] * numbers[2]))
 
 
 @compiled()
@@ -173,7 +173,7 @@ def _contact(forces, root, active, inside, centres, size_mm, numbers):
     numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = x, y, total, shear_x, shear_y
     numbers[5], numbers[6] = torsion, math.sqrt(spread / total)
     _extent(forces, inside, centres, size_mm, most, numbers)
-    numbers[11], n = _slip_share(forces, inside, total, most), active.shape[0]
+    numbers[11], n = _slip_share(forces, inside, most, numbers), active.shape[0]
     for i in range(root.shape[0]):
         normal, along, turning, across = 0.0, 0.0, 0.0, 0.0
         for a in range(n):

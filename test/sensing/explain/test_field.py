@@ -119,10 +119,18 @@ def test_a_twist_is_told_as_torsion(solver: FieldSolver) -> None:
     assert contact.region.torsion_n_mm == pytest.approx(true, rel=0.1)
 
 
-def test_what_slips_is_where_friction_is_greatest() -> None:
-    """Cattaneo's rim: a middle that sticks at a third of the limit, a rim of 40 % of the force at the limit."""
+def test_slip_is_the_net_shear_over_that_of_the_greatest_friction_all_over() -> None:
+    """Cattaneo: a middle that sticks at a third of the limit of 0.6, a rim at it: (0.12 + 2 * 0.12) / 0.6 = 0.6."""
     pressed = np.array([0.6, 0.2, 0.2])
     rubbed = np.array([[0.6 * 0.2, 0.2 * 0.6, 0.2 * 0.6], [0.0, 0.0, 0.0]])
-    assert slip_share(pressed, rubbed) == pytest.approx(0.4)
-    assert slip_share(pressed, np.zeros((2, 3))) == 0.0
-    assert slip_share(pressed, 0.5 * np.stack([pressed, np.zeros(3)])) == pytest.approx(1.0)
+    assert slip_share(pressed, rubbed, 0.0, 1.0) == pytest.approx(0.6)
+    assert slip_share(pressed, np.zeros((2, 3)), 0.0, 1.0) == 0.0
+    assert slip_share(pressed, 0.5 * np.stack([pressed, np.zeros(3)]), 0.0, 1.0) == pytest.approx(1.0)
+
+
+def test_a_ring_that_only_presses_does_not_slip_and_one_that_is_turned_under_friction_slips_as_a_whole() -> None:
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    pressed, outwards, around = np.full(12, 0.1), np.stack([np.cos(turn), np.sin(turn)]), [-np.sin(turn), np.cos(turn)]
+    assert slip_share(pressed, -0.06 * outwards, 0.0, 4.0) == pytest.approx(0.0, abs=1e-9)
+    assert slip_share(pressed, 0.06 * np.stack(around), 12 * 0.06 * 4.0, 4.0) == pytest.approx(1.0)
+    assert slip_share(pressed[:1], np.array([[0.02], [0.0]]), 0.0, 0.0) == pytest.approx(1.0)

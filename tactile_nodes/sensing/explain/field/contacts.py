@@ -20,9 +20,8 @@ LEAST_SHARE = 0.03
 """Of the whole force: a contact with less is not told by itself."""
 
 HALF = 0.5
-SLIPS, EXCEEDED = 0.9, 0.9
-"""Share of the greatest friction in a contact at which a patch counts as being at the limit; a tenth of the force
-exceeds the greatest."""
+EXCEEDED = 0.9
+"""Share of the force with no more friction than what counts as the greatest in a contact."""
 
 LEAST_FRICTION = 0.15
 """Shear over pressure below which nothing can be said to slip."""
@@ -68,8 +67,8 @@ def _numbers_of(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patch
     torsion = float((away[:, 0] * shear[1] - away[:, 1] * shear[0]).sum())
     fitted = field.deviations(_levers(away[field.active], part[field.active], total)).tolist()
     lever = float(np.sqrt((pressed * np.square(away).sum(axis=1)).sum() / total))
-    extent = _extent(pressed, away, patches)
-    return [*centre, total, *shear.sum(axis=1), torsion, lever, *extent, slip_share(pressed, shear), *fitted]
+    extent, slips = _extent(pressed, away, patches), slip_share(pressed, shear, torsion, lever)
+    return [*centre, total, *shear.sum(axis=1), torsion, lever, *extent, slips, *fitted]
 
 
 def _levers(
@@ -101,13 +100,15 @@ def _extent(
     return count * width * height, math.sqrt(mean + off), math.sqrt(mean - off), math.atan2(2 * xy, xx - yy) / 2
 
 
-def slip_share(pressed: Float[np.ndarray, ' patches'], shear: Float[np.ndarray, '2 patches']) -> float:
-    """Share of the normal force where the shear is close to the greatest friction that the contact shows.
+def slip_share(
+    pressed: Float[np.ndarray, ' patches'], shear: Float[np.ndarray, '2 patches'], torsion: float, lever_mm: float
+) -> float:
+    """Net shear and torsion over those of the same contact with the greatest friction all over it: 1 slips as a whole.
 
-    Coulomb's limit is the same all over a contact: where shear over pressure is as high as anywhere, it slips. The
-    greatest is that which a tenth of the force exceeds.
+    They count together as on an ellipsoid (Howe and Cutkosky 1996), the torsion by the root mean square distance of the
+    force. What goes inwards from all sides as a body presses is no slip. Of a sphere it is Cattaneo's share s:
+    q = mu (p(F) - p(F - s F)), so that the sum is s mu F.
     """
-    total = float(pressed.sum())
     touched = pressed > TOUCHED * pressed.max()
     friction = np.hypot(*shear[:, touched]) / pressed[touched]
     order = np.argsort(friction)
@@ -115,4 +116,5 @@ def slip_share(pressed: Float[np.ndarray, ' patches'], shear: Float[np.ndarray, 
     greatest = float(friction[order][np.argmax(above)])
     if greatest < LEAST_FRICTION:
         return 0.0
-    return float(pressed[touched][friction >= SLIPS * greatest].sum() / total)
+    turning = torsion / lever_mm if lever_mm > 0 else 0.0
+    return min(1.0, math.hypot(*shear.sum(axis=1), turning) / (greatest * float(pressed.sum())))
