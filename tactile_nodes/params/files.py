@@ -217,7 +217,8 @@ def _value(node: yaml.Node, source: str, name: str) -> Value:
     kinds = {type(item) for item in items}
     if len(kinds) > 1:
         found = ' and '.join(sorted(kind.__name__ for kind in kinds))
-        raise _refusal(source, node, f'the list {name!r} mixes {found}; a list holds one type')
+        hint = ': write 0.0 for 0' if kinds == {int, float} else ''
+        raise _refusal(source, node, f'the list {name!r} mixes {found}; a list holds one type{hint}')
     return typing.cast(Value, items)
 
 

@@ -235,7 +235,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
         raise ModelError(f'model {loaded.model_id} is a {readout.kind}, and a description makes a field: --model field')
     source = loaded.card
     dots = sensor.pattern.kind == 'dots'
-    if loaded.image_size == sensor.image.crop_px and model.bins == BinGrid.of_sensor(sensor) and not dots:
+    if model.bins == BinGrid.of_sensor(sensor) and not dots and _sees_alike(sensor, sensor_of(source, loaded.model_id)):
         scaling = uncovered(sensor, replace(readout.scaling, mean=np.zeros_like(readout.scaling.mean)))
         layout = model.layout
     else:
@@ -254,6 +254,12 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     }
     made_model = replace(model, layout=layout, bins=made.bins, readout=made, model_id='unsaved')
     return save_model(output, made_model, card)
+
+
+def _sees_alike(one: Sensor, other: Sensor) -> bool:
+    """Whether one picture shows the same part of the gel as the other, so that the same regions are known."""
+    (seen, known) = ((each.image.crop_px, each.camera, each.gel.outline) for each in (one, other))
+    return seen == known
 
 
 def _measured_by(

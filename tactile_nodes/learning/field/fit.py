@@ -96,7 +96,7 @@ def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> Inpu
     if trusted.mean() < LEAST_SEEN:
         raise ConfigurationError(
             f'{trusted.sum()} of the {trusted.size} regions of the picture of {sensor.name} see its gel; check '
-            'camera.position_mm and its focal length, gel.width_mm, gel.height_mm and mask'
+            'camera.position_mm, camera.tilt_deg and its focal length, gel.width_mm, gel.height_mm and mask'
         )
     axes = (*trusted.shape, 2)
     return InputScaling(

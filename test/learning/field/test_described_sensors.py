@@ -201,9 +201,30 @@ def test_a_ball_on_a_few_printed_dots_is_read(tmp_path: Path) -> None:
     assert chain.read().total_n == 0
 
 
-def test_a_camera_that_looks_beside_the_gel_is_refused() -> None:
-    aside = dataclasses.replace(SMALL.camera, position_mm=(40.0, 0.0, -20.0))
-    with pytest.raises(ConfigurationError, match='regions of the picture of small see its gel'):
-        described_model(
-            load_model(find_model('field')), dataclasses.replace(SMALL, camera=aside), '', Path('never'), Progress()
-        )
+@pytest.mark.parametrize(
+    ('sensor', 'camera'),
+    [
+        (SMALL, {'position_mm': (40.0, 0.0, -20.0)}),
+        (Sensor(), {'position_mm': (60.0, 0.0, -23.0)}),
+        (Sensor(), {'tilt_deg': (90.0, 0.0)}),
+        (Sensor(), {'tilt_deg': (180.0, 0.0)}),
+    ],
+)
+def test_a_camera_that_looks_beside_the_gel_is_refused(sensor: Sensor, camera: dict[str, tuple[float, ...]]) -> None:
+    beside = dataclasses.replace(sensor, camera=dataclasses.replace(sensor.camera, **camera))
+    with pytest.raises(ConfigurationError, match=f'regions of the picture of {sensor.name} see its gel'):
+        described_model(load_model(find_model('field')), beside, '', Path('never'), Progress())
+
+
+def test_regions_that_look_beyond_the_rim_are_not_known_where_pictures_have_the_size_of_the_sources(tmp_path: Path):
+    """10 mm to the right the rim is 6 mm aside, of markers 17 to 21.5 mm above the camera: 290 px/rad atan(6 / 17) = 98
+    px at most, so that the four columns from 308 - 220 = 88 px on at the least see none at some depth."""
+    sensor = Sensor()
+    camera = dataclasses.replace(sensor.camera, position_mm=(10.0, 0.0, -23.0))
+    file = tmp_path / 'aside.safetensors'
+    described_model(load_model(find_model('field')), dataclasses.replace(sensor, camera=camera), '', file, Progress())
+    readout = load_model(file).model.readout
+    trusted = readout.scaling.trusted
+    assert trusted.shape == (20, 20)
+    assert not trusted[:, 14:].any()
+    assert trusted[6:14, :12].all()
