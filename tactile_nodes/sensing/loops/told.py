@@ -93,25 +93,36 @@ def _on_bins(forces, root, active, bin_of, bins, fitted):
 
 @compiled()
 def _parts(pressed, shape, part):
-    """Patches that lie side by side and press: fills in the number of each one's part, from 1; how many there are."""
-    most, count, waiting = 0.0, 0, np.empty(pressed.shape[0], np.int64)
+    """As `contacts.parts_of`: fills in the number of each part; how many numbers there are, some of no patch."""
+    most, whole, count = 0.0, 0.0, 0
     for value in pressed:
-        most = max(most, value)
-    for k in range(pressed.shape[0]):
-        part[k] = -1 if pressed[k] > contacts.TOUCHED * most else 0
-    for first in range(pressed.shape[0]):
-        if part[first] >= 0:
-            continue
-        count += 1
-        part[first], waiting[0], left = count, first, 1
-        while left:
-            left -= 1
-            row, col = waiting[left] // shape[1], waiting[left] % shape[1]
-            for y in range(max(row - 1, 0), min(row + 2, shape[0])):
-                for x in range(max(col - 1, 0), min(col + 2, shape[1])):
-                    if part[y * shape[1] + x] < 0:
-                        part[y * shape[1] + x], waiting[left] = count, y * shape[1] + x
-                        left += 1
+        most, whole = max(most, value), whole + value
+    peaks, sums = np.zeros(pressed.shape[0] + 1), np.zeros(pressed.shape[0] + 1)
+    part[:] = 0
+    for k in np.argsort(-pressed, kind='mergesort'):
+        if pressed[k] <= contacts.TOUCHED * most:
+            break
+        row, col, first = k // shape[1], k % shape[1], 0
+        above, below, left, right = max(row - 1, 0), min(row + 2, shape[0]), max(col - 1, 0), min(col + 2, shape[1])
+        for y in range(above, below):
+            for x in range(left, right):
+                beside = part[y * shape[1] + x]
+                if beside > 0 and (first == 0 or beside < first):
+                    first = beside
+        if first == 0:
+            count += 1
+            first, peaks[count] = count, pressed[k]
+        for y in range(above, below):
+            for x in range(left, right):
+                other = part[y * shape[1] + x]
+                if other > first and (
+                    pressed[k] >= contacts.VALLEY * peaks[other] or sums[other] < contacts.LEAST_SHARE * whole
+                ):
+                    for i in range(pressed.shape[0]):
+                        if part[i] == other:
+                            part[i] = first
+                    sums[first] += sums[other]
+        part[k], sums[first] = first, sums[first] + pressed[k]
     return count
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_nodes.sensing.explain.field.contacts import contacts_of, slip_share
+from tactile_nodes.sensing.explain.field.contacts import contacts_of, parts_of, slip_share
 from tactile_nodes.sensing.explain.field.solver import FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.field.told import sums
@@ -103,6 +103,22 @@ def test_contacts_are_told_apart_with_what_acts_on_each(solver: FieldSolver) -> 
     assert first.region is not None
     assert 5.0 < first.region.area_mm2 < 30.0  # pi 2² is 12.6
     assert first.sigma_n < 0.1
+
+
+@pytest.mark.parametrize(
+    ('row', 'told'),
+    [
+        ([0.0, 1.0, 0.20, 0.8, 0.0], [0, 1, 1, 2, 0]),  # 0.20 < 0.3 * 0.8
+        ([0.0, 1.0, 0.28, 0.8, 0.0], [0, 1, 1, 1, 0]),
+        ([0.0, 1.0, 0.00, 0.8, 0.0], [0, 1, 0, 2, 0]),
+        ([1.0, 1.0, 1.0, 1.0, 0.031, 0.104], [1, 1, 1, 1, 1, 1]),  # 0.104 is less than 3 % of the whole
+        ([5.0, 0.16, 4.0, 0.20, 3.0], [1, 1, 2, 2, 3]),
+    ],
+)
+def test_two_peaks_are_two_contacts_where_pressure_between_them_falls_below_three_tenths(row, told) -> None:
+    grid = np.pad(np.array([row]), 1)
+    assert parts_of(grid.ravel(), grid.shape).reshape(grid.shape)[1, 1:-1].tolist() == told
+    assert parts_of(grid.T.ravel(), grid.T.shape).reshape(grid.T.shape)[1:-1, 1].tolist() == told
 
 
 def test_a_twist_is_told_as_torsion(solver: FieldSolver) -> None:
