@@ -12,6 +12,7 @@ from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import stamp_ns, time_from_ns, types
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.reading import Acting, Contact, Region, SurfaceField
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, Crop, grey
@@ -196,14 +197,18 @@ def _acting_fields(acting: Acting) -> dict[str, Any]:
 
 
 def _pressing_fields(forces_n: Float32[np.ndarray, 'rows cols'], bins: BinGrid) -> dict[str, Any]:
-    """Of a readout that knows normal forces alone: each acts at the centre of its bin, r x F = (-y f, x f, 0)."""
+    """Of a readout that knows normal forces alone: each acts at the centre of its bin, r x F = (-y f, x f, 0).
+
+    Where forces are no numbers nothing of the wrench is known.
+    """
     x, y = _levers(bins)
     forces = forces_n.reshape(-1).astype(float)
-    torque = -float(y @ forces), float(x @ forces), 0.0
+    none = 0.0 * float(forces.sum())
+    torque = -float(y @ forces), float(x @ forces), none
     covariance = np.zeros(36)
     covariance[0] = -1.0
     return {
-        'wrench': _wrench(np.array([0.0, 0.0, -float(forces.sum()), *torque])),
+        'wrench': _wrench(np.array([none, none, -float(forces.sum()), *torque])),
         'wrench_covariance': covariance,
     }
 
@@ -225,9 +230,9 @@ def _flat(values: np.ndarray) -> Float32[np.ndarray, ' values']:
     return np.array(values, np.float32).reshape(-1)
 
 
-def field_message(field: SurfaceField, bins: BinGrid, force: types.ForceDistribution) -> types.ForceField:
-    """What acts on fine cells, beside the force distribution that it belongs to."""
-    rows, cols = field.pressure_mpa.shape
+def field_message(field: SurfaceField | None, bins: BinGrid, force: types.ForceDistribution) -> types.ForceField:
+    """What acts on fine cells, beside the force distribution that it belongs to; None: not known in this frame."""
+    rows, cols = PatchGrid(bins).shape if field is None else field.pressure_mpa.shape
     return types.ForceField(
         header=force.header,
         rows=rows,
@@ -235,16 +240,23 @@ def field_message(field: SurfaceField, bins: BinGrid, force: types.ForceDistribu
         cell_width=bins.width_mm / cols * MILLI,
         cell_height=bins.height_mm / rows * MILLI,
         origin=force.origin,
-        pressure=_flat(field.pressure_mpa * PASCALS),
-        shear_x=_flat(field.shear_mpa[..., 0] * PASCALS),
-        shear_y=_flat(field.shear_mpa[..., 1] * PASCALS),
-        pressure_sigma=_flat(field.pressure_sigma_mpa * PASCALS),
-        shear_sigma=_flat(field.shear_sigma_mpa * PASCALS),
+        **({} if field is None else _maps(field)),
         status=force.status,
         reasons=force.reasons,
         explanation=force.explanation,
         provenance=force.provenance,
     )
+
+
+def _maps(field: SurfaceField) -> dict[str, np.ndarray]:
+    maps = {
+        'pressure': field.pressure_mpa,
+        'shear_x': field.shear_mpa[..., 0],
+        'shear_y': field.shear_mpa[..., 1],
+        'pressure_sigma': field.pressure_sigma_mpa,
+        'shear_sigma': field.shear_sigma_mpa,
+    }
+    return {name: _flat(values * PASCALS) for name, values in maps.items()}
 
 
 def _contact_message(contact: Contact) -> types.Contact:

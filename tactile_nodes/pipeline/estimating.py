@@ -14,6 +14,7 @@ from tactile_nodes.pipeline.described_model import require_of_sensor
 from tactile_nodes.pipeline.judge_force import ForceMemory, judge_force
 from tactile_nodes.pipeline.ready_model import Inputs, Ready
 from tactile_nodes.pipeline.tell import tell_force
+from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.reading import Acting
 from tactile_nodes.sensing.judge.stamped import ByStamp
 
@@ -117,10 +118,12 @@ class Estimating:
         return self._memory.calibration
 
     def field(self, force: types.ForceDistribution) -> types.ForceField | None:
-        """The fine maps beside the force that was answered last; None of a model that knows none."""
-        if self._acting is None or self._acting.field is None:
+        """The fine maps beside the force that was answered last, empty where it is none; None of a model without."""
+        model = self.now.loaded.model
+        if not isinstance(model.readout, FieldReadout):
             return None
-        return conversions.field_message(self._acting.field(), self.now.loaded.model.bins, force)
+        field = self._acting.field() if self._acting and self._acting.field else None
+        return conversions.field_message(field, model.bins, force)
 
     def _provenance_of(self, reference_id: str) -> types.Provenance:
         """Made anew where model or rest image are others than those of the frame before."""

@@ -21,6 +21,7 @@ from tactile_nodes.pipeline.ready_model import Ready
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.model import ForceMap
 from tactile_nodes.sensing.explain.splines import value_and_slopes
+from tactile_nodes.viewing.force_shapes import pressure_map
 
 FORCE = types.ForceDistribution
 
@@ -163,6 +164,26 @@ def test_a_contact_of_which_nobody_knows_what_was_before_does_not_begin() -> Non
         estimating.answer(each, '', 0.85, 0.0) for each in (features(estimating, 0.5), blind, features(estimating, 0.5))
     ]
     assert [each.reasons for each in told] == [0, FORCE.REASON_DARK_IMAGE, 0]
+
+
+def test_while_a_force_is_invalid_its_field_is_told_as_unknown_and_so_is_every_number_of_the_wrench() -> None:
+    """Whoever draws the field alone would go on to show the last contact."""
+    estimating = Estimating('field')
+    layout = estimating.now.inputs.layout
+    blind = types.FlowFeatures(
+        header=conversions.header(7, 'camera'), rows=layout.rows, cols=layout.cols, channels=layout.channels,
+        encoding=layout.encoding, values=np.full(layout.count, np.nan, np.float32),
+        confidence=np.ones(layout.rows * layout.cols, np.float32), image_width=440, image_height=440,
+    )  # fmt: skip
+    force = estimating.answer(blind, '', 0.85, 0.0)
+    field = estimating.field(force)
+    assert field is not None
+    assert (field.status, field.header.stamp) == (FORCE.STATUS_INVALID, force.header.stamp)
+    assert (field.rows, field.cols, field.pressure.size, field.shear_sigma.size) == (18, 18, 0, 0)
+    assert np.isnan(np.frombuffer(pressure_map(field).data.tobytes(), '<f4')).sum() == 18 * 18
+    numbers = force.wrench.force, force.wrench.torque
+    assert all(math.isnan(value) for each in numbers for value in (each.x, each.y, each.z))
+    assert Estimating('fast').field(force) is None
 
 
 def test_models_to_go_back_to_are_kept_up_to_a_number() -> None:
