@@ -40,9 +40,10 @@ MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
 CONVERGED = np.array([2e-3, 2e-3, 2e-4])
 """Steps end with the first of which none along x, y (mm) or force (N) is longer; the next would be a tenth of it."""
-HOPELESS, SLOW = 4.0, 0.9
-"""Contacts that leave so many times of what they may (squared) explain nothing: steps end with the first that leaves
-more than this share of what the step before left."""
+SLOW = 0.9
+"""Steps end, too, with the first that leaves more than this share (squared) of what the step before left: where tips
+explain a frame each leaves far less, until they are there; where they do not, or lie too close together to be told
+apart, many more would follow for nothing."""
 START_SPACING_MM = 2.0
 START_FORCES = np.array([0.15, 0.5, 0.9])
 """Of the hardest press."""
@@ -267,14 +268,13 @@ class AxisymmetricReadout:
         high = np.array([*half, MARGIN * self.highest_n])
         low = np.array([-half[0], -half[1], 0.0])
         largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.highest_n / 4])
-        granted, hopeless = damping(len(begin)), HOPELESS * self.calibration.misfit_limit**2
-        count = max(int((seen.certainty > 0).sum()), 1)
+        granted, count = damping(len(begin)), max(int((seen.certainty > 0).sum()), 1)
         useless = (worth * self.calibration.misfit_limit) ** 2 * count
         here, found = begin.copy(), []
         for _ in range(MOST_STEPS):
             fit, down, cost = self._compare(seen, here)
             found.append((cost, fit))
-            if len(found) > 1 and fit.misfit > max(hopeless, SLOW * found[-2][1].misfit):
+            if len(found) > 1 and fit.misfit > SLOW * found[-2][1].misfit:
                 break
             step = np.linalg.solve(fit.information + granted, down)
             if fit.misfit * count - float(down @ step) > useless:

@@ -118,6 +118,16 @@ def test_two_presses_are_told_apart() -> None:
     assert [each.force_n for each in found.contacts] == pytest.approx([0.7, 0.4], abs=0.05)
 
 
+def test_steps_end_where_a_second_contact_explains_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    compare, compared = AxisymmetricReadout._compare, []
+    monkeypatch.setattr(AxisymmetricReadout, '_compare', lambda *given: compared.append(1) or compare(*given))
+    noisier = (2 * NOISE_PX * np.random.default_rng(1).normal(size=(8, 8, 2))).astype(np.float32)
+    tried = readout(calibration=Calibration(misfit_limit=1.0, least_gain=20.0))
+    contacts = tried.read(seen([(3.3, -5.2, 0.6)]) + noisier, SURE).contacts
+    assert (contacts[0].x_mm, contacts[0].y_mm) == pytest.approx((3.3, -5.2), abs=0.06)
+    assert len(compared) <= 6  # three for a contact that is there, and hardly more for one that is not
+
+
 def test_noise_alone_is_no_contact() -> None:
     noise = (NOISE_PX * np.random.default_rng(3).normal(size=(8, 8, 2))).astype(np.float32)
     assert readout().read(noise, SURE).normal_force_n.sum() == 0
