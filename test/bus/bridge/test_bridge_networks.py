@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,6 +27,8 @@ def _ip(*words: str) -> None:
 @pytest.fixture
 def switch() -> Iterator[list[str]]:
     """The names of four network namespaces, connected to one switch."""
+    if shutil.which('ip') is None:
+        pytest.skip('network namespaces need the program ip (Debian package iproute2)')
     switch, names = f'tn{os.getpid()}s', [f'tn{os.getpid()}{letter}' for letter in 'abcd']
     try:
         _ip('netns', 'add', switch)

@@ -70,7 +70,9 @@ def test_forces_in_a_usual_picture_are_the_networks_to_the_bit():
     alone = network(0.9, witness=None).read(values, SURE)
     beside = network(0.9).read(values, SURE)
     assert beside.normal_force_n.tobytes() == alone.normal_force_n.tobytes()
-    assert (beside.contacts, beside.total_sigma_n) == (alone.contacts, alone.total_sigma_n)
+    (told,), (expected,) = beside.contacts, alone.contacts
+    assert repr(told) == repr(expected)  # its deviation of the place is NaN, which equals nothing
+    assert beside.total_sigma_n == alone.total_sigma_n
 
 
 def test_what_directions_leave_over_counts_beside_the_witness():
