@@ -137,7 +137,7 @@ def _nearby(pressed, cols, near):
 
 
 @compiled()
-def _hold(pressed, cols, hold, near, held):
+def _hold(pressed, cols, told, near, held):
     """As `FieldSolver._held`; fills in what is nearby, too."""
     _nearby(pressed, cols, near)
     total, above, squared = 0.0, 0.0, 0.0
@@ -145,9 +145,9 @@ def _hold(pressed, cols, hold, near, held):
         more = max(pressed[k] - solver.UNSEEN_N / 2, 0.0)
         total, above, squared = total + pressed[k], above + more, squared + more * more
     wide = solver.WIDE / max(above * above / max(squared, 1e-12), 1.0)
-    filled = min(1.0, wide * wide)
+    weight = solver.HELD * told * min(1.0, wide * wide)
     for k in range(pressed.shape[0]):
-        held[k] = hold[k] * filled / (near[k] + max(solver.SPREAD * total, solver.AROUND_N))
+        held[k] = weight / (near[k] + max(solver.SPREAD * total, solver.AROUND_N))
 
 
 @compiled()
@@ -173,13 +173,13 @@ def _squared(rows, forces):
 
 
 @compiled()
-def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, told, hold, pressed):
+def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, told, pressed):
     """As `FieldSolver._on_bins`: fills in the normal force as each patch has its share."""
     patches, bins, n = pressed.shape[0], on.shape[0], 3 * on.shape[0]
     near, held, by_place = np.empty(patches), np.empty(patches), np.zeros(around.shape[0])
     for k in range(patches):
         pressed[k] = around[bin_of[k]] / PER_BIN**2
-    _hold(pressed, cols, hold, near, held)
+    _hold(pressed, cols, told, near, held)
     for k in range(patches):
         by_place[bin_of[k]] += held[k]
     information, evidence = np.empty((n, n), np.float32), np.empty(n, np.float32)
@@ -218,9 +218,9 @@ def _moves(caused):
 
 @compiled(
     'Tuple((b1, f8[:, ::1], i8[::1], f4[:, ::1], f8, f8))(UniTuple(f4[:, ::1], 2), i8[::1], f8[::1], f8[::1], '
-    'Tuple((f4[::1], f4[:, ::1])), i8, f8, f8[::1])'
+    'Tuple((f4[::1], f4[:, ::1])), i8, f8)'
 )
-def field(by_force, bin_of, around, motion, weights, cols, told, hold):
+def field(by_force, bin_of, around, motion, weights, cols, told):
     """As `FieldSolver.field`, where some bins are to be solved on: those above the limit, or all of one value.
 
     Args:
@@ -230,8 +230,7 @@ def field(by_force, bin_of, around, motion, weights, cols, told, hold):
         motion: of the regions, along x and y.
         weights: of them, and what the camera shares.
         cols: of the patches.
-        told: share of the weight that holds forces down.
-        hold: the weight that holds each patch down.
+        told: share of the weight that holds forces and patches down.
 
     Returns:
         Whether the forces can be told apart; they; which patches were solved on; the root of their covariance; and the
@@ -246,8 +245,8 @@ def field(by_force, bin_of, around, motion, weights, cols, told, hold):
         allowed[k] = around[bin_of[k]] > limit and _moves(by_force[1][k])
     bins = which[: _chosen(around, limit, np.ones(around.shape[0], np.bool_), which)].copy()
     pressed, near, held = np.empty(patches), np.empty(patches), np.empty(patches)
-    able = _on_bins(by_force[0], bins, around, bin_of, motion, weights, cols, told, hold, pressed)
-    _hold(pressed, cols, hold, near, held)
+    able = _on_bins(by_force[0], bins, around, bin_of, motion, weights, cols, told, pressed)
+    _hold(pressed, cols, told, near, held)
     limit = 0.0
     for value in near:
         limit = max(limit, solver.ACTIVE * value)

@@ -48,14 +48,6 @@ def test_a_light_touch_that_the_picture_shows_is_told(
     assert field.total_n == pytest.approx(0.015, abs=2 * 0.004)  # noise has a bin off by 4 mN
 
 
-def test_a_contact_in_a_corner_is_told_as_whole_as_any(solver: FieldSolver) -> None:
-    forces = disc(solver, (-13.0, 13.0), 4.0, 1.0)
-    forces[1] = 0.3 * forces[0]
-    motion = moved(solver, forces)
-    field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
-    assert field.total_n == pytest.approx(1.0, rel=0.03)
-
-
 def test_noise_alone_is_no_force(solver: FieldSolver) -> None:
     motion = moved(solver, np.zeros((3, solver.patches.count)))
     field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))

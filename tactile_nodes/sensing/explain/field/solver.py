@@ -195,7 +195,7 @@ class FieldSolver:
         """The same, compiled."""
         able, forces, active, root, before, after = compiled_loops().field(
             (self._by_bin, self._by_force), self.patches.bin_of, around, motion, (weights.single, weights.shared),
-            self.patches.shape[1], self._told, self._hold,
+            self.patches.shape[1], self._told,
         )  # fmt: skip
         if not able:
             raise np.linalg.LinAlgError(NOT_APART)
@@ -275,14 +275,8 @@ class FieldSolver:
 
     def _held(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
         filled = min(1.0, (WIDE / spread_over(pressed)) ** 2)
-        return self._hold * filled / (self._nearby(pressed) + max(SPREAD * float(pressed.sum()), AROUND_N))
-
-    @cached_property
-    def _hold(self) -> Float[np.ndarray, ' patches']:
-        """The weight that holds each patch down: less where a newton shows less, so that as much force is taken there
-        as elsewhere."""
-        weight: np.ndarray = HELD * self._told * np.square(np.minimum(self._shown, 1.0))
-        return weight
+        around = self._nearby(pressed) + max(SPREAD * float(pressed.sum()), AROUND_N)
+        return HELD * self._told * filled / around
 
     @cached_property
     def _told(self) -> float:
