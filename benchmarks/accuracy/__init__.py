@@ -1,4 +1,4 @@
-"""Models side by side: how accurate, how sure, how fast and how large, and what they do with unlike inputs.
+"""Models side by side: how accurate, how sure, how fast and how large.
 
 Every model answers the same presses (same places, depths and images, its own flow and features) one frame at a time,
 as the live node asks it. Times are interleaved, so that what else runs on the machine weighs on all models; ratios are
@@ -28,15 +28,14 @@ SEED = 1001
 
 @dataclass(frozen=True)
 class Plan:
-    """How much to measure: presses off the grid, for each disturbance, and rounds of images for the times."""
+    """How much to measure: presses off the grid, and rounds of images for the times."""
 
     presses: int = 2000
-    unlike: int = 200
     rounds: int = 15
     images: int = 12
 
 
-QUICK = Plan(presses=24, unlike=0, rounds=2, images=2)
+QUICK = Plan(presses=24, rounds=2, images=2)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
@@ -57,9 +56,7 @@ def measure(models: Sequence[Path], curve: Sequence[Path], plan: Plan, progress:
     from tactile_nodes.model_file import load_model
 
     loaded = {file.stem: load_model(file) for file in models}
-    off_grid = [
-        evaluate(file, presses=plan.presses, seed=SEED, unlike=plan.unlike, progress=progress) for file in models
-    ]
+    off_grid = [evaluate(file, presses=plan.presses, seed=SEED, progress=progress) for file in models]
     grid = _grid_model(models, loaded)
     aside = [evaluate_put_aside(file, of=grid, progress=progress) for file in models] if grid else []
     along = [evaluate(file, presses=plan.presses, seed=SEED, progress=progress) for file in curve]
@@ -104,8 +101,7 @@ def collected(data: Mapping[str, Any]) -> int:
 def _plan(arguments: argparse.Namespace) -> Plan:
     plan = QUICK if arguments.quick else Plan()
     presses = plan.presses if arguments.presses is None else arguments.presses
-    unlike = plan.unlike if arguments.unlike is None else arguments.unlike
-    return Plan(presses, unlike, plan.rounds, plan.images)
+    return Plan(presses, plan.rounds, plan.images)
 
 
 def _files(names: Sequence[str]) -> list[Path]:
@@ -146,6 +142,5 @@ BENCHMARK = Benchmark(
             help='models trained on different plans and numbers of presses, for the curve of accuracy against presses',
         ),
         argument('--presses', least=1, type=int, metavar='N', help='presses off the grid (default: 2000)'),
-        argument('--unlike', least=0, type=int, metavar='N', help='presses for each disturbance (default: 200)'),
     ),
 )  # fmt: skip

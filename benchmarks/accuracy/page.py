@@ -27,10 +27,6 @@ All of it is simulation, of one gel, on the gel that the models were trained on;
 a real one. Off the grid: presses at random places within 27x27 mm and depths of 0.25 to 2 mm, with a seed, rest images
 and noise of their own. `force` and `place` are the median of the absolute error of the total force and of the distance
 to the true place, `95 %` their 95th percentiles, `missed` the share of presses that the model takes for no contact."""
-UNLIKE = """\
-Flagged is what the model calls unlike its training, of presses and of frames at rest; what it does not flag is
-believed. Another gel is another one from the rest image on; what is knocked, covered or dimmed was in order when the
-rest image was taken. Ball and punch press with the forces of the tip."""
 UNCERTAINTY = """\
 Which share of the true values the stated 90 % intervals hold (along each axis, for places). The aim is 87 to 93 %."""
 
@@ -52,10 +48,7 @@ def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     results: Results = result['_page']
     plan = result['plan']
-    more = (
-        f'{plan["presses"]} presses off the grid, {plan["unlike"]} for each disturbance, {plan["rounds"]} rounds of '
-        f'{plan["images"]} images for the times'
-    )
+    more = f'{plan["presses"]} presses off the grid, {plan["rounds"]} rounds of {plan["images"]} images for the times'
     parts = [
         *opening('How accurate the models are', result, INTRODUCTION, more),
         '## Beside the paper', _beside_the_paper(results), '## What was to be reached', reached(AIMS, result),
@@ -63,7 +56,7 @@ def page(result: Mapping[str, Any]) -> str:
         '## Off the grid', _shown(tables.groups_table(results.off_grid)),
         '## Light touches and rest', *_light(results.off_grid),
         '## Uncertainty', *_uncertainty(results.off_grid),
-        *_unlike(results.off_grid), '## Times', _times(result['times_ms']),
+        '## Times', _times(result['times_ms']),
         *_aside(results.aside), *_curve(results), *_pictures(results),
     ]  # fmt: skip
     return '\n\n'.join(part for part in parts if part)
@@ -194,11 +187,6 @@ def _uncertainty(evaluations: Sequence[Evaluation]) -> list[str]:
             if stated:
                 parts += [f'**{each.name}**', _shown(tables.curve_table(stated)), _shown(tables.left_out_table(stated))]
     return parts
-
-
-def _unlike(evaluations: Sequence[Evaluation]) -> list[str]:
-    shown = [f'**{each.name}**\n\n{_shown(tables.unlike_table(each.unlike))}' for each in evaluations if each.unlike]
-    return ['## Unlike inputs', UNLIKE, *shown] if shown else []
 
 
 def _times(times: dict[str, Any]) -> str:

@@ -159,6 +159,7 @@ BENCHMARK = Benchmark(
     about=__doc__,
     sources=(
         'benchmarks/contacts/**',
+        'benchmarks/disturbances.py',
         'benchmarks/stability/chain.py',
         'tactile_nodes/learning/**',
         *SENSING,

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
+from benchmarks import disturbances as disturb
 from benchmarks.contacts.cases import Case
 from benchmarks.stability.chain import REST_FRAMES
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import Crop
-from tactile_nodes.simulation import disturbances as disturb
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Optics, Shaping

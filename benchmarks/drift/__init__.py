@@ -140,7 +140,7 @@ def page(result: Mapping[str, Any]) -> str:
 BENCHMARK = Benchmark(
     name='drift',
     about=__doc__,
-    sources=('benchmarks/drift/**', *SENSING, *SIMULATED),
+    sources=('benchmarks/drift/**', 'benchmarks/disturbances.py', *SENSING, *SIMULATED),
     page=page,
     measure=measured,
     arguments=(

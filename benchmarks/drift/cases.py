@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.disturbances import dimmed, knocked, other_markers, shrunk, warmed
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.nodes.drift_monitor import DriftMonitorParams
@@ -21,7 +22,6 @@ from tactile_nodes.sensing.judge.drift_alarm import Level
 from tactile_nodes.sensing.judge.drift_verdict import Reason, Verdict
 from tactile_nodes.sensing.metrics import root_mean_square
 from tactile_nodes.sensing.rest.reference import average
-from tactile_nodes.simulation.disturbances import dimmed, knocked, other_markers, shrunk, warmed
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 

@@ -120,7 +120,7 @@ def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> d
 BENCHMARK = Benchmark(
     name='stability',
     about=__doc__,
-    sources=('benchmarks/stability/**', *SENSING, *SIMULATED),
+    sources=('benchmarks/stability/**', 'benchmarks/disturbances.py', *SENSING, *SIMULATED),
     page=page,
     measure=measured,
     draw=draw,

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from benchmarks import disturbances as disturb
 from benchmarks.stability.stream import (
     Change,
     ForceTables,
@@ -22,7 +23,6 @@ from benchmarks.stability.stream import (
 from benchmarks.stability.times import TIMES, caught_once, pressed_slowly
 from tactile_nodes.sensing.flow.patches import moved_image
 from tactile_nodes.sensing.picture.quality import FAINT_LIGHT
-from tactile_nodes.simulation import disturbances as disturb
 from tactile_nodes.simulation.camera import through_jpeg
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press, mix

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.disturbances import WornOptics, noisier
 from benchmarks.flow.cases import seen_by
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.contact_tables.gel_tables import contact_table
-from tactile_nodes.simulation.disturbances import WornOptics, noisier
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.indenter import INDENTERS
 from tactile_nodes.simulation.mechanics import ContactTable

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 DESCRIPTION = (
     'Score models at continuous random places and depths: the metrics of the paper, places and forces, light touches, '
-    'how true stated uncertainties are, and what is flagged.'
+    'how true stated uncertainties are.'
 )
 EPILOG = """\
 examples:
-  tactile evaluate paper fast portable --unlike            several side by side, and what they flag
+  tactile evaluate paper fast portable                     several side by side
   tactile evaluate fast --picture fast.png --json fast.json
   tactile evaluate gel-7.safetensors --dataset presses.npz  on recorded presses that training put aside
   tactile evaluate gel-7.safetensors --dataset presses.npz --table told.csv  press by press
@@ -31,14 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('model', nargs='+', help='model files, or names of models that ship; several are compared')
     parser.add_argument('--presses', type=int, default=2000, metavar='N', help='presses to score (default: 2000)')
     parser.add_argument('--seed', type=int, default=1001, metavar='S', help='seed of the presses (default: 1001)')
-    parser.add_argument(
-        '--unlike', type=int, default=0, nargs='?', const=200, metavar='N',
-        help='also disturb the input (other gel, knocked camera, covered lens, ...), N presses each (200)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--pairs', type=int, default=0, nargs='?', const=200, metavar='N',
-        help='also press with two tips at once, N times (200)',
-    )  # fmt: skip
     parser.add_argument(
         '--put-aside', nargs='?', const='', metavar='MODEL',
         help='score what the training (of MODEL, for all) put aside of its simulated grid of presses',
@@ -80,16 +72,12 @@ def _check(arguments: argparse.Namespace) -> None:
 
     for output in filter(None, (arguments.json, arguments.table, arguments.picture)):
         check_output(output)
-    if arguments.presses < 1 or min(arguments.unlike, arguments.pairs) < 0:
-        raise ConfigurationError('--presses must be at least 1, and --unlike and --pairs no less than 0')
-    if max(arguments.presses, arguments.unlike, arguments.pairs) > MOST_PRESSES:
-        raise ConfigurationError(f'no more than {MOST_PRESSES} presses of a kind can be scored')
+    if not 1 <= arguments.presses <= MOST_PRESSES:
+        raise ConfigurationError(f'--presses must be from 1 to {MOST_PRESSES}')
     if arguments.dataset and arguments.put_aside is not None:
         raise ConfigurationError('--put-aside is for simulated presses; of --dataset FILE that is scored anyway')
     if arguments.split and not arguments.dataset:
         raise ConfigurationError('--split says which part of recorded presses to score; give them with --dataset FILE')
-    if (arguments.unlike or arguments.pairs) and (arguments.dataset or arguments.put_aside is not None):
-        raise ConfigurationError('--unlike and --pairs simulate their own presses; leave out --dataset and --put-aside')
 
 
 def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
@@ -103,14 +91,7 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
     if arguments.put_aside is not None:
         of = find_model(arguments.put_aside) if arguments.put_aside else None
         return evaluate_put_aside(model, of=of, progress=progress)
-    return evaluate(
-        model,
-        presses=arguments.presses,
-        seed=arguments.seed,
-        unlike=arguments.unlike,
-        pairs=arguments.pairs,
-        progress=progress,
-    )
+    return evaluate(model, presses=arguments.presses, seed=arguments.seed, progress=progress)
 
 
 def _named(file: Path, one: Evaluation, evaluated: list[Evaluation]) -> Path:

@@ -13,8 +13,6 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
-from tactile_nodes.learning.evaluation.disturbed import disturbed_samples
-from tactile_nodes.learning.evaluation.pairs import PairScores, score_pairs
 from tactile_nodes.learning.evaluation.predictions import Predictions, name_of, predictions_of
 from tactile_nodes.learning.evaluation.scores import (
     ALL,
@@ -27,7 +25,6 @@ from tactile_nodes.learning.evaluation.scores import (
 )
 from tactile_nodes.learning.evaluation.statuses import AT_REST, LIGHT, StatusScores, score_status
 from tactile_nodes.learning.evaluation.uncertainty import Uncertainty, force_uncertainty, position_uncertainty
-from tactile_nodes.learning.evaluation.unlike import UnlikeScores, score_unlike
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import evaluation_samples, simulated_split, simulated_test
 from tactile_nodes.model_file import LoadedModel, load_model
@@ -39,7 +36,7 @@ LIGHTEST_MM = 0.25
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A model's scores: by group of presses, at rest, of light touches, uncertainty, unlike inputs, two tips at once.
+    """A model's scores: by group of presses, at rest, of light touches, uncertainty.
 
     What was not asked for, or what a model does not state, is None or empty. `answers` are what it all follows from.
     """
@@ -55,8 +52,6 @@ class Evaluation:
     data: str = ''
     statuses: Mapping[str, StatusScores] = dataclasses.field(default_factory=dict)
     light: LightScores | None = None
-    unlike: Mapping[str, UnlikeScores] = dataclasses.field(default_factory=dict)
-    pairs: Mapping[str, PairScores] = dataclasses.field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """The scores as JSON knows them; what is not known is None."""
@@ -69,14 +64,11 @@ def evaluate(
     *,
     presses: int = 2000,
     seed: int = 1001,
-    unlike: int = 0,
-    pairs: int = 0,
     progress: Progress | None = None,
 ) -> Evaluation:
     """Scores of a model on simulated presses of the gel that it was trained on.
 
-    Of five frames one is at rest; half as many presses again are light touches (seed + 1), and `unlike` as many for
-    each way of disturbing the input (seed + 2). Of two tips at once there are `pairs` frames (seed).
+    Of five frames one is at rest; half as many presses again are light touches (seed + 1).
 
     Raises:
         ModelError: the file cannot be used, was trained on other data than simulated, or with one of these seeds.
@@ -85,14 +77,11 @@ def evaluate(
     config = evaluation_config(loaded, presses, seed)
     dataset = simulate(config, progress)
     light = predictions_of(loaded, simulate(light_config(config, max(1, presses // 2)), progress), progress)
-    disturbed = read_disturbed(loaded, config, unlike, progress) if unlike else {}
     found = score(loaded, dataset, simulated_words(loaded, config), name_of(model_file), progress)
     return dataclasses.replace(
         found,
-        statuses={**found.statuses, **statuses_of({LIGHT: light, **disturbed})},
+        statuses={**found.statuses, LIGHT: score_status(light)},
         light=score_light(light),
-        unlike={name: score_unlike(each) for name, each in disturbed.items()},
-        pairs=score_pairs(loaded, config, pairs, progress) if pairs else {},
     )
 
 
@@ -166,24 +155,11 @@ def score(
         answers=answers,
         data=data,
         statuses={
-            **statuses_of({ALL: answers}),
-            **({} if answers.touched.all() else {AT_REST: score_status(answers[~answers.touched])}),
+            name: score_status(answers[chosen])
+            for name, chosen in ((ALL, answers.touched), (AT_REST, ~answers.touched))
+            if chosen.any()
         },
     )
-
-
-def read_disturbed(
-    loaded: LoadedModel, config: TrainConfig, presses: int, progress: Progress
-) -> dict[str, Predictions]:
-    """What a model says by disturbance, of presses of the depths of `config`."""
-    data = dataclasses.replace(config.data, presses=presses * 5 // 4, seed=config.data.seed + 2)
-    samples = disturbed_samples(dataclasses.replace(config, data=data), progress)
-    return {name: predictions_of(loaded, dataset) for name, dataset in samples.items()}
-
-
-def statuses_of(found: Mapping[str, Predictions]) -> dict[str, StatusScores]:
-    """Scores of the status of presses, by what was done to them."""
-    return {name: score_status(each[each.touched]) for name, each in found.items() if each.touched.any()}
 
 
 def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConfig:
@@ -193,10 +169,10 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
         raise ModelError(
             f'model {loaded.model_id} was not trained on the simulated gel; evaluate it with --dataset FILE'
         )
-    if seed <= card['data']['seed'] <= seed + 2:
+    if seed <= card['data']['seed'] <= seed + 1:
         raise ModelError(
             f'model {loaded.model_id} was trained on presses of seed {card["data"]["seed"]}, and the evaluation takes '
-            f'those of {seed} to {seed + 2}; choose another --seed'
+            f'those of {seed} and {seed + 1}; choose another --seed'
         )
     data = DataConfig(
         presses=presses * 5 // 4, seed=seed, reach_mm=13.5, shallowest_mm=LIGHTEST_MM, deepest_mm=2.0,

@@ -21,10 +21,9 @@ from tactile_nodes.sensing.geometry import BinGrid
 class Predictions:
     """Truth and answer of each sample; lengths in mm in the surface frame, forces in N, NaN where a model knows none.
 
-    A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `regions_seen` is the share
-    of the regions that the model knows in which there are markers to follow. `status`, `told_sigma_n` (the standard
-    deviation of the total) and `nominal_n` (the one that is usual) are what the force topic would say of an
-    undisturbed picture.
+    A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `status`, `told_sigma_n`
+    (the standard deviation of the total) and `nominal_n` (the one that is usual) are what the force topic would say of
+    an undisturbed picture.
     """
 
     place_mm: Float[np.ndarray, 'samples 2']
@@ -35,8 +34,6 @@ class Predictions:
     total_n: Float[np.ndarray, ' samples']
     total_sigma_n: Float[np.ndarray, ' samples']
     position_sigma_mm: Float[np.ndarray, ' samples']
-    unlikeness: Float[np.ndarray, ' samples']
-    regions_seen: Float[np.ndarray, ' samples']
     status: Int[np.ndarray, ' samples']
     told_sigma_n: Float[np.ndarray, ' samples']
     nominal_n: Float[np.ndarray, ' samples']
@@ -89,11 +86,6 @@ class Predictions:
         """Which samples the model takes for a contact: its total force reaches its own threshold."""
         return self.total_n >= self.contact_threshold_n
 
-    @property
-    def flagged(self) -> np.ndarray:
-        """Which samples the model says to be unlike anything it knows; none if it cannot tell."""
-        return self.unlikeness > 1
-
 
 def predict(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> list[ForceMap]:
     """The model's answers, one sample at a time as the live node asks."""
@@ -120,8 +112,6 @@ def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | N
         total_n=np.array([each.total_n for each in found], np.float64),
         total_sigma_n=np.array([each.total_sigma_n for each in found], np.float64),
         position_sigma_mm=np.array([each.position_sigma_mm for each in found], np.float64),
-        unlikeness=np.array([each.unlikeness for each in found], np.float64),
-        regions_seen=np.array([each.confidence for each in found], np.float64),
         status=np.array([each.status for each in told], np.int64),
         told_sigma_n=np.array([each.sigma_n for each in told], np.float64),
         nominal_n=np.array([each.nominal_n for each in found], np.float64),

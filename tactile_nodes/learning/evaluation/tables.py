@@ -7,11 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from tactile_nodes.learning.evaluation.pairs import PairScores
 from tactile_nodes.learning.evaluation.scores import ALL, LIGHT_N, TOUCH_N, LightBand, LightScores, RestScores
 from tactile_nodes.learning.evaluation.statuses import StatusScores
 from tactile_nodes.learning.evaluation.uncertainty import Uncertainty
-from tactile_nodes.learning.evaluation.unlike import UnlikeScores
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.evaluation.evaluate import Evaluation
@@ -22,19 +20,9 @@ MERITS = {
     'position_median_mm': 'place mm', 'position_p95_mm': '95 % mm', 'missed': 'missed',
 }  # fmt: skip
 """Heads of columns by the field of `PressScores`; force and place are median and 95th percentile of the error."""
-UNLIKE = {
-    'flagged': 'flagged', 'rest_flagged': 'at rest', 'false_contacts': 'false contacts',
-    'unflagged_rmse_n': 'RMSE N, not flagged', 'unflagged_p95_mm': '95 % mm, not flagged', 'rmse_n': 'RMSE N, all',
-    'unlikeness_median': 'unlikeness', 'regions_seen': 'regions seen',
-}  # fmt: skip
 STATUSES = {
     'frames': 'frames', 'ok': 'ok', 'degraded': 'degraded', 'invalid': 'invalid', 'held': '90 % interval holds',
     'wrong_while_ok': 'wrong while ok',
-}  # fmt: skip
-PAIRS = {
-    'pairs': 'pairs', 'found': 'both found', 'placed': 'both placed', 'counted': 'two counted', 'flagged': 'flagged',
-    'wrong': 'wrong, not flagged', 'ok': 'ok', 'degraded': 'degraded', 'held': '90 % interval holds',
-    'total_p95_n': 'total 95 % N',
 }  # fmt: skip
 
 
@@ -88,8 +76,6 @@ def tables(evaluation: Evaluation) -> list[Table]:
         *([coverage_table([evaluation])] if stated else []),
         *(curve_table(each) for each in stated),
         *(left_out_table(each) for each in stated),
-        *([unlike_table(evaluation.unlike)] if evaluation.unlike else []),
-        *([pairs_table(evaluation.pairs)] if evaluation.pairs else []),
     ]
 
 
@@ -211,18 +197,6 @@ def status_table(statuses: Mapping[str, StatusScores]) -> Table:
     return Table('', ('status', *STATUSES.values()), rows)
 
 
-def unlike_table(unlike: Mapping[str, UnlikeScores]) -> Table:
-    """What a model says of each disturbance."""
-    rows = tuple((name, *_cells(asdict(scores), UNLIKE)) for name, scores in unlike.items())
-    return Table('', ('unlike inputs', *UNLIKE.values()), rows)
-
-
-def pairs_table(pairs: Mapping[str, PairScores]) -> Table:
-    """What a model says of two tips at once, by their distance."""
-    rows = tuple((name, *_cells(asdict(scores), PAIRS)) for name, scores in pairs.items())
-    return Table('', ('two tips', *PAIRS.values()), rows)
-
-
 def _light_coverage(light: LightScores | None) -> tuple[float, float]:
     return (light.force_coverage, light.place_coverage) if light else (math.nan, math.nan)
 
@@ -242,7 +216,7 @@ def cell(field: str, value: object) -> str:
         return str(value)
     if field.endswith('_n'):
         return number(value, 4)
-    if field.endswith(('_mm', 'unlikeness_median')):
+    if field.endswith('_mm'):
         return number(value, 3)
     return percent(value)
 

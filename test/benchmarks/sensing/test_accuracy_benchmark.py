@@ -113,7 +113,7 @@ def test_models_of_one_name_are_refused(models: list[Path], tmp_path: Path, caps
 def test_options_of_evaluate_that_contradict_are_one_sentence(
     models: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for words in (['--put-aside', '--unlike'], ['--put-aside', '--dataset', 'x.npz'], ['--presses', '0']):
+    for words in (['--put-aside', '--dataset', 'x.npz'], ['--presses', '0'], ['--presses', '9' * 20]):
         assert main(['evaluate', str(models[0]), *words]) == 1
         assert len(capsys.readouterr().err.splitlines()) == 1
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as draw
 
+from benchmarks import disturbances as disturb
 from benchmarks.harness.report import surroundings
 from benchmarks.stability import Stream, follow, measure, read
 from benchmarks.stability.cases import CASES, Case, named
@@ -21,7 +22,6 @@ from benchmarks.stability.page import page, picture_of
 from benchmarks.stability.plots import draw as draw_plots
 from benchmarks.stability.scores import OK
 from benchmarks.stability.stream import DURING, HELD, REST, Change, Plan, World
-from tactile_nodes.simulation import disturbances as disturb
 
 ONE = Plan(presses=1, before=1, coming=4, rest=1, after=1)
 

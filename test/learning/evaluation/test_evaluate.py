@@ -14,7 +14,7 @@ import pytest
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
-from tactile_nodes.learning.evaluation import disturbed, picture
+from tactile_nodes.learning.evaluation import picture
 from tactile_nodes.learning.evaluation.evaluate import Evaluation, evaluate, evaluate_put_aside
 from tactile_nodes.learning.evaluation.picture import cell_medians, draw
 from tactile_nodes.learning.evaluation.tables import comparison, report
@@ -24,7 +24,6 @@ from tactile_nodes.learning.training.source import simulated_data
 from tactile_nodes.model_file import save_model
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout, TotalSpread
-from tactile_nodes.simulation.gel import Gel
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 
@@ -76,7 +75,7 @@ def test_presses_rest_and_light_touches_are_scored(scores: Evaluation) -> None:
     assert (scores.answers.depth_mm[scores.answers.touched] >= 0.25).all()
 
 
-@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('seed', [2, 3])
 def test_the_trainings_own_seed_is_refused_for_each_set(model: Path, seed: int) -> None:
     with pytest.raises(ModelError, match='was trained on presses of seed 3'):
         evaluate(model, presses=16, seed=seed)
@@ -133,40 +132,6 @@ def test_what_training_put_aside_of_a_grid_is_scored_for_others_too(model: Path,
         evaluate_put_aside(other, of=grid)
     with pytest.raises(ModelError, match='put no simulated presses aside'):
         evaluate_put_aside(grid, of=model)
-
-
-def test_a_knocked_camera_moves_the_image_by_what_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    knocked = disturbed.Disturbance('knocked', knock_px=1.0)
-    monkeypatch.setattr(disturbed, 'DISTURBANCES', (disturbed.UNDISTURBED, knocked))
-    config = config_for(presses=6, without_contact=0.9, seed=8)
-    samples = disturbed.disturbed_samples(config, Progress())
-    rest = samples['as trained'].presses[:, 2] < 0
-    moved = {
-        name: each.features[rest].astype(float)[:, 3:7, 3:7].mean(axis=(0, 1, 2)) for name, each in samples.items()
-    }
-    assert np.hypot(*moved['as trained']) < 0.02
-    assert np.hypot(*moved['knocked']) == pytest.approx(1.0, abs=0.1)
-    np.testing.assert_array_equal(samples['knocked'].presses, samples['as trained'].presses)
-
-
-def test_a_covered_lens_shows_nothing_where_it_is_covered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A flow that judges every frame loses its confidence in the left half, and in no other."""
-    covered = disturbed.Disturbance('covered', covered=0.5)
-    monkeypatch.setattr(disturbed, 'DISTURBANCES', (disturbed.UNDISTURBED, covered))
-    config = dataclasses.replace(
-        config_for(presses=4, without_contact=0.9, seed=8), flow=Choice('inverse_compositional')
-    )
-    samples = disturbed.disturbed_samples(config, Progress())
-    seen = {name: each.confidence[each.rest].mean(axis=0) for name, each in samples.items()}
-    assert seen['as trained'][3:7, 3:7].min() > 0.9
-    assert seen['covered'][3:7, :4].max() < 0.1
-    assert seen['covered'][3:7, 6:8].min() > 0.9
-
-
-def test_a_linear_gel_is_pressed_by_its_tip_alone() -> None:
-    linear = dataclasses.replace(config_for(), gel=Gel(mechanics='linear'))
-    assert {each.indenter for each in disturbed.possible(linear)} == {'tip'}
-    assert {each.indenter for each in disturbed.possible(config_for())} == {'tip', 'ball', 'punch'}
 
 
 def test_cells_of_the_error_map_hold_the_median_of_their_presses() -> None:

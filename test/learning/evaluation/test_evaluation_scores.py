@@ -12,7 +12,6 @@ from tactile_nodes.learning.evaluation import scores
 from tactile_nodes.learning.evaluation.predictions import Predictions
 from tactile_nodes.learning.evaluation.statuses import score_status
 from tactile_nodes.learning.evaluation.uncertainty import force_uncertainty, position_uncertainty
-from tactile_nodes.learning.evaluation.unlike import score_unlike
 from tactile_nodes.sensing.geometry import BinGrid
 
 BINS = BinGrid()
@@ -28,7 +27,6 @@ def answers(
     off_mm: Sequence[tuple[float, float]] | None = None,
     sigma_n: float | Sequence[float] = math.nan,
     sigma_mm: float | Sequence[float] = math.nan,
-    unlikeness: float | Sequence[float] = math.nan,
     status: Sequence[int] | None = None,
     nominal_n: float = math.nan,
 ) -> Predictions:
@@ -41,8 +39,8 @@ def answers(
     whole = np.ones(count)
     return Predictions(
         place, deep, true, found, place + np.array(off_mm or [(0.0, 0.0)] * count), np.array(found_n, float),
-        whole * sigma_n, whole * sigma_mm, whole * unlikeness, whole,
-        np.array(status or [OK] * count), whole * sigma_n, whole * nominal_n, BINS, contact_threshold_n=0.02,
+        whole * sigma_n, whole * sigma_mm, np.array(status or [OK] * count), whole * sigma_n, whole * nominal_n,
+        BINS, contact_threshold_n=0.02,
     )  # fmt: skip
 
 
@@ -127,21 +125,6 @@ def test_a_model_without_uncertainty_has_none_to_judge() -> None:
     found = answers([(0, 0)] * 3, [0.5] * 3, [0.4] * 3)
     assert force_uncertainty(found) is None
     assert position_uncertainty(found) is None
-
-
-def test_flagged_inputs_are_left_out_of_what_is_believed() -> None:
-    found = answers([(0, 0)] * 4, [0.5, 0.5, 0.0, 0.0], [0.9, 0.51, 0.3, 0.3], unlikeness=[2.0, 0.9, 1.5, 1.0])
-    scored = score_unlike(found)
-    assert (scored.presses, scored.flagged, scored.rest_flagged, scored.false_contacts) == (2, 0.5, 0.5, 0.5)
-    assert scored.unflagged_rmse_n == pytest.approx(0.01, rel=1e-4)
-    assert scored.regions_seen == 1.0
-    assert scored.rmse_n == pytest.approx(math.sqrt((0.4**2 + 0.01**2) / 2), rel=1e-5)
-
-
-def test_a_model_that_knows_no_unlikeness_is_taken_at_its_word() -> None:
-    scored = score_unlike(answers([(0, 0)], [0.5], [0.9]))
-    assert math.isnan(scored.flagged)
-    assert scored.unflagged_rmse_n == scored.rmse_n == pytest.approx(0.4, rel=1e-5)
 
 
 def test_places_of_light_touches_count_where_they_are_detected() -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.capture import RestCapture
-from tactile_nodes.simulation.disturbances import noisier
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
@@ -17,7 +18,11 @@ class Pictures:
     """Frames of the simulated gel, each with noise of its own."""
 
     def __init__(self, noise: float = 1.0) -> None:
-        self._optics, self._seed = Optics(noisier(Gel(), noise), contact_table(Gel())), 0
+        gel = Gel()
+        noisy = replace(
+            gel, read_noise_grey=noise * gel.read_noise_grey, shot_noise_grey=noise**2 * gel.shot_noise_grey
+        )
+        self._optics, self._seed = Optics(noisy, contact_table(gel)), 0
 
     def of(self, *presses: Press) -> np.ndarray:
         self._seed += 1

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as draw
 
-from tactile_nodes.simulation import disturbances as disturb
+from benchmarks import disturbances as disturb
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import NoiseBank, Press, place_markers
