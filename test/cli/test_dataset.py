@@ -9,8 +9,9 @@ import pytest
 from press_bags import Collection, Sensor, whole_collection
 
 from tactile_nodes.cli.main import main
+from tactile_nodes.learning.datasets.file import load_dataset
 
-COARSE = ['--encoding', 'cartesian_mean', '--rows', '20', '--cols', '20']
+COARSE = ['--profile', 'quick']
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -61,6 +62,20 @@ def test_info_tells_the_reading_of_the_labels(file: Path, capsys: pytest.Capture
     assert 'gel-7' in shown
 
 
+def test_a_run_of_ones_own_says_how_pictures_are_measured(bag: Path, tmp_path: Path) -> None:
+    run, made = tmp_path / 'mine.yaml', tmp_path / 'mine.npz'
+    run.write_text(
+        'flow: {name: dis, options: {preset: fast}}\nencoding: {name: cartesian_mean, options: {rows: 8, cols: 10}}\n'
+        'data: {crop: 400}\nnetwork: {rows: 5, cols: 7}\n'
+    )
+    assert main(['dataset', 'build', str(bag), '-o', str(made), '--profile', str(run)]) == 0
+    presses = load_dataset(made)
+    assert presses.features.shape[1:] == (8, 10, 2)
+    assert (presses.bins.rows, presses.bins.cols) == (5, 7)
+    assert presses.rest_image.shape == (400, 400)
+    assert presses.card['flow']['options']['preset'] == 'fast'
+
+
 def test_info_draws(file: Path, tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     assert main(['dataset', 'info', str(file), '--picture', str(tmp_path / 'p.png')]) == 0
@@ -91,10 +106,8 @@ def test_a_damaged_file_is_one_sentence(file: Path, tmp_path: Path, capsys: pyte
 @pytest.mark.parametrize(
     ('words', 'sentence'),
     [
-        (['--bins', 'nine'], 'write for example 9x9'),
-        (['--flow', 'nonsense'], 'no flow method'),
-        (['--flow-options', 'preset'], 'write NAME=VALUE'),
-        (['--flow-options', 'presett=fast'], 'no option'),
+        (['--profile', 'none.yaml'], 'none.yaml'),
+        (['--profile', 'paper', '--model', 'fast'], '--profile does not go with --model'),
         (['--without-contact', '2'], 'share between 0 and 0.5'),
         (['--gel', 'none.yaml'], 'cannot read none.yaml'),
     ],

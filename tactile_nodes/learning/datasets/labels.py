@@ -6,12 +6,9 @@ good a reading. The two differ by 20 % in aRMSE on the same features, so every d
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.geometry import BinGrid
 
 SNAP = 1e-7
@@ -61,21 +58,3 @@ def describe(bins: BinGrid) -> str:
 def _middle(bins: BinGrid) -> str:
     x, y = bins.centre_mm
     return f'middle at ({x:g}, {y:g}) mm' if x or y else 'origin in the middle'
-
-
-def parse_bins(counts: str, surface: str) -> BinGrid:
-    """Bins from text such as '9x9' (rows x columns) and '32x32' (width x height in mm).
-
-    Raises:
-        ConfigurationError: neither, or nothing above zero.
-    """
-    rows, cols = _pair('bins', counts, r'\d+', '9x9')
-    width, height = _pair('surface', surface, r'\d+(?:\.\d+)?', '32x32')
-    return BinGrid(int(rows), int(cols), float(width), float(height))
-
-
-def _pair(what: str, text: str, number: str, example: str) -> tuple[str, str]:
-    found = re.fullmatch(f'({number})x({number})', text)
-    if not found or not float(found[1]) or not float(found[2]):
-        raise ConfigurationError(f'{text!r} says nothing of the {what}; write for example {example}')
-    return found[1], found[2]

@@ -178,7 +178,7 @@ def test_a_description_alone_tells_which_forces_to_expect(
 ) -> None:
     table = edited(folder, in_unit, HEADER.replace('force_g', 'force_mn'))
     words = ['dataset', 'import', str(table), '-o', str(tmp_path / 'x.npz'), '--sensor', SENSOR]
-    assert main([*words, '--rows', '8', '--cols', '8']) == 1
+    assert main(words) == 1
     assert 'times what the description lets expect' in capsys.readouterr().err
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.datasets.labels import bin_indices, describe, force_labels, outside, parse_bins
+from tactile_nodes.learning.datasets.labels import bin_indices, describe, force_labels, outside
 from tactile_nodes.sensing.geometry import BinGrid
 
 WHOLE = BinGrid(9, 9, 32.0, 32.0)
@@ -47,13 +45,3 @@ def test_the_rim_belongs_to_the_surface() -> None:
 
 def test_the_reading_is_told_in_words() -> None:
     assert describe(WHOLE).startswith('9x9 bins of 3.556x3.556 mm over 32x32 mm')
-
-
-def test_bins_are_read_as_rows_by_columns_over_width_by_height() -> None:
-    assert parse_bins('8x9', '32x27.5') == BinGrid(8, 9, 32.0, 27.5)
-
-
-@pytest.mark.parametrize(('counts', 'surface'), [('9', '32x32'), ('9x0', '32x32'), ('9x9', '32'), ('9x9', '0x32')])
-def test_a_reading_that_says_nothing_is_refused(counts: str, surface: str) -> None:
-    with pytest.raises(ConfigurationError, match='write for example'):
-        parse_bins(counts, surface)

@@ -55,7 +55,7 @@ def rows_of(folder: Path) -> list[Row]:
 
 
 def imported(table: Path, output: Path, *words: str) -> int:
-    sensor = ['--sensor', str(table.parent / 'sensor.yaml'), '--rows', '8', '--cols', '10']
+    sensor = ['--sensor', str(table.parent / 'sensor.yaml')]
     return main(['dataset', 'import', str(table), '-o', str(output), *sensor, *words])
 
 
@@ -185,7 +185,7 @@ def test_a_description_of_another_sensor_is_refused(
     sensor: str, said: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ['dataset', 'import', str(folder / 'presses.csv'), '-o', str(tmp_path / 'x.npz'), '--sensor', sensor]
-    assert main([*words, '--rows', '8', '--cols', '8']) == 1
+    assert main(words) == 1
     assert said in capsys.readouterr().err
 
 
