@@ -193,6 +193,7 @@ BENCHMARK = Benchmark(
     sources=('benchmarks/latency/**', 'benchmarks/page/launch.py', 'benchmarks/gaps.py', *LIVE),
     page=page,
     measure=measured,
+    files=('latency.json', 'latency.md', 'live.md'),
     arguments=(
         argument('--minutes', least=0, type=float, default=10.0, metavar='N', help='how long each way (default: 10)'),
         argument('--models', nargs='+', default=['fast'], metavar='NAME', help='models (default: fast)'),

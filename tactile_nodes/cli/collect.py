@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 DESCRIPTION = 'Say what a plan asks of a rig: its points, their order, box and duration. Nothing moves.'
 EPILOG = """\
 examples:
-  tactile collect paper --dry-run                      a plan of config/plans
+  tactile collect paper                                a plan of config/plans
   tactile collect my_points.yaml --draw path.png       draws the path (needs matplotlib)
   tactile launch collect plan:=paper                   does it
 """
@@ -28,7 +28,6 @@ SHOWN = 150  # presses whose way is drawn: more cannot be told apart
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of the verb."""
     parser.add_argument('plan', help='YAML file of a plan, or the name of one in config/plans')
-    parser.add_argument('--dry-run', action='store_true', help='only say (it never does more; see tactile launch)')
     parser.add_argument('--draw', type=Path, metavar='FILE', help='draw places and path as PNG, PDF or SVG')
     parser.add_argument('--points', action='store_true', help='print every press in its order')
     parser.add_argument(
@@ -73,16 +72,11 @@ def _box(plan: Plan) -> str:
 
 
 def _draw(order: Sequence[Point], file: Path) -> None:
-    from tactile_nodes.errors import ConfigurationError
+    from tactile_nodes.learning.figures import figure, save
 
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigurationError('drawing needs matplotlib; install it with: pip install matplotlib') from error
-    figure = Figure(figsize=(7.5, 6.5), layout='constrained')
-    shown = order[:SHOWN]
+    drawing, shown = figure(7.5, 6.5), order[:SHOWN]
     title = f'{len(order)} presses; the way of the first {len(shown)}'
-    axes = figure.add_subplot(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=title)
+    axes = drawing.add_subplot(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=title)
     visits = Counter(point[1:3] for point in order)
     first = {place: number for number, place in reversed(list(enumerate((point[1:3] for point in order), start=1)))}
     axes.plot([point.x_mm for point in shown], [point.y_mm for point in shown], linewidth=0.6, color='0.6', zorder=1)
@@ -90,8 +84,5 @@ def _draw(order: Sequence[Point], file: Path) -> None:
     drawn = axes.scatter([x for x, _ in first], [y for _, y in first], c=list(first.values()), s=sizes, zorder=2)
     axes.plot(*order[0][1:3], marker='x', color='red', zorder=3)
     axes.annotate(' start', order[0][1:3], color='red')
-    figure.colorbar(drawn, label='number of the first press at this place', shrink=0.8)
-    try:
-        figure.savefig(file)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f'cannot draw into {file}: {error}') from error
+    drawing.colorbar(drawn, label='number of the first press at this place', shrink=0.8)
+    save(drawing, file)
