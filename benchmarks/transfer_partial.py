@@ -90,9 +90,8 @@ def measure(
     """
     from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.learning.transfer.checks import source_readout
-    from tactile_nodes.learning.transfer.source import axisymmetric_source
 
-    source, gel = axisymmetric_source(source_readout(loaded)), config_of(loaded).gel
+    source, gel = source_readout(loaded), config_of(loaded).gel
 
     def on_gel(number: int) -> list[dict[str, Any]]:
         pressed = _pressed(loaded, other_gel(gel, number, seed), frames, runs, progress)

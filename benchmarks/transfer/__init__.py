@@ -148,9 +148,9 @@ def _trained(loaded: LoadedModel, gel: Gel, number: int, presses: int, tested: D
     from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
     from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig
     from tactile_nodes.learning.datasets.simulated import simulate
-    from tactile_nodes.learning.transfer.source import axisymmetric_source
+    from tactile_nodes.learning.transfer.checks import source_readout
 
-    known = axisymmetric_source(loaded.model.readout).response
+    known = source_readout(loaded).response
     config = AxisymmetricConfig(lateral=known.lateral, vertical=len(known.profiles) - known.lateral)
     # By default random presses lie a little further out and deeper than those tested, as the source's own ones do.
     data = DataConfig(seed=TRAINED_SEED, crop=loaded.card['crop_px'])
@@ -204,7 +204,9 @@ def _config(loaded: LoadedModel, gel: Gel) -> TrainConfig:
     return dataclasses.replace(config_of(loaded), data=DataConfig(crop=loaded.card['crop_px']), gel=gel)
 
 
-def _on_gel(source: AnyReadout, planned: Dataset, tested: Dataset, number: int, counts: Sequence[int]) -> list[Score]:
+def _on_gel(
+    source: AxisymmetricReadout, planned: Dataset, tested: Dataset, number: int, counts: Sequence[int]
+) -> list[Score]:
     """Scores of all that `planned` presses make of the source, on the presses of another data set."""
     from tactile_nodes.learning.datasets.pressed_gels import first_presses
     from tactile_nodes.learning.transfer.fit import transfer
@@ -250,7 +252,7 @@ BENCHMARK = Benchmark(
         f'transfer{of}{end}' for of in ('', '_gels_4077', '_gels_4077_pictures_1') for end in ('.json', '.md', '.png')
     ),
     arguments=(
-        argument('--model', default='portable', help='an axisymmetric or a response model (default: portable)'),
+        argument('--model', default='portable', help='an axisymmetric model (default: portable)'),
         argument('--gels', least=1, type=int, default=10, metavar='N', help='gels to transfer to (default: 10)'),
         argument(
             '--many',

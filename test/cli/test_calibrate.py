@@ -13,13 +13,13 @@ from press_bags import spread_collection
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ModelError
-from tactile_nodes.learning.config import ResponseConfig
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
+from tactile_nodes.learning.config import AxisymmetricConfig
 from tactile_nodes.learning.datasets.file import FORMAT, FORMAT_VERSION, save_dataset
 from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import body_of_card
-from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import load_model, save_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
@@ -78,9 +78,11 @@ def recorded(dataset: Dataset, gel: str) -> RecordedPresses:
 
 @pytest.fixture(scope='module')
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    config = ResponseConfig(components=12, spacing_mm=3.0, levels=3, smoothing=(1e-2,), most_contacts=1)
+    config = AxisymmetricConfig(
+        lateral=1, vertical=1, turns=10, presses_per_turn=300, most_presses=900, most_contacts=1
+    )
     dataset, bins = pressed(900, 1, 1.0, 0.0), BinGrid()
-    readout = fit_response(dataset, np.zeros(900, bool), config, bins, Progress())
+    readout = fit_axisymmetric(dataset, np.zeros(900, bool), config, bins, Progress())
     file = tmp_path_factory.mktemp('models') / 'first.safetensors'
     card = {'flow': FLOW, 'encoding': ENCODING, 'crop_px': 440, 'gel': {'id': 'first'}, 'data': {'origin': 'simulated'}}
     save_model(file, ForceModel(FeatureLayout('cartesian_mean', 6, 6, 2), bins, readout), card)
@@ -135,7 +137,7 @@ def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     same, output = tmp_path / 'same.npz', tmp_path / 'same.safetensors'
-    save_dataset(same, recorded(pressed(28, 4, 1.0, 0.0), 'same'))  # as the gel of the model itself
+    save_dataset(same, recorded(pressed(28, 5, 1.0, 0.0), 'same'))  # as the gel of the model itself
     words = ['calibrate', '--model', str(model), '--dataset', str(same), '-o', str(output)]
     assert main(words) == 1
     assert 'the calibration would not pay: held-out presses are read' in capsys.readouterr().err
@@ -274,11 +276,13 @@ def test_a_network_of_other_features_is_refused(
     assert not output.exists()
 
 
-def test_a_layer_is_refused_for_a_response(model: Path, presses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_layer_is_refused_for_an_axisymmetric_model(
+    model: Path, presses: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     letter = Path(__file__).parents[2] / 'config' / 'transfer' / 'paper_letter.yaml'
     words = ['--model', str(model), '--dataset', str(presses), '--layer', str(letter), '-o', 'none']
     assert main(['calibrate', *words]) == 1
-    assert "is a response, and the paper's layer stands before a network" in capsys.readouterr().err
+    assert "is no network, and the paper's layer stands before one" in capsys.readouterr().err
 
 
 def test_a_network_gets_the_papers_layer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -317,7 +321,7 @@ def layered_words(folder: Path) -> list[str]:
 def test_presses_measured_otherwise_are_refused(
     presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(['calibrate', '--model', 'fast', '--dataset', str(presses), '-o', str(tmp_path / 'none')]) == 1
+    assert main(['calibrate', '--model', 'portable', '--dataset', str(presses), '-o', str(tmp_path / 'none')]) == 1
     assert 'was trained with flow' in capsys.readouterr().err
 
 
@@ -350,7 +354,7 @@ def test_presses_measured_otherwise_are_told_by_what_differs_alone(
     presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # Other flows are told by their names; options that both have alike are left out.
-    main(['calibrate', '--model', 'fast', '--dataset', str(presses), '-o', str(tmp_path / 'none')])
+    main(['calibrate', '--model', 'portable', '--dataset', str(presses), '-o', str(tmp_path / 'none')])
     said = 'was trained with flow inverse_compositional, the data set was measured with dis; build'
     assert said in capsys.readouterr().err
 

@@ -64,7 +64,6 @@ def readings() -> dict[str, np.ndarray]:
     made = {
         'response': (response, dataset),
         'axisymmetric': (axisymmetric, dataset),
-        'calibrated response': (transfer(response, few).readout, other_gel(60, 3)),
         'calibrated axisymmetric': (transfer(axisymmetric, few).readout, other_gel(60, 3)),
         'calibrated by hand': (transfer_partial(axisymmetric, replace_presses(few, half)).readout, other_gel(60, 3)),
     }

@@ -213,7 +213,7 @@ def test_presses_of_a_bag_on_another_gel_than_the_running_one_are_refused(
 
 
 def test_a_model_that_cannot_be_transferred_ends_the_node_before_it_begins(make: Callable[..., CalibratorNode]) -> None:
-    with pytest.raises(ModelError, match='only the response of a gel can be transferred'):
+    with pytest.raises(ModelError, match='only what a press does around it can be transferred'):
         make(model='paper')
 
 

@@ -85,7 +85,7 @@ def measured(
     bins: BinGrid,
     presses: Presses,
     config: AxisymmetricConfig,
-    advance: Callable[[], object] = lambda: None,
+    advance: Callable[[], object],
 ) -> AxisymmetricResponse:
     """The response that presses on a gel show."""
     response = first_guess(scaling, bins, float(presses.contacts[:, 2].max()) * MARGIN, config.levels)

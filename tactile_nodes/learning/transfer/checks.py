@@ -19,18 +19,23 @@ MOST_OFFSET_N = 0.1
 """Beyond what differences between gels bring about, by twice and more."""
 
 
-def source_readout(loaded: LoadedModel) -> AxisymmetricReadout | ResponseReadout:
+def source_readout(loaded: LoadedModel) -> AxisymmetricReadout:
     """The readout of a model that can be transferred.
 
     Raises:
-        ModelError: it is a network, or its features are no Cartesian motion.
+        ModelError: it is a network or a response measured place by place, or its features are no Cartesian motion.
     """
     readout, layout = loaded.model.readout, loaded.model.layout
     if isinstance(readout, NetworkReadout):
         raise ModelError(
-            f'model {loaded.model_id} is a {readout.kind}, and only the response of a gel can be transferred to '
-            'another; choose an axisymmetric model, such as portable, or give a network its layer: tactile calibrate '
-            '--dataset FILE'
+            f'model {loaded.model_id} is a network, and only what a press does around it can be transferred to '
+            'another gel; choose an axisymmetric model, such as portable, or give a network its layer: '
+            'tactile calibrate --dataset FILE'
+        )
+    if isinstance(readout, ResponseReadout):
+        raise ModelError(
+            f'model {loaded.model_id} is a response measured place by place, of which another gel keeps nothing; '
+            'begin with an axisymmetric model, such as portable'
         )
     if layout.encoding != 'cartesian_mean':
         raise ModelError(

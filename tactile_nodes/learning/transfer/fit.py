@@ -41,7 +41,6 @@ from tactile_nodes.learning.transfer.checks import (
 from tactile_nodes.learning.transfer.errors import Errors, Point
 from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
 from tactile_nodes.learning.transfer.regions import ASIDE, Smooth, fit_with_smooth
-from tactile_nodes.learning.transfer.source import axisymmetric_source
 from tactile_nodes.learning.transfer.whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
@@ -98,18 +97,16 @@ class Transfer:
 
 
 def transfer(
-    source: AnyReadout, dataset: Dataset, progress: Progress | None = None, *, forced: bool = False
+    known: AxisymmetricReadout, dataset: Dataset, progress: Progress | None = None, *, forced: bool = False
 ) -> Transfer:
-    """The readout for the gel of a data set; `source` is an axisymmetric one, or a response that one follows from.
+    """The readout for the gel of a data set, from that of a `known` gel.
 
-    With `forced` also one that reads held-out presses no better than the source, or than their mean.
+    With `forced` also one that reads held-out presses no better than the known one, or than their mean.
 
     Raises:
-        ModelError: the source cannot be transferred.
         DatasetError: presses from which no calibration follows, or which it would read no better than that.
     """
     progress = progress or Progress()
-    known = axisymmetric_source(source)
     require_presses(dataset, reached_mm(known))
     other = OtherGel.of(known, dataset)
     with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
@@ -136,7 +133,7 @@ def transfer(
     held = [each for each in held if each.fits]
     if not held:
         raise DatasetError('no press shows enough regions to be read; check the camera and the light')
-    read = live_errors(source, dataset, other.rows)
+    read = live_errors(known, dataset, other.rows)
     before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
     said = objection('calibration', after, before, of_the_mean(other.presses.contacts))

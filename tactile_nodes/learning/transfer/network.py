@@ -125,14 +125,14 @@ def network_readout(loaded: LoadedModel) -> NetworkReadout:
     readout, layout = loaded.model.readout, loaded.model.layout
     if not isinstance(readout, NetworkReadout):
         raise ModelError(
-            f"model {loaded.model_id} is a {readout.kind}, and the paper's layer stands before a network; calibrate it "
+            f"model {loaded.model_id} is no network, and the paper's layer stands before one; calibrate it "
             'without settings of a layer, or choose a network, such as paper'
         )
     if layout.encoding != ENCODING:
         raise ModelError(
             f'model {loaded.model_id} reads {layout.encoding}, of which the rectified units of the layer would cut off '
             f'what is negative, half of all motion; choose a network with encoding: {ENCODING}, such as paper, or '
-            'calibrate a response model, such as fast'
+            'begin with portable'
         )
     if readout.layer is not None:
         raise ModelError(

@@ -26,9 +26,7 @@ from tactile_nodes.learning.transfer.checks import LEAST_PRESSES
 from tactile_nodes.learning.transfer.errors import Errors
 from tactile_nodes.learning.transfer.fit import WORTH, OtherGel, folds_of, live_errors, told_reason
 from tactile_nodes.learning.transfer.partial_presses import PartialFit, at, fit_partial, located, unknown
-from tactile_nodes.learning.transfer.source import axisymmetric_source
 from tactile_nodes.learning.transfer.whole import HARDNESS, SIZES, Typical
-from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
@@ -121,13 +119,8 @@ def seen_through(
     return replace(response, couplings=np.einsum('ab,rbd->rad', outline.turn, response.couplings))
 
 
-def transfer_outline(source: AnyReadout, outline: OutlineMap, half_px: float) -> PartialTransfer:
-    """The readout for a gel of which nothing but its rest image is known.
-
-    Raises:
-        ModelError: the source cannot be transferred.
-    """
-    known = axisymmetric_source(source)
+def transfer_outline(known: AxisymmetricReadout, outline: OutlineMap, half_px: float) -> PartialTransfer:
+    """The readout for a gel of which nothing but its rest image is known."""
     view = views(known.scaling.trusted)
     response = seen_through(Typical.of(known.response, view), view, outline, half_px)
     nothing = Errors(math.nan, math.nan, math.nan)
@@ -142,7 +135,7 @@ PLACES_HELD = 'no places are known, so the camera counts as seated as on the kno
 
 
 def transfer_partial(
-    source: AnyReadout,
+    known: AxisymmetricReadout,
     dataset: Dataset,
     outline: OutlineMap | None = None,
     half_px: float = 220.0,
@@ -151,17 +144,15 @@ def transfer_partial(
     """The readout for the gel of a data set; NaN in its presses is what is not known: x and y, or the force.
 
     Args:
-        source: an axisymmetric readout, or a response that one follows from.
+        known: the readout of a known gel.
         dataset: presses; a depth above 0 says that something touched.
         outline: how the outline of the known gel maps onto that of this one, where there are both rest images.
         half_px: half the side of the square that features are measured in, in pixels of the rest images.
         progress: shown meanwhile.
 
     Raises:
-        ModelError: the source cannot be transferred.
         DatasetError: presses from which no calibration follows.
     """
-    known = axisymmetric_source(source)
     _require_presses(dataset)
     gel = _Gel.of(known, dataset, outline, half_px)
     with (progress or Progress()).bar('comparing forms', 2) as bar:

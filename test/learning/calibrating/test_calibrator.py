@@ -262,6 +262,12 @@ def test_a_calibration_for_this_gel_is_no_model_to_begin_with(first_model: Path,
         Calibrator(load_model(file), {'id': 'gel-7'})
 
 
-def test_a_network_is_refused_before_anything_is_pressed(own_cache: Path) -> None:
-    with pytest.raises(ModelError, match='only the response of a gel can be transferred'):
-        Calibrator(Source.find('paper').loaded, {'id': 'gel-7'})
+@pytest.mark.parametrize(
+    ('model', 'said'),
+    [('paper', 'only what a press does around it can be transferred'), ('fast', 'measured place by place')],
+)
+def test_a_model_that_no_other_gel_can_take_over_is_refused_before_anything_is_pressed(
+    model: str, said: str, own_cache: Path
+) -> None:
+    with pytest.raises(ModelError, match=said):
+        Calibrator(Source.find(model).loaded, {'id': 'gel-7'})

@@ -7,13 +7,12 @@ import json
 
 import numpy as np
 import pytest
-from responding_gel import AXISYMMETRIC, CONFIG, NOISE_PX, REACH_MM, motion, presses
+from responding_gel import AXISYMMETRIC, NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric.calibration import Judged
 from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.calibration import beyond_noise, cautious, nearer_by, nearer_errors
 from tactile_nodes.learning.transfer.checks import require_tared
@@ -284,12 +283,3 @@ def test_places_that_scatter_five_times_as_far_as_noise_makes_them_are_24_parts_
     off = dataclasses.replace(judged, truth=judged.found + scatter)
     assert beyond_noise([off], dataset) == pytest.approx(24 / 25, abs=0.02)
     assert beyond_noise([dataclasses.replace(judged, truth=judged.found + scatter / 10)], dataset) == 0.0
-
-
-def test_a_measured_response_can_be_transferred_too() -> None:
-    dataset = presses(2000, seed=1)
-    response = fit_response(dataset, np.arange(2000) % 4 == 1, CONFIG, BinGrid(), Progress())
-    fresh = other_gel(60, seed=4)
-    before, _ = errors(response, fresh)
-    after, _ = errors(transfer(response, other_gel(25, seed=3)).readout, fresh)
-    assert np.median(after) < np.median(before) / 3

@@ -203,7 +203,7 @@ def test_the_same_presses_give_the_same_layer(source: NetworkReadout, harder: Da
 
 def test_cartesian_motion_is_refused_with_what_to_do(source: NetworkReadout, harder: Dataset) -> None:
     with pytest.raises(
-        ModelError, match=r'cut off what is negative.*polar_mean, such as paper, or calibrate a response'
+        ModelError, match=r'cut off what is negative.*polar_mean, such as paper, or begin with portable'
     ):
         transfer_network(as_model(source, 'cartesian_mean'), harder, QUICK)
 
