@@ -79,7 +79,7 @@ class FlowFeaturesNode(Node):
         self._features = self.create_publisher(topics.FLOW_FEATURES)
         self._frames = self._answered_ns = self._kept_ns = 0
         self._learned: tuple[object, ...] = ()
-        self._came, self._size = '', image_size(self.params)
+        self._came, self._size = '', image_size(self.params.model)
         self._heard_ns = self._apart_ns = 0
         self._about = ''
         self._begin(self.params)

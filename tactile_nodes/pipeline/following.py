@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import UInt8
@@ -22,7 +23,6 @@ from tactile_nodes.pipeline.measure import MeasureMemory, measure
 from tactile_nodes.pipeline.memory import Memory
 from tactile_nodes.pipeline.mend import mend
 from tactile_nodes.pipeline.methods import (
-    MethodParams,
     RegistrationParams,
     StillnessParams,
     make_measuring,
@@ -49,9 +49,12 @@ DENTED = (
 
 
 @dataclass(frozen=True)
-class FollowingParams(MethodParams):
+class FollowingParams:
     """How frames are turned into features."""
 
+    READ_ONLY: ClassVar[bool] = True
+
+    model: str = parameter('fast', 'model whose flow and features are used: name of one that ships, or a file')
     reference_frames: int = parameter(10, 'frames averaged into a captured rest image', minimum=1)
     marked_share: float = parameter(
         0.1, 'share of regions that must show a pattern in a rest image', minimum=0.0, maximum=1.0
@@ -75,8 +78,8 @@ class Following:
 
     def __init__(self, params: FollowingParams, *, compiled: bool = False) -> None:
         measuring = make_measuring(
-            params, compiled=compiled, check=stillness_options(params.stillness), registers=params.registration.check,
-            marked_share=params.marked_share,
+            params.model, compiled=compiled, check=stillness_options(params.stillness),
+            registers=params.registration.check, marked_share=params.marked_share,
         )  # fmt: skip
         asked, renewal = params.registration, RenewalOptions(after_s=params.renew_after_s) if params.renew else None
         options = RegistrationOptions(asked.most_px, asked.most_turn_deg, asked.follow_s)

@@ -1,9 +1,8 @@
-"""Which flow method and features a node uses: by its parameters, or as a model was trained."""
+"""How a node measures: by the flow method and features that a model was trained with, and by its parameters."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass
 
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.params import parameter
@@ -14,45 +13,6 @@ from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.picture.quality import MARKED_SHARE
 from tactile_nodes.sensing.picture.stillness import StillnessOptions
 from tactile_nodes.sensing.rest.prepared import Measuring
-
-
-@dataclass(frozen=True)
-class DisParams:
-    """Options of the flow method ``dis``."""
-
-    preset: str = parameter('ultrafast', 'where the other options start from', choices=('ultrafast', 'fast', 'medium'))
-    finest_scale: int = parameter(1, 'finest pyramid level; 0 is full size', minimum=0, maximum=5)
-    threads: int = parameter(1, 'threads of OpenCV; another number gives other last digits', minimum=1)
-
-
-@dataclass(frozen=True)
-class InverseCompositionalParams:
-    """Options of the flow method ``inverse_compositional``, which has a patch for each region."""
-
-    finest_scale: int = parameter(1, 'scale that is measured at: 0 is full size, 1 half', minimum=0, maximum=3)
-    window: float = parameter(1.2, 'width of a patch in units of its distance to the next', minimum=0.5, maximum=4.0)
-
-
-@dataclass(frozen=True)
-class MethodParams:
-    """How motion is measured and summed up."""
-
-    READ_ONLY: ClassVar[bool] = True
-
-    model: str = parameter(
-        '', 'take flow and features from this model (name or file) instead of the parameters below', read_only=True
-    )
-    method: str = parameter(
-        'inverse_compositional',
-        'how motion is measured',
-        choices=('dis', 'dots', 'inverse_compositional'),
-        read_only=True,
-    )
-    dis: DisParams = field(default_factory=DisParams)
-    inverse_compositional: InverseCompositionalParams = field(default_factory=InverseCompositionalParams)
-    encoding: str = parameter('cartesian_mean', 'how motion is summed up by region', read_only=True)
-    rows: int = parameter(10, 'regions along y', minimum=1, read_only=True)
-    cols: int = parameter(10, 'regions along x', minimum=1, read_only=True)
 
 
 @dataclass(frozen=True)
@@ -91,14 +51,14 @@ def stillness_options(params: StillnessParams) -> StillnessOptions | None:
 
 
 def make_measuring(
-    params: MethodParams,
+    model: str,
     *,
     compiled: bool = False,
     check: StillnessOptions | None = None,
     registers: bool = False,
     marked_share: float = MARKED_SHARE,
 ) -> Measuring:
-    """What parameters ask for, `compiled` loops included; the rest as `Measuring` has it.
+    """As a model (name or file) was trained, by `compiled` loops if asked for; the rest as `Measuring` has it.
 
     The motion of the whole picture is followed by patches of texture, and between printed dots there is none: what
     touches a few dozen moves most of them, so beside them nothing `registers`.
@@ -107,26 +67,16 @@ def make_measuring(
         ConfigurationError: no such method or option.
         ModelError: the model cannot be used.
     """
-    if params.model:
-        loaded = load_model(find_model(params.model))
-        flow, encoding = make_flow(*loaded.flow, compiled=compiled), make_encoding(*loaded.encoding)
-    else:
-        regions = {'rows': params.rows, 'cols': params.cols}
-        options = {
-            'dis': asdict(params.dis),
-            'dots': regions,
-            'inverse_compositional': {**asdict(params.inverse_compositional), **regions},
-        }[params.method]
-        flow = make_flow(params.method, options, compiled=compiled)
-        encoding = make_encoding(params.encoding, regions)
+    loaded = load_model(find_model(model))
+    flow, encoding = make_flow(*loaded.flow, compiled=compiled), make_encoding(*loaded.encoding)
     registers = registers and not isinstance(flow, DotsFlow)
     return Measuring(flow, encoding, compiled, check, registers, marked_share)
 
 
-def image_size(params: MethodParams) -> tuple[int, int] | None:
-    """Width and height of the pictures that the model reads; None without one, or of one that does not say it."""
-    loaded = load_model(find_model(params.model)) if params.model else None
-    return loaded.image_size if loaded and 'crop_px' in loaded.card else None
+def image_size(model: str) -> tuple[int, int] | None:
+    """Width and height of the pictures that a model reads; None of one that does not say it."""
+    loaded = load_model(find_model(model))
+    return loaded.image_size if 'crop_px' in loaded.card else None
 
 
 def told(flow: FlowMethod) -> str:

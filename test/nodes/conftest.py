@@ -65,3 +65,16 @@ def small_model(tmp_path: Path) -> Path:
     }
     model_file.save_model(file, ForceModel(layout, bins, NetworkReadout(scaling, network, bins)), card)
     return file
+
+
+@pytest.fixture
+def patches_model(small_model: Path, tmp_path: Path) -> Path:
+    """The same for a flow of one patch a region, and pictures of any size."""
+    loaded, regions = model_file.load_model(small_model), {'rows': 4, 'cols': 4}
+    card = {
+        'flow': {'name': 'inverse_compositional', 'options': {**regions, 'finest_scale': 1}},
+        'encoding': {'name': 'cartesian_mean', 'options': regions},
+        'gel': loaded.card['gel'],
+    }
+    model_file.save_model(tmp_path / 'patches.safetensors', loaded.model, card)
+    return tmp_path / 'patches.safetensors'

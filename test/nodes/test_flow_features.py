@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -26,7 +27,12 @@ from tactile_nodes.nodes.flow_features import FlowFeaturesNode
 Listen = Callable[[Topic], Subscription]
 FORCE = types.ForceDistribution
 Advertise = Callable[[Topic], Publisher]
-SMALL = ['encoding:=cartesian_mean', 'rows:=4', 'cols:=4', 'reference_frames:=1']
+SMALL: list[str] = []
+
+
+@pytest.fixture(autouse=True)
+def _small(patches_model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], 'SMALL', [f'model:={patches_model}', 'reference_frames:=1'])
 
 
 def node(bus: InProcessBus, clock: SteppedClock, *parameters: str) -> FlowFeaturesNode:

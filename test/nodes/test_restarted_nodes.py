@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,10 +26,15 @@ from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
 from tactile_nodes.nodes.recorder import RecorderNode
 
 Born = Callable[..., tuple[Node, InProcessBus]]
-SMALL = ('encoding:=cartesian_mean', 'rows:=4', 'cols:=4', 'reference_frames:=1')
+SMALL: list[str] = []
 PRESSED = PATTERN.copy()
 PRESSED[40:120, 40:120] = np.roll(PATTERN, 3, axis=1)[40:120, 40:120]
 """The middle, four of the 16 regions, has moved 3 px to the right."""
+
+
+@pytest.fixture(autouse=True)
+def _small(patches_model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], 'SMALL', [f'model:={patches_model}', 'reference_frames:=1'])
 
 
 @pytest.fixture

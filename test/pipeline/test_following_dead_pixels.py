@@ -26,7 +26,7 @@ DRAWN = np.random.default_rng(6).random((SIDE, SIDE))
 
 
 def answered(frames: Iterator[np.ndarray]) -> list[types.FlowFeatures]:
-    following = Following(FollowingParams(rows=10, cols=10, reference_frames=4))
+    following = Following(FollowingParams(reference_frames=4))
     following.begin_capture()
     return [
         following.answer(image, conversions.header(S + number * S // 30, 'camera'), acquire_s=0.0)

@@ -20,7 +20,7 @@ from dots import picture, press, shift, turn
 S = 1_000_000_000
 TOUCH, KNOCK = press(200, 230, 0.8), (shift(1.3, -0.6), turn(0.5))
 DEAD = np.random.default_rng(6).random((440, 440)) < 0.002
-PARAMS = FollowingParams(rows=10, cols=10, reference_frames=6)
+PARAMS = FollowingParams(reference_frames=6)
 
 
 @functools.cache
@@ -118,4 +118,4 @@ def test_what_was_never_saved_is_refused_and_changes_nothing(data: bytes) -> Non
 def test_what_another_measurement_remembers_is_refused() -> None:
     saved = Following(PARAMS).memory.saved()
     with pytest.raises(ConfigurationError, match='rows'):
-        Following(FollowingParams(rows=20, cols=20)).memory.recall(saved)
+        Following(FollowingParams(model='portable')).memory.recall(saved)
