@@ -14,11 +14,12 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.clock import Clock
-from tactile_nodes.foxglove_view.opening import open_server
+from tactile_nodes.foxglove_view.server import FoxgloveServer
 from tactile_nodes.foxglove_view.showing import Showing
 from tactile_nodes.params import parameter
 from tactile_nodes.paths import share_directory
 from tactile_nodes.web.guard import Guests, is_loopback
+from tactile_nodes.web.port import listen
 
 LOOK_EVERY_S = 0.2
 _REPORT_PERIOD_S = 1.0
@@ -58,8 +59,9 @@ class FoxgloveBridgeNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         chosen: FoxgloveBridgeParams = self.params
-        self.server = open_server(
-            chosen.address, chosen.port, self._on_interest, self.log.warn, chosen.origins, chosen.host_names,
+        listening = listen(chosen.address, chosen.port, 'Foxglove', 'port:=')
+        self.server = FoxgloveServer(
+            listening, self._on_interest, self.log.warn, chosen.origins, chosen.host_names,
             guests=chosen.guests == Guests.WATCH.value,
         )  # fmt: skip
         warn = lambda text: self.log.warn(text, once=text)  # noqa: E731

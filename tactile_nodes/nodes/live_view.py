@@ -21,11 +21,11 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors import load_hand
 from tactile_nodes.viewing.feeds import Feeds
-from tactile_nodes.web import guard
+from tactile_nodes.web import guard, port
 from tactile_nodes.web.controls import Controls, Outcome
 from tactile_nodes.web.guard import Guests
-from tactile_nodes.web.opening import open_page
 from tactile_nodes.web.scene import Scene
+from tactile_nodes.web.server import PageServer
 
 LOOK_EVERY_S = 0.5
 IMAGES = 4  # kept between two looks
@@ -82,8 +82,8 @@ class LiveViewNode(Node):
         self._sensors = {name: self._feed(name) for name in sensors}
         if chosen.hand:
             self.create_subscription(topics.HAND_WRENCH, self._on_hand)
-        self.server = open_page(
-            chosen.address, chosen.port, self._act, lambda: self.post(self._look), self.log.warn,
+        self.server = PageServer(
+            port.listen(chosen.address, chosen.port), self._act, lambda: self.post(self._look), self.log.warn,
             Guests(chosen.guests), chosen.host_names, chosen.viewers, sensors,
         )  # fmt: skip
         self._announce()

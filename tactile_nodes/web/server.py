@@ -50,7 +50,7 @@ Changed = Callable[[], None]
 
 
 class PageServer:
-    """Serves on `listening`, which it closes in the end; `names` are hosts to be known by besides addresses.
+    """Serves on `listening` from now on, and closes it in the end; `names` are hosts to be known by besides addresses.
 
     Each of the `sensors` has an audience of its own, of at most `viewers`; one sensor alone needs no name.
     """
@@ -74,6 +74,7 @@ class PageServer:
         self._guests_act = guests is Guests.ACT
         self._audiences = {sensor: Audience(viewers) for sensor in sensors}
         self._news: dict[Viewer, asyncio.Event] = {}
+        self._serving.start()
 
     # --- from other threads -------------------------------------------------------------------------------------
 
@@ -81,10 +82,6 @@ class PageServer:
     def url(self) -> str:
         """What to open in a browser."""
         return self._serving.url
-
-    def start(self) -> None:
-        """Serve; returns when the page can be opened."""
-        self._serving.start()
 
     @property
     def watching(self) -> int:

@@ -7,8 +7,6 @@ import json
 import os
 import socket
 import struct
-import subprocess
-import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -23,7 +21,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.node import Node
-from tactile_nodes.errors import NOT_AGAIN, AddressInUseError, BusError
+from tactile_nodes.errors import AddressInUseError, BusError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.foxglove_bridge import ORIGINS, FoxgloveBridgeNode
 from tactile_nodes.web import accounts
@@ -267,17 +265,6 @@ def test_an_address_of_another_machine_is_refused(bridge: Start) -> None:
     with pytest.raises(BusError, match=r'cannot serve Foxglove at 192\.0\.2\.77') as refused:
         bridge('address:=192.0.2.77')
     assert not isinstance(refused.value, AddressInUseError)
-
-
-def test_without_the_library_the_program_says_what_to_install() -> None:
-    code = (
-        "import sys; sys.modules['aiohttp'] = None; sys.argv = ['foxglove_bridge_node']; "
-        'from tactile_nodes.nodes.foxglove_bridge import main; sys.exit(main())'
-    )
-    ended = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-    assert ended.returncode == NOT_AGAIN
-    assert 'install it with: pip install aiohttp' in ended.stderr
-    assert 'Traceback' not in ended.stderr
 
 
 @pytest.mark.parametrize('origin', [None, *ORIGINS])

@@ -18,8 +18,8 @@ import pytest
 from tactile_nodes.web import accounts
 from tactile_nodes.web.controls import Outcome
 from tactile_nodes.web.guard import Guests
-from tactile_nodes.web.opening import open_page
 from tactile_nodes.web.packet import Packet
+from tactile_nodes.web.port import listen
 from tactile_nodes.web.server import PageServer
 from tactile_nodes.web.viewers import IN_FLIGHT
 
@@ -35,8 +35,8 @@ class Served:
         self.complaints: list[str] = []
         self.slowly = threading.Semaphore(0)
         self.came_or_went = threading.Semaphore(0)
-        self.server: PageServer = open_page(
-            '127.0.0.1', 0, self._act, self.came_or_went.release, self.complaints.append, guests, viewers=2
+        self.server = PageServer(
+            listen('127.0.0.1', 0), self._act, self.came_or_went.release, self.complaints.append, guests, viewers=2
         )
         self.url = self.server.url.rstrip('/')
         self.socket_url = self.url.replace('http', 'ws') + '/live'
