@@ -31,6 +31,8 @@ whoever starts a program catches `TactileError`, prints the sentence, and exits 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 NOT_AGAIN = 3
@@ -129,3 +131,18 @@ class ModelError(TactileError):
 def in_a_line(error: object) -> str:
     """What an error says, without its line breaks."""
     return ' '.join(str(error).split())
+
+
+@contextmanager
+def from_extra(extra: str, what: str) -> Iterator[None]:
+    """For imports of libraries that come with an extra of this package alone; `what` is done with them.
+
+    Raises:
+        ConfigurationError: one is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise ConfigurationError(
+            f"{what} needs a library ({in_a_line(error)}); install it with: pip install 'tactile_nodes[{extra}]'"
+        ) from error

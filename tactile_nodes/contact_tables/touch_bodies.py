@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tactile_nodes.errors import ConfigurationError, in_a_line
+from tactile_nodes.errors import ConfigurationError, from_extra, in_a_line
 from tactile_nodes.files import open_plain, read_plain
 
 if TYPE_CHECKING:
@@ -111,10 +111,8 @@ def _mesh(file: Path, tilt_deg: Tilt) -> Body:
         data = read_plain(file, LARGEST_BYTES)
     except OSError as error:
         raise _unreadable(file, error) from error
-    try:
+    with from_extra('mesh', f'reading {file}'):
         import trimesh
-    except ImportError as error:
-        raise ConfigurationError(f"{file}: meshes need: pip install 'tactile_nodes[mesh]'") from error
     kind = file.suffix.lower()
     try:
         mesh = trimesh.load_mesh(io.BytesIO(_in_utf8(data, kind)), file_type=kind[1:], process=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tactile_nodes.dds.settings import Discovery
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import from_extra
 
 if TYPE_CHECKING:
     from tactile_nodes.dds.participant import Participant
@@ -17,12 +17,8 @@ def require_cyclone() -> None:
     Raises:
         ConfigurationError: Cyclone DDS is not installed.
     """
-    try:
+    with from_extra('dds', 'speaking DDS'):
         import tactile_nodes.dds.participant  # noqa: F401
-    except ImportError as error:
-        raise ConfigurationError(
-            f"DDS needs Cyclone DDS ({error}); install it with: pip install 'tactile_nodes[dds]'"
-        ) from error
 
 
 def open_participant(domain_id: int, discovery: Discovery) -> Participant:

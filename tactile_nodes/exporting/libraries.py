@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import from_extra
 
 
 def require(module: str) -> Any:
@@ -14,10 +14,5 @@ def require(module: str) -> Any:
     Raises:
         ConfigurationError: it is not installed.
     """
-    try:
+    with from_extra('export', 'this export'):
         return importlib.import_module(module)
-    except ImportError as error:
-        name = module.partition('.')[0]
-        raise ConfigurationError(
-            f"this export needs {name} ({error}); install it with: pip install 'tactile_nodes[export]'"
-        ) from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.errors import ConfigurationError, DatasetError, from_extra
 from tactile_nodes.paths import check_output
 
 
@@ -15,13 +15,9 @@ def figure(width_in: float, height_in: float) -> Any:
     Raises:
         ConfigurationError: matplotlib is not installed.
     """
-    try:
+    with from_extra('train', 'drawing'):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigurationError(
-            'pictures need matplotlib, which nothing else here does: install it with: pip install tactile_nodes[train]'
-        ) from error
     made = Figure(figsize=(width_in, height_in), layout='constrained')
     FigureCanvasAgg(made)
     return made

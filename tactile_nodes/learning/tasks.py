@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tactile_nodes import __version__
-from tactile_nodes.errors import ConfigurationError, in_a_line
+from tactile_nodes.errors import ConfigurationError, from_extra, in_a_line
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.paths import write_whole
 
@@ -100,10 +100,8 @@ def _numbered(make: Callable[[Job], Result], numbered: tuple[int, Job]) -> tuple
 
 
 def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
-    try:
+    with from_extra('cluster', 'work on a cluster'):
         from distributed import CancelledError, Client, KilledWorker
-    except ImportError as error:
-        raise ConfigurationError("a cluster needs Dask: pip install 'tactile_nodes[cluster]'") from error
     try:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as error:

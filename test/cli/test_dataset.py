@@ -88,7 +88,7 @@ def test_without_matplotlib_the_extra_to_install_is_named(
     for name in ('matplotlib', 'matplotlib.figure', 'matplotlib.backends.backend_agg'):
         monkeypatch.setitem(sys.modules, name, None)
     assert main(['dataset', 'info', str(file), '--picture', str(tmp_path / 'p.png')]) == 1
-    assert 'pip install tactile_nodes[train]' in capsys.readouterr().err
+    assert "pip install 'tactile_nodes[train]'" in capsys.readouterr().err
 
 
 def test_an_unknown_kind_of_picture_is_refused(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,6 +14,7 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.cli.main import INTERRUPTED, main
 from tactile_nodes.conversions import header, image_pixels
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.exporting import libraries
 from tactile_nodes.exporting.parquet import ParquetSink
 from tactile_nodes.messages import types
@@ -71,7 +72,7 @@ def test_without_the_library_one_sentence_says_what_to_install(
         raise ImportError(f'No module named {name!r}')
 
     monkeypatch.setattr(libraries.importlib, 'import_module', missing)
-    with pytest.raises(libraries.ConfigurationError, match=r"needs zarr .*pip install 'tactile_nodes\[export\]'"):
+    with pytest.raises(ConfigurationError, match=r"'zarr'.*pip install 'tactile_nodes\[export\]'"):
         libraries.require('zarr')
 
 

@@ -97,7 +97,7 @@ def test_predictions_go_through_the_live_estimator(data: Dataset, tmp_path: Path
 
 def test_without_torch_the_extra_to_install_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, 'torch', None)
-    with pytest.raises(ConfigurationError, match=r'pip install tactile_nodes\[train\]'):
+    with pytest.raises(ConfigurationError, match=r"pip install 'tactile_nodes\[train\]'"):
         network_layers.import_torch()
 
 

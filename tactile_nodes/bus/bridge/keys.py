@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, from_extra
 from tactile_nodes.files import read_plain
 
 _NAME = re.compile(r'[\w.-]{1,64}', re.ASCII)
@@ -111,14 +111,10 @@ def fingerprint(public: bytes) -> str:
 
 
 def _make_pair(name: str) -> KeyPair:
-    try:
+    with from_extra('bridge', 'making keys'):
         from cryptography import x509
         from cryptography.hazmat.primitives import hashes, serialization
         from cryptography.hazmat.primitives.asymmetric import ec
-    except ImportError as error:
-        raise ConfigurationError(
-            f"keys are made by cryptography ({error}); install it with: pip install 'tactile_nodes[bridge]'"
-        ) from error
     key = ec.generate_private_key(ec.SECP256R1())
     who = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
     certificate = (

@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.bus.bridge.keys import KeyPair
-from tactile_nodes.errors import AddressInUseError, BusError, ConfigurationError
+from tactile_nodes.errors import AddressInUseError, BusError, ConfigurationError, from_extra
 
 if TYPE_CHECKING:
     import zenoh
@@ -96,12 +96,8 @@ def open_session(
             f'a connection over {far[0]} without keys could be read and used by anyone on the network; make keys '
             f'with: tactile keys create NAME, or set plain_tcp to {PLAIN_TCP!r}'
         )
-    try:
+    with from_extra('bridge', 'a bridge'):
         import zenoh
-    except ImportError as error:
-        raise ConfigurationError(
-            f"a bridge needs Zenoh ({error}); install it with: pip install 'tactile_nodes[bridge]'"
-        ) from error
     try:
         return zenoh.open(configured({**_settings(listen, connect, security), **further}))
     except zenoh.ZError as error:

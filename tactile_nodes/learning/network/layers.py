@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import from_extra
 from tactile_nodes.learning.config import NetworkConfig, TrainConfig
 from tactile_nodes.sensing.explain.network import Mlp
 
@@ -19,12 +19,8 @@ def import_torch() -> Any:
     Raises:
         ConfigurationError: torch is not installed.
     """
-    try:
+    with from_extra('train', 'training a network, unlike the live sensor,'):
         import torch
-    except ImportError as error:
-        raise ConfigurationError(
-            'training needs torch, which the live sensor does not: install it with: pip install tactile_nodes[train]'
-        ) from error
     return torch
 
 

@@ -15,16 +15,11 @@ from typing import Any, Union
 import numpy as np
 
 from tactile_nodes import __version__
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import from_extra
 
-try:
+with from_extra('onnx', 'making ONNX files'):
     import onnx
     from onnx import helper, numpy_helper
-except ImportError as missing:
-    raise ConfigurationError(
-        'ONNX files need the package onnx, which the live sensor does not: install it with: '
-        "pip install 'tactile_nodes[onnx]'"
-    ) from missing
 
 OPSET = 17
 """Of 2022: old enough for every runtime in use. Version 8 of the file format belongs to it."""

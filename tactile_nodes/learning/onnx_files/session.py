@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float32
 
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import from_extra
 
 OUTPUTS = 'normal_force', 'contact', 'position_sigma', 'total_sigma', 'unlikeness', 'seen'
 
@@ -20,12 +20,8 @@ class OnnxSession:
     """
 
     def __init__(self, content: bytes, threads: int = 1) -> None:
-        try:
+        with from_extra('onnx', 'running ONNX files'):
             import onnxruntime
-        except ImportError as error:
-            raise ConfigurationError(
-                "running ONNX files needs onnxruntime: install it with: pip install 'tactile_nodes[onnx]'"
-            ) from error
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = threads
         self._session: Any = onnxruntime.InferenceSession(content, options, providers=['CPUExecutionProvider'])

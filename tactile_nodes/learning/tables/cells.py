@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.errors import DatasetError, from_extra
 from tactile_nodes.files import TEXT_BYTES, open_plain, read_text
 
 EXAMPLE = 'picture,x_mm,y_mm,force_n'
@@ -88,12 +88,8 @@ def _parquet(table: Path) -> Cells:
 
 
 def _pyarrow() -> tuple[Any, Any]:
-    try:
+    with from_extra('export', 'a Parquet table, unlike CSV,'):
         return importlib.import_module('pyarrow'), importlib.import_module('pyarrow.parquet')
-    except ImportError as error:
-        raise ConfigurationError(
-            f"a Parquet table needs pyarrow ({error}); give CSV, or install it: pip install 'tactile_nodes[export]'"
-        ) from error
 
 
 def _is_plain(arrow: Any, kind: Any) -> bool:
