@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.errors import ImageError
 
@@ -86,20 +87,22 @@ def pattern_change(a: Frame, b: Frame) -> float:
     return math.sqrt(float(_block_means(square).max()))
 
 
-class Readings:
-    """Keeps `seconds` of samples and `frames` images. Any thread puts, any thread asks."""
+KEPT_NS, KEPT_FRAMES = 20 * NS_PER_S, 90
 
-    def __init__(self, seconds: float = 20.0, frames: int = 90) -> None:
-        self._kept_ns = round(seconds * 1e9)
+
+class Readings:
+    """Keeps the last samples and images. Any thread puts, any thread asks."""
+
+    def __init__(self) -> None:
         self._samples: deque[Sample] = deque()
-        self._frames: deque[Frame] = deque(maxlen=frames)
+        self._frames: deque[Frame] = deque(maxlen=KEPT_FRAMES)
         self._lock = threading.Lock()
 
     def put_sample(self, sample: Sample) -> None:
         """A sample has come."""
         with self._lock:
             self._samples.append(sample)
-            while self._samples[0].stamp_ns < sample.stamp_ns - self._kept_ns:
+            while self._samples[0].stamp_ns < sample.stamp_ns - KEPT_NS:
                 self._samples.popleft()
 
     def put_frame(self, frame: Frame) -> None:

@@ -138,10 +138,11 @@ class DirectPort:
     With a clock that jumps over what is slept, a dialogue takes no real time and is the same every time.
     """
 
-    def __init__(self, device: SerialDevice, clock: Clock, name: str = 'the emulated port') -> None:
+    name = 'the emulated port'
+
+    def __init__(self, device: SerialDevice, clock: Clock) -> None:
         self._device = device
         self._clock = clock
-        self.name = name
         self.unplugged = False
 
     def write(self, data: bytes) -> None:

@@ -29,6 +29,7 @@ from tactile_nodes.simulation.optics import Press
 Wrench = tuple[float, float, float, float, float, float]
 
 NOTHING: Wrench = (0.0,) * 6
+ACCELERATION_MM_S2: Vector = (200.0, 200.0, 200.0)
 STIFF_N_PER_MM = 100.0  # the stiff layer under the gel, which a crash runs into
 
 
@@ -112,12 +113,11 @@ class World:
         with self._lock:
             self._motor.append(segment)
 
-    def go(self, target: Vector, feed_mm_s: float, time_ns: int, acceleration: float = 200.0) -> int:
+    def go(self, target: Vector, feed_mm_s: float, time_ns: int) -> int:
         """The motors go on to a place once they have arrived where they were sent; gives the time of arrival."""
         with self._lock:
             start_ns = max(time_ns, self._motor.end_ns)
-            rates = (acceleration, acceleration, acceleration)
-            segment = line(start_ns, self._motor.end, target, feed_mm_s, rates)
+            segment = line(start_ns, self._motor.end, target, feed_mm_s, ACCELERATION_MM_S2)
             self._motor.append(segment)
             return segment.end_ns
 

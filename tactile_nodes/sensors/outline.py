@@ -68,9 +68,9 @@ class Outline:
             return np.asarray(np.column_stack([np.cos(turn), np.sin(turn)]) * self._half_mm)
         return corners_of(self.told) if self.told else np.asarray(np.array(_SQUARE) * self._half_mm)
 
-    def rim_mm(self, steps: int = 16) -> Float[np.ndarray, 'places 2']:
-        """Places along the rim, so many from each corner to the next."""
-        first, share = self.corners_mm[:, None], np.linspace(0, 1, steps, endpoint=False)[:, None]
+    def rim_mm(self) -> Float[np.ndarray, 'places 2']:
+        """Places along the rim, sixteen from each corner to the next."""
+        first, share = self.corners_mm[:, None], np.linspace(0, 1, 16, endpoint=False)[:, None]
         rim: np.ndarray = first + share * (np.roll(self.corners_mm, -1, axis=0)[:, None] - first)
         return rim.reshape(-1, 2)
 

@@ -224,7 +224,7 @@ class Ready(Node):
         super().__init__(*arguments)
         self.post(lambda: print('running', flush=True))
 
-sys.exit(run_node(Ready, []))
+sys.exit(run_node(Ready))
 """
 
 

@@ -22,22 +22,22 @@ class Log:
         self._clock = clock
         self._said: set[str] = set()
 
-    def debug(self, text: str, once: str | None = None) -> None:
-        self._say('debug', text, once)
+    def debug(self, text: str) -> None:
+        self._say('debug', text)
 
-    def info(self, text: str, once: str | None = None) -> None:
-        self._say('info', text, once)
+    def info(self, text: str) -> None:
+        self._say('info', text)
 
     def warn(self, text: str, once: str | None = None) -> None:
         self._say('warn', text, once)
 
-    def error(self, text: str, once: str | None = None) -> None:
-        self._say('error', text, once)
+    def error(self, text: str) -> None:
+        self._say('error', text)
 
-    def fatal(self, text: str, once: str | None = None) -> None:
-        self._say('fatal', text, once)
+    def fatal(self, text: str) -> None:
+        self._say('fatal', text)
 
-    def _say(self, level: str, text: str, once: str | None) -> None:
+    def _say(self, level: str, text: str, once: str | None = None) -> None:
         if LEVELS[level] < self._level or (once is not None and once in self._said):
             return
         if once is not None:

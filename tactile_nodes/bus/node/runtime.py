@@ -56,9 +56,9 @@ def _ros2_bus() -> ProcessBus:
     return Ros2Bus()
 
 
-def run_node(node: NodeFactory, argv: Sequence[str] | None = None) -> int:
+def run_node(node: NodeFactory) -> int:
     """The body of a node's program: run it until SIGINT or SIGTERM. Returns the exit status."""
-    return run_nodes([node], sys.argv[1:] if argv is None else argv)
+    return run_nodes([node], sys.argv[1:])
 
 
 def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:

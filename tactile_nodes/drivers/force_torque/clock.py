@@ -23,6 +23,7 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.force_torque.contract import Flag
 from tactile_nodes.sensing.sync.envelope import lower_line
 
+COUNTER_BITS = 32  # after which every sensor's counter wraps
 BLOCK_NS = 250_000_000
 WINDOW_BLOCKS = 480  # two minutes: long against the jitter, short against the warming of a crystal
 SLOPE_AFTER_BLOCKS = 40  # ten seconds, from when the drift shows above the jitter
@@ -46,15 +47,14 @@ class TickClock:
 
     Args:
         rate_hz: nominal ticks a second.
-        bits: width of the counter, which wraps.
         delay_ns: constant time from measurement to arrival, taken off every stamp.
         most_drift: how far the rate may be from the nominal one, as a share; a crystal keeps to 100 ppm, a ceramic
             resonator to 5000.
     """
 
-    def __init__(self, rate_hz: float, bits: int = 32, delay_ns: int = 0, most_drift: float = MOST_DRIFT) -> None:
+    def __init__(self, rate_hz: float, delay_ns: int = 0, most_drift: float = MOST_DRIFT) -> None:
         self._ns_per_tick = NS_PER_S / rate_hz
-        self._modulus = 1 << bits
+        self._modulus = 1 << COUNTER_BITS
         self._delay_ns = delay_ns
         self._most_drift = most_drift
         self._keeps_time = self._is_timed = True

@@ -45,16 +45,13 @@ class SimulatedForceTorque:
         settings: `rate_hz` (0: 1000) and `queue` are used.
         clock: stamps the samples.
         world: what it feels; nothing if it is left out.
-        seed: of the noise, 5 mN and 0.1 mN·m.
     """
 
-    def __init__(
-        self, settings: ForceTorqueSettings, clock: Clock, world: WrenchSource | None = None, seed: int = 1
-    ) -> None:
+    def __init__(self, settings: ForceTorqueSettings, clock: Clock, world: WrenchSource | None = None) -> None:
         self._settings = settings
         self._clock = clock
         self._world = world or Untouched()
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng(1)
         self._noise: list[list[float]] = []
         self._rate_hz = settings.rate_hz or USUAL_RATE_HZ
         self._queue = self._new_queue()

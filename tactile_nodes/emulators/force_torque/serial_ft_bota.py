@@ -31,16 +31,13 @@ class BotaSensor(SampledSensor):
         world: WrenchSource,
         clock: DeviceClock | None = None,
         noise: float = 0.001,
-        seed: int = 1,
-        boots: bool = True,
     ) -> None:
-        super().__init__(world, clock or microsecond_clock(), noise, seed)
+        super().__init__(world, clock or microsecond_clock(), noise, seed=1)
         self.running = True
         self.temperature_c = 25.0
         self.sinc = 512
         self.calibrated = True
         self.commands: list[bytes] = []
-        self._boots = boots
         self._heard = b''
         self._to_say = b''
 
@@ -48,7 +45,7 @@ class BotaSensor(SampledSensor):
         """Boot, with the factory's filter."""
         self.running, self.calibrated = True, True
         self._set_filter(512)
-        self._heard, self._to_say = b'', b'App Init\r\n' if self._boots else b''
+        self._heard, self._to_say = b'', b'App Init\r\n'
         self.restart(now_ns)
 
     def receive(self, data: bytes, now_ns: int) -> None:

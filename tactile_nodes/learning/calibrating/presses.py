@@ -60,12 +60,10 @@ class BagPresses:
     rest_counts = False
     waiting = False
 
-    def __init__(
-        self, bags: Sequence[Path], namespace: str | None = None, reference: str | None = None, tell: Tell | None = None
-    ) -> None:
+    def __init__(self, bags: Sequence[Path], namespace: str | None = None, tell: Tell | None = None) -> None:
         self.bags = bags
         with ExitStack() as stack:
-            self._opened = [stack.enter_context(CollectionBag(path, namespace, reference)) for path in bags]
+            self._opened = [stack.enter_context(CollectionBag(path, namespace)) for path in bags]
             self._closing = stack.pop_all()
         for bag in self._opened if tell else ():
             for problem in bag.problems:

@@ -13,17 +13,17 @@ OUTPUTS = 'normal_force', 'contact', 'position_sigma', 'total_sigma', 'unlikenes
 
 
 class OnnxSession:
-    """An ONNX file's content, run by onnxruntime on the CPU.
+    """An ONNX file's content, run by onnxruntime in one thread of the CPU.
 
     Raises:
         ConfigurationError: onnxruntime is not installed.
     """
 
-    def __init__(self, content: bytes, threads: int = 1) -> None:
+    def __init__(self, content: bytes) -> None:
         with from_extra('onnx', 'running ONNX files'):
             import onnxruntime
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = threads
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
         self._session: Any = onnxruntime.InferenceSession(content, options, providers=['CPUExecutionProvider'])
 
     def answer(

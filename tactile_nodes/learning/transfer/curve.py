@@ -29,10 +29,10 @@ class Curve:
         """The error expected with so many presses."""
         return float(self.floor + self.gain / presses**self.power)
 
-    def falls(self, presses: float, times: float = 2.0) -> float:
-        """By which share of itself the error is expected to fall with so many times as many presses."""
+    def falls(self, presses: float) -> float:
+        """By which share of itself the error is expected to fall with twice as many presses."""
         now = self.at(presses)
-        return 1 - self.at(times * presses) / now if now > 0 else 0.0
+        return 1 - self.at(2 * presses) / now if now > 0 else 0.0
 
     @classmethod
     def fit(cls, presses: Sequence[float], errors: Sequence[float]) -> Curve | None:

@@ -61,9 +61,9 @@ def thread(length_mm: float, radius_mm: float, pitch_mm: float, deep_mm: float, 
     return rod(length_mm, radius_mm, x, y) + deep_mm / 2 * (1 + np.sin(2 * np.pi * x / pitch_mm))
 
 
-def _vary(random: Random, usual: float, share: float = 0.25) -> float:
-    """A size, up to so much larger or smaller."""
-    return usual if random is None else usual * float(random.uniform(1 - share, 1 + share))
+def _vary(random: Random, usual: float) -> float:
+    """A size, up to a quarter larger or smaller."""
+    return usual if random is None else usual * float(random.uniform(0.75, 1.25))
 
 
 def _several(count: int, radius_mm: float, apart_mm: float, random: Random) -> Callable[[Heights, Heights], Heights]:
