@@ -62,7 +62,7 @@ def small_response() -> ForceModel:
     bins, made = BinGrid(3, 3, 30.0, 30.0), small_model().readout
     axes = SplineAxis(-10.0, 10.0, 3), SplineAxis(-10.0, 10.0, 3), SplineAxis(0.0, 1.0, 2)
     table = random.normal(size=(6, 6, 5, 3)).astype(np.float32)
-    response = Response(*axes, table, np.array([0.1, 0.2, 0.3], np.float32), 0.6)
+    response = Response(*axes, table, np.array([0.1, 0.2, 0.3], np.float32))
     readout = ResponseReadout(
         made.scaling, made.likeness, np.eye(3, dtype=np.float32), response, bins,
         Calibration(0.1, 0.01, (2.0, 3.0), (1.0, 2.0, 4.0), 4.0, 0.5), 2,

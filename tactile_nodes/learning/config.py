@@ -113,7 +113,6 @@ class ResponseConfig:
     components: int = parameter(48, 'principal components of the features', minimum=3)
     spacing_mm: float = parameter(2.0, 'distance between the knots along x and y', minimum=0.25)
     levels: int = parameter(6, 'intervals between the knots along the force', minimum=1)
-    power: float = parameter(1.0, 'the response is smooth in the force to this power', minimum=0.1, maximum=2.0)
     smoothing: tuple[float, ...] = parameter(
         (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 'weights of the penalty on curvature, of which the best is taken'
     )

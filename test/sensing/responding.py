@@ -20,7 +20,7 @@ COMPONENTS = 24
 AXES = SplineAxis(-12.0, 12.0, 12), SplineAxis(-12.0, 12.0, 12), SplineAxis(0.0, 1.0, 4)
 
 
-def response(growth: float = 0.0, power: float = 1.0, scale: float = 400.0, seed: int = 4) -> Response:
+def response(growth: float = 0.0, scale: float = 400.0, seed: int = 4) -> Response:
     """Regions move away from the tip, the more the nearer and the harder; seen in COMPONENTS mixtures of them.
 
     Coefficients are the field's values where each spline is centred, so that it is smooth, and none without force.
@@ -32,7 +32,7 @@ def response(growth: float = 0.0, power: float = 1.0, scale: float = 400.0, seed
     field = away * np.exp(-(away**2).sum(axis=-1, keepdims=True) / (2 * 4.0**2)) / 4.0
     mixtures = np.linalg.qr(np.random.default_rng(seed).normal(size=(2 * GRID**2, COMPONENTS)))[0]
     table = np.einsum('ijc,k->ijkc', field.reshape(len(x), len(y), -1) @ mixtures, s) * scale
-    return Response(*AXES, table.astype(np.float32), np.full(COMPONENTS, growth, np.float32), power)
+    return Response(*AXES, table.astype(np.float32), np.full(COMPONENTS, growth, np.float32))
 
 
 def components(of: Response, *contacts: Sequence[float]) -> np.ndarray:

@@ -62,7 +62,7 @@ def moved(image: np.ndarray, dx: float, dy: float) -> np.ndarray:
     ],
 )  # fmt: skip
 def test_the_same_forces_are_read(contacts: list[tuple[float, float, float]], lost: int):
-    reader = readout(growth=3.0, power=0.8)
+    reader = readout(growth=3.0)
     sure = np.ones((6, 6), np.float32)
     sure.reshape(-1)[np.random.default_rng(3).permutation(36)[:lost]] = 0.2
     noise = np.random.default_rng(1).normal(size=COMPONENTS).astype(np.float32)

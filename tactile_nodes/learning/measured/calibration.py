@@ -38,7 +38,7 @@ def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -
         if press
     ]
     errors, sigmas = _errors(raw, presses, told)
-    heights = np.maximum(presses[:, 3], 0.0) ** raw.response.power / raw.response.s.high
+    heights = np.maximum(presses[:, 3], 0.0) / raw.response.s.high
     place_floor, place_factors = spread_of(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
     force_floor, force_factors = spread_of(errors[:, 2], sigmas[:, 1], heights)
     limit = float(np.sqrt(np.percentile([fit.misfit for fit in fits], ONE_OF_A_THOUSAND)))

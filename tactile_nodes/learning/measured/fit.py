@@ -106,7 +106,6 @@ class Subspace:
     places: Float[np.ndarray, 'samples 3']
     touched: np.ndarray
     axes: tuple[SplineAxis, SplineAxis, SplineAxis]
-    power: float
 
     @classmethod
     def of(cls, dataset: Dataset, used: np.ndarray, config: ResponseConfig) -> Subspace:
@@ -122,9 +121,9 @@ class Subspace:
         first = square.shape[0] - config.components
         _, vectors = scipy.linalg.eigh(square, subset_by_index=[max(first, 0), square.shape[0] - 1])
         directions = np.ascontiguousarray(vectors[:, ::-1].T, np.float32)
-        places = _places(dataset, config.power)
+        places = _places(dataset)
         axes = _axes(places[used][touched[used]], config)
-        return cls(scaling, directions, scores_of(dataset, scaling, directions), places, touched, axes, config.power)
+        return cls(scaling, directions, scores_of(dataset, scaling, directions), places, touched, axes)
 
     def normal(self, chosen: np.ndarray) -> _Normal:
         """The regression of some samples, before it is smoothed."""
@@ -143,7 +142,7 @@ class Subspace:
         whitening, growth = self._whitening(chosen, coefficients)
         shape = (*(axis.count for axis in self.axes), len(whitening))
         table = np.asarray((coefficients @ whitening.T).reshape(shape), np.float32)
-        response = Response(*self.axes, table, growth, self.power)
+        response = Response(*self.axes, table, growth)
         inputs = self.directions.shape[1]
         likeness = Likeness(np.zeros(inputs, np.float32), self.directions, 1.0, 1.0)
         return ResponseReadout(self.scaling, likeness, whitening, response, bins)
@@ -240,10 +239,10 @@ def gram(inputs: Float32[np.ndarray, 'samples inputs'], used: np.ndarray) -> Flo
     return sum((part.T @ part for part in (inputs[each].astype(float) for each in parts)), np.zeros(()))
 
 
-def _places(dataset: Dataset, power: float) -> Float[np.ndarray, 'samples 3']:
-    """x, y and s of each sample; s is 0 where nothing touches."""
+def _places(dataset: Dataset) -> Float[np.ndarray, 'samples 3']:
+    """x, y and force of each sample; the force is 0 where nothing touches."""
     force = np.maximum(dataset.presses[:, 3].astype(float), 0.0)
-    places = np.column_stack([dataset.presses[:, :2].astype(float), force**power])
+    places = np.column_stack([dataset.presses[:, :2].astype(float), force])
     places[dataset.presses[:, 2] <= 0, 2] = 0.0
     return places
 

@@ -100,7 +100,7 @@ def _start(response: Response, components: Value) -> Value:
     best = writer.op('ArgMin', share * (share * norms - 2 * along), axis=0, keepdims=0, dtype=np.int64)
     entry = writer.op('Gather', writer.constant(response.starts), best, axis=0)
     chosen = writer.op('Gather', share, best, axis=0).cast(np.float64)
-    return writer.concat(entry[0], entry[1], entry[2] * chosen**response.power)
+    return writer.concat(entry[0], entry[1], entry[2] * chosen)
 
 
 def _locate(response: Response, components: Value, least_gain: float) -> tuple[Value, Value, Value]:
@@ -178,20 +178,18 @@ def _answer(
     noise = gained < noise_without(0.0) * calibration.least_gain
     told, doubt, beyond = _told(readout, components, place, cofactors / determinant, noise_without)
     told = noise.where(place, told)
-    height, force_slope = told[2] / response.s.high, told[2].most(1e-9) ** (1 / response.power - 1) / response.power
+    height = told[2] / response.s.high
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
     sigma_mm = _factor(calibration.place_factors, height) * hypot(fitted_mm, calibration.place_floor_mm)
-    sigma_n = _factor(calibration.force_factors, height) * hypot(
-        force_slope * variances[2].sqrt(), calibration.force_floor_n
-    )
+    sigma_n = _factor(calibration.force_factors, height) * hypot(variances[2].sqrt(), calibration.force_floor_n)
     doubt = noise.where(doubt * 0, doubt)
     sigma_mm = hypot(sigma_mm, ((doubt[0] + doubt[1]) / 2).sqrt())
-    sigma_n = hypot(sigma_n, force_slope * doubt[2].sqrt())
+    sigma_n = hypot(sigma_n, doubt[2].sqrt())
     most = writer.constant(np.float32(BEYOND_UNLIKENESS))
     unlike = noise.where(unlike, beyond.where(unlike.most(most), unlike))
     nowhere = writer.constant(np.float64(NOWHERE_MM))
     sigma_mm = noise.where(nowhere, sigma_mm.least(nowhere))
-    force = told[2].most(0) ** (1 / response.power)
+    force = told[2].most(0)
     force = noise.where(force * 0, force)
     bins = _spread(told, sigma_mm, force, readout.bins)
     contact = writer.concat(told[0], told[1], force)
@@ -214,7 +212,7 @@ def _told(
     step, share = _width(response, place, inverse, slopes, left, certainty, noise_without)
     by_shift, gain = _shifted(readout.shifts, inverse, slopes, left, certainty)
     dragged = gain >= noise_without(gain * 2) * readout.most_shift_gain
-    by_width = place * np.array([0.0, 0.0, response.power]) * share
+    by_width = place * np.array([0.0, 0.0, 1.0]) * share
     by_drag = dragged.where(by_shift * DOUBT_OF_SHIFT, by_shift * 0)
     doubt = by_drag * by_drag + by_width * by_width
     at_end = (place - (high - CONVERGED_MM)).most((low + CONVERGED_MM) - place).max() >= 0

@@ -141,7 +141,6 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
     return arrays, {
         **_said(readout.kind, readout.scaling, readout.likeness),
         'axes': [asdict(axis) for axis in response.axes],
-        'power': response.power,
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
         **limits,
@@ -158,11 +157,13 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
     likeness = _likeness(arrays, said['likeness'])
     if likeness is None:
         raise KeyError('likeness.directions')
+    if said.get('power', 1) != 1:
+        raise ValueError('a response over another power of the force is read no longer; train it again')
     return ResponseReadout(
         _scaling(arrays, said),
         likeness,
         arrays['whitening'],
-        Response(x, y, s, arrays['coefficients'], arrays['growth'], said['power']),
+        Response(x, y, s, arrays['coefficients'], arrays['growth']),
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],

@@ -112,7 +112,7 @@ def _locate(components, begin, axes, coefficients, growth, limits, ends, contact
 
 
 @compiled()
-def _start(components, table, levels, power, begin):
+def _start(components, table, levels, begin):
     """As `Response.start`: fills in the entry of the table that comes closest.
 
     The table is contacts (starts, 3), what they cause (components, starts) in units, and its squares.
@@ -131,11 +131,11 @@ def _start(components, table, levels, power, begin):
         away = share * (share * norms[i] - 2 * along[i])
         if away < least:
             best, least, best_share = i, away, share
-    begin[0], begin[1], begin[2] = starts[best, 0], starts[best, 1], starts[best, 2] * best_share**power
+    begin[0], begin[1], begin[2] = starts[best, 0], starts[best, 1], starts[best, 2] * best_share
 
 
 @compiled()
-def _one_more(components, contacts, response, table, ends, levels, power, more, told):
+def _one_more(components, contacts, response, table, ends, levels, more, told):
     """Contacts, and one more where they leave most over: fills in contacts and information, and returns the misfit."""
     axes, coefficients, growth, limits = response
     count = contacts.shape[0]
@@ -148,20 +148,20 @@ def _one_more(components, contacts, response, table, ends, levels, power, more, 
         value_and_slopes(contacts[n], axes, coefficients, made)
         for c in range(left.shape[0]):
             left[c] -= made[0, c]
-    _start(left, table, levels, power, begin[count])
+    _start(left, table, levels, begin[count])
     now = np.array((ends[0], ends[1], ends[2], 0.0 if count else ends[3]))
     return _locate(components, begin, axes, coefficients, growth, limits, now, more, told)
 
 
 @compiled()
-def _fit(components, response, table, ends, levels, power, limit, most):
+def _fit(components, response, table, ends, levels, limit, most):
     """As `ResponseReadout.fit`: contacts (n, 3), information (3 n, 3 n), and the misfit."""
     contacts, information = np.empty((1, 3)), np.empty((3, 3))
-    misfit = _one_more(components, np.empty((0, 3)), response, table, ends, levels, power, contacts, information)
+    misfit = _one_more(components, np.empty((0, 3)), response, table, ends, levels, contacts, information)
     while misfit > limit and contacts.shape[0] < most:
         count = contacts.shape[0] + 1
         more, told = np.empty((count, 3)), np.empty((3 * count, 3 * count))
-        found = _one_more(components, contacts, response, table, ends, levels, power, more, told)
+        found = _one_more(components, contacts, response, table, ends, levels, more, told)
         if found > 0.5 * misfit:
             break
         contacts, information, misfit = more, told, found
@@ -198,7 +198,7 @@ def _near_ends(contacts, axes, hard):
 
 
 @compiled()
-def _tell(contacts, doubt, information, limits, highest, power, nowhere, floors, factors, told):
+def _tell(contacts, doubt, information, limits, highest, nowhere, floors, factors, told):
     """As `ResponseReadout.contacts`: fills in rows of x, y, force, sigma of place and of force, strongest first."""
     count = contacts.shape[0]
     spread = np.empty((count, 3))
@@ -210,20 +210,19 @@ def _tell(contacts, doubt, information, limits, highest, power, nowhere, floors,
             row += harder > 0 or (harder == 0 and other < n)
         x, y, s = contacts[n, 0], contacts[n, 1], contacts[n, 2]
         of_x, of_y, of_s = spread[n, 0], spread[n, 1], spread[n, 2]
-        slope = max(s, 1e-9) ** (1 / power - 1) / power
-        told[row, 0], told[row, 1], told[row, 2] = x, y, max(s, 0.0) ** (1 / power)
+        told[row, 0], told[row, 1], told[row, 2] = x, y, max(s, 0.0)
         fitted = math.sqrt((of_x + of_y) / 2)
         sigma_mm = factor_at(factors[0], s / highest) * math.hypot(floors[0], fitted)
-        sigma_n = factor_at(factors[1], s / highest) * math.hypot(floors[1], slope * math.sqrt(of_s))
+        sigma_n = factor_at(factors[1], s / highest) * math.hypot(floors[1], math.sqrt(of_s))
         told[row, 3] = min(math.hypot(sigma_mm, math.sqrt((doubt[n, 0] + doubt[n, 1]) / 2)), nowhere)
-        told[row, 4] = math.hypot(sigma_n, slope * math.sqrt(doubt[n, 2]))
+        told[row, 4] = math.hypot(sigma_n, math.sqrt(doubt[n, 2]))
 
 
 @compiled(
     "Tuple((i8, f8, f8))(Array(f4, 1, 'C', True), Array(f4, 1, 'C', True), UniTuple(f4[::1], 3), f4[:, ::1], "
     'f4[:, ::1], Tuple((f8[:, ::1], f4[:, :, :, ::1], f4[::1], f8[:, ::1])), '
     'Tuple((f8[:, ::1], i2[:, ::1], f4[::1], f4[::1])), UniTuple(f8[::1], 2), f8[::1], '
-    'f8[:, ::1], UniTuple(f8, 22), f8[:, ::1], f4[:, ::1])'
+    'f8[:, ::1], UniTuple(f8, 21), f8[:, ::1], f4[:, ::1])'
 )
 def read(
     values,
@@ -245,33 +244,31 @@ def read(
     Returns how many contacts, the standard deviation of the total, and the unlikeness; no contact where too little was
     seen. A contact is a row of x, y, force, and the standard deviations of place and force.
     """
-    floor, sure, levels, power, limit, likeness, share, place_floor, force_floor, nowhere, beyond = numbers[:11]
+    floor, sure, levels, limit, likeness, share, place_floor, force_floor, nowhere, beyond = numbers[:10]
     axes, growth, limits = response[0], response[2], response[3]
     scores, components = np.empty(directions.shape[0], np.float32), np.empty(directions.shape[0], np.float32)
     left_over, size = seen(values, confidence, scaling, directions, floor, sure, scores)
     if not finite(size, scores):
         return 0, math.nan, math.nan
     whitened(whitening, scores, components)
-    found, information, misfit = _fit(
-        components, response, table, ends, int(levels), power, limit * limit, contacts.shape[0]
-    )
+    found, information, misfit = _fit(components, response, table, ends, int(levels), limit * limit, contacts.shape[0])
     count, told, floors = found.shape[0], found, (place_floor, force_floor)
     unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
-    noise = noise_without(0.0, misfit, numbers[19], components.shape[0])
+    noise = noise_without(0.0, misfit, numbers[18], components.shape[0])
     touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3] * noise
     doubt = np.zeros((count, 3))
     if touching:
         told = np.empty_like(found)
-        shapes(components, found, information, misfit, response, power, shifts, numbers[14:], told, doubt)
+        shapes(components, found, information, misfit, response, shifts, numbers[13:], told, doubt)
         at_end = _stay_at_ends(found, limits, ends[0], told)
-        if at_end or _near_ends(found, axes, numbers[13]):
+        if at_end or _near_ends(found, axes, numbers[12]):
             unlike = max(unlike, beyond)
-    _tell(told, doubt, information, limits, axes[2, 1], power, nowhere, floors, factors, contacts)
+    _tell(told, doubt, information, limits, axes[2, 1], nowhere, floors, factors, contacts)
     if not touching:
         count = 1
         contacts[0, 2], contacts[0, 3] = 0.0, nowhere
     total = 0.0
     for n in range(count):
         total += contacts[n, 4] * contacts[n, 4]
-    spread_over_bins(contacts, count, numbers[11:13], forces)
+    spread_over_bins(contacts, count, numbers[10:12], forces)
     return count, math.sqrt(total), unlike

@@ -148,7 +148,7 @@ def noise_without(explained, misfit, usual, count):
 
 
 @compiled()
-def shapes(components, contacts, information, misfit, response, power, shifts, numbers, moved, doubt):
+def shapes(components, contacts, information, misfit, response, shifts, numbers, moved, doubt):
     """Fills in contacts as they are with a usual width (n, 3), and as `contact_shape.in_doubt` variances (n, 3).
 
     `numbers` are the limits, and how much is in doubt.
@@ -179,4 +179,4 @@ def shapes(components, contacts, information, misfit, response, power, shifts, n
         sigmas = step[3] / math.sqrt(column[3])
         noise = noise_without(sigmas * sigmas, misfit, usual_misfit, outputs)
         if step[3] >= wide and sigmas >= sure * math.sqrt(noise):
-            doubt[n, 2] += (per_mm2 * step[3] * power * contacts[n, 2]) ** 2
+            doubt[n, 2] += (per_mm2 * step[3] * contacts[n, 2]) ** 2

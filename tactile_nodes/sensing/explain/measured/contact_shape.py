@@ -140,13 +140,11 @@ def _shifted(
     return (shared @ step).reshape(-1, 3), float(down @ step) / 2
 
 
-def in_doubt(
-    response: Response, fit: Fit, shape: Shape, residual: Residual, most_gain: float
-) -> Float[np.ndarray, 'contacts 3']:
+def in_doubt(fit: Fit, shape: Shape, residual: Residual, most_gain: float) -> Float[np.ndarray, 'contacts 3']:
     """Variances of x, y and s of contacts that are wide or drag, beside those of tips pressed straight down."""
     doubt: np.ndarray = (DOUBT_OF_SHIFT * shape.by_shift * shape.dragged(residual, most_gain)) ** 2
     share = DOUBT_PER_MM2 * shape.mm2 * shape.wide(residual)
-    doubt[:, 2] += (share * response.power * fit.contacts[:, 2]) ** 2
+    doubt[:, 2] += (share * fit.contacts[:, 2]) ** 2
     return doubt
 
 

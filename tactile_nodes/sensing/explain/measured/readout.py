@@ -133,7 +133,7 @@ class ResponseReadout:
         single = (scaling.mean, scaling.gain, scaling.trusted, limits.directions, self.whitening)
         mean, gain, trusted, directions, whitening = (np.ascontiguousarray(each, np.float32) for each in single)
         numbers = (
-            scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, response.power, told.misfit_limit,
+            scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, told.misfit_limit,
             limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
             self.bins.width_mm, self.bins.height_mm, response.hard, self.most_shift_gain,
             WIDE_MM2, SURE_OF_WIDTH, USUAL_MM2, SHIFT_INFORMATION, self._usual_misfit, DOUBT_PER_MM2, DOUBT_OF_SHIFT,
@@ -203,7 +203,7 @@ class ResponseReadout:
             contacts: tuple[Contact, ...] = (replace(self.contacts(fit)[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         else:
             shape = shape_of(self.response, self.shifts, components, fit)
-            doubt = in_doubt(self.response, fit, shape, residual, self.most_shift_gain)
+            doubt = in_doubt(fit, shape, residual, self.most_shift_gain)
             contacts = self.contacts(with_usual_width(self.response, fit, shape), doubt)
             unlike = max(unlike, BEYOND_UNLIKENESS) if self.beyond(fit.contacts) else unlike
         sigma_n = math.hypot(*(each.sigma_n for each in contacts))
@@ -238,12 +238,11 @@ class ResponseReadout:
         (x, y, s), c = place, self.calibration
         height = s / self.response.s.high
         fitted_mm = math.sqrt((variance[0] + variance[1]) / 2)
-        fitted_n = self.response.force_slope(s) * math.sqrt(variance[2])
         sigma_mm = factor_at(c.place_factors, height) * math.hypot(c.place_floor_mm, fitted_mm)
-        sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, fitted_n)
+        sigma_n = factor_at(c.force_factors, height) * math.hypot(c.force_floor_n, math.sqrt(variance[2]))
         sigma_mm = math.hypot(sigma_mm, math.sqrt((more[0] + more[1]) / 2))
-        sigma_n = math.hypot(sigma_n, self.response.force_slope(s) * math.sqrt(more[2]))
-        return Contact(x, y, self.response.force_n(s), min(sigma_mm, NOWHERE_MM), sigma_n)
+        sigma_n = math.hypot(sigma_n, math.sqrt(more[2]))
+        return Contact(x, y, max(s, 0.0), min(sigma_mm, NOWHERE_MM), sigma_n)
 
     def nominal_n(self, total_n: float) -> float:
         """What is usual of a total: see `uncertainty.nominal_error_n`."""
@@ -257,14 +256,13 @@ class ResponseReadout:
         """
         x, y, _ = self.response.axes
         places = [_inner(each) for each in (x, y)]
-        hardest_n = self.response.force_n(self.response.hard)
-        forces = [hardest_n * (step + 1) / NOMINAL_FORCES for step in range(NOMINAL_FORCES)]
+        forces = [self.response.hard * (step + 1) / NOMINAL_FORCES for step in range(NOMINAL_FORCES)]
         stated = [self.stated_n(*at) for at in itertools.product(*places, forces)]
         return float(np.sqrt(np.mean(np.square(stated))))
 
     def stated_n(self, x_mm: float, y_mm: float, force_n: float) -> float:
         """The uncertainty that it states of the force of such a press in a picture like those of the training."""
-        at = [x_mm, y_mm, force_n**self.response.power]
+        at = [x_mm, y_mm, force_n]
         slopes = np.asarray(value_and_slopes(self.response.axes, self.response.coefficients, at)[1:], np.float64)
         information = (slopes * self.response.certainty(at[2])) @ slopes.T
         return self.contacts(Fit(np.array([at]), information, 0.0))[0].sigma_n

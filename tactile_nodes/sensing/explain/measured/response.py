@@ -1,7 +1,7 @@
 """A readout that knows how the gel responds: which place and force explain what the camera sees?
 
 The motion that a tip causes is a smooth function of where it presses (x, y) and how hard. In training that function is
-measured (cubic splines over x, y and s = F^p, of the features' principal components); a frame is answered by the
+measured (cubic splines over x, y and the force s, of the features' principal components); a frame is answered by the
 contact whose motion comes closest, found by Gauss-Newton steps from the best entry of a coarse table. So position and
 force come out continuously, with their covariance, and what no contact explains is left over and told. Motions of
 several contacts add up (superposition), as they nearly do in a soft layer.
@@ -9,7 +9,6 @@ several contacts add up (superposition), as they nearly do in a soft layer.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -21,18 +20,18 @@ from tactile_nodes.sensing.explain.splines import SplineAxis, cubes, value_and_s
 MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
 CONVERGED_MM = 2e-4
-"""Steps end where none along x, y or s (in its own unit) is longer."""
+"""Steps end where none along x and y (mm) or s (N) is longer."""
 WORTHWHILE_GAIN = 0.01
 """Where all that was gained is no more than noise gains, steps also end when one gains less than this."""
 DAMPING = (1e-2, 1e-2, 1e-3)
-"""Information that every step is granted, per mm² and per unit of s²: without force there is no place to find."""
+"""Information that every step is granted, per mm² and per N²: without force there is no place to find."""
 START_SPACING_MM = 1.5
 START_LEVELS = 6
 
 
 @dataclass(frozen=True)
 class Response:
-    """What the gel does when pressed: components of the motion over x, y (mm) and s = F^power.
+    """What the gel does when pressed: components of the motion over x, y (mm) and the force s (N).
 
     `coefficients` (nx, ny, ns, components) belong to cubic splines; the components are scaled such that each has a
     noise of 1 while nothing touches. What the splines miss grows with s: the variance of a component is
@@ -44,11 +43,6 @@ class Response:
     s: SplineAxis
     coefficients: Float32[np.ndarray, 'nx ny ns components']
     growth: Float32[np.ndarray, ' components']
-    power: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.power < math.inf:
-            raise ValueError(f'the power is {self.power}, and not above 0')
 
     @property
     def axes(self) -> tuple[SplineAxis, SplineAxis, SplineAxis]:
@@ -86,14 +80,6 @@ class Response:
         which: np.ndarray = (rim > 0) & (contacts[:, 2] >= self.hard * (1 - rim))
         return which
 
-    def force_n(self, s: float) -> float:
-        """The force that s stands for."""
-        return float(max(s, 0.0) ** (1 / self.power))
-
-    def force_slope(self, s: float) -> float:
-        """dF/ds."""
-        return float(max(s, 1e-9) ** (1 / self.power - 1) / self.power)
-
     def certainty(self, s: float) -> Float[np.ndarray, ' components']:
         """One over the variance of each component."""
         weights: np.ndarray = 1 / (1 + self.growth * (s / self.s.high) ** 2)
@@ -125,7 +111,7 @@ class Response:
         away[light] = share * (share * lightest - 2 * along[light])
         best = int(away.argmin())
         x, y, s = self.starts[best].tolist()
-        return np.array([x, y, s if best % START_LEVELS else s * float(share[best // START_LEVELS]) ** self.power])
+        return np.array([x, y, s if best % START_LEVELS else s * float(share[best // START_LEVELS])])
 
 
 def _last_interval(axis: SplineAxis, places: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
