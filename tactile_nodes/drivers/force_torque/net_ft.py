@@ -19,7 +19,6 @@ from tactile_nodes.drivers.force_torque import net_ft_rdt as rdt
 from tactile_nodes.drivers.force_torque.clock import TickClock
 from tactile_nodes.drivers.force_torque.contract import AXES, Flag, ForceTorqueSettings
 from tactile_nodes.drivers.force_torque.net_ft_config import BoxConfig
-from tactile_nodes.drivers.force_torque.net_ft_status import flags_of
 from tactile_nodes.drivers.force_torque.queue import SampleQueue
 from tactile_nodes.drivers.force_torque.stream import StreamedForceTorque
 from tactile_nodes.errors import (
@@ -131,7 +130,7 @@ class NetFtConnection:
         accepted = self.tracker.accept(record)
         if accepted is None:
             return
-        flags = flags_of(record.status)
+        flags = rdt.flags_of(record.status)
         if accepted.rebooted:
             self._ticks = self._new_clock()
             flags |= Flag.RESTARTED

@@ -10,10 +10,13 @@ import struct
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from tactile_nodes.drivers.force_torque.contract import Flag
+
 STOP, START_REALTIME, START_BUFFERED, RESET_LATCH = 0x0000, 0x0002, 0x0003, 0x0041
 HEADER = 0x1234
 REQUEST = struct.Struct('>HHI')
 RECORD = struct.Struct('>3I6i')
+SUMMARY, SATURATION, LATCH = 1 << 31, 1 << 17, 1 << 16  # bits of a record's status
 U32 = 1 << 32
 HALF = 1 << 31
 YOUNG = 64  # a stream that has just begun has no higher numbers than this, losses included
@@ -26,6 +29,19 @@ class Record(NamedTuple):
     ft_sequence: int
     status: int
     counts: tuple[int, ...]
+
+
+def flags_of(status: int) -> int:
+    """A status word as `Flag`: the threshold latch alone is no fault; saturation is one, and so is every other bit.
+
+    0x80010000 gives THRESHOLD, 0x80020000 SATURATED | FAULT.
+    """
+    flags = Flag.THRESHOLD if status & LATCH else Flag(0)
+    if status & SATURATION:
+        flags |= Flag.SATURATED
+    if status & ~(LATCH | SUMMARY) or status == SUMMARY:
+        flags |= Flag.FAULT
+    return int(flags)
 
 
 def request(command: int, count: int = 0) -> bytes:

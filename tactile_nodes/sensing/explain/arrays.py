@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,6 @@ from tactile_nodes.sensing.explain.network import (
     NetworkReadout,
     TotalSpread,
 )
-from tactile_nodes.sensing.explain.numbers import check_numbers
 from tactile_nodes.sensing.explain.reading import Readout
 from tactile_nodes.sensing.explain.splines import SplineAxis
 from tactile_nodes.sensing.explain.uncertainty import Calibration
@@ -297,3 +296,31 @@ def _likeness(arrays: Mapping[str, np.ndarray], limits: Mapping[str, float] | No
 def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
     """JSON knows no NaN."""
     return {name: value if np.isfinite(value) else None for name, value in numbers.items()}
+
+
+def check_numbers(part: Any) -> None:
+    """Refuse numbers of `part`, and of what it is made of, that are none: a reading would fail on them later.
+
+    Raises:
+        TypeError: one is of another kind.
+        ValueError: one is not finite where it should be.
+    """
+    for field in fields(part):
+        value = getattr(part, field.name)
+        for number, kind in _numbers(value, str(field.type)):
+            if isinstance(number, bool) or not isinstance(number, (int, float) if kind == 'float' else int):
+                raise TypeError(f'{field.name} cannot be {value!r:.40}')
+            if not (math.isfinite(number) or (isinstance(field.default, float) and not math.isfinite(field.default))):
+                raise ValueError(f'{field.name} is {number}')
+        if is_dataclass(value):
+            check_numbers(value)
+
+
+def _numbers(value: Any, announced: str) -> Iterator[tuple[Any, str]]:
+    if announced in {'float', 'int'}:
+        yield value, announced
+    elif announced.startswith(('tuple[float', 'tuple[int')):
+        kind = announced.removeprefix('tuple[').split(',')[0]
+        if not isinstance(value, tuple | list) or not value:
+            raise TypeError(f'a list of numbers cannot be {value!r:.40}')
+        yield from ((each, kind) for each in value)

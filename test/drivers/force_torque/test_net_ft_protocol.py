@@ -9,8 +9,7 @@ import pytest
 from tactile_nodes.drivers.force_torque import net_ft_rdt as rdt
 from tactile_nodes.drivers.force_torque.contract import Flag
 from tactile_nodes.drivers.force_torque.net_ft_config import parse_config
-from tactile_nodes.drivers.force_torque.net_ft_rdt import Record, StreamTracker
-from tactile_nodes.drivers.force_torque.net_ft_status import flags_of
+from tactile_nodes.drivers.force_torque.net_ft_rdt import Record, StreamTracker, flags_of
 from tactile_nodes.errors import DeviceError
 
 # As a box of firmware 2.2.59 with a Gamma answers, shortened.
