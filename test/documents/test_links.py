@@ -27,6 +27,18 @@ def test_the_index_leads_to_every_page(page: Path) -> None:
     assert page.name == 'README.md' or f']({page.name}' in (ROOT / 'docs/README.md').read_text(encoding='utf-8')
 
 
+def test_files_that_additions_touch_hold_what_is_to_be_added_there() -> None:
+    """`FLOW_METHODS`, `NODES`: names in capitals, in the row of the file that has them."""
+    found = 0
+    for row in (ROOT / 'docs/extending.md').read_text(encoding='utf-8').splitlines():
+        files = [ROOT / name for name in re.findall(r'`([\w/.]+\.(?:py|txt))`', row.partition(' | ')[0])]
+        texts = [file.read_text(encoding='utf-8') for file in files if file.is_file()]
+        for name in re.findall(r'`([A-Z][A-Z_]{4,})`', row) if texts else ():
+            assert any(re.search(rf'\b{name}\b', text) for text in texts), f'{name} stands in none of {files}'
+            found += 1
+    assert found > 5
+
+
 def anchors(page: Path) -> Iterator[str]:
     """Headings as they are linked to: lower case, blanks as dashes, no other marks."""
     for title in re.findall(r'(?m)^#+ (.*)$', page.read_text(encoding='utf-8')):
