@@ -176,7 +176,7 @@ def _on_gel(
 def _made(source: AxisymmetricReadout, pressed: _Pressed, way: str, presses: int) -> tuple[AxisymmetricReadout, str]:
     """The readout that one way leads to, and its form."""
     from tactile_nodes.learning.transfer.fit import Transfer, transfer
-    from tactile_nodes.learning.transfer.partial import PartialTransfer, as_pens, transfer_outline, transfer_partial
+    from tactile_nodes.learning.transfer.partial import PartialTransfer, transfer_outline, transfer_partial
     from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
     few = pressed.presses.take(_first(pressed.presses, presses))
@@ -185,23 +185,28 @@ def _made(source: AxisymmetricReadout, pressed: _Pressed, way: str, presses: int
     elif way == FULL:
         made = transfer(source, few)
     else:
-        dataset = as_pens(few) if way == PEN else _with_weights(pressed, PENS if way == PEN_WEIGHT else 0, presses)
+        dataset = _as_pens(few) if way == PEN else _with_weights(pressed, PENS if way == PEN_WEIGHT else 0, presses)
         outline = pressed.outline if way == IMAGE_WEIGHT else None
         made = transfer_partial(source, dataset, outline, pressed.half_px)
     assert not isinstance(made.readout, FieldReadout)
     return made.readout, made.form
 
 
+def _as_pens(presses: Dataset) -> Dataset:
+    """Every press as at its known place, with a force that nobody knows."""
+    told = presses.presses.copy()
+    told[told[:, 2] > 0, 3] = np.nan
+    return replace(presses, presses=told)
+
+
 def _with_weights(pressed: _Pressed, pens: int, presses: int) -> Dataset:
     """Some pens, then weights at places that are not told."""
-    from tactile_nodes.learning.transfer.partial import replace_presses
-
     weights = pressed.weights.take(_first(pressed.weights, presses))
     told = weights.presses.copy()
     touched = np.flatnonzero(told[:, 2] > 0)
     told[touched[:pens], 3] = np.nan
     told[touched[pens:], :2] = np.nan
-    return replace_presses(weights, told)
+    return replace(weights, presses=told)
 
 
 def _score(gel: int, way: str, presses: int, readout: AxisymmetricReadout, dataset: Dataset) -> Score:

@@ -6,6 +6,7 @@ Run as `python fits_of_a_kernel.py FILE.npz`. The file holds the kernels in use,
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from tactile_nodes.learning.field.fit import fit_field
 from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import live_errors, transfer
-from tactile_nodes.learning.transfer.partial import replace_presses, transfer_partial
+from tactile_nodes.learning.transfer.partial import transfer_partial
 from tactile_nodes.sensing.geometry import BinGrid
 
 NAMES = [f'{of}openblas_get_corename{bits}' for of in ('scipy_', '') for bits in ('64_', '')]
@@ -50,7 +51,7 @@ def other_gel(count: int, seed: int) -> Dataset:
     dataset = presses(count, seed)
     moved = dataset.presses - np.array([ASIDE_MM, 0.0, 0.0, 0.0], np.float32)
     moved[:, 3] /= SOFTER
-    return replace_presses(dataset, moved)
+    return dataclasses.replace(dataset, presses=moved)
 
 
 def readings() -> dict[str, np.ndarray]:
@@ -65,7 +66,10 @@ def readings() -> dict[str, np.ndarray]:
         'response': (response, dataset),
         'axisymmetric': (axisymmetric, dataset),
         'calibrated axisymmetric': (transfer(axisymmetric, few).readout, other_gel(60, 3)),
-        'calibrated by hand': (transfer_partial(axisymmetric, replace_presses(few, half)).readout, other_gel(60, 3)),
+        'calibrated by hand': (
+            transfer_partial(axisymmetric, dataclasses.replace(few, presses=half)).readout,
+            other_gel(60, 3),
+        ),
     }
     read = {name: live_errors(readout, seen, judges(seen)) for name, (readout, seen) in made.items()}
     return {**read, 'field': field_errors()}

@@ -95,17 +95,6 @@ class PartialTransfer:
         return {**{name: value for name, value in plain.items() if name != 'readout'}, 'reason': self.reason}
 
 
-def as_pens(dataset: Dataset) -> Dataset:
-    """Every press as at its known place, with a force that nobody knows."""
-    unknown_n = np.where(dataset.presses[:, 2] > 0, np.float32(np.nan), dataset.presses[:, 3])
-    return replace_presses(dataset, np.column_stack([dataset.presses[:, :3], unknown_n]))
-
-
-def replace_presses(dataset: Dataset, presses: np.ndarray) -> Dataset:
-    """The samples with other contacts."""
-    return replace(dataset, presses=presses)
-
-
 def seen_through(
     typical: Typical, view: np.ndarray, outline: OutlineMap | None, half_px: float
 ) -> AxisymmetricResponse:

@@ -21,9 +21,7 @@ from tactile_nodes.learning.transfer.partial import (
     HARDNESS_HELD,
     PLACES_HELD,
     REGION_TURNS,
-    as_pens,
     folds_of_partial,
-    replace_presses,
     transfer_outline,
     transfer_partial,
 )
@@ -35,6 +33,13 @@ from tactile_nodes.sensing.picture.outline import OutlineMap
 
 SOFTER = 1.25
 AWAY_MM = np.array([0.8, -0.5])
+
+
+def as_pens(dataset: Dataset) -> Dataset:
+    """Every press as at its known place, with a force that nobody knows."""
+    told = dataset.presses.copy()
+    told[told[:, 2] > 0, 3] = np.nan
+    return dataclasses.replace(dataset, presses=told)
 
 
 def pressed(places: np.ndarray, force: np.ndarray, seed: int) -> Dataset:
@@ -59,7 +64,7 @@ def as_weights(dataset: Dataset, force_n: float) -> Dataset:
     """Every press as a known weight at a place that nobody knows."""
     presses = dataset.presses.copy()
     presses[presses[:, 2] > 0] = np.nan, np.nan, 1.0, force_n
-    return replace_presses(dataset, presses)
+    return dataclasses.replace(dataset, presses=presses)
 
 
 def errors(readout: AxisymmetricReadout) -> tuple[float, float]:
@@ -100,7 +105,7 @@ def test_weights_and_three_pens_tell_both(source: AxisymmetricReadout) -> None:
     told = dataset.presses.copy()
     told[:3, 3] = np.nan
     told[3:13, :2] = np.nan
-    made = transfer_partial(source, replace_presses(dataset, told))
+    made = transfer_partial(source, dataclasses.replace(dataset, presses=told))
     place, force = errors(made.readout)
     assert place < 0.25 and force < 0.25 * errors(source)[1]
     assert made.held == ()
@@ -191,7 +196,7 @@ def test_a_press_that_tells_nothing_is_refused(source: AxisymmetricReadout, colu
     told = dataset.presses.copy()
     told[2, columns] = np.nan
     with pytest.raises(DatasetError, match=said if columns != [0] else 'y'):
-        transfer_partial(source, replace_presses(dataset, told))
+        transfer_partial(source, dataclasses.replace(dataset, presses=told))
 
 
 def test_four_presses_are_too_few(source: AxisymmetricReadout) -> None:
