@@ -1,17 +1,14 @@
 """Small fits of every kind and what they read, in a process of its own: `OPENBLAS_CORETYPE` is read when it starts.
 
-Run as `python fits_of_a_kernel.py FILE.npz`. The file holds the kernels in use, and the errors of readings.
+Run as `python fits_of_a_kernel.py FILE.npz`. The file holds the errors of readings.
 """
 
 from __future__ import annotations
 
-import ctypes
 import dataclasses
 import sys
-from pathlib import Path
 
 import numpy as np
-import scipy.linalg  # brings an OpenBLAS of its own
 from layered_gel import BALL, SENSOR, pressed, pressed_terms, quiet_scaling, uneven
 from responding_gel import AXISYMMETRIC, CONFIG, presses
 
@@ -24,26 +21,9 @@ from tactile_nodes.learning.transfer.fit import live_errors, transfer
 from tactile_nodes.learning.transfer.partial import transfer_partial
 from tactile_nodes.sensing.geometry import BinGrid
 
-NAMES = [f'{of}openblas_get_corename{bits}' for of in ('scipy_', '') for bits in ('64_', '')]
 SOFTER, ASIDE_MM = 1.2, 0.7
 FEW = 45
 """Presses that the force field is fitted to; it reads fifteen others."""
-
-
-def kernels() -> list[str]:
-    """What each OpenBLAS of this process has chosen."""
-    scipy.linalg.eigvalsh(np.eye(2))
-    maps = Path('/proc/self/maps').read_text().splitlines()
-    files = sorted({line.split()[-1] for line in maps if 'openblas' in line.split()[-1].lower()})
-    return [core_of(ctypes.CDLL(file)) for file in files]
-
-
-def core_of(library: ctypes.CDLL) -> str:
-    asked = [getattr(library, name) for name in NAMES if hasattr(library, name)]
-    if not asked:
-        return 'untold'
-    asked[0].restype = ctypes.c_char_p
-    return str(asked[0]().decode())
 
 
 def other_gel(count: int, seed: int) -> Dataset:
@@ -90,4 +70,4 @@ def judges(dataset: Dataset) -> np.ndarray:
 
 
 if __name__ == '__main__':
-    np.savez(sys.argv[1], kernels=kernels(), **readings())
+    np.savez(sys.argv[1], **readings())

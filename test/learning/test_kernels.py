@@ -21,7 +21,7 @@ NEEDED = {
 }
 """What a processor must have for the kernels of each type."""
 SAME = {'Zen': 'Haswell'}
-"""Who has no kernels of a type takes these: numpy and scipy as they come from pip, while OpenCV has Zen's own."""
+"""Who has no kernels of a type takes these, as numpy and scipy from pip; those of a distribution may have their own."""
 FIRST = 'Sandybridge'
 """What every processor of the last ten years can run."""
 SHARE = 0.01
@@ -29,7 +29,7 @@ SHARE = 0.01
 
 @pytest.fixture(scope='module')
 def made() -> dict[str, dict[str, np.ndarray]]:
-    """By kernel, as far as asked for."""
+    """By the kernels that were taken, as far as asked for."""
     return {}
 
 
@@ -39,16 +39,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def errors_with(kernel: str, folder: Path, made: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    if kernel not in made:
-        require(kernel)
-        script, file = Path(__file__).with_name('fits_of_a_kernel.py'), folder / f'{kernel}.npz'
-        subprocess.run([sys.executable, script, file], env=environment_of(kernel), check=True)
-        with np.load(file) as found:
-            made[kernel] = dict(found)
-    taken = set(made[kernel]['kernels'].tolist())
-    if not taken & {kernel, SAME.get(kernel)}:  # another library's OpenBLAS may be older and know it by another name
+    require(kernel)
+    taken = run(kernel, 'kernels_in_use.py')
+    if not {kernel, SAME.get(kernel)} & set(taken.split()):  # an older OpenBLAS may know it by another name
         pytest.skip(f'asked for the kernels of {kernel}, this OpenBLAS takes those of {taken or "nobody"}')
-    return made[kernel]
+    if taken not in made:
+        file = folder / f'{kernel}.npz'
+        run(kernel, 'fits_of_a_kernel.py', str(file))
+        with np.load(file) as found:
+            made[taken] = dict(found)
+    return made[taken]
+
+
+def run(kernel: str, script: str, *words: str) -> str:
+    """What a script says in a process with these kernels."""
+    command = [sys.executable, str(Path(__file__).with_name(script)), *words]
+    ended = subprocess.run(command, env=environment_of(kernel), check=True, stdout=subprocess.PIPE, text=True)
+    return ended.stdout.strip()
 
 
 def environment_of(kernel: str) -> dict[str, str]:
@@ -73,7 +80,7 @@ def test_fits_read_alike_with_the_kernels_of_every_processor(
     kernel: str, folder: Path, made: dict[str, dict[str, np.ndarray]]
 ) -> None:
     here, first = errors_with(kernel, folder, made), errors_with(FIRST, folder, made)
-    for name in here.keys() - {'kernels'}:
+    for name in here:
         error = np.sqrt(np.mean(np.square(first[name]), axis=0))
         apart = np.abs(here[name] - first[name]).max(axis=0)
         assert (apart < SHARE * error).all(), f'{name}: {apart} apart, where errors are {error}'

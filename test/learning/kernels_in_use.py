@@ -1,0 +1,34 @@
+"""Which kernels numpy and scipy take, in a process of its own: `OPENBLAS_CORETYPE` is read when it starts.
+
+Each brings an OpenBLAS. So does OpenCV, but no fit or reading uses that one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg
+
+NAMES = [f'{of}openblas_get_corename{bits}' for of in ('scipy_', '') for bits in ('64_', '')]
+
+
+def kernels() -> list[str]:
+    """What each OpenBLAS of this process has chosen."""
+    scipy.linalg.eigvalsh(np.eye(2))
+    maps = Path('/proc/self/maps').read_text().splitlines()
+    files = sorted({line.split()[-1] for line in maps if 'openblas' in line.split()[-1].lower()})
+    return [core_of(ctypes.CDLL(file)) for file in files]
+
+
+def core_of(library: ctypes.CDLL) -> str:
+    asked = [getattr(library, name) for name in NAMES if hasattr(library, name)]
+    if not asked:
+        return 'untold'
+    asked[0].restype = ctypes.c_char_p
+    return str(asked[0]().decode())
+
+
+if __name__ == '__main__':
+    print(*kernels())
