@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 
 from benchmarks import bridges
+from benchmarks.bridges import hosts
 from benchmarks.bridges.network import Cable, network
 from benchmarks.harness.command import parser_of
 from benchmarks.harness.running import run
+from benchmarks.streams import streams
 from tactile_nodes.errors import ConfigurationError
 
 
@@ -29,6 +31,7 @@ def test_bridges_benchmark_reports_a_cable_and_its_troubles(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(bridges, 'CABLES', {bridges.GOOD: bridges.CABLES[bridges.GOOD]})
+    monkeypatch.setattr(hosts, 'STREAMS', streams(['/s0'], ['/s0']))
     monkeypatch.setattr(bridges, 'CUT_S', 0.2)
     monkeypatch.setattr(bridges, 'SETTLING_S', 0.2)
     words = ['--seconds', '0.5', '--rounds', '1', '--no-dds', '-o', str(tmp_path)]
