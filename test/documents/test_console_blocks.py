@@ -167,9 +167,9 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
     """`tactile launch live`, and a bag of it under each name that the pages give to one.
 
-    At a third of its rate, since it takes the processor from the commands for as long as they run.
+    At a sixth of its rate, since it takes the processor from the commands for as long as they run.
     """
-    words = ['tactile', 'launch', 'live', 'page:=false', 'model:=portable', 'fps:=20']
+    words = ['tactile', 'launch', 'live', 'page:=false', 'model:=portable', 'fps:=10']
     with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
@@ -182,7 +182,7 @@ def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
             force = ['tactile', 'topic', 'echo', '--once', '/force_distribution']
             heard = subprocess.run(force, cwd=folder, env=environment, check=False, capture_output=True, timeout=120)
             assert heard.returncode == 0, (said, heard.stderr)
-            record = ['tactile', 'bag', 'record', '-o', 'press1', '--duration', '2']
+            record = ['tactile', 'bag', 'record', '-o', 'press1', '--duration', '1']
             subprocess.run(record, cwd=folder, env=environment, check=True, capture_output=True)
             for name in ('run1', 'press1_again', 'replayed', 'grasp1', 'grasp2', 'touch'):
                 shutil.copytree(folder / 'press1', folder / name)
