@@ -48,7 +48,7 @@ def told(messages: list[types.FlowFeatures]) -> list[tuple[object, ...]]:
     ]
 
 
-SAVED_AT = 3, 8, 11, 17, 20, 30, 36, 47, 50, 60
+FRAMES, SAVED_AT = 70, (3, 8, 11, 17, 20, 30, 36, 47, 50, 60)
 
 
 @pytest.fixture(scope='module')
@@ -56,7 +56,7 @@ def whole() -> tuple[list[tuple[object, ...]], dict[int, bytes]]:
     """What is told of all frames, and what is remembered before some of them."""
     following, found, saved = Following(PARAMS), list[types.FlowFeatures](), dict[int, bytes]()
     following.begin_capture()
-    for number in range(70):
+    for number in range(FRAMES):
         if number in SAVED_AT:
             saved[number] = following.memory.saved()
         found += answered(following, range(number, number + 1))
@@ -68,10 +68,12 @@ def whole() -> tuple[list[tuple[object, ...]], dict[int, bytes]]:
 def test_what_was_saved_at_any_frame_goes_on_bit_for_bit(
     at: int, whole: tuple[list[tuple[object, ...]], dict[int, bytes]]
 ) -> None:
+    """Up to the next, where the same is remembered."""
     found, saved = whole
-    again = Following(PARAMS)
+    again, then = Following(PARAMS), min((each for each in saved if each > at), default=FRAMES)
     again.memory.recall(saved[at])
-    assert told(answered(again, range(at, 70))) == found[at:]
+    assert told(answered(again, range(at, then))) == found[at:then]
+    assert then == FRAMES or again.memory.saved() == saved[then]
 
 
 @pytest.mark.parametrize('begin', [0, 6], ids=['captured with them', 'later'])

@@ -129,18 +129,6 @@ def test_both_commands_refuse_a_table_that_contradicts_its_pictures(
     assert not output.exists()
 
 
-@pytest.mark.parametrize('command', [calibrated, imported])
-def test_both_commands_name_two_rows_that_were_exchanged(
-    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def change(rows: list[Row]) -> None:
-        rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
-
-    command(edited(folder, change), tmp_path / 'made')
-    told = ' '.join(capsys.readouterr().out.split())
-    assert f'look at line {RESTS + 2}, {RESTS + 3}: the picture moves elsewhere than is told' in told
-
-
 def test_one_force_told_of_presses_that_differ_calibrates_no_model(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -242,17 +230,6 @@ def test_a_press_that_is_told_to_be_the_untouched_gel_is_refused_with_both_lines
     assert re.search(r'line (6 has the picture of line 3|3 has the picture of line 6), and tells .*gel untouched', told)
 
 
-@pytest.mark.parametrize('command', [calibrated, imported])
-def test_a_picture_that_is_there_twice_is_named(
-    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def change(rows: list[Row]) -> None:
-        rows.append(rows[RESTS + 2])
-
-    command(edited(folder, change), tmp_path / 'made')
-    assert 'edited.csv, line 18 has the picture of line 8 again' in ' '.join(capsys.readouterr().out.split())
-
-
 def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -265,16 +242,20 @@ def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
 
 
 @pytest.mark.parametrize('command', [calibrated, imported])
-def test_a_picture_of_the_untouched_gel_that_shows_a_press_is_named_by_its_line(
+def test_both_commands_name_rows_in_doubt_and_take_the_table(
     command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A press taken out of the table, and put where a picture of the untouched gel was."""
+    """The pictures of two presses exchanged, one told twice, and one put where a picture of the untouched gel was."""
 
     def change(rows: list[Row]) -> None:
+        rows.append(rows[RESTS + 2])
+        rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
         rows[2][0] = rows.pop(RESTS + 4)[0]
 
     command(edited(folder, change), tmp_path / 'made')
     told = ' '.join(capsys.readouterr().out.split())
+    assert f'look at line {RESTS + 2}, {RESTS + 3}: the picture moves elsewhere than is told' in told
+    assert 'edited.csv, line 17 has the picture of line 8 again' in told
     assert 'look at line 4: the gel untouched is told, and the picture moves as under a press' in told
 
 
