@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from coarse_table import linear_table
 
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
@@ -18,7 +19,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Optics, Press, Shaping
 
 START_NS = 1_700_000_000_000_000_000
@@ -36,7 +37,7 @@ class Sensor:
 
     def __init__(self, gel: Gel | None = None) -> None:
         gel = gel or Gel()
-        self.table: ContactTable = solve(gel)
+        self.table: ContactTable = linear_table(gel)
         self._optics = Optics(gel, self.table)
         self._seed = 0
 

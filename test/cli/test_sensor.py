@@ -10,12 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from coarse_table import linear_table
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.cli.sensor.questions import depths, modulus
 from tactile_nodes.sensors import load_sensor
 from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics
 
 CALIBRATION = """\
@@ -31,7 +31,7 @@ distortion_coefficients: {rows: 1, cols: 5, data: [-0.05, 0.01, 0.0, 0.0, 0.0]}
 def pictures() -> list[np.ndarray]:
     """The sensor with printed dots at rest; a cable hides the left of it."""
     gel = replace(gel_of(load_sensor('printed_dots')), mechanics='linear')
-    optics = Optics(gel, solve(gel))
+    optics = Optics(gel, linear_table(gel))
     shown = [optics.render((), number) for number in range(3)]
     for each in shown:
         each[:, :50] = 4

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from coarse_table import linear_table
 
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.drivers.sync_input.camera_light import CameraLight, LightSettings
@@ -12,7 +13,6 @@ from tactile_nodes.emulators.camera_stream import EXPOSURE_S, LIGHT, CameraStrea
 from tactile_nodes.emulators.world import World
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import solve
 
 START_NS = 100 * NS_PER_S
 X, Y, WIDTH, HEIGHT = LIGHT
@@ -22,7 +22,7 @@ FPS = 60
 @pytest.fixture(scope='module')
 def world() -> World:
     """A line that rises at 100.2 s and falls at 100.5 s."""
-    made = World(table=solve(Gel()))
+    made = World(table=linear_table(Gel()))
     made.set_line(True, START_NS + 200_000_000)
     made.set_line(False, START_NS + 500_000_000)
     return made

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 
 import pytest
+from coarse_table import linear_table
 
 from tactile_nodes import params
 from tactile_nodes.bus import topics
@@ -21,7 +22,6 @@ from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.nodes.sync_input import SyncInputNode
 from tactile_nodes.simulation import worlds
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import solve
 
 MS = 1_000_000
 PATIENCE_S = 10.0
@@ -59,10 +59,10 @@ def spun(real_bus: InProcessBus) -> Iterator[Callable[[str], SyncInputNode]]:
 
 @pytest.fixture
 def world() -> Iterator[World]:
-    made = World(table=solve(Gel()))
+    made = World(table=linear_table(Gel()))
     worlds.share(WORLD, made)
     yield made
-    worlds.share(WORLD, World(table=solve(Gel())))
+    worlds.share(WORLD, World(table=linear_table(Gel())))
 
 
 def test_edges_of_the_worlds_line_are_told_by_the_recorders_own_clock(

@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 import pytest
+from coarse_table import linear_table
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.scene import Scene
 
 
@@ -16,7 +17,7 @@ def gel() -> Gel:
 @pytest.fixture(scope='session')
 def table() -> ContactTable:
     """The linear layer of the paper's size."""
-    return solve(Gel(mechanics='linear', shear_modulus_mpa=0.155))
+    return linear_table(Gel(mechanics='linear', shear_modulus_mpa=0.155))
 
 
 @pytest.fixture(scope='session')

@@ -16,6 +16,7 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 import time
 
 import numpy as np
+from coarse_table import linear_table
 
 from benchmarks.collection import CNC, SAFE_Z_MM, named
 from tactile_nodes.collection.press.rest import go_to_gel
@@ -32,7 +33,6 @@ from tactile_nodes.simulation.elements import Mesh, graded
 from tactile_nodes.simulation.finite_strain import Indentation
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.indenter import PAPER_TIP
-from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press
 from tactile_nodes.simulation.scene import PressSchedule, Scene
 from tactile_nodes.simulation.solution import Problem, solve_problem
@@ -70,7 +70,7 @@ def moved_finest(found: dict[float, np.ndarray]) -> np.ndarray:
 
 def linear() -> None:
     """The linear table against the finite-strain one: force at the same G, and motion of markers."""
-    tables = solve(LINEAR), contact_table(dataclasses.replace(FINITE, shear_modulus_mpa=0.155))
+    tables = linear_table(LINEAR), contact_table(dataclasses.replace(FINITE, shear_modulus_mpa=0.155))
     optics = [Optics(LINEAR, table) for table in tables]
     rest = optics[0].project(())
     for depth in (0.125, *DEPTHS):

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from coarse_table import linear_table
 from hypothesis import given, settings
 from hypothesis import strategies as draw
 
 from benchmarks import disturbances as disturb
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import NoiseBank, Press, place_markers
 
 LINEAR = Gel(mechanics='linear', marker_count=2000, image_width=320, image_height=240, focal_px_per_rad=145.0)
@@ -70,7 +70,7 @@ def test_no_marker_is_left_in_the_corner_and_all_are_elsewhere() -> None:
 
 
 def test_markers_that_lost_their_light_are_not_drawn() -> None:
-    tables = {'tip': solve(LINEAR)}
+    tables = {'tip': linear_table(LINEAR)}
     whole = disturb.WornOptics(LINEAR, tables)
     none = disturb.WornOptics(LINEAR, tables, np.ones(2000, bool))
     dark = none.light(((Press(0.0, 0.0, 1.0),),))
@@ -79,7 +79,7 @@ def test_markers_that_lost_their_light_are_not_drawn() -> None:
 
 
 def test_an_exposure_shows_the_mean_of_its_moments() -> None:
-    optics = disturb.WornOptics(LINEAR, {'tip': solve(LINEAR)})
+    optics = disturb.WornOptics(LINEAR, {'tip': linear_table(LINEAR)})
     up, down = ((Press(0.0, 0.0, depth),) for depth in (0.2, 0.6))
     mean = (optics.light((up,)) + optics.light((down,))) / 2
     assert np.abs(optics.light((up, down)) - mean).max() < 0.5

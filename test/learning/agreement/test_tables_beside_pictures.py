@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from coarse_table import linear_table
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import DatasetError
@@ -19,7 +20,6 @@ from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
 from tactile_nodes.learning.tables.presses import read_table
 from tactile_nodes.sensors import CameraDescription, ImageSettings, load_sensor
 from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press
 
 SENSOR = 'speckle_membrane'
@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Four pictures of an untouched gel, a grid of twelve presses by the tip, and the model of the description."""
     made = tmp_path_factory.mktemp('pictures')
     gel = dataclasses.replace(gel_of(load_sensor(SENSOR)), mechanics='linear')
-    table = solve(gel)
+    table = linear_table(gel)
     optics, rows = Optics(gel, table), []
     for number in range(RESTS):
         cv2.imwrite(str(made / f'rest{number}.png'), optics.render((), number))

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from coarse_table import linear_table
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.contact_tables.gel_tables import contact_table
@@ -21,7 +22,6 @@ from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensors import load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press
 
 GEL = Gel(seed=31, shear_modulus_mpa=0.09, camera_shift_mm=(1.0, -0.6))
@@ -255,7 +255,7 @@ def test_a_model_that_follows_a_texture_begins_with_no_printed_dots(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     gel = dataclasses.replace(gel_of(load_sensor('printed_dots')), mechanics='linear')
-    cv2.imwrite(str(tmp_path / 'rest.png'), Optics(gel, solve(gel)).render((), 1))
+    cv2.imwrite(str(tmp_path / 'rest.png'), Optics(gel, linear_table(gel)).render((), 1))
     (tmp_path / 'dots.csv').write_text('picture,x_mm,y_mm,grams\nrest.png,,,0\nrest.png,1,2,50\n')
     words = ['--model', 'portable', '--gel', 'dots', '-o', str(tmp_path / 'dots.safetensors')]
     assert main(['calibrate', '--pictures', str(tmp_path / 'dots.csv'), *words]) == 1

@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+from coarse_table import linear_table
 
 from tactile_nodes.learning.field.calibration import described_model
 from tactile_nodes.learning.progress import Progress
@@ -15,7 +16,7 @@ from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.mechanics import ContactTable, solve
+from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Optics, Press
 
 
@@ -33,7 +34,7 @@ class DescribedChain:
         self, sensor: Sensor, loaded: LoadedModel, table: ContactTable | None = None, *, compiled: bool = False
     ) -> None:
         gel = dataclasses.replace(gel_of(sensor), mechanics='linear')
-        self.table = table or solve(gel)
+        self.table = table or linear_table(gel)
         self._image, self._optics, self._frames = sensor.image, Optics(gel, self.table), iter(range(1000))
         self._flow, self._encoding = make_flow(*loaded.flow), make_encoding(*loaded.encoding)
         self._force = ForceEstimator(loaded.model, compiled=compiled)

@@ -11,6 +11,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from coarse_table import linear_table
 from described_chain import DescribedChain, model_of
 
 from tactile_nodes.model_file import LoadedModel
@@ -25,7 +26,6 @@ from tactile_nodes.sensors import (
     Sensor,
 )
 from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.mechanics import solve
 from tactile_nodes.simulation.optics import Optics, Press
 
 DOMED = Sensor(
@@ -53,9 +53,9 @@ def test_presses_on_a_dome_are_told_where_they_are_and_how_hard(made: LoadedMode
 
 def test_markers_lie_lower_towards_the_rim_and_the_camera_sees_them_where_regions_expect_them() -> None:
     gel = gel_of(DOMED)
-    optics = Optics(gel, solve(dataclasses.replace(gel, mechanics='linear')))
+    optics = Optics(gel, linear_table(dataclasses.replace(gel, mechanics='linear')))
     flat = gel_of(dataclasses.replace(DOMED, gel=dataclasses.replace(DOMED.gel, dome_radius_mm=0.0)))
-    before = Optics(flat, solve(dataclasses.replace(flat, mechanics='linear'))).markers_mm
+    before = Optics(flat, linear_table(dataclasses.replace(flat, mechanics='linear'))).markers_mm
     away = np.hypot(*before[:, :2].T)
     assert optics.markers_mm[:, 2] - before[:, 2] == pytest.approx(np.sqrt(40.0**2 - away**2) - 40.0, abs=1e-5)
     places, depth_mm = optics.markers_mm[:50, :2].astype(float), -before[:50, 2]

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from coarse_table import linear_table
 from pressures import hertz
 
 from tactile_nodes.sensing.elasticity.rays import described_dots
@@ -13,7 +14,7 @@ from tactile_nodes.sensing.flow.dots import told_by_dots
 from tactile_nodes.sensing.geometry import FisheyeCamera
 from tactile_nodes.sensors import CameraDescription, GelDescription, ImageSettings, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
-from tactile_nodes.simulation.mechanics import Layer, contact_radius_mm, solve
+from tactile_nodes.simulation.mechanics import Layer, contact_radius_mm
 from tactile_nodes.simulation.optics import Optics, Press
 
 FOCAL, PUPIL_MM = 290.0, 23.0
@@ -90,7 +91,7 @@ def test_motion_is_uneven_over_windows_wider_than_twice_the_depth(regions: Regio
 def test_a_region_of_printed_dots_moves_as_its_dots_do(dark_dots: Sensor) -> None:
     """0.14 N of the tip at (1.6, -0.9), between four dots, as theory moves what each dot is filled with."""
     gel = dataclasses.replace(gel_of(dark_dots), mechanics='linear')
-    table = solve(gel)
+    table = linear_table(gel)
     optics, regions = Optics(gel, table), Regions(dark_dots, 6, 8)
     at_rest, moved = optics.project(()), optics.project((Press(1.6, -0.9, 0.5),))
     dots_px, pitch_px = described_dots(regions.view), 2.5 * regions.view.px_per_mm
