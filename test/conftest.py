@@ -186,6 +186,15 @@ def spinning() -> Iterator[Callable[[Node], Node]]:
         node.close()
 
 
+@pytest.fixture(scope='module')
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Nothing is known of earlier measurements."""
+    folder = tmp_path_factory.mktemp('cache')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('XDG_CACHE_HOME', str(folder))
+        yield folder
+
+
 @pytest.fixture(scope='session')
 def first_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The model that ships for calibrations, as that of a gel named first."""

@@ -156,22 +156,6 @@ def test_a_calibration_for_this_gel_is_not_calibrated_again(
     assert said in capsys.readouterr().err
 
 
-@pytest.mark.timeout(180)  # a fit takes seconds of a processor, more of one with other work
-def test_bags_make_a_calibration_without_a_data_set(
-    first_model: Path, other_bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
-    output = tmp_path / 'gel-7.safetensors'
-    words = ['calibrate', str(other_bag), '--model', str(first_model), '--gel', 'gel-7', '-o', str(output)]
-    assert main(words) == 0
-    loaded = load_model(output)
-    assert (loaded.gel, loaded.card['data']['origin']) == ('gel-7', 'calibration')
-    said = loaded.card['training']['calibration']
-    assert said['presses'] == 10
-    assert said['after']['force_rmse_n'] < said['before']['force_rmse_n']
-    assert loaded.rest_image.shape == (440, 440)
-
-
 def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['calibrate', '--model', 'fast', '-o', 'none']) == 1
     assert 'either bags or --dataset FILE' in capsys.readouterr().err
@@ -236,7 +220,7 @@ def test_presses_of_a_square_calibrate_the_field_alone(
 
 
 @pytest.mark.timeout(240)
-def test_presses_of_the_tip_calibrate_tips_and_field(
+def test_bags_of_presses_of_the_tip_calibrate_tips_and_field_without_a_data_set(
     other_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
@@ -248,6 +232,11 @@ def test_presses_of_the_tip_calibrate_tips_and_field(
     none, some = (line for line in told.splitlines() if ' presses: force RMSE' in line)
     assert none.strip().startswith('0 presses') and some.strip().startswith('8 presses')
     loaded = load_model(output)
+    assert (loaded.gel, loaded.card['data']['origin']) == ('gel-7', 'calibration')
+    said = loaded.card['training']['calibration']
+    assert said['presses'] == 10
+    assert said['after']['force_rmse_n'] < said['before']['force_rmse_n']
+    assert loaded.rest_image.shape == (440, 440)
     readout = loaded.model.readout
     assert isinstance(readout, FieldReadout)
     assert readout.tips is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -20,14 +19,9 @@ from tactile_nodes.model_file import save_model
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 
+pytestmark = pytest.mark.usefixtures('own_cache')
+
 SHAPE = (10, 10, 2)
-
-
-@pytest.fixture(scope='module', autouse=True)
-def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
-        yield
 
 
 def save(file: Path, seconds: float, hidden: int) -> Path:
