@@ -147,7 +147,7 @@ def _hold(pressed, cols, told, near, held):
     wide = solver.WIDE / max(above * above / max(squared, 1e-12), 1.0)
     weight = solver.HELD * told * min(1.0, wide * wide)
     for k in range(pressed.shape[0]):
-        held[k] = weight / (near[k] + max(solver.SPREAD * total, solver.AROUND_N))
+        held[k] = weight / (near[k] + solver.SPREAD * max(total, solver.LEAST_N))
 
 
 @compiled()

@@ -38,16 +38,6 @@ def test_a_dragged_contact_is_told_with_its_place_force_and_shear(solver: FieldS
     assert np.abs(told - true).sum() / 2 < 0.15 * 1.5
 
 
-@pytest.mark.parametrize('at_mm', [(0.9, 0.9), (6.2, -8.0), (-9.8, 6.2)])
-@pytest.mark.parametrize('seed', [1, 2, 3])
-def test_a_light_touch_that_the_picture_shows_is_told(
-    solver: FieldSolver, at_mm: tuple[float, float], seed: int
-) -> None:
-    motion = moved(solver, disc(solver, at_mm, 0.9, 0.015), seed)
-    field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
-    assert field.total_n == pytest.approx(0.015, abs=2 * 0.004)  # noise has a bin off by 4 mN
-
-
 def test_noise_alone_is_no_force(solver: FieldSolver) -> None:
     motion = moved(solver, np.zeros((3, solver.patches.count)))
     field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))

@@ -37,10 +37,6 @@ is filled rather than held down, by so much less as the square of their number s
 UNSEEN_N = 0.012
 """What noise allows to be on a patch whose force is told as none."""
 
-AROUND_N = UNSEEN_N / 3
-"""The same of the mean over a patch and its neighbours, nine in all, and so the least that counts as being around any:
-with less a light touch would be held down by more than the picture says for it."""
-
 ON_BINS, FIRST_STEPS = 2.0, 10
 """How much more bins are held down than patches, and steps of the solver on them: all that comes of it is which patches
 are solved on, and what holds them down."""
@@ -275,8 +271,7 @@ class FieldSolver:
 
     def _held(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
         filled = min(1.0, (WIDE / spread_over(pressed)) ** 2)
-        around = self._nearby(pressed) + max(SPREAD * float(pressed.sum()), AROUND_N)
-        return HELD * self._told * filled / around
+        return HELD * self._told * filled / (self._nearby(pressed) + SPREAD * max(float(pressed.sum()), LEAST_N))
 
     @cached_property
     def _told(self) -> float:
