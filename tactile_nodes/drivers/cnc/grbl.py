@@ -170,13 +170,24 @@ class GrblCnc(SerialCnc[GrblDialogue]):
 
     def _introduce(self, dialogue: GrblDialogue) -> None:
         """Who it is, what it does, and how it is set up."""
-        self._identity = identity_of(dialogue.ask('$I', self._settings.answer_s).lines, dialogue.banner)
-        report = dialogue.fresh_report(self._settings.answer_s)
-        if report.state not in {CncState.IDLE, CncState.ALARM}:
-            raise DeviceFaultError(f'{self._name} is busy ({report.word}); end what it does, then connect again')
+        restarts = dialogue.restarts
+        try:
+            lines = dialogue.ask('$I', self._settings.answer_s).lines
+        except DeviceFaultError:
+            if dialogue.restarts == restarts:  # refused: Grbl answers that at rest alone
+                self._report_at_rest(dialogue)
+            raise
+        self._identity = identity_of(lines, dialogue.banner)
+        report = self._report_at_rest(dialogue)
         self._read_settings(dialogue)
         if report.state is not CncState.ALARM:
             dialogue.ask(PREAMBLE, self._settings.answer_s)
+
+    def _report_at_rest(self, dialogue: GrblDialogue) -> Report:
+        report = dialogue.fresh_report(self._settings.answer_s)
+        if report.state not in {CncState.IDLE, CncState.ALARM}:
+            raise DeviceFaultError(f'{self._name} is busy ({report.word}); end what it does, then connect again')
+        return report
 
     def _read_settings(self, dialogue: GrblDialogue) -> None:
         lines = dialogue.ask('$$', self._settings.answer_s).lines

@@ -355,9 +355,11 @@ def test_a_safe_height_outside_the_box_is_refused() -> None:
         rig.cnc.connect()
 
 
-def test_a_busy_machine_is_refused() -> None:
+@pytest.mark.parametrize('identity', [IDENTITY, b'error:8\r\n'], ids=['told', 'told at rest alone'])
+def test_a_busy_machine_is_refused(identity: bytes) -> None:
+    """Grbl 1.1h says who it is at rest alone (system.c, `system_execute_line`)."""
     with pytest.raises(DeviceFaultError, match='is busy'):
-        play([CONNECT[0], (b'?', b'<Run|MPos:0,0,0|FS:1,0>\r\n')], nothing)
+        play([(b'$I\n', identity), (b'?', b'<Run|MPos:0,0,0|FS:1,0>\r\n')], nothing)
 
 
 @pytest.mark.parametrize('command', ['M8 ?', 'M8!', 'M8 ~', 'M8\n', 'M8é', 'M' * 80])
