@@ -198,7 +198,7 @@ class Chosen:
 
     @classmethod
     def of(cls, judge: Judge, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> Chosen:
-        """The simplest form whose presses held out are read nearly as well as by the best."""
+        """The form that presses held out support, see `simplest_form`."""
         start, described = judge.start, judge.described(presses, fold)
         rest = {int(out): presses.take(np.flatnonzero(fold != out)) for out in np.unique(fold)}
         softer = {out: each.gain(start) for out, each in rest.items()}
@@ -214,10 +214,24 @@ class Chosen:
         for form in set(read) - {'description'}:
             if misfits[form] > EXPLAINED:
                 fits[form], read[form] = fits[form].times(read[form]), read[form].over(read[form].gains)
-        costs = {form: each.cost for form, each in read.items()}
-        form = next(form for form in FORMS if costs.get(form, math.inf) <= WORTH * min(costs.values()))
+        form = simplest_form({form: each.cost for form, each in read.items()}, misfits)
         gain = float(fits['gain'].shares[:, ::3].sum() / start[:, ::3].sum())
         return cls(form, gain, fits[form].shares, fits[form].held, misfits)
+
+
+def simplest_form(costs: Mapping[str, float], misfits: Mapping[str, float]) -> str:
+    """The simplest form by which presses held out are read and explained nearly as well as by the best.
+
+    What is read of a few dozen alone is a toss-up. Of a hundred presses on a gel a gain and regions told forces and
+    places as exactly to 5 %, and of ten families of contacts 17 and 14 % of the force was misplaced. What was left over
+    of the motion told the two apart: 0.86 and 0.66 times what is expected.
+
+    Args:
+        costs: of the forms that may be taken, how far off presses are read (`Held.cost`).
+        misfits: what of their motion is left over.
+    """
+    together = {form: cost * misfits[form] for form, cost in costs.items()}
+    return next(form for form in FORMS if together.get(form, math.inf) <= WORTH * min(together.values()))
 
 
 @dataclass(frozen=True)
