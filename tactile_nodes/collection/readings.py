@@ -17,6 +17,7 @@ from tactile_nodes.errors import ImageError
 
 Picture = npt.NDArray[np.uint8]
 BLOCK_PX = 16
+KEPT_NS, KEPT_FRAMES = 20 * NS_PER_S, 90
 
 
 class Frame:
@@ -85,9 +86,6 @@ def pattern_change(a: Frame, b: Frame) -> float:
         raise ImageError('the images have changed their size; leave the camera settings alone during a run')
     square = np.square(a.image.astype(np.int32) - b.image).astype(np.uint32)
     return math.sqrt(float(_block_means(square).max()))
-
-
-KEPT_NS, KEPT_FRAMES = 20 * NS_PER_S, 90
 
 
 class Readings:

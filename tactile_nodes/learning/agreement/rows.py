@@ -53,7 +53,7 @@ def require_seen(rows: Iterable[TablePress], sensor: Sensor | None, faults: RowF
     for row in rows:
         with faults.row(row.line):
             place = np.array([[row.x_mm, row.y_mm]])
-            if np.isfinite(place).all() and not ((view.shares_of(place) >= 0) & (view.shares_of(place) <= 1)).all():
+            if np.isfinite(place).all() and not (np.abs(view.shares_of(place) - 0.5) <= 0.5).all():
                 raise DatasetError(
                     f'{row.x_mm:g}, {row.y_mm:g} mm lies outside of what the camera sees by the description of the '
                     'sensor; check the unit, or press further in'

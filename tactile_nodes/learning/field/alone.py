@@ -14,7 +14,7 @@ import numpy as np
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.calibration import Pressed, known_presses
-from tactile_nodes.learning.field.camera import focal_objection, in_words
+from tactile_nodes.learning.field.camera import in_words
 from tactile_nodes.learning.field.fit import fit_field, regions_of
 from tactile_nodes.learning.field.judging import Held
 from tactile_nodes.learning.field.presses import Pressures
@@ -114,8 +114,7 @@ def transfer_alone(
     contacts = np.column_stack([fit.by.centre_mm, fit.by.force_n])
     as_described = fit.form == 'description' and abs(math.log(fit.gain)) < CONFIRMED
     confirmed = as_described and loaded.of_description
-    said = focal_objection(fit.looks)
-    said = said or objection('calibration', fit.errors, None if confirmed else before, of_the_mean(contacts))
+    said = fit.objection or objection('calibration', fit.errors, None if confirmed else before, of_the_mean(contacts))
     require_worth(said, ADVICE, forced=forced)
     why = (
         f'presses of {bodies.card_name} tell nothing of tips'

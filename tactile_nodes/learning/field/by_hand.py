@@ -14,11 +14,9 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.alone import transfer_alone
 from tactile_nodes.learning.field.calibration import Pressed, fit_beside_tips
-from tactile_nodes.learning.field.camera import focal_objection
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import require_presses
 from tactile_nodes.learning.transfer.fit import reached_mm
-from tactile_nodes.learning.transfer.judgement import ADVICE, require_worth
 from tactile_nodes.learning.transfer.judgement import told as told_errors
 from tactile_nodes.learning.transfer.partial import PartialTransfer
 from tactile_nodes.model_file import LoadedModel
@@ -50,10 +48,9 @@ def with_field_by_hand(
         require_presses(known, reached_mm(made.readout))
     except DatasetError as error:
         return replace(made, field=f'not fitted, so this model reads tips alone: {told}; {error}')
-    fit = fit_beside_tips(loaded, made.readout, known, pressed, progress)
-    require_worth(said := focal_objection(fit.looks), ADVICE, forced=forced)
+    fit = fit_beside_tips(loaded, made.readout, known, pressed, progress, forced=forced)
     told += f'; {fit.reason}; it reads held-out presses {told_errors(fit.errors)} off by itself (medians)'
-    return replace(made, readout=replace(fit.readout, tips=made.readout), field=told, objection=said)
+    return replace(made, readout=replace(fit.readout, tips=made.readout), field=told, objection=fit.objection)
 
 
 def alone_by_hand(

@@ -14,7 +14,6 @@ from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import BALL_MM, BODY, Bodies, KnownBody, body_of_card
-from tactile_nodes.learning.field.camera import focal_objection
 from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, regions_of, scaling_of, uncovered
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
@@ -175,11 +174,10 @@ def with_field(
     """
     if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
         return made
-    fit = fit_beside_tips(loaded, made.readout, dataset, pressed or Pressed(), progress, curve=curve)
-    require_worth(said := focal_objection(fit.looks), ADVICE, forced=forced)
+    fit = fit_beside_tips(loaded, made.readout, dataset, pressed or Pressed(), progress, forced=forced, curve=curve)
     told = f'{fit.reason}; it reads held-out presses {told_errors(fit.errors)} off by itself (medians)'
     readout = replace(fit.readout, tips=made.readout)
-    return replace(made, readout=readout, field=told, curve=fit.curve, objection=made.objection or said)
+    return replace(made, readout=readout, field=told, curve=fit.curve, objection=made.objection or fit.objection)
 
 
 def fit_beside_tips(
@@ -189,17 +187,21 @@ def fit_beside_tips(
     pressed: Pressed,
     progress: Progress | None = None,
     *,
+    forced: bool = False,
     curve: bool = False,
 ) -> FieldFit:
     """The field of a gel whose tips were calibrated by the same presses.
 
     Raises:
         ModelError: neither the person nor the source says what pressed, or what was.
-        DatasetError: an indenter is no body.
+        DatasetError: an indenter is no body, or by the presses the camera is another than described and nobody forced
+            it.
         ConfigurationError: a body is wider than the gel.
     """
     sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
-    return _fitted(sensor, tips, dataset, bodies, progress or Progress(), curve=curve)
+    fit = _fitted(sensor, tips, dataset, bodies, progress or Progress(), curve=curve)
+    require_worth(fit.objection, ADVICE, forced=forced)
+    return fit
 
 
 def _fitted(

@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies
-from tactile_nodes.learning.field.camera import SCALES, camera_told, in_words, looked_otherwise
+from tactile_nodes.learning.field.camera import SCALES, camera_told, focal_objection, in_words, looked_otherwise
 from tactile_nodes.learning.field.judging import ROOM, UNFITTED, Chosen, Judge, passes_of, spread_of, told
 from tactile_nodes.learning.field.presses import STEP, AllPressures, BodyPresses, known_of, noise_px, presses_of
 from tactile_nodes.learning.progress import Progress
@@ -76,6 +76,11 @@ class FieldFit:
             f'{self.form}: what held-out presses leave unexplained is {left} times what is expected'
             f'{in_words(self.looks)}{self.deep}'
         )
+
+    @property
+    def objection(self) -> str:
+        """What speaks against it, whatever it reads; empty where nothing does."""
+        return focal_objection(self.looks)
 
     @property
     def deep(self) -> str:

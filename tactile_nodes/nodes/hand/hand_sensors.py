@@ -52,7 +52,8 @@ class HandSensorsNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._hand = load_hand(self.params.hand)
-        (logs := log_directory() / 'hand').mkdir(parents=True, exist_ok=True)
+        logs = log_directory() / 'hand'
+        logs.mkdir(parents=True, exist_ok=True)
         self._folder = tempfile.TemporaryDirectory(prefix='parameters_', dir=logs)
         for number, refused in enumerate(self._hand.refused):
             self.report(f'left out {number + 1}', Level.ERROR, refused)
