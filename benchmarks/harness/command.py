@@ -39,7 +39,7 @@ def fill(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
     if benchmark.tasks:
         parser.add_argument(
             '--processes', type=int, default=len(os.sched_getaffinity(0)), metavar='N',
-            help='of this machine that work side by side (default: one a processor, %(default)s)',
+            help='of this machine that work side by side (default: one a processor)',
         )  # fmt: skip
         parser.add_argument(
             '--on',

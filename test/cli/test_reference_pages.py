@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,12 @@ def stale() -> set[str]:
 @pytest.mark.parametrize('page', [page.name for page in pages(DOCS)])
 def test_a_page_of_the_documentation_says_what_the_code_says(page: str, stale: set[str]) -> None:
     assert page not in stale, f'docs/{page} is not current; renew it with: tactile reference'
+
+
+def test_the_pages_are_the_same_on_a_machine_of_sixteen_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, 'sched_getaffinity', lambda pid: set(range(16)))
+    monkeypatch.setattr(os, 'cpu_count', lambda: 16)
+    assert not reference.stale_pages(DOCS)
 
 
 def test_what_stands_around_a_part_is_left_as_it_is() -> None:
