@@ -233,12 +233,8 @@ def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
         arrays |= {TIPS + name: each for name, each in inner.items()}
         tips = {'tips': said}
     numbers = {name: getattr(readout, name) for name in (*FIELD_NUMBERS, 'passes')}
-    return arrays, {**_said(readout.kind, readout.scaling, None), **numbers, 'spread': asdict(readout.spread), **tips}
-
-
-def _spread(said: Mapping[str, Any]) -> FieldSpread:
-    plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in said.items()}
-    return FieldSpread(**plain)
+    spread = {'spread': {'response': readout.spread.response}}
+    return arrays, {**_said(readout.kind, readout.scaling, None), **numbers, **spread, **tips}
 
 
 def _field(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> FieldReadout:
@@ -246,10 +242,10 @@ def _field(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinG
     own = {name.removeprefix(TIPS): each for name, each in arrays.items() if name.startswith(TIPS)}
     tips = _axisymmetric(own, said['tips'], bins) if 'tips' in said else None
     numbers: dict[str, Any] = {name: float(said[name]) for name in FIELD_NUMBERS}
-    response = arrays['field'].astype(np.float32)
+    response, spread = arrays['field'].astype(np.float32), FieldSpread(response=float(said['spread']['response']))
     surface = arrays.get('surface', STILL)
     return FieldReadout(
-        _scaling(arrays, said), response, bins, spread=_spread(said['spread']), tips=tips, surface=surface,
+        _scaling(arrays, said), response, bins, spread=spread, tips=tips, surface=surface,
         passes=int(said.get('passes', 1)), **numbers,
     )  # fmt: skip
 

@@ -32,8 +32,9 @@ class FieldSpread:
     """Standard deviations of what is told, from those of the fit: hypot(factor * fit's, share * force).
 
     `normal` and `shear` are such pairs for forces, `bins` for the force on a bin, whose share is of the force on the
-    bin and its neighbours. `wide` is the share of the normal force of contacts whose middle shows nothing. `place` is a
-    factor and the least that a place is off by (mm). `nominal` is what is usual of a total: a floor (N) and a share.
+    bin and its neighbours, `torsion` for that of a contact, whose share is of its normal force times how far that is
+    from the centre. `wide` is the share of the normal force of contacts whose middle shows nothing. `place` is a factor
+    and the least that a place is off by (mm). `nominal` is what is usual of a total: a floor (N) and a share.
     `floor_n` is the least that a normal force is off by: what holds patches down takes of light contacts, which no fit
     tells. All are for a response fitted to presses; one that was not is off by `response` beside that.
     """
@@ -41,8 +42,9 @@ class FieldSpread:
     normal: tuple[float, float] = (0.7, 0.018)
     shear: tuple[float, float] = (0.8, 0.012)
     bins: tuple[float, float] = (0.45, 0.065)
+    torsion: tuple[float, float] = (0.1, 0.012)
     wide: float = 0.07
-    place: tuple[float, float] = (1.0, 0.08)
+    place: tuple[float, float] = (0.5, 0.05)
     nominal: tuple[float, float] = (0.012, 0.05)
     response: float = 0.0
     floor_n: float = 0.005
@@ -51,7 +53,7 @@ class FieldSpread:
         """With deviations that are so much larger."""
         if factor == 1:
             return self
-        pairs, numbers = ('normal', 'shear', 'bins', 'place'), ('wide', 'response', 'floor_n')
+        pairs, numbers = ('normal', 'shear', 'bins', 'torsion', 'place'), ('wide', 'response', 'floor_n')
         larger: dict[str, Any] = {name: tuple(factor * each for each in getattr(self, name)) for name in pairs}
         return replace(self, **larger, **{name: factor * getattr(self, name) for name in numbers})
 
@@ -69,7 +71,7 @@ class FieldSpread:
 
     def torsion_n_mm(self, fitted: float, torsion: float, force_n: float, lever_mm: float) -> float:
         """Of a torsion of a contact whose force is so far (root mean square) from its centre."""
-        return math.hypot(self.shear[0] * fitted, self.shear[1] * force_n * lever_mm, self.response * torsion)
+        return math.hypot(self.torsion[0] * fitted, self.torsion[1] * force_n * lever_mm, self.response * torsion)
 
     def place_mm(self, fitted: float) -> float:
         """Of a place along an axis."""
