@@ -50,6 +50,9 @@ where another body presses it is 2.2 and more."""
 ALIKE = 0.93
 """Unlikeness up to which tips explain a frame, and the field is not asked."""
 
+WITHIN = 1.645
+"""Standard deviations to either side of which a normal error has 90 %."""
+
 
 STILL = np.zeros((2, 1, 1), np.float32)
 """A surface of which nobody knows how far shear takes it along: models of before."""
@@ -164,8 +167,8 @@ class FieldReadout:
             return self._with_acting(tips[0])
         found = self.solver.field(motion, weights, coarse)
         unlike, count = found.misfit / self.misfit_limit, len(found.active)
-        if found.gain < max(self.least_gain, count):
-            return self._untouched(unlike)
+        if found.gain < (least := max(self.least_gain, float(count))):
+            return self._untouched(unlike, self.solver.unseen_n(weights, least))
         if tips is not None:
             left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
             if weights.squared(left) + 2 * numbers <= len(left) * found.misfit**2 + 2 * count:
@@ -241,20 +244,23 @@ class FieldReadout:
         sheared = np.sqrt((np.square(along_x) + np.square(along_y)) / 2)
         return SurfaceField(maps[0], np.stack(maps[1:], -1), pressed.astype(np.float32), sheared.astype(np.float32))
 
-    def nothing(self) -> Acting:
-        """What is known while nothing presses, as far as can be seen."""
+    def nothing(self, sigma_n: float | None = None) -> Acting:
+        """What is known while nothing presses, as far as can be seen; without `sigma_n` the nominal error remains."""
         patches = self.solver.patches
         still = Field(np.zeros((3, patches.count)), np.zeros(0, int), np.zeros((0, 0)), 0.0, 0.0)
         shape = self.bins.rows, self.bins.cols
-        off = np.diag(np.square([self.spread.nominal[0]] * 3 + [self.spread.nominal[0] * self.bins.width_mm / 4] * 3))
+        off_n = sigma_n or self.spread.nominal[0]
+        off = np.diag(np.square([off_n] * 3 + [off_n * self.bins.width_mm / 4] * 3))
         return Acting(
-            'nothing', np.zeros((*shape, 2), np.float32), np.full(shape, UNSEEN_N, np.float32), np.zeros(6), off,
+            'nothing', np.zeros((*shape, 2), np.float32), np.full(shape, off_n, np.float32), np.zeros(6), off,
             partial(self._surface, still, 1.0),
         )  # fmt: skip
 
-    def _untouched(self, unlike: float) -> Reading:
-        none, sigma_n = np.zeros((self.bins.rows, self.bins.cols), np.float32), self.spread.nominal[0]
-        return Reading(none, (Contact(0.0, 0.0, 0.0, UNKNOWN, sigma_n),), sigma_n, unlike, acting=self.nothing())
+    def _untouched(self, unlike: float, unseen_n: float) -> Reading:
+        none = np.zeros((self.bins.rows, self.bins.cols), np.float32)
+        sigma_n = max(self.spread.nominal[0], unseen_n / WITHIN)
+        contact = Contact(0.0, 0.0, 0.0, UNKNOWN, sigma_n)
+        return Reading(none, (contact,), sigma_n, unlike, acting=self.nothing(sigma_n))
 
     def _with_acting(self, reading: Reading) -> Reading:
         """Tips with what they do beside: no shear, and pressure on the patches about their places."""

@@ -238,6 +238,16 @@ class FieldSolver:
         shown = float(pressed @ self._shown) / max(float(pressed.sum()), LEAST_N)
         return max(1 / max(shown, LEAST_SHOWN) - 1, 0.0)
 
+    def unseen_n(self, weights: Weights, gain: float) -> float:
+        """The force on a usual patch that would gain so much: up to that it may hide in the noise."""
+        return math.sqrt(2 * gain / max(float(self._usual_squared @ weights.single), 1e-12))
+
+    @cached_property
+    def _usual_squared(self) -> Float32[np.ndarray, ' rows']:
+        """Square of what 1 N on a patch moves, mean over the gel."""
+        usual: np.ndarray = np.square(self._by_force[: self.patches.count][self._on_gel]).mean(axis=0)
+        return usual
+
     @cached_property
     def _shown(self) -> Float[np.ndarray, ' patches']:
         """How much a newton on each patch moves the regions, beside what is usual."""
