@@ -1,4 +1,4 @@
-"""What a procedure (`press_cycle`, `find_surface`) asks of the rig, and what it is told in return.
+"""What a procedure (`press_cycle`, `feel_corner`) asks of the rig, and what it is told in return.
 
 A procedure is a generator: it yields actions and is sent what was seen. So it reads from top to bottom, knows no
 device, thread or clock, and a test feeds it times and values by hand.

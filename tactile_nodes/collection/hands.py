@@ -15,7 +15,7 @@ from typing import TypeVar
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.actions import Action, Go, Look, Procedure, Seen, SetTare, Switch
 from tactile_nodes.collection.readings import Readings
-from tactile_nodes.collection.safety import MACHINE, Safety, Trip
+from tactile_nodes.collection.safety import MACHINE, SILENT_MACHINE, Safety, Trip
 from tactile_nodes.collection.settings import MotionSettings
 from tactile_nodes.drivers.cnc.contract import Cnc, CncStatus, Place, Switched
 from tactile_nodes.drivers.force_torque.contract import Sample
@@ -24,6 +24,7 @@ from tactile_nodes.errors import DeviceError, DeviceFaultError
 BREATH_S = 0.01
 STATE_S = 0.1
 STOP_WAIT_S = 5.0
+MOST_RETRACTS = 4
 GRID = 1000  # a controller takes three decimals of a mm
 Result = TypeVar('Result')
 
@@ -114,6 +115,8 @@ class Hands:
             elif isinstance(action, Switch):
                 switched = self.switch(action.level)
         except DeviceError:
+            if (health := self.cnc.health).silent:  # before the guard has looked
+                self.safety.fail(SILENT_MACHINE, health.message, self.clock.now_ns())
             self.check()  # a stop by the safety makes commands fail: that is the reason then
             self.machine_failed = True
             raise
@@ -166,25 +169,31 @@ class Hands:
         Raises:
             DeviceError: the machine does not obey, or does not know where it is.
         """
-        self._await_stopped()
-        before = self.safety.trip
-        try:
-            self.cnc.retract()
-        except DeviceError:
-            if self.safety.trip is before:
-                raise
-            self._await_stopped()  # the guard stopped the way up; it stops nothing twice, so this one leads there
-            self.cnc.retract()
+        for attempt in range(1, MOST_RETRACTS + 1):
+            self._await_stopped()
+            before = self.safety.trip
+            try:
+                self.cnc.retract()
+                break
+            except DeviceError:  # the guard stopped the way up, or the machine fell silent on it: it may lead on
+                if attempt == MOST_RETRACTS or (self.safety.trip is before and not self.cnc.health.silent):
+                    raise
         if self._line:
             self.switch(False)
         if not self._status().homed:
             raise DeviceFaultError('the machine does not know where it is, so nobody knows whether the tip is up')
 
-    def overlook(self, seconds: float) -> Sequence[Sample]:
-        """What the sensor measures from now on, whatever else is wrong."""
+    def overlook(self, seconds: float, times: int = 1) -> Sequence[Sample]:
+        """What usable samples the sensor measures from now on, whatever else is wrong; so many times, until some came.
+
+        What is measured arrives later, on a busy computer much later.
+        """
         since_ns = self.clock.now_ns()
-        self.clock.sleep_until(since_ns + round(seconds * NS_PER_S))
-        return self.readings.samples(since_ns)
+        for number in range(1, times + 1):
+            self.clock.sleep_until(since_ns + round(number * seconds * NS_PER_S))
+            if samples := [sample for sample in self.readings.samples(since_ns) if sample.usable]:
+                return samples
+        return []
 
     def _await_stopped(self) -> None:
         if self._stopped is not None and not self._stopped(STOP_WAIT_S):

@@ -19,6 +19,9 @@ from tactile_nodes.drivers.force_torque.stream import told
 from tactile_nodes.drivers.health import Health, Level
 
 FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'
+SILENT_MACHINE = 'silent machine'
+PASSING = frozenset({SENSOR, CAMERA, SILENT_MACHINE})
+"""What may be over by itself, so that a run waits for it."""
 UNTIMED = 'the clock of the force/torque sensor does not keep its rate, so nobody knows how old its samples are'
 OVERLOAD = 'overload'
 NS_PER_S = 1_000_000_000
@@ -32,7 +35,7 @@ class Trip:
     """Why everything stopped: whose fault it is, a sentence, and when.
 
     `FORCE`: greater than a press may make it; `OVERLOAD`: greater than gel, tip and sensor bear, so that a person has
-    to look; `SENSOR`, `CAMERA`, `MACHINE`: one of these."""
+    to look; `SENSOR`, `CAMERA`, `MACHINE`: one of these; `SILENT_MACHINE`: one that says nothing."""
 
     kind: str
     reason: str
@@ -69,6 +72,8 @@ class Safety:
         self.watching_machine = True
         self.machine_tripped = False
         """Whether the machine was ever at fault: a greater force may have taken that reason's place since."""
+        self.fell_silent = False
+        """Whether any device ever did."""
         self._late = False
 
     def tare(self, zero: Wrench) -> None:
@@ -131,7 +136,7 @@ class Safety:
             self._stop(CAMERA, wrong, now_ns)
         late, self._late = self._late, absent_ns > 0
         if self.watching_machine and machine.level is Level.ERROR and (late or not absent_ns):
-            self._stop(MACHINE, machine.message, now_ns)
+            self._stop(SILENT_MACHINE if machine.silent else MACHINE, machine.message, now_ns)
 
     def fail(self, kind: str, reason: str, now_ns: int) -> None:
         """Somebody else found that everything must stop."""
@@ -194,7 +199,8 @@ class Safety:
 
     def _stop(self, kind: str, reason: str, now_ns: int) -> None:
         with self._lock:
-            self.machine_tripped |= kind == MACHINE
+            self.machine_tripped |= kind in {MACHINE, SILENT_MACHINE}
+            self.fell_silent |= kind in PASSING
             if self.trip is not None and not (kind == OVERLOAD != self.trip.kind):
                 return
             self.trip = Trip(kind, reason, now_ns)

@@ -32,7 +32,9 @@ class LimitSettings:
     camera_silence_ms: float = parameter(250.0, 'without an image for so long', minimum=20.0)
     recover_s: float = parameter(30.0, 'how long a lost sensor or camera may take to come back', minimum=0.0)
     steady_again_s: float = parameter(2.0, 'how long it must be well again before the run goes on', minimum=0.0)
-    rejects_in_a_row: int = parameter(5, 'so many rejected presses in a row end the run', minimum=1)
+    rejects_in_a_row: int = parameter(
+        5, 'so many rejected presses in a row, or silences before anything else is done, end the run', minimum=1
+    )
     attempts: int = parameter(3, 'so often a press is tried before it is left out', minimum=1)
     hours: float = parameter(24.0, 'the run ends after so many hours', minimum=0.0)
 

@@ -21,3 +21,5 @@ class Health:
 
     level: Level
     message: str
+    silent: bool = False
+    """Whether nothing else is wrong but that it says nothing, which may be over by itself."""

@@ -18,13 +18,13 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
-from tactile_nodes.bus.node.priority import lacking
+from tactile_nodes.bus.node.priority import crowded, lacking
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.run.session import RigSettings, Session
 from tactile_nodes.collection.run.voice import TOPICS
-from tactile_nodes.errors import NOT_AGAIN
+from tactile_nodes.errors import NOT_AGAIN, DeviceError, DeviceFaultError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.sensing.geometry import middle_part
 
@@ -68,7 +68,12 @@ class RigNode(Node):
         self._session.close()
 
     def _collect(self) -> None:
-        self.log.info(self._session.run())
+        try:
+            self.log.info(self._session.run())
+        except DeviceError as error:
+            if not self._session.station.safety.fell_silent or not (told := crowded()):
+                raise
+            raise DeviceFaultError(f'{error}; {told}') from error
         self.stop()
 
     def _report(self) -> None:

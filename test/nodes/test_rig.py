@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,8 +22,10 @@ from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock, SystemClock, monotonic_s
 from tactile_nodes.collection.machine_record import BEGUN, MachineRecord, record_file
 from tactile_nodes.collection.plan.journal import STARTED, VERIFIED, Journal
+from tactile_nodes.collection.run.session import Session
+from tactile_nodes.collection.safety import SENSOR
 from tactile_nodes.drivers.cnc.contract import SIMULATED
-from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
+from tactile_nodes.errors import NOT_AGAIN, ConfigurationError, DeviceFaultError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
 
@@ -197,6 +200,21 @@ def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -
 def test_what_ends_a_run_keeps_a_launch_from_starting_it_again(bus: InProcessBus, tmp_path: Path) -> None:
     node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
     assert run_until([node], threading.Event()) == NOT_AGAIN
+
+
+def test_a_run_that_fails_after_silences_says_how_crowded_the_computer_is(
+    bus: InProcessBus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(session: Session) -> str:
+        session.station.safety.fail(SENSOR, 'silent', 1)
+        raise DeviceFaultError('stopped: silent')
+
+    monkeypatch.setattr(Session, 'run', fail)
+    monkeypatch.setattr(os, 'getloadavg', lambda: (99.0, 9.0, 9.0))
+    node = RigNode(bus, arguments(tmp_path), SystemClock())
+    node.spin()
+    node.close()
+    assert 'stopped: silent; this computer has 99 programs to run on' in str(node.failure)
 
 
 def test_rig_that_is_started_again_while_it_pauses_goes_on_pausing(

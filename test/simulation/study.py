@@ -20,7 +20,7 @@ from coarse_table import linear_table
 
 from benchmarks.collection import CNC, SAFE_Z_MM, named
 from tactile_nodes.collection.press.rest import go_to_gel
-from tactile_nodes.collection.press.surface import find_surface
+from tactile_nodes.collection.press.surface import Corner, corners, feel_corner, surface_through
 from tactile_nodes.collection.run.rehearsal import Rehearsal
 from tactile_nodes.contact_tables.gel_tables import contact_table, solution_of
 from tactile_nodes.contact_tables.touch_tables import CELL_MM, CELLS
@@ -224,7 +224,10 @@ def surface() -> None:
             rig = Rehearsal(world, settings, CNC)
             rig.cnc.home()
             rig.hands.run(go_to_gel(settings, SAFE_Z_MM))
-            found.append(rig.hands.run(find_surface(settings, SAFE_Z_MM)).z_mm - height)
+            felt: list[Corner] = []
+            for at in corners(settings):
+                felt.append(rig.hands.run(feel_corner(settings, SAFE_Z_MM, at, felt, [])))
+            found.append(surface_through(felt, settings).z_mm - height)
         print(gel or 'paper', indenter, ' '.join(f'{each * 1000:+.1f}' for each in found), 'µm')
 
 

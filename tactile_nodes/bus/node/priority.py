@@ -58,6 +58,18 @@ def lacking() -> str:
     )
 
 
+def crowded() -> str:
+    """What to tell a person for whom a device was silent; empty: this computer has no more programs than processors."""
+    programs, processors = os.getloadavg()[0], len(os.sched_getaffinity(0))
+    if programs <= processors:
+        return ''
+    permit = ', or permit this account to come before others (docs/collection.md)' if lacking() else ''
+    return (
+        f'this computer has {programs:.0f} programs to run on {processors} processors, so devices seem silent: end '
+        f'some{permit}, then start again: what is recorded stays, and the run goes on with the next press'
+    )
+
+
 def _set_session(niceness: int) -> None:
     if SESSION.exists() and os.getsid(0) == os.getpid():
         SESSION.write_text(str(niceness), encoding='ascii')

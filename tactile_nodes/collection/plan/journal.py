@@ -29,12 +29,12 @@ from tactile_nodes.files import read_plain
 VERSION = 1
 _LARGEST_BYTES = 256 << 20  # a million presses
 STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
-SUSPECT, ANCHORED, ASIDE = 'suspect', 'anchored', 'aside'
+SUSPECT, ANCHORED, ASIDE, BROKEN_OFF = 'suspect', 'anchored', 'aside', 'broken_off'
 ENDED = 'ended'
 OF_THE_RUN = (ANCHORED, ENDED)
 _OF_THE_MACHINE = ('begun', 'halted', 'acknowledged')  # in journals of before a machine had its own record
 NO_PRESS = 0
-STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ASIDE, *OF_THE_RUN, *_OF_THE_MACHINE)
+STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ASIDE, BROKEN_OFF, *OF_THE_RUN, *_OF_THE_MACHINE)
 DONE = (RECORDED, VERIFIED)
 
 
@@ -43,7 +43,8 @@ class Entry:
     """A step of a press: `started`, `recorded` (told to the recorder), `verified` (found in the bag again),
     `rejected` (not to be used, `reason` says why), `missing` (not found in the bag, or of a run before
     one that began anew: to be done again), `suspect` (an anchor after it lay elsewhere than the one before it: to be
-    done again), `aside` (rejected because the force was too great: not tried again before a run has ended in order).
+    done again), `aside` (rejected because the force was too great: not tried again before a run has ended in order),
+    `broken_off` (rejected because a device fell silent, which is no fault of the press: it is tried again).
 
     Of press 0 are steps of none. `anchored`: whatever was recorded until then, was at its place. `ended`: the run has
     ended, with the tip up."""
@@ -234,9 +235,10 @@ class Journal:
         self._attempts[entry.press] = max(entry.attempt, self._attempts.get(entry.press, 0))
         if entry.step == ASIDE:
             self._aside.add(entry.press)
+        if entry.step in {REJECTED, ASIDE, BROKEN_OFF}:
+            self._reasons.append(entry)
         if entry.step in {REJECTED, ASIDE}:
             self._rejects[entry.press] = self._rejects.get(entry.press, 0) + 1
-            self._reasons.append(entry)
 
     def _write(self, values: dict[str, Any]) -> None:
         line, size = json.dumps(values).encode('ascii') + b'\n', os.fstat(self._file).st_size

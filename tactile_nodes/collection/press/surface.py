@@ -71,31 +71,71 @@ class Surface:
         return math.sqrt(1 + self.slope_x**2 + self.slope_y**2)
 
 
-def find_surface(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Surface]:
-    """Feel for the surface at the corners and lay a plane through them.
+class Corner(NamedTuple):
+    """What was felt at one: its place on the gel, the height of the surface in mm, and each loading line."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    lines: Sequence[Loading]
+
+
+def corners(settings: CollectionSettings) -> Sequence[tuple[float, float]]:
+    """Where to feel for the surface, on the gel in mm."""
+    reach = settings.surface.reach_mm
+    return [(x * reach, y * reach) for x, y in CORNERS[: settings.surface.corners]]
+
+
+def feel_corner(
+    settings: CollectionSettings,
+    safe_z_mm: float,
+    at: tuple[float, float],
+    felt: Sequence[Corner],
+    found: list[Loading],
+) -> Procedure[Corner]:
+    """Feel for the surface at one corner.
+
+    Args:
+        settings: how.
+        safe_z_mm: where the machine may go sideways.
+        at: which one.
+        felt: those before it.
+        found: its loading lines, the first search before the repeats; grows. What was found is not searched again when
+            this is begun again because a device fell silent.
 
     Raises:
         DeviceFaultError: no surface between top and bottom, or measurements that contradict each other.
     """
-    places: list[tuple[float, float, float]] = []
-    lines: list[Loading] = []
-    reach = settings.surface.reach_mm
-    for x, y in CORNERS[: settings.surface.corners]:
-        known = _elsewhere(places, lines, (x * reach, y * reach), settings.surface.tilt)
-        found = yield from _corner(settings, safe_z_mm, (x, y), known)
-        places.append((x * reach, y * reach, float(np.median([line.touch_mm for line in found]))))
-        lines += found
+    known = _elsewhere(felt, at, settings.surface.tilt)
+    yield from _search_again(settings, safe_z_mm, at, known, found)
+    heights = [line.touch_mm for line in found[1:]]
+    low, high = min(heights), max(heights)
+    if high - low > settings.surface.spread_mm:
+        raise DeviceFaultError(
+            f'the surface was found between {low:.3f} and {high:.3f} mm at x {at[0]:g}, y {at[1]:g} mm from the middle '
+            'of the gel; is the tip loose, or the force/torque sensor too noisy?'
+        )
+    return Corner(*at, float(np.median(heights)), found[1:])
+
+
+def surface_through(felt: Sequence[Corner], settings: CollectionSettings) -> Surface:
+    """The plane through all corners, with the softest of their loading lines.
+
+    Raises:
+        DeviceFaultError: measurements that contradict each other.
+    """
+    lines = [line for corner in felt for line in corner.lines]
+    places = [corner[:3] for corner in felt]
     return replace(plane(places, settings), softest=softest(lines, settings.limits.least_share))
 
 
-def _elsewhere(
-    places: Sequence[tuple[float, float, float]], lines: Sequence[Loading], at: tuple[float, float], tilt: float
-) -> Loading | None:
+def _elsewhere(felt: Sequence[Corner], at: tuple[float, float], tilt: float) -> Loading | None:
     """How the force grows at a place at least: as softly as at any corner felt, from as low as a tilted gel may lie."""
-    if not lines:
+    if not felt:
         return None
-    lowest_mm = max(z - tilt * math.dist((x, y), at) for x, y, z in places)
-    return min(lines, key=lambda line: line.slope)._replace(touch_mm=lowest_mm)
+    lowest_mm = max(corner.z_mm - tilt * math.dist(corner[:2], at) for corner in felt)
+    softest_line = min((line for corner in felt for line in corner.lines), key=lambda line: line.slope)
+    return softest_line._replace(touch_mm=lowest_mm)
 
 
 def softest(lines: Sequence[Loading], least_share: float) -> Loading:
@@ -132,30 +172,27 @@ def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSett
     return Surface(float(z), float(slope_x), float(slope_y))
 
 
-def _corner(
-    settings: CollectionSettings, safe_z_mm: float, corner: tuple[float, float], known: Loading | None
-) -> Procedure[list[Loading]]:
+def _search_again(
+    settings: CollectionSettings,
+    safe_z_mm: float,
+    at: tuple[float, float],
+    known: Loading | None,
+    found: list[Loading],
+) -> Procedure[None]:
+    """From the safe height and back to it: once with coarse steps, `repeats` times with fine ones."""
     surface, motion = settings.surface, settings.motion
-    x = surface.gel_x_mm + corner[0] * surface.reach_mm
-    y = surface.gel_y_mm + corner[1] * surface.reach_mm
+    x, y = surface.gel_x_mm + at[0], surface.gel_y_mm + at[1]
     yield Go(z=safe_z_mm, feed_mm_min=motion.travel_mm_min)
     yield Go(x, y, feed_mm_min=motion.travel_mm_min)
     tare = yield from zero(settings)
     yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
-    first = yield from _search(settings, tare, surface.top_mm, surface.step_mm, known)
-    found = []
-    for _ in range(surface.repeats):
-        start = min(surface.top_mm, first.touch_mm + BACK_OFF_STEPS * surface.fine_step_mm)
+    if not found:
+        found.append((yield from _search(settings, tare, surface.top_mm, surface.step_mm, known)))
+    while len(found) <= surface.repeats:
+        start = min(surface.top_mm, found[0].touch_mm + BACK_OFF_STEPS * surface.fine_step_mm)
         yield Go(z=start, feed_mm_min=motion.press_mm_min)
-        found.append((yield from _search(settings, tare, start, surface.fine_step_mm, first)))
+        found.append((yield from _search(settings, tare, start, surface.fine_step_mm, found[0])))
     yield Go(z=safe_z_mm, feed_mm_min=motion.approach_mm_min)
-    low, high = min(line.touch_mm for line in found), max(line.touch_mm for line in found)
-    if high - low > surface.spread_mm:
-        raise DeviceFaultError(
-            f'the surface was found between {low:.3f} and {high:.3f} mm at x {x:g}, y {y:g}; '
-            'is the tip loose, or the force/torque sensor too noisy?'
-        )
-    return found
 
 
 def _search(

@@ -26,14 +26,24 @@ def pattern_gaps(plan_id: str, number: int, edges: int) -> tuple[float, ...]:
     )
 
 
-def sync_pattern(plan_id: str, number: int, settings: CollectionSettings, safe_z_mm: float) -> Procedure[None]:
-    """Switch the line with the tip above the gel: up, down, up, ...; it ends low."""
-    gaps = pattern_gaps(plan_id, number, 2 * settings.sync.pulses)
+def sync_pattern(gaps: list[float], settings: CollectionSettings, safe_z_mm: float) -> Procedure[None]:
+    """Switch the line with the tip above the gel: up, down, up, ...; it ends low.
+
+    Args:
+        gaps: seconds before each edge. Those of a pulse that is begun are taken away: a pattern that is begun again
+            because a device fell silent goes on with the next.
+        settings: how fast to go up.
+        safe_z_mm: where to.
+    """
     if gaps:
         yield Go(z=safe_z_mm, feed_mm_min=settings.motion.travel_mm_min)
-    for edge, gap_s in enumerate(gaps):
-        yield Look(gap_s)
-        yield Switch(edge % 2 == 0)
+    while gaps:
+        low_s, high_s, *rest = gaps
+        yield Look(low_s)
+        gaps[:] = rest  # whatever happens now, who brings the tip up leaves the line low
+        yield Switch(True)
+        yield Look(high_s)
+        yield Switch(False)
 
 
 def _share(plan_id: str, number: int, edge: int) -> float:

@@ -2,22 +2,25 @@
 
 A rejected press is tried again after the others. A force above its limit puts the point aside for this run; one that is
 not bearable halts the run until a person has looked. A sensor or camera that falls silent ends an attempt, and the run
-goes on when they are well again; a machine that fails ends the run, because only a person can say where it stands, and
-so does an anchor (`anchors`) that is not where it was: what was recorded since the last good one is suspect then, and
-done again by the next run. Whatever happens, the tip goes straight up first, if the machine still obeys. A run that was
-cut off leaves nobody who knows where the tip is: before the next one moves anything, a person is asked.
+goes on when they are well again; after a silent machine once a force has confirmed besides that the tip is up. Another
+fault of the machine ends the run, because only a person can say where it stands, and so does an anchor (`anchors`) that
+is not where it was: what was recorded since the last good one is suspect then, and done again by the next run. Whatever
+happens, the tip goes straight up first, if the machine still obeys. After a run that was cut off nobody knows where the
+tip is: before the next one moves anything, a person is asked.
 """
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from functools import partial
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
 from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import (
     ASIDE,
+    BROKEN_OFF,
     ENDED,
     RECORDED,
     REJECTED,
@@ -29,13 +32,13 @@ from tactile_nodes.collection.plan.progress import Progress
 from tactile_nodes.collection.press.cycle import Ground, Record, press_cycle
 from tactile_nodes.collection.press.rest import await_recovery, breath, go_to_gel, image_noise, rest_frames
 from tactile_nodes.collection.press.speed import check_speeds
-from tactile_nodes.collection.press.surface import Surface, find_surface
-from tactile_nodes.collection.press.sync_pattern import sync_pattern
+from tactile_nodes.collection.press.surface import Corner, Surface, corners, feel_corner, surface_through
+from tactile_nodes.collection.press.sync_pattern import pattern_gaps, sync_pattern
 from tactile_nodes.collection.run.anchors import anchor_press
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.recovery import TOO_GREAT, Recovery
 from tactile_nodes.collection.run.trust import Trust
-from tactile_nodes.collection.safety import CAMERA, SENSOR
+from tactile_nodes.collection.safety import PASSING
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 from tactile_nodes.sensing.rest.reference import average
@@ -206,7 +209,9 @@ class Campaign:
         self._outlet.record(record)
         now_ns = self._hands.clock.now_ns()
         if not record.aside:
-            step = REJECTED if record.reason else RECORDED
+            trip = self._hands.safety.trip
+            silent = trip is not None and trip.kind in PASSING
+            step = RECORDED if not record.reason else BROKEN_OFF if silent else REJECTED
             self._journal.note(record.point.press, record.attempt, step, now_ns, record.reason)
         self._in_a_row = self._in_a_row + 1 if record.reason else 0
         self.progress.note(record.reason, begun_ns, now_ns)
@@ -223,7 +228,8 @@ class Campaign:
     def _pattern(self) -> None:
         """Edges at irregular times, by which the clocks of other recorders are fitted."""
         number = self.progress.done + self._patterns  # grows within a run, and differs in one that goes on with it
-        self._recovery.patiently(lambda: sync_pattern(self._plan_id, number, self._settings, self._safe_z_mm))
+        gaps = list(pattern_gaps(self._plan_id, number, 2 * self._settings.sync.pulses))
+        self._recovery.patiently(lambda: sync_pattern(gaps, self._settings, self._safe_z_mm))
         self._patterns += 1
         self._since_pattern = 0
 
@@ -270,7 +276,7 @@ class Campaign:
         noise = image_noise(self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm)))
         self._reference()
         self._outlet.say('feeling for the surface of the gel')
-        self.surface = surface = self._recovery.patiently(lambda: find_surface(self._settings, self._safe_z_mm))
+        self.surface = surface = self._feel_for_surface()
         self._check_safe_height(surface)
         self._ground = Ground(surface, self._safe_z_mm, zero, noise)
         self._outlet.say(
@@ -279,6 +285,14 @@ class Campaign:
         )
         self._trust.begin()
         self.progress.done = self._journal.done
+
+    def _feel_for_surface(self) -> Surface:
+        """Corner by corner."""
+        felt: list[Corner] = []
+        for at in corners(self._settings):
+            feel = partial(feel_corner, self._settings, self._safe_z_mm, at, felt, [])
+            felt.append(self._recovery.patiently(feel))
+        return surface_through(felt, self._settings)
 
     def _home(self) -> None:
         """Find the end switches, which leads up and off the gel."""
@@ -289,11 +303,11 @@ class Campaign:
 
     def _home_patiently(self) -> None:
         """Again when sensor or camera failed meanwhile: the machine is locked then, until it homes."""
-        for _ in range(self._settings.limits.attempts - 1):
+        for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
                 return self._hands.home()
             except TrippedError as tripped:
-                if tripped.trip.kind not in {SENSOR, CAMERA}:
+                if tripped.trip.kind not in PASSING:
                     raise
                 self._hands.safety.watching_machine = False
                 self._outlet.say(f'{tripped.trip.reason}; homing again when it is well')

@@ -12,7 +12,7 @@ from tactile_nodes.collection.press.rest import await_recovery
 from tactile_nodes.collection.press.up import bring_up, check_free
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import require_looked
-from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, OVERLOAD, SENSOR, Trip
+from tactile_nodes.collection.safety import FORCE, MACHINE, OVERLOAD, PASSING, SILENT_MACHINE, Trip
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.errors import DeviceError, DeviceFaultError
@@ -29,7 +29,7 @@ class Recovery:
         settings: limits.
         record: where it is written that the machine moves, that it is halted, that its tip is up.
         outlet: whom to tell and to ask.
-        shaken: told when something was hit, which may have cost steps.
+        shaken: told when something was hit, or the machine fell silent, which may have cost steps.
     """
 
     def __init__(
@@ -92,31 +92,31 @@ class Recovery:
         trip = self._worst(tripped)
         if trip.kind == MACHINE:
             raise DeviceFaultError(trip.reason) from tripped
-        if trip.kind in TOO_GREAT:
+        if trip.kind in {*TOO_GREAT, SILENT_MACHINE}:
             self._shaken()
         if trip.kind == OVERLOAD:
             self.write_down(tripped)
             self._ask(trip.reason)
         if trip.kind != FORCE:
             self._await_well(trip.reason)
-        for _ in range(self._settings.limits.attempts - 1):
+        for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
                 return self._require_free()
             except TrippedError as again:
-                if again.trip.kind not in {SENSOR, CAMERA}:
+                if again.trip.kind not in PASSING:
                     raise
                 self._await_well(again.trip.reason)
         return self._require_free()
 
     def patiently(self, procedure: Callable[[], Procedure[Result]]) -> Result:
-        """What a procedure gives; again from its beginning when sensor or camera failed, or a person has looked."""
-        for _ in range(self._settings.limits.attempts - 1):
+        """What a procedure gives; again from its beginning when a device fell silent, or a person has looked."""
+        for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
                 return self._hands.run(procedure())
             except TrippedError as tripped:
                 self.write_down(tripped)
                 self.up()
-                if self._worst(tripped).kind not in {SENSOR, CAMERA, OVERLOAD}:
+                if self._worst(tripped).kind not in {*PASSING, OVERLOAD}:
                     raise
                 self.go_on_after(tripped)
         return self._hands.run(procedure())

@@ -19,7 +19,7 @@ from tactile_nodes.drivers.cnc.grbl_words import (
     is_moving,
     number_of,
 )
-from tactile_nodes.drivers.cnc.link import Link, Request
+from tactile_nodes.drivers.cnc.link import SILENT_IN_MOTION, Link, Request
 from tactile_nodes.drivers.cnc.motion import Motion, Verdict
 from tactile_nodes.drivers.serial_port import Port
 from tactile_nodes.errors import DeviceFaultError
@@ -227,7 +227,7 @@ class GrblHearing:
         self.reports.listened(now_ns)
         if moving and self.silent and not self.fault and not self.refusal:
             self._lost_reports += 1
-            self._brake('is silent while it moves; look at its cable and power')
+            self._brake(SILENT_IN_MOTION)
         mute = self.homing or self.alarm in NEEDS_RESET  # then it answers no report
         if self.polling and not mute and self.reports.is_due(now_ns, moving):
             self.reports.request()

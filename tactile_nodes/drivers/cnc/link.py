@@ -16,6 +16,8 @@ from tactile_nodes.drivers.serial_port import Port, SerialPort
 from tactile_nodes.errors import DeviceError, DeviceLostError
 
 READ_S = 0.05
+SILENT = 'is silent; look at its cable and power'
+SILENT_IN_MOTION = 'is silent while it moves; look at its cable and power'
 LONGEST_LOOK_NS = 60_000_000
 LONGEST_LINE = 4096
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc.contract import Traffic
-from tactile_nodes.drivers.cnc.link import Link, Request, Silence
+from tactile_nodes.drivers.cnc.link import SILENT_IN_MOTION, Link, Request, Silence
 from tactile_nodes.drivers.serial_port import Port
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
@@ -270,7 +270,7 @@ class MarlinDialogue:
         since_ns = max(oldest.sent_ns, self._busy_ns, oldest.due_ns or 0) if oldest else None
         self._silence.look(since_ns, self._clock.now_ns())
         if self._moving() and self.silent and not self.fault and not self.refusal:
-            self.brake('is silent while it moves; look at its cable and power')
+            self.brake(SILENT_IN_MOTION)
         if self.polling and not self._unanswered and not self.fault:
             self._poll()
         elif self._unanswered and (request := self._unanswered[0]).resend and request.error is None:

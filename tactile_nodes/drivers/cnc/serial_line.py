@@ -10,12 +10,10 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.cnc.contract import CncSettings, Identity, Traffic
 from tactile_nodes.drivers.cnc.dead_man import DeadMan, Step
 from tactile_nodes.drivers.cnc.guarded import GuardedCnc
-from tactile_nodes.drivers.cnc.link import Link
+from tactile_nodes.drivers.cnc.link import SILENT, SILENT_IN_MOTION, Link
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.drivers.serial_port import Port
 from tactile_nodes.errors import DeviceError
-
-SILENT = 'is silent; look at its cable and power'
 
 
 class Dialogue(Protocol):
@@ -82,7 +80,7 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         if dialogue.link.lost is not None:
             return Health(Level.ERROR, str(dialogue.link.lost))
         if wrong := dialogue.fault or dialogue.refusal or (SILENT if dialogue.silent else ''):
-            return Health(Level.ERROR, f'{self._name} {wrong}')
+            return Health(Level.ERROR, f'{self._name} {wrong}', silent=wrong in {SILENT, SILENT_IN_MOTION})
         return self._health_of(dialogue)
 
     def identify(self) -> Identity:
