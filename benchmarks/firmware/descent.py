@@ -12,10 +12,12 @@ from tactile_nodes.collection.wrench import Tare, tare_of
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
 from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.errors import DeviceError
 
 COMMANDED_MM, ABOVE_MM = 2.0, 0.2
 PRESS_MM_MIN, TRAVEL_MM_MIN = 60.0, 1200.0
 SLOPE = 0.577  # of the loading line of the paper's gel, (N^2/3)/mm
+MOST_SILENCES = 20
 LIMITS = LimitSettings(force_silence_ms=300.0)
 
 
@@ -41,8 +43,20 @@ def approach(cnc: Cnc, gel_mm: Place, safe_z_mm: float) -> None:
     x, y, z = gel_mm
     cnc.home()
     for way in ({'z': safe_z_mm}, {'x': x, 'y': y}, {'z': z + ABOVE_MM}):
-        cnc.move(**way, feed=TRAVEL_MM_MIN)
-        cnc.wait_idle()
+        _go(cnc, way)
+
+
+def _go(cnc: Cnc, way: dict[str, float]) -> None:
+    """To a place above the gel; on from where it was stopped when it was silent for a moment, as on a busy computer."""
+    for attempt in range(MOST_SILENCES + 1):
+        try:
+            cnc.move(**way, feed=TRAVEL_MM_MIN)
+            cnc.wait_idle()
+            return
+        except DeviceError:
+            if attempt == MOST_SILENCES or not cnc.health.silent:
+                raise
+            cnc.stop()
 
 
 def down(surface_mm: float, tare: Tare) -> Procedure[None]:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchmarks.firmware.line import Line
-from tactile_nodes.collection.safety import FORCE, OVERLOAD
+from tactile_nodes.collection.safety import FORCE, OVERLOAD, SENSOR
 from tactile_nodes.emulators.force_torque.liars import Values, frozen, zeros
 from tactile_nodes.emulators.world import NOTHING, Wrench
 
@@ -194,12 +194,12 @@ FAULTS = {
     'bearable': Fault('6 N more (limits.bearable_n: 5 N)', load=(0.0, 0.0, 6.0, 0.0, 0.0, 0.0), trip=OVERLOAD),
     'torque': Fault('0.25 N m (3 N at 60 mm: 0.18 N m)', load=(0.0, 0.0, 0.0, 0.25, 0.0, 0.0), trip=FORCE),
     'rise': Fault('2 N more at once (40 N/s over 40 ms)', load=(0.0, 0.0, 2.0, 0.0, 0.0, 0.0), trip=FORCE),
-    'frozen': Fault('the force sensor repeats one value', lie=frozen),
-    'zeros': Fault('the force sensor tells zeros', lie=zeros),
+    'frozen': Fault('the force sensor repeats one value', lie=frozen, trip=SENSOR),
+    'zeros': Fault('the force sensor tells zeros', lie=zeros, trip=SENSOR),
     'old_force': Fault('the force of 0.3 mm for ever, with noise', lie=noisy()),
-    'one_axis': Fault('Fz repeats, the other axes do not', lie=lambda last: last, sensor='net_ft z'),
-    'late': Fault('samples become 1.5 s old', late_s=LATE_S),
-    'slower': Fault('half as many samples from 0.1 mm to 0.1 mm', every=_halved),
-    'threshold': Fault('the box latches its own threshold', status=THRESHOLD),
-    'no_number': Fault('one axis of the force sensor is no number (Bota)', lie=no_number, sensor='bota'),
+    'one_axis': Fault('Fz repeats, the other axes do not', lie=lambda last: last, sensor='net_ft z', trip=SENSOR),
+    'late': Fault('samples become 1.5 s old', late_s=LATE_S, trip=SENSOR),
+    'slower': Fault('half as many samples from 0.1 mm to 0.1 mm', every=_halved, trip=SENSOR),
+    'threshold': Fault('the box latches its own threshold', status=THRESHOLD, trip=OVERLOAD),
+    'no_number': Fault('one axis of the force sensor is no number (Bota)', lie=no_number, sensor='bota', trip=SENSOR),
 }

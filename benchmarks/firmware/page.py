@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks.firmware.descent import COMMANDED_MM
 from benchmarks.firmware.faults import FAULTS
 from benchmarks.harness.report import machine_and_commit
-from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, OVERLOAD, SENSOR
+from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, OVERLOAD, SENSOR, SILENT_MACHINE
 
 FIRMWARE = 'firmware'
 FOLLOWS = {
@@ -17,6 +17,7 @@ FOLLOWS = {
     SENSOR: 'waits for the sensor',
     CAMERA: 'waits for the camera',
     MACHINE: 'ends',
+    SILENT_MACHINE: 'waits for the machine, then presses the anchor',
     'driver': 'ends',
 }
 """What a run does once the tip is up, by the kind of trip (`tactile_nodes.collection.run`)."""
@@ -37,7 +38,8 @@ firmware reports.
 - A run then: what a collection does once the tip is up after a fault of this kind.
 - A process that is killed is one of its own, and nobody is left but the program that it had started to watch over the
   machine. Noticed: when that first says the way up; at rest: when the tip is up.
-- What fails before the press is begun again, up to three times.
+- What fails before the press is begun again, up to three times; so is a press that a silence stopped which is not its
+  fault.
 - A force may be missing for 0.3 s here, instead of 0.05 s: the machine had other work."""
 
 

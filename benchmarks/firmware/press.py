@@ -15,7 +15,7 @@ from tactile_nodes.clock import NS_PER_S, Clock, monotonic_s
 from tactile_nodes.collection.hands import Hands, TrippedError
 from tactile_nodes.collection.press.surface import HERTZ, Loading
 from tactile_nodes.collection.press.up import bring_up
-from tactile_nodes.collection.safety import MACHINE
+from tactile_nodes.collection.safety import MACHINE, PASSING, SILENT_MACHINE
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.wrench import Tare
@@ -171,9 +171,11 @@ def _watched(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Out
 
 
 def require_begun(bench: Bench, outcome: Outcome) -> None:
-    """Raises TactileError: what stopped the press was not its fault, which had not begun."""
+    """Raises TactileError: what stopped the press was not its fault, but a computer that had other work."""
     if not bench.begun():
         raise TactileError(f'before its fault: {outcome.said or "nothing was heard of a tip so deep"}')
+    if bench.fault.trip not in {'', outcome.kind} and outcome.kind in PASSING:
+        raise TactileError(f'before its fault told: {outcome.said}')
 
 
 def _killed(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Outcome:
@@ -232,7 +234,7 @@ def _pressed(bench: Bench, rig: Station) -> tuple[Outcome, Tare]:
 
 def _away(bench: Bench, rig: Station, tare: Tare, outcome: Outcome) -> None:
     bench.descending = False
-    doubted = outcome.kind in {MACHINE, 'driver'}
+    doubted = outcome.kind in {MACHINE, SILENT_MACHINE, 'driver'}
     try:
         bring_up(_reset(rig.hands, bench.clock), tare, CollectionSettings(), doubted)
         outcome.up = 'up'

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import re
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from coarse_table import coarse_table
 
 from benchmarks import firmware
 from benchmarks.firmware import pressed
-from benchmarks.firmware.descent import LIMITS
+from benchmarks.firmware.descent import LIMITS, approach
 from benchmarks.firmware.faults import FAULTS
 from benchmarks.firmware.line import Heard, Line, Program, open_wire
 from benchmarks.firmware.obeys import connected, obeys
@@ -24,12 +26,14 @@ from benchmarks.firmware.page import complaints, page
 from benchmarks.firmware.press import Bench, Machine, Outcome, require_begun
 from benchmarks.harness.running import run
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.collection.safety import Safety
+from tactile_nodes.collection.run.rehearsal import JumpingClock
+from tactile_nodes.collection.safety import FORCE, SENSOR, SILENT_MACHINE, Safety
 from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
-from tactile_nodes.emulators.serial_ports import PtyPort
+from tactile_nodes.emulators.serial_ports import DirectPort, PtyPort
 from tactile_nodes.emulators.world import NOTHING, World, WorldSettings
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError, TactileError
 
@@ -172,6 +176,22 @@ def test_a_board_whose_memory_has_no_hard_limits_is_refused_as_well(tmp_path: Pa
 # Presses.
 
 
+def test_a_firmware_that_is_silent_for_moments_comes_to_above_the_gel() -> None:
+    """Half a second in two, in which it stands still and says nothing: each stops the way, and none ends it."""
+    clock, world = JumpingClock(), World(WorldSettings(start_mm=(-5.0, -5.0, -5.0)), table=coarse_table())
+    device = Grbl(world, clock, GrblSettings())
+    settings = replace(firmware.machines(arguments(grbl=['A=b']))[0].settings, boot_s=0.2)
+    cnc = GrblCnc(settings, clock, lambda: DirectPort(device, clock), threaded=False)
+    cnc.connect()
+    stop, stops = cnc.stop, []
+    cnc.stop = lambda: stops.append(stop())  # type: ignore[method-assign,assignment]
+    halves = itertools.count()
+    clock.every(0.5, lambda: setattr(device.faults, 'hung', next(halves) % 4 == 0))
+    approach(cnc, (-20.0, -20.0, -20.0), -19.0)
+    assert stops
+    assert cnc.status().position_mm == pytest.approx((-20.0, -20.0, -19.8))
+
+
 LOADS = [
     ('force', 'force', 'the force is 3.57 N, above the limit of 3 N'),
     ('bearable', 'overload', 'the force is 6.07 N, more than the bearable 5 N'),
@@ -206,6 +226,17 @@ def test_a_press_that_ends_before_its_fault_tells_nothing_of_it(tmp_path: Path) 
         require_begun(bench, Outcome('error 8', 'driver'))
     bench.begun_ns = S
     require_begun(bench, Outcome('it is silent', 'machine'))
+
+
+def test_a_press_that_a_silence_stopped_tells_nothing_of_a_load(tmp_path: Path) -> None:
+    """A busy computer silences firmware and sensor; only where a fault does is that what came of it."""
+    machine, clock = firmware.machines(arguments(grbl=['A=b']))[0], SystemClock()
+    for name, kind in [('force', SILENT_MACHINE), ('bearable', SENSOR), ('late', SILENT_MACHINE)]:
+        bench = Bench(machine, FAULTS[name], clock, tmp_path, begun_ns=S)
+        with pytest.raises(TactileError, match='before its fault told: it is silent'):
+            require_begun(bench, Outcome('it is silent', kind))
+    for name, kind in [('late', SENSOR), ('mute', SILENT_MACHINE), ('force', FORCE)]:
+        require_begun(Bench(machine, FAULTS[name], clock, tmp_path, begun_ns=S), Outcome('it is silent', kind))
 
 
 def test_too_great_a_force_stops_the_press_and_the_tip_goes_up(tmp_path: Path) -> None:
