@@ -15,12 +15,15 @@ PATIENCE = 4
 LEAST_RUN = 4
 """So many frames in a row that show the same are the gel at rest, unless what follows says that it was released."""
 
+MOST_RUNS = 8
+"""With so many earlier runs a frame is compared."""
+
 
 class RestCapture:
     """Collects `wanted` frames for a rest image.
 
     Frames that show the same make a run. A frame that shows something else begins a new one; of one that shows a touch
-    beside an earlier run nothing is taken. `unsteady`: no run came for too long, and any frames were taken; not while
+    beside any earlier run nothing is taken. `unsteady`: no run came for too long, and any frames were taken; not while
     touches come and go, which patience does not wait for.
     """
 
@@ -30,7 +33,7 @@ class RestCapture:
         self._offered, self._longest = 0, 0
         self._frames = RestAccumulator()
         self._first: StillnessCheck | None = None
-        self._earlier: StillnessCheck | None = None
+        self._earlier: list[StillnessCheck] = []
 
     @property
     def waiting(self) -> str:
@@ -62,7 +65,7 @@ class RestCapture:
             return None
         require_picture(image)
         self._offered += 1
-        self.touched = self._earlier is not None and self._earlier.pressed(image)
+        self.touched = any(earlier.pressed(image) for earlier in self._earlier)
         if self.touched:
             self._have_no_patience()
             self._frames = RestAccumulator()
@@ -85,8 +88,8 @@ class RestCapture:
         self.unsteady = self._offered > PATIENCE * self._wanted
         if self.unsteady and self._frames.count:
             return
-        if self._frames.count >= LEAST_RUN:
-            self._earlier = self._first
+        if self._frames.count >= LEAST_RUN and self._first is not None:
+            self._earlier = [*self._earlier[1 - MOST_RUNS :], self._first]
         self._frames, self._first = RestAccumulator(), shown
 
     def _have_no_patience(self) -> None:

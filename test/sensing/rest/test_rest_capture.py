@@ -47,6 +47,16 @@ def test_a_held_press_after_too_few_frames_of_the_untouched_gel_is_no_rest_image
     assert not capture.unsteady
 
 
+def test_a_picture_of_something_else_in_between_makes_no_press_a_rest_image(pictures: Pictures) -> None:
+    """As of a hand before the camera, or of a press too hard to be told: the gel seen before it still counts."""
+    capture = RestCapture(wanted=8)
+    hand, moved = (np.roll(pictures.of(), by, axis=(0, 1)) for by in (100, 150))
+    assert not any(offered(capture, [pictures.of() for _ in range(6)] + [hand] * 5 + [moved]))
+    assert not any(offered(capture, [pictures.of(Press(3.0, -4.0, 0.5)) for _ in range(12)]))
+    assert 'something touches the gel now that did not before' in capture.waiting
+    assert offered(capture, [pictures.of() for _ in range(8)])[-1]
+
+
 def test_no_patience_makes_presses_a_rest_image(pictures: Pictures) -> None:
     presses = [pictures.of(Press(number % 7 - 3.0, number % 5 - 2.0, 0.4)) for number in range(40)]
     capture = RestCapture(wanted=5)
