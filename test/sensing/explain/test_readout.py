@@ -101,7 +101,7 @@ def test_nine_times_the_noise_alone_is_explained_by_nothing_either(readout: Fiel
 
 
 def test_what_so_much_noise_may_hide_is_told_and_is_not_ok(readout: FieldReadout) -> None:
-    """A force is ok while its deviation is at most twice the nominal error. Half the square of a force's motion over the
+    """A force is ok while its deviation is at most twice the nominal error. Half the squared motion of a force over the
     noise is what it gains; nothing is told where that is below 8 at least."""
     noise = np.random.default_rng(5).standard_normal((SIDE, SIDE, 2)).astype(np.float32) * NOISE_PX
     sure, nominal_n = np.ones((SIDE, SIDE), np.float32), readout.nominal_n(0.0)
