@@ -157,11 +157,12 @@ def _known(dataset: Dataset) -> tuple[Any, Any]:
 def _fitted(dataset: Dataset) -> FieldFit:
     """The field of some presses."""
     from tactile_nodes.learning.field.body import Bodies, KnownBody
-    from tactile_nodes.learning.field.calibration import known_presses
     from tactile_nodes.learning.field.fit import fit_field
+    from tactile_nodes.learning.transfer.fit import folds_of
 
     sensor, scaling = _known(dataset)
-    rows, fold = known_presses(dataset, np.flatnonzero(dataset.presses[:, 2] > 0))
+    rows = np.flatnonzero(dataset.presses[:, 2] > 0)
+    fold = folds_of(dataset.presses[rows][:, [0, 1, 3]].astype(float))
     return fit_field(sensor, scaling, dataset, rows, fold, Bodies.one(KnownBody.named('tip'), len(dataset.presses)))
 
 

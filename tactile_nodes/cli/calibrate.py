@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import shlex
 import sys
 from pathlib import Path
@@ -27,7 +26,7 @@ examples:
   tactile calibrate new_gel_bag --model portable --gel gel-7 -o gel-7.safetensors
   tactile calibrate first_bag second_bag --model portable --gel gel-7 -o gel-7.safetensors --curve
   tactile calibrate --dataset new_gel.npz --model portable -o gel-7.safetensors
-  tactile calibrate --pictures gel-7.csv --model portable --gel gel-7 -o gel-7.safetensors    # no rig: weights, a pen
+  tactile calibrate --pictures gel-7.csv --model portable --gel gel-7 -o gel-7.safetensors    # no rig: weights
   tactile calibrate new_gel_bag --model field --gel gel-7 -o gel-7.safetensors --body ball:5
   tactile calibrate punch_bag --model field --gel gel-7 -o gel-7.safetensors --body punch:1.5    # or ring, part.stl
   tactile calibrate --sensor description.yaml --model field -o mine.safetensors  # any contact, before any press
@@ -60,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--body', default='', help='of a model of any contact: what pressed, if it is another body: ball:R or punch:R '
         '(radius in mm), or what contact:= of a live launch takes, as ring, part.stl'
     )  # fmt: skip
-    parser.add_argument('--indenter', default='', metavar='NAME', help='of a data set: whose presses count, if several')
+    parser.add_argument('--indenter', default='', metavar='NAME', help='whose presses count, if there are several')
     parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
     parser.add_argument(
         '--force', action='store_true', help='write the model also if it reads held-out presses no better than before'
@@ -87,9 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     if not (arguments.gel or arguments.dataset):
         progress.say('the model will not say which gel it is for; name that with --gel')
-    if arguments.pictures:
-        return _of_pictures(arguments, progress, command)
-    model_id, made = (_of_dataset if arguments.dataset else _of_bags)(arguments, progress, command)
+    model_id, made = (_of_bags if arguments.bags else _of_dataset)(arguments, progress, command)
     print(f'{arguments.output}: model {model_id}, from {made.presses} presses')
     print(f'form {made.reason}')
     if field := getattr(made, 'field', ''):
@@ -127,39 +124,17 @@ def _require_used(arguments: argparse.Namespace) -> None:
     """Refuse options that these presses would leave without any effect. Raises ConfigurationError."""
     from tactile_nodes.errors import ConfigurationError
 
-    if arguments.layer and not arguments.dataset:
+    if arguments.layer and arguments.bags:
         raise ConfigurationError('--layer goes with --dataset FILE; make it of the bags with: tactile dataset build')
     if arguments.gel and arguments.dataset:
         raise ConfigurationError('--gel does not go with --dataset, which names its gel: tactile dataset build … --gel')
-    if arguments.indenter and not arguments.dataset:
-        raise ConfigurationError('--indenter chooses presses of a --dataset FILE; leave it out')
+    if arguments.indenter and arguments.bags:
+        raise ConfigurationError('--indenter chooses presses of a data set or a table; leave it out')
     if arguments.untouched_below and not arguments.pictures:
         raise ConfigurationError('--untouched-below goes with --pictures CSV; leave it out')
     for option in ('curve', 'namespace'):
         if getattr(arguments, option) and not arguments.bags:
             raise ConfigurationError(f'--{option} goes with bags; leave it out, or give the bags themselves')
-
-
-def _of_pictures(arguments: argparse.Namespace, progress: Progress, command: str) -> int:
-    from tactile_nodes.learning.calibrating.files import Source
-    from tactile_nodes.learning.calibrating.hand_presses import calibrate_by_hand
-
-    source = Source.find(arguments.model)
-    model_id, made = calibrate_by_hand(
-        source, arguments.pictures, arguments.gel, arguments.output, progress, command, _pressed(arguments),
-        forced=arguments.force, untouched_n=arguments.untouched_below,
-    )  # fmt: skip
-    print(f'{arguments.output}: model {model_id}, from {made.told_presses}')
-    print(f'form {made.reason}')
-    if made.field:
-        print(f'force field {made.field}')
-    for when, errors in (('before', made.before), ('after', made.after)):
-        force, place = errors.force_rmse_n, errors.place_median_mm
-        unknown = '' if math.isfinite(force + place) else ' (nan: not known)'
-        print(f'{when}: force RMSE {force:.4f} N, place {place:.3f} mm{unknown}')
-    _say_objection(made.objection)
-    _list(arguments)
-    return 0
 
 
 def _pressed(arguments: argparse.Namespace) -> Pressed:
@@ -190,15 +165,24 @@ def _of_description(arguments: argparse.Namespace) -> int:
 
 
 def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
-    from tactile_nodes.learning.calibrating.files import calibrate
+    """By a data set, or a table of pictures that becomes one."""
+    from tactile_nodes.learning.calibrating.files import Source, calibrate
+    from tactile_nodes.learning.calibrating.hand_presses import presses_by_hand
+    from tactile_nodes.learning.datasets.file import load_dataset
     from tactile_nodes.learning.transfer.layer import load_layer_config
-    from tactile_nodes.model_file import find_model
 
-    model, output = find_model(arguments.model), arguments.output
+    source, pressed, forced = Source.find(arguments.model), _pressed(arguments), arguments.force
     layer = load_layer_config(arguments.layer) if arguments.layer else None
+    if arguments.dataset:
+        recordings = load_dataset(arguments.dataset)
+    else:
+        recordings = presses_by_hand(
+            source.loaded, arguments.pictures, arguments.gel, progress, command, pressed,
+            forced=forced, untouched_n=arguments.untouched_below,
+        )  # fmt: skip
     return calibrate(
-        model, arguments.dataset, output, layer=layer, progress=progress, command=command, forced=arguments.force,
-        pressed=_pressed(arguments), indenter=arguments.indenter,
+        source, recordings, arguments.output, layer=layer, progress=progress, command=command, forced=forced,
+        pressed=pressed, indenter=arguments.indenter,
     )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ What to type next, to calibrate by the presses, is printed at the end.
 USUAL_G = 20.0, 50.0, 80.0
 CALIBRATED = 'calibrated.safetensors'
 UNITS = {'g': 'g', 'kg': 'kg', 'N': 'n', 'mN': 'mn'}
-PASSED, UNKNOWN = 's', '?'
+PASSED = 's'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -190,7 +190,7 @@ class TerminalPerson:
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
         question = (
             f'\nsteady. Hold on: what does the scale show [{self._unit}]? (Behind it x and y in mm, if not at the '
-            f'mark, or {UNKNOWN} if you do not know; {PASSED} passes this press over): '
+            f'mark; {PASSED} passes this press over): '
         )
         while True:
             try:
@@ -207,19 +207,16 @@ class TerminalPerson:
 
 
 def read_answer(text: str, target_mm: tuple[float, float]) -> tuple[float, tuple[float, float]] | str | None:
-    """The reading and the place of '50', '50 3.5 -2' or '50 ?'; None of 's'; what is wrong with another answer."""
+    """The reading and the place of '50' or '50 3.5 -2'; None of 's'; what is wrong with another answer."""
     words = text.replace(',', '.').split()
     if words == [PASSED]:
         return None
     try:
-        numbers = [float(each) for each in words if each != UNKNOWN]
+        numbers = [float(each) for each in words]
     except ValueError:
         numbers = []
-    unknown = words[1:] == [UNKNOWN]
-    if len(numbers) not in (1, 3) or len(numbers) != len(words) - unknown or not all(map(math.isfinite, numbers)):
-        return 'write the reading alone, as 50, or with a place, as 50 3.5 -2, or as 50 ?'
+    if len(numbers) not in (1, 3) or not all(map(math.isfinite, numbers)):
+        return 'write the reading alone, as 50, or with a place, as 50 3.5 -2'
     if numbers[0] <= 0:
         return 'the reading must be above 0; tare the scale with the sensor on it'
-    if unknown:
-        return numbers[0], (math.nan, math.nan)
     return numbers[0], (numbers[1], numbers[2]) if len(numbers) == 3 else target_mm

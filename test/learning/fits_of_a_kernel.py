@@ -18,7 +18,6 @@ from tactile_nodes.learning.field.fit import fit_field
 from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import live_errors, transfer
-from tactile_nodes.learning.transfer.partial import transfer_partial
 from tactile_nodes.sensing.geometry import BinGrid
 
 SOFTER, ASIDE_MM = 1.2, 0.7
@@ -40,16 +39,10 @@ def readings() -> dict[str, np.ndarray]:
     out, quiet = np.arange(len(dataset.presses)) % 5 == 1, Progress()
     response = fit_response(dataset, out, CONFIG, bins, quiet)
     axisymmetric = fit_axisymmetric(dataset, out, AXISYMMETRIC, bins, quiet)
-    half = few.presses.copy()
-    half[::2, :2] = np.nan
     made = {
         'response': (response, dataset),
         'axisymmetric': (axisymmetric, dataset),
         'calibrated axisymmetric': (transfer(axisymmetric, few).readout, other_gel(60, 3)),
-        'calibrated by hand': (
-            transfer_partial(axisymmetric, dataclasses.replace(few, presses=half)).readout,
-            other_gel(60, 3),
-        ),
     }
     read = {name: live_errors(readout, seen, judges(seen)) for name, (readout, seen) in made.items()}
     return {**read, 'field': field_errors()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -33,8 +32,7 @@ class Row(NamedTuple):
         press = self.press
         if not press.touches:
             return 'the gel untouched'
-        force = 'an unknown force' if math.isnan(press.force_n) else f'{press.force_n:.3g} N'
-        return force if math.isnan(press.x_mm + press.y_mm) else f'{force} at {press.x_mm:g}, {press.y_mm:g} mm'
+        return f'{press.force_n:.3g} N at {press.x_mm:g}, {press.y_mm:g} mm'
 
     def contradicts(self, other: Row) -> bool:
         """Whether both cannot be true of one picture."""

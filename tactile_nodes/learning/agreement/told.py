@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ PRESSED = 0.25
 
 @dataclass(frozen=True)
 class Told:
-    """Presses of one table, by the lines that they stand in; NaN of places and forces that nobody knows.
+    """Presses of one table, by the lines that they stand in.
 
     `motion` (px) and `confidence` are what regions of their pictures show. `rest_lines` are those of the gel untouched,
     `rest_motion` what their pictures show.
@@ -44,23 +44,9 @@ class Told:
     rest_motion: Float32[np.ndarray, 'rests rows cols 2']
 
     @property
-    def placed(self) -> Told:
-        """Those whose places are known."""
-        return self._take(np.isfinite(self.place_mm).all(axis=1))
-
-    @property
-    def weighed(self) -> Told:
-        """Those whose forces are known."""
-        return self._take(np.isfinite(self.force_n))
-
-    @property
     def strength(self) -> Float[np.ndarray, 'n rows cols']:
         """How much regions move, as far as they show it."""
         return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
-
-    def _take(self, chosen: np.ndarray) -> Told:
-        names = 'lines', 'place_mm', 'force_n', 'motion', 'confidence'
-        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
 def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, *, forced: bool = False) -> None:
@@ -90,15 +76,13 @@ def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, 
 
 def _objection(table: Told, known: Known) -> str:
     """What is wrong with a table; empty where nothing is, or it tells too little."""
-    placed, weighed, said = table.placed, table.weighed, ''
-    if len(placed.lines) >= LEAST:
-        seen = middles(placed.strength)
-        said = places_objection(placed.place_mm, seen)
-        said = said or (description_objection(placed.place_mm, seen, known.sensor) if known.sensor else '')
-    if not said and len(weighed.lines) >= LEAST:
-        said = force_objection(weighed.force_n, weighed.strength)
-        said = said or known.force_objection(weighed.force_n, weighed.motion, weighed.confidence)
-    return said
+    if len(table.lines) < LEAST:
+        return ''
+    seen = middles(table.strength)
+    said = places_objection(table.place_mm, seen)
+    said = said or (description_objection(table.place_mm, seen, known.sensor) if known.sensor else '')
+    said = said or force_objection(table.force_n, table.strength)
+    return said or known.force_objection(table.force_n, table.motion, table.confidence)
 
 
 def _rests_pressed(table: Told) -> list[int]:
@@ -112,7 +96,6 @@ def _rests_pressed(table: Told) -> list[int]:
 
 
 def _lines_aside(table: Told) -> list[int]:
-    placed = table.placed
-    if len(placed.lines) < LEAST:
+    if len(table.lines) < LEAST:
         return []
-    return [int(placed.lines[each]) for each in aside(placed.place_mm, middles(placed.strength))]
+    return [int(table.lines[each]) for each in aside(table.place_mm, middles(table.strength))]

@@ -10,7 +10,6 @@ from typing import Any
 
 from tactile_nodes import __version__, clock
 from tactile_nodes.errors import ModelError
-from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.field.alone import presses_tell_tips, transfer_alone
 from tactile_nodes.learning.field.calibration import Pressed, kept, with_field
@@ -51,8 +50,8 @@ class Source:
 
 
 def calibrate(
-    model_file: Path,
-    dataset_file: Path,
+    source: Source,
+    recordings: RecordedPresses,
     output: Path,
     *,
     layer: LayerConfig | None = None,
@@ -74,7 +73,6 @@ def calibrate(
         ConfigurationError: a layer needs torch, which is not installed.
     """
     begun = clock.perf_ns()
-    source, recordings = Source(model_file, load_model(model_file)), load_dataset(dataset_file)
     if indenter or not isinstance(source.loaded.model.readout, FieldReadout):
         recordings = recordings.of_indenter(indenter)
     network = isinstance(source.loaded.model.readout, NetworkReadout)
@@ -199,6 +197,7 @@ def card_of(
             'bags': [bag['id'] for bag in recordings.card['bags']],
             'samples': len(recordings),
             'fingerprint': recordings.fingerprint,
+            'pictures': [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())],
         },
         'source': source.told(output),
         'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},

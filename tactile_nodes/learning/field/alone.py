@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.field.calibration import Pressed, known_presses
+from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.field.camera import in_words
 from tactile_nodes.learning.field.fit import fit_field, regions_of
 from tactile_nodes.learning.field.judging import Held
@@ -23,7 +23,7 @@ from tactile_nodes.learning.transfer.checks import (
     require_presses,
     require_tared,
 )
-from tactile_nodes.learning.transfer.fit import Transfer, at_rest, pressed_gel, reached_mm
+from tactile_nodes.learning.transfer.fit import Transfer, at_rest, folds_of, pressed_gel, reached_mm
 from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
@@ -102,8 +102,8 @@ def transfer_alone(
     bodies, source = pressed.bodies(loaded, dataset), loaded.model.readout
     assert isinstance(source, FieldReadout)
     require_presses(dataset, reached_mm(source.tips) if source.tips else (source.bins.width_mm, source.bins.height_mm))
-    scaling, _, pressed_rows = pressed_gel((source.tips or source).scaling, dataset)
-    rows, fold = known_presses(dataset, pressed_rows)
+    scaling, _, rows = pressed_gel((source.tips or source).scaling, dataset)
+    fold = folds_of(dataset.presses[rows][:, [0, 1, 3]].astype(float))
     fit = fit_field(
         pressed.known_sensor(loaded), at_rest(scaling), dataset, rows, fold, bodies, progress, curve=curve
     )  # fmt: skip

@@ -170,38 +170,20 @@ def with_field(
     would have told.
 
     Raises:
-        DatasetError: by the presses the camera is another than described.
-    """
-    if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
-        return made
-    fit = fit_beside_tips(loaded, made.readout, dataset, pressed or Pressed(), progress, forced=forced, curve=curve)
-    told = f'{fit.reason}; it reads held-out presses {told_errors(fit.errors)} off by itself (medians)'
-    readout = replace(fit.readout, tips=made.readout)
-    return replace(made, readout=readout, field=told, curve=fit.curve, objection=made.objection or fit.objection)
-
-
-def fit_beside_tips(
-    loaded: LoadedModel,
-    tips: AxisymmetricReadout,
-    dataset: Dataset,
-    pressed: Pressed,
-    progress: Progress | None = None,
-    *,
-    forced: bool = False,
-    curve: bool = False,
-) -> FieldFit:
-    """The field of a gel whose tips were calibrated by the same presses.
-
-    Raises:
         ModelError: neither the person nor the source says what pressed, or what was.
         DatasetError: an indenter is no body, or by the presses the camera is another than described and nobody forced
             it.
         ConfigurationError: a body is wider than the gel.
     """
+    if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
+        return made
+    pressed = pressed or Pressed()
     sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
-    fit = _fitted(sensor, tips, dataset, bodies, progress or Progress(), curve=curve)
+    fit = _fitted(sensor, made.readout, dataset, bodies, progress or Progress(), curve=curve)
     require_worth(fit.objection, ADVICE, forced=forced)
-    return fit
+    told = f'{fit.reason}; it reads held-out presses {told_errors(fit.errors)} off by itself (medians)'
+    readout = replace(fit.readout, tips=made.readout)
+    return replace(made, readout=readout, field=told, curve=fit.curve, objection=made.objection or fit.objection)
 
 
 def _fitted(
@@ -213,16 +195,10 @@ def _fitted(
     *,
     curve: bool = False,
 ) -> FieldFit:
-    """By a picture of each press whose place and force are known."""
+    """By a picture of each press."""
     other = OtherGel.of(tips, dataset)
-    rows, fold = known_presses(dataset, other.rows)
-    return fit_field(sensor, uncovered(sensor, other.live_scaling), dataset, rows, fold, bodies, progress, curve=curve)
-
-
-def known_presses(dataset: Dataset, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Those of some samples whose place and force are known, and the part to which each belongs."""
-    known = rows[dataset.known[rows]]
-    return known, folds_of(dataset.presses[known][:, [0, 1, 3]].astype(float))
+    scaling, fold = uncovered(sensor, other.live_scaling), folds_of(other.presses.contacts)
+    return fit_field(sensor, scaling, dataset, other.rows, fold, bodies, progress, curve=curve)
 
 
 def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path, progress: Progress) -> str:

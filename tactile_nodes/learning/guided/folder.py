@@ -72,13 +72,13 @@ class PressFolder:
         self._add(self._write('rest', picture), ',,0,')
 
     def add_press(self, picture: UInt8[np.ndarray, 'h w'], place_mm: tuple[float, float], reading: float) -> None:
-        """Keep a press; the reading in the unit of the scale, NaN of a place that nobody knows.
+        """Keep a press; the reading in the unit of the scale.
 
         Raises:
             DatasetError, ConfigurationError: it cannot be written.
         """
-        x, y = ('' if np.isnan(each) else f'{each:g}' for each in place_mm)
-        self._add(self._write('press', picture), f'{x},{y},{reading:g},{self._indenter}')
+        x, y = place_mm
+        self._add(self._write('press', picture), f'{x:g},{y:g},{reading:g},{self._indenter}')
 
     def fault(self, reading: float, place_mm: tuple[float, float]) -> str:
         """Why an answer cannot be of a press; empty where it can."""

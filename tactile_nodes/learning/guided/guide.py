@@ -51,7 +51,7 @@ class Person(Protocol):
         ...
 
     def reading(self, target: Target) -> Answer | None:
-        """What the scale shows, in its unit, and where was pressed (mm, NaN: not known); None: no such press."""
+        """What the scale shows, in its unit, and where was pressed (mm); None: no such press."""
         ...
 
     def say(self, text: str) -> None:

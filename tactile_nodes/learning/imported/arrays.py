@@ -11,11 +11,10 @@ from jaxtyping import Float
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.agreement.known import Known
-from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.imported.importing import Imported, import_presses
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recorded.building import BuildOptions, gel_told
+from tactile_nodes.learning.recorded.building import BuildOptions
 from tactile_nodes.learning.tables.pictures import ArrayPictures
 from tactile_nodes.learning.tables.presses import PressTable, TablePress, require_possible
 from tactile_nodes.model_file import find_model, load_model
@@ -94,11 +93,7 @@ def options_of(model: str | Path, gel: str = '', frames: str = 'first') -> Build
         ModelError: there is no such model.
         ConfigurationError: `gel` is a file of no simulated gel.
     """
-    loaded = load_model(find_model(str(model)))
-    return BuildOptions(
-        flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), bins=loaded.model.bins, frames=frames,
-        gel=gel_told(gel), crop=loaded.image_size,
-    )  # fmt: skip
+    return BuildOptions.of_model(load_model(find_model(str(model))), gel, frames)
 
 
 def _given(values: np.ndarray | None, count: int, *shape: int) -> np.ndarray:

@@ -36,7 +36,7 @@ from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
 
 UNTOUCHED = 0.5
-"""All pictures of the untouched gel are measured, up to one for each press."""
+"""All pictures of the untouched gel are shared out among the presses; `frames` says how many of a share count."""
 
 
 @dataclass(frozen=True)
@@ -113,10 +113,7 @@ def require_rows(source: Imported, sensor: Sensor | None = None) -> None:
     for row in table.rows:
         with faults.row(row.line):
             if row.touches and not np.isfinite((row.x_mm, row.y_mm, row.force_n)).all():
-                raise DatasetError(
-                    'a press of a data set needs x, y and force; a table with presses of which less is known goes with '
-                    'tactile calibrate --pictures'
-                )
+                raise DatasetError('a press needs x, y and force: put a known weight on a mark, or leave the row out')
     require_seen(table.rows, sensor, faults)
     source.pictures.require(table.rows, faults)
     faults.require_none()
@@ -127,9 +124,7 @@ def require_rows(source: Imported, sensor: Sensor | None = None) -> None:
         )
     if len(forces) < 2:
         tells = f'tells one force for all presses, {min(forces):g} N' if forces else 'tells no press, all forces are 0'
-        raise DatasetError(
-            f'{table.file} {tells}: press with two weights at least, or calibrate with: tactile calibrate --pictures'
-        )
+        raise DatasetError(f'{table.file} {tells}: press with two weights at least')
 
 
 def _presses(rows: Sequence[TablePress]) -> list[list[TablePress]]:
@@ -171,7 +166,7 @@ def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> _T
             continue  # the rows left are looked at for further ones
         known += [Row(table, row, picture_id(picture)) for row, picture in pairs]
         pressed += map(picture_id, frames)
-        rest = [Frame(reference.stamp_ns, rests[press])] if press < len(rests) else []
+        rest = [Frame(reference.stamp_ns, each) for each in rests[press :: len(presses)]]
         builder.take(number, _recorded(plan, press, presses[press][0], frames, rest, reference))
     faults.require_none()
     name = hashlib.sha256(''.join([plan, *pressed]).encode()).hexdigest()[:12]

@@ -23,7 +23,7 @@ from tactile_nodes.learning.recorded.exclusions import LeftOut, Limits, judge
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.recorded.samples import Sample, Shelf
 from tactile_nodes.messages import types
-from tactile_nodes.model_file import crop_of_size
+from tactile_nodes.model_file import LoadedModel, crop_of_size
 from tactile_nodes.params import load_mapping
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
@@ -59,6 +59,14 @@ class BuildOptions:
     separate_runs: bool = False
     namespace: str | None = None
     reference_clock: str | None = None
+
+    @classmethod
+    def of_model(cls, loaded: LoadedModel, gel: str = '', frames: str = 'first') -> BuildOptions:
+        """Measuring as a model does. Raises ConfigurationError: `gel` is a file of no simulated gel."""
+        return cls(
+            flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), bins=loaded.model.bins, frames=frames,
+            gel=gel_told(gel), crop=loaded.image_size,
+        )  # fmt: skip
 
 
 def build(

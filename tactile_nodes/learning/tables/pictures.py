@@ -159,21 +159,3 @@ class OneSize:
                 f'{name} has {width}x{height} pixels, and {self.said_by} {wanted}; '
                 'take all with one setting of the camera, and describe that one'
             )
-
-
-def read_pictures(table: PressTable, size: OneSize) -> list[Picture]:
-    """All pictures of a table, by row; they are where `folder_of` says.
-
-    Raises:
-        DatasetError: one cannot be read, or has another size than it must; says in which rows.
-    """
-    faults, source = table.faults, FolderPictures(folder_of(table))
-    source.require(table.rows, faults)
-    faults.require_none()
-    read = []
-    for row, picture in source.of(table.rows, faults):
-        with faults.row(row.line):
-            size.require(row, picture)
-            read.append(picture)
-    faults.require_none()
-    return read

@@ -40,7 +40,7 @@ from tactile_nodes.learning.transfer.checks import (
 )
 from tactile_nodes.learning.transfer.errors import Errors, Point
 from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
-from tactile_nodes.learning.transfer.regions import ASIDE, Smooth, fit_with_smooth
+from tactile_nodes.learning.transfer.regions import Smooth, fit_with_smooth
 from tactile_nodes.learning.transfer.whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
@@ -209,8 +209,8 @@ class OtherGel:
 
     @property
     def pressed_n(self) -> float:
-        """The hardest press whose force is known; 0 if none is."""
-        return float(np.nanmax(self.presses.contacts[:, 2], initial=0.0))
+        """The force of the hardest press."""
+        return float(self.presses.contacts[:, 2].max())
 
     def whole(self, form: str) -> WholeFit:
         """What differs as a whole, of those numbers that a form leaves open, by all presses."""
@@ -243,23 +243,13 @@ class OtherGel:
     def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
         """With every region's own numbers, by some of the presses or all."""
         presses = self.presses if chosen is None else self.presses.take(chosen)
-        return self.regions_of(response, lambda _: presses, REGION_TURNS, ASIDE)
-
-    def regions_of(
-        self,
-        response: AxisymmetricResponse,
-        presses: Callable[[AxisymmetricResponse], Presses],
-        turns: int,
-        aside: float,
-    ) -> AxisymmetricResponse:
-        """With every region's own numbers, by presses that are asked for anew each turn, by the response so far."""
-        precision, smooth = self.typical.precision(self.view), Smooth.of(response, self.typical, self.view, aside)
+        precision, smooth = self.typical.precision(self.view), Smooth.of(response, self.typical, self.view)
         shared = Shared(shared_of(response), SHARED_SIGMA)
         # Far from a press the profiles hold to a percent: to doubt them more would leave regions to what is expected.
         doubt = np.maximum(self.source.doubt, LEAST_DOUBT)
-        for _ in range(turns):
-            response, smooth = fit_with_smooth(response, presses(response), smooth, precision, doubt, shared)
-        return with_unsure(response, presses(response), precision, doubt)
+        for _ in range(REGION_TURNS):
+            response, smooth = fit_with_smooth(response, presses, smooth, precision, doubt, shared)
+        return with_unsure(response, presses, precision, doubt)
 
     def misfit(self, folds: list[AxisymmetricResponse], fold: np.ndarray) -> float:
         """Root mean square of what held-out presses leave over, in units of what is expected of them."""

@@ -14,7 +14,7 @@ from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResp
 
 ASIDE, PLACES_ASIDE = 0.3, 0.6
 """Of what a region scatters by: how far a term of the smooth functions is expected from where the whole fit has it, of
-couplings and of places, where presses are known whole."""
+couplings and of places."""
 
 
 @dataclass(frozen=True)
@@ -30,16 +30,11 @@ class Smooth:
     precision: Float[np.ndarray, 'numbers numbers']
 
     @classmethod
-    def of(
-        cls, response: AxisymmetricResponse, typical: Typical, view: Float[np.ndarray, 'regions 2'], aside: float
-    ) -> Smooth:
-        """As regions at these places in the image are now, and held there by how regions scatter all round.
-
-        `aside` is how far, of what a region scatters by, a term is expected from there in couplings.
-        """
+    def of(cls, response: AxisymmetricResponse, typical: Typical, view: Float[np.ndarray, 'regions 2']) -> Smooth:
+        """As regions at these places in the image are now, and held there by how regions scatter all round."""
         over = powers(view)
         terms = np.linalg.lstsq(over, numbers_of(response), rcond=None)[0]
-        share = np.r_[np.full(terms.shape[1] - 2, aside), PLACES_ASIDE, PLACES_ASIDE]
+        share = np.r_[np.full(terms.shape[1] - 2, ASIDE), PLACES_ASIDE, PLACES_ASIDE]
         around = typical.scatter.covariance(view).mean(axis=0) * share * share[:, None]
         return cls(over, terms, terms, np.linalg.inv(around))
 

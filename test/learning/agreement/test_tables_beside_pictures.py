@@ -129,12 +129,12 @@ def test_both_commands_refuse_a_table_that_contradicts_its_pictures(
     assert not output.exists()
 
 
-def test_one_force_told_of_presses_that_differ_calibrates_no_model(
+def test_forces_told_alike_of_presses_that_differ_calibrate_no_model(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def change(rows: list[Row]) -> None:
-        for row in rows[RESTS:]:
-            row[3] = '20'
+        for number, row in enumerate(rows[RESTS:]):
+            row[3] = str(20 + number % 2)
 
     assert calibrated(edited(folder, change), tmp_path / 'mine.safetensors') == 1
     assert not (tmp_path / 'mine.safetensors').exists()

@@ -17,8 +17,8 @@ from press_bags import Sensor as BagSensor
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.calibrating.calibrator import Calibrator
-from tactile_nodes.learning.calibrating.files import Source
-from tactile_nodes.learning.calibrating.hand_presses import calibrate_by_hand
+from tactile_nodes.learning.calibrating.files import Source, calibrate
+from tactile_nodes.learning.calibrating.hand_presses import presses_by_hand
 from tactile_nodes.learning.calibrating.presses import BagPresses, finish, take_presses
 from tactile_nodes.learning.field.calibration import described_model
 from tactile_nodes.learning.field.fit import described
@@ -131,7 +131,8 @@ def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_p
     (tmp_path / 'presses.csv').write_text('\n'.join(rows))
     save_model(tmp_path / 'described.safetensors', made.model, made.card)
     source, output = Source.find(str(tmp_path / 'described.safetensors')), tmp_path / 'mine.safetensors'
-    _, made_of_it = calibrate_by_hand(source, tmp_path / 'presses.csv', 'stiffer', output, Progress())
+    presses = presses_by_hand(source.loaded, tmp_path / 'presses.csv', 'stiffer', Progress())
+    _, made_of_it = calibrate(source, presses, output)
     assert made_of_it.after.force_median_n < 0.4 * made_of_it.before.force_median_n
     assert load_model(output).image_size == (320, 200)
 

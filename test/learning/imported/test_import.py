@@ -139,7 +139,7 @@ def shift(column: int, by: int) -> Callable[[Path], list[Row]]:
         (each(put(3, lambda _: '0.3')), 'tells one force for all presses, 0.3 N: press with two weights at least'),
         (each(put(3, lambda n: str(1000 * float(n)))), 'N: forces lie below 200 N; check the unit'),
         (each(put(1, lambda x: str(1000 * float(x)))), 'mm: places lie within 16 mm of the middle; check the unit'),
-        (each(put(1, lambda _: '')), 'a press of a data set needs x, y and force'),
+        (each(put(1, lambda _: '')), 'a press needs x, y and force'),
         (edited(lambda rows: rows[6].__setitem__(0, 'gone.png')), 'line 8: cannot read the picture'),
         (edited(lambda rows: rows.__delitem__(slice(RESTS))), 'has no picture of the gel untouched'),
         (edited(lambda rows: rows.__delitem__(slice(RESTS, None))), 'tells no press, all forces are 0'),

@@ -25,8 +25,8 @@ def test_the_mean_of_four_presses_is_as_far_off_as_they_are_from_it() -> None:
 
 
 def test_weights_of_one_size_are_no_measure_of_a_model() -> None:
-    contacts = np.array([[math.nan, math.nan, 0.49], [math.nan, math.nan, 0.49]])
-    assert objection('calibration', off(0.05, math.nan), NOTHING, of_the_mean(contacts)) == ''
+    contacts = np.array([[1.0, 0.0, 0.49], [1.5, 0.0, 0.49]])
+    assert objection('calibration', off(0.05, 9.0), NOTHING, of_the_mean(contacts)) == ''
 
 
 def test_what_is_closer_by_force_and_less_close_by_place_is_judged_on_balance() -> None:
