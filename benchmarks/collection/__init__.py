@@ -20,6 +20,7 @@ import numpy as np
 
 from benchmarks.collection.bag import CollectionBag
 from benchmarks.collection.page import told
+from benchmarks.devices.rehearsal import Rehearsal
 from benchmarks.harness.declaration import RIG, SIMULATED, Benchmark, Result, argument
 from benchmarks.harness.report import surroundings
 from benchmarks.harness.running import Run
@@ -38,7 +39,6 @@ from tactile_nodes.collection.run.estimate import estimate
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import Person
 from tactile_nodes.collection.run.recall import recalled
-from tactile_nodes.collection.run.rehearsal import Rehearsal
 from tactile_nodes.collection.settings import CollectionSettings, SurfaceSettings
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus, Switched
 from tactile_nodes.emulators.world import World, WorldSettings
@@ -252,7 +252,14 @@ def _tell(line: str) -> None:
 BENCHMARK = Benchmark(
     name='collection',
     about=__doc__,
-    sources=('benchmarks/collection/**', 'tactile_nodes/bag/**', 'config/plans/**', *RIG, *SIMULATED),
+    sources=(
+        'benchmarks/collection/**',
+        'benchmarks/devices/**',
+        'tactile_nodes/bag/**',
+        'config/plans/**',
+        *RIG,
+        *SIMULATED,
+    ),
     page=told,
     measure=measured,
     files=('collection.md', 'collection.png'),

@@ -152,7 +152,12 @@ def _stamp(of: str) -> Callable[[Mapping[str, Any]], str]:
 BENCHMARK = Benchmark(
     name='drivers',
     about=__doc__,
-    sources=('benchmarks/drivers/**', 'tactile_nodes/drivers/**', 'tactile_nodes/emulators/**'),
+    sources=(
+        'benchmarks/drivers/**',
+        'benchmarks/devices/**',
+        'tactile_nodes/drivers/**',
+        'tactile_nodes/emulators/**',
+    ),
     page=text,
     measure=measured,
     cases=tuple(CASES),

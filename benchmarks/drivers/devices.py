@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.devices.marlin import Marlin
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.emulators.clocks import DeviceClock
 from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
-from tactile_nodes.emulators.cnc.marlin import Marlin
 from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
 from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
 from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig

@@ -119,7 +119,7 @@ def _command(machine: Machine, arguments: argparse.Namespace) -> str:
 BENCHMARK = Benchmark(
     name='firmware',
     about=__doc__,
-    sources=('benchmarks/firmware/**', *RIG),
+    sources=('benchmarks/firmware/**', 'benchmarks/devices/**', *RIG),
     page=page,
     measure=measured,
     cases=(OBEYS, *FAULTS),

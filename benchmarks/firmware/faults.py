@@ -8,9 +8,9 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from benchmarks.devices.liars import Values, frozen, zeros
 from benchmarks.firmware.line import Line
 from tactile_nodes.collection.safety import FORCE, OVERLOAD, SENSOR
-from tactile_nodes.emulators.force_torque.liars import Values, frozen, zeros
 from tactile_nodes.emulators.world import NOTHING, Wrench
 
 THRESHOLD = 0x8001_0000

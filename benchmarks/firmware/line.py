@@ -19,12 +19,12 @@ from typing import Protocol
 
 import serial
 
+from benchmarks.devices.serial_faults import LineFaults
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc.contract import Place
 from tactile_nodes.drivers.cnc.grbl_words import parse_report
 from tactile_nodes.drivers.cnc.marlin import marlin_place
 from tactile_nodes.drivers.serial_port import SerialPort, open_port
-from tactile_nodes.emulators.serial_faults import LineFaults
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
 QUESTIONS = {'grbl': b'?', 'marlin': b'M114 R\n'}

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from benchmarks.devices.liars import BotaLiar, Changed, Lie, UdpProxy, Values
 from benchmarks.firmware.descent import SLOPE, above, down, station
 from benchmarks.firmware.faults import FALTER, Fault
 from benchmarks.firmware.killed import DEEP_S, FREE_S, Commander, until
@@ -22,7 +23,6 @@ from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.drivers.cnc.contract import CncSettings, Place
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings
 from tactile_nodes.drivers.force_torque.net_ft_config import read_config
-from tactile_nodes.emulators.force_torque.liars import BotaLiar, Changed, Lie, UdpProxy, Values
 from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
 from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
 from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig

@@ -1,8 +1,8 @@
 """A device on a serial line, driven by the clock: bytes arrive at the baud rate, and things happen at their times.
 
-`SerialDevice` has neither thread nor port. Two ways to reach it: `PtyPort` puts it behind a pseudo terminal that any
-program can open as a serial port; `DirectPort` hands its bytes to a driver in the same thread, where waiting for an
-answer is what lets the time pass, so that with a stepped clock hours of a rig take seconds and are exactly repeatable.
+`SerialDevice` has neither thread nor port. `PtyPort` puts it behind a pseudo terminal that any program can open as a
+serial port. Who hands its bytes to a driver in the same thread, with a stepped clock, repeats hours of a rig exactly in
+seconds (`benchmarks/devices/direct_port.py`).
 """
 
 from __future__ import annotations

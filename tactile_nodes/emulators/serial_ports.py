@@ -1,4 +1,4 @@
-"""How a host reaches an emulated serial device: through a pseudo terminal, or within its own thread."""
+"""How a host reaches an emulated serial device: through a pseudo terminal."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.emulators.serial_device import SerialDevice
-from tactile_nodes.errors import DeviceLostError
 
 LONGEST_WAIT_S = 0.01  # how late the device may notice that a stepped clock has moved, or that a host has opened it
 
@@ -130,42 +128,3 @@ def _read(descriptor: int) -> bytes:
         if error.errno != errno.EIO:
             raise
         return b''
-
-
-class DirectPort:
-    """The device as a driver's port, without a thread: reading lets the time pass until it has said something.
-
-    With a clock that jumps over what is slept, a dialogue takes no real time and is the same every time.
-    """
-
-    name = 'the emulated port'
-
-    def __init__(self, device: SerialDevice, clock: Clock) -> None:
-        self._device = device
-        self._clock = clock
-        self.unplugged = False
-
-    def write(self, data: bytes) -> None:
-        """Send bytes to the device."""
-        self._check()
-        self._device.receive(data)
-
-    def read(self, timeout_s: float) -> bytes:
-        """What the device says, at once if it has; empty after the timeout."""
-        self._check()
-        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
-        while True:
-            self._device.run()
-            if data := self._device.take_output():
-                return data
-            if self._clock.now_ns() >= deadline_ns:
-                return b''
-            due_ns = self._device.next_event_ns()
-            self._clock.sleep_until(deadline_ns if due_ns is None else min(due_ns, deadline_ns))
-
-    def close(self) -> None:
-        """Nothing to let go of."""
-
-    def _check(self) -> None:
-        if self.unplugged:
-            raise DeviceLostError(f'{self.name} was unplugged; plug it in again')

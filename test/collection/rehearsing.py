@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.devices.rehearsal import Rehearsal
 from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import MISSING, Entry, Journal
 from tactile_nodes.collection.plan.order import ordered
@@ -17,7 +18,6 @@ from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.run.campaign import Campaign
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import Person
-from tactile_nodes.collection.run.rehearsal import Rehearsal
 from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings, SurfaceSettings
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.cnc.contract import CncSettings

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.devices.liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, zeros
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import TrippedError
@@ -24,7 +25,6 @@ from tactile_nodes.collection.station import Station
 from tactile_nodes.collection.wrench import tare_of
 from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings, TextLineSettings
-from tactile_nodes.emulators.force_torque.liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, zeros
 from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
 from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
 from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig

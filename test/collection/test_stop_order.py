@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from rehearsing import Run, changed
 
+from benchmarks.devices import rehearsal
+from benchmarks.devices.direct_port import DirectPort
 from tactile_nodes.clock import Clock
-from tactile_nodes.collection.run import rehearsal
 from tactile_nodes.collection.safety import FORCE
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.emulators.cnc.grbl import Grbl
-from tactile_nodes.emulators.serial_ports import DirectPort
 from tactile_nodes.emulators.world import World
 
 JOG_CANCEL = b'\x85'

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from coarse_table import coarse_table
 from jumping_clock import JumpingClock
 
+from benchmarks.devices.direct_port import DirectPort
 from tactile_nodes.clock import Clock
 from tactile_nodes.emulators.serial_device import SerialDevice
-from tactile_nodes.emulators.serial_ports import DirectPort
 from tactile_nodes.emulators.world import World, WorldSettings
 
 START_NS = 1_700_000_000_000_000_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from cnc_dialogue import Dialogue
 
-from tactile_nodes.emulators.cnc.marlin import Marlin, MarlinSettings, xor
+from benchmarks.devices.marlin import Marlin, MarlinSettings, xor
 
 
 def marlin(emergency_parser: bool = True, homed: bool = True) -> Dialogue:

@@ -19,9 +19,9 @@ import numpy as np
 from coarse_table import linear_table
 
 from benchmarks.collection import CNC, SAFE_Z_MM, named
+from benchmarks.devices.rehearsal import Rehearsal
 from tactile_nodes.collection.press.rest import go_to_gel
 from tactile_nodes.collection.press.surface import Corner, corners, feel_corner, surface_through
-from tactile_nodes.collection.run.rehearsal import Rehearsal
 from tactile_nodes.contact_tables.gel_tables import contact_table, solution_of
 from tactile_nodes.contact_tables.touch_tables import CELL_MM, CELLS
 from tactile_nodes.drivers.camera.contract import SceneSettings

@@ -7,11 +7,11 @@ import dataclasses
 import pytest
 from rehearsing import SAFE_Z_MM, SETTINGS, TABLE
 
+from benchmarks.devices.rehearsal import Rehearsal
 from tactile_nodes.collection.plan.plan import Point
 from tactile_nodes.collection.press.cycle import Ground, Record, press_cycle
 from tactile_nodes.collection.press.rest import go_to_gel
 from tactile_nodes.collection.press.surface import Surface
-from tactile_nodes.collection.run.rehearsal import Rehearsal
 from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.simulation.gel import Gel

@@ -11,6 +11,8 @@ from typing import Any
 from coarse_table import coarse_table
 from jumping_clock import JumpingClock
 
+from benchmarks.devices.direct_port import DirectPort
+from benchmarks.devices.marlin import Marlin, MarlinSettings
 from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Place
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
@@ -19,9 +21,8 @@ from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.cnc.simulated import SimulatedCnc
 from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
-from tactile_nodes.emulators.cnc.marlin import Marlin, MarlinSettings
 from tactile_nodes.emulators.serial_device import SerialDevice
-from tactile_nodes.emulators.serial_ports import DirectPort, PtyPort
+from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import World, WorldSettings
 
 START_NS = 1_700_000_000_000_000_000

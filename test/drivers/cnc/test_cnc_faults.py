@@ -12,6 +12,8 @@ from cnc_rigs import Rig, device_of, settings_of
 from coarse_table import coarse_table
 from jumping_clock import JumpingClock
 
+from benchmarks.devices.direct_port import DirectPort
+from benchmarks.devices.serial_faults import FaultyPort, LineFaults
 from tactile_nodes.collection.actions import Go
 from tactile_nodes.collection.hands import Hands, TrippedError
 from tactile_nodes.collection.readings import Readings
@@ -21,8 +23,6 @@ from tactile_nodes.drivers.cnc.contract import NO_HOMING, NO_SOFT_LIMITS, CncSta
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.drivers.cnc.marlin import MarlinCnc
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.emulators.serial_faults import FaultyPort, LineFaults
-from tactile_nodes.emulators.serial_ports import DirectPort
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 

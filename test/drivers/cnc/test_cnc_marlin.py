@@ -9,11 +9,11 @@ import pytest
 from cnc_rigs import MARLIN_BOX, START_NS, Rig, Script, Scripted, direct_rig, settings_of
 from jumping_clock import JumpingClock
 
+from benchmarks.devices import marlin
 from tactile_nodes.drivers.cnc.contract import CncState
 from tactile_nodes.drivers.cnc.marlin import MarlinCnc, marlin_identity, marlin_place
 from tactile_nodes.drivers.cnc.marlin_settings import AxisSettings, axis_settings
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.emulators.cnc import marlin
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
 BOOT = b'start\necho: Last Updated\nMarlin 2.1.2.7\n'
