@@ -42,11 +42,6 @@ class CncSettings:
     report_hz: float = parameter(
         5.0, 'status reports asked for per second at rest; ten while it moves', minimum=1.0, maximum=10.0
     )
-    streaming: str = parameter(
-        'send-response',
-        'one line at a time, or as many as fit the buffer',
-        choices=('send-response', 'character-counting'),
-    )
     lowest_mm: tuple[float, ...] = parameter((), "x, y, z of the box's lower corner; empty: the machine's own limits")
     highest_mm: tuple[float, ...] = parameter((), "x, y, z of the box's upper corner; empty: the machine's own limits")
     safe_z_mm: float = parameter(-5.0, 'at and above this height the tip may move sideways; retract goes here')

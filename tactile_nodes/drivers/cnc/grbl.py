@@ -18,7 +18,6 @@ from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc.envelope import AXES, guard
 from tactile_nodes.drivers.cnc.grbl_check import (
     acceleration_of,
-    buffer_bytes,
     check,
     identity_of,
     of_fluidnc,
@@ -198,8 +197,6 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._guard = guard(self._settings, travel(self._identity, self._memory))
         self._acceleration = acceleration_of(self._memory, self._acceleration)
         dialogue.reports.factor = inches(self._memory.get(13, '0'))
-        if self._settings.streaming == 'character-counting':
-            dialogue.window = buffer_bytes(self._identity) - 1
 
     def _value_of(self, dialogue: GrblDialogue, key: str) -> str:
         """Of a FluidNC's setting with a name; empty where it has none."""
@@ -231,11 +228,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._talk().ask(f'$J=G91 G21 Z{distance:.3f} F{feed:.1f}', self._patience_s(), self._generation)
 
     def _send(self, line: str) -> None:
-        dialogue = self._talk()
-        if dialogue.window:
-            dialogue.post(line, self._patience_s(), generation=self._generation)
-        else:
-            dialogue.ask(line, self._patience_s(), self._generation)
+        self._talk().ask(line, self._patience_s(), self._generation)
 
     def _switch(self, level: bool) -> Switched:
         on, off = self._settings.line_on or 'M8', self._settings.line_off or 'M9'

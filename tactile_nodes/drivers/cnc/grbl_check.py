@@ -15,7 +15,6 @@ from tactile_nodes.drivers.cnc.contract import (
 from tactile_nodes.errors import DeviceFaultError
 
 KEEP_MOTORS_ON = 255
-SMALLEST_BUFFER = 128
 GUARDS = ((20, 'soft limits', NO_SOFT_LIMITS), (21, 'hard limits', NO_HARD_LIMITS), (22, 'homing', NO_HOMING))
 FLUIDNC_GUARDS = {20: 'soft_limits', 21: 'motor0/hard_limits', 22: 'homing/cycle'}
 """Where FluidNC keeps what these settings of Grbl say, below ``$/axes/x/`` (its Axis.cpp, Motor.cpp, Homing.h)."""
@@ -30,15 +29,6 @@ def identity_of(lines: list[str], banner: str) -> Identity:
     firmware = 'grblHAL' if 'FIRMWARE:grblHAL' in text else 'FluidNC' if 'FluidNC' in text else 'Grbl'
     options = tuple(field for field in fields if not field.startswith('VER:'))
     return Identity(firmware, version, options)
-
-
-def buffer_bytes(identity: Identity) -> int:
-    """The size of the receive buffer from ``[OPT:V,15,128]``; the smallest if it does not tell."""
-    for option in identity.options:
-        parts = option.split(',')
-        if option.startswith('OPT:') and len(parts) > 2 and parts[2].isdigit():
-            return int(parts[2])
-    return SMALLEST_BUFFER
 
 
 def travel(identity: Identity, memory: Mapping[int, str]) -> Envelope | None:

@@ -1,4 +1,4 @@
-"""The dialogue with Grbl: lines sent as its buffer has room, each with its answer; resets; reports of now."""
+"""The dialogue with Grbl: one line after the other, each with its answer; resets; reports of now."""
 
 from __future__ import annotations
 
@@ -31,23 +31,18 @@ class GrblDialogue(GrblHearing):
             DeviceTimeoutError: no answer; the controller hangs.
             DeviceLostError: the port is gone.
         """
-        request = self.post(line, timeout_s, awaited=True, generation=generation)
-        self._settle(request, timeout_s)
-        return request
-
-    def post(self, line: str, timeout_s: float, awaited: bool = False, generation: int | None = None) -> Request:
-        """Send a line as soon as the controller's buffer has room for it; do not wait for the answer."""
         check_line(line)
-        request = Request(line, awaited=awaited)
+        request = Request(line)
         with self.link.changed:
             generation = self.generation if generation is None else generation
-            if not self.link.wait(lambda: self._fits(line) or generation != self.generation, timeout_s):
+            if not self.link.wait(lambda: not self._unanswered or generation != self.generation, timeout_s):
                 raise self._hung(line, timeout_s)
             if generation != self.generation:
                 raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
             self._unanswered.append(request)
             self.braking = False
             request.sent_ns = self.link.send(line.encode('ascii') + b'\n')
+        self._settle(request, timeout_s)
         return request
 
     def reset(self, timeout_s: float) -> None:
@@ -108,9 +103,3 @@ class GrblDialogue(GrblHearing):
         return DeviceTimeoutError(
             f'{self.name} did not answer {line!r} within {timeout_s:.1f} s; it hangs: cut its power and connect again'
         )
-
-    def _fits(self, line: str) -> bool:
-        if not self._unanswered:
-            return True
-        flying = sum(len(request.text) + 1 for request in self._unanswered)
-        return flying + len(line) + 1 <= self.window

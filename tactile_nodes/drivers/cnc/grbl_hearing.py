@@ -59,7 +59,6 @@ class GrblHearing:
         self._restart_expected = True
         self._lost_reports = 0
         self.name = port.name
-        self.window = 0  # bytes that may be unanswered; 0: one line
         self.banner = ''
         self.restarts = 0
         self.homing = False
@@ -151,8 +150,6 @@ class GrblHearing:
         request.answered_ns = stamp_ns
         if line != 'ok' and request.error is None:
             request.error = DeviceFaultError(f'{self.name} refused {request.text!r}: {error_text(line)}')
-            if not request.awaited:  # what was sent after it would run on without it
-                self._brake(f'refused {request.text!r}: {error_text(line)}; stop it, then look at the plan')
 
     def _echoed(self, heard: str) -> None:
         """Some builds repeat each line that they have heard, without blanks: what was sent can be read back."""

@@ -31,7 +31,6 @@ class Request:
     answered_ns: int = 0
     error: DeviceError | None = None
     lines: list[str] = field(default_factory=list)
-    awaited: bool = True
 
     @property
     def done(self) -> bool:

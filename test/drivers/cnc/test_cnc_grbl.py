@@ -510,30 +510,14 @@ def test_homing_that_finds_no_switch_is_told(rig: Rig) -> None:
     assert not rig.cnc.status().homed
 
 
-@pytest.mark.parametrize('streaming', ['send-response', 'character-counting'])
 @pytest.mark.parametrize('kind', ['grbl', 'grblhal'])
-def test_many_short_moves_lose_nothing(kind: str, streaming: str) -> None:
-    rig = homed_rig(kind, streaming=streaming)
+def test_many_short_moves_lose_nothing(kind: str) -> None:
+    rig = homed_rig(kind)
     for number in range(100):
         rig.cnc.move(x=-60 + 0.1 * (number + 1), feed=600.0)
     rig.cnc.wait_idle()
     assert rig.tip[0] == pytest.approx(-50.0)
     assert rig.device.overflowed == 0
-
-
-def test_a_refused_line_in_a_stream_holds_at_once_and_a_stop_clears_it() -> None:
-    rig = homed_rig(streaming='character-counting')
-    rig.device.faults.swallow_ok = True
-    rig.cnc.move(x=-40.0, feed=600.0)
-    pass_time(rig, 0.2)
-    rig.device.faults.swallow_ok = False
-    rig.device.say(b'error:33\r\n')
-    with pytest.raises(DeviceFaultError, match='refused'):
-        rig.cnc.wait_idle()
-    assert b'!' in rig.sent()
-    rig.cnc.stop()
-    assert rig.cnc.status().homed
-    rig.go(-50, -60, -5)
 
 
 def test_reports_are_asked_for_ten_times_a_second_while_it_moves_and_five_times_at_rest(rig: Rig) -> None:
