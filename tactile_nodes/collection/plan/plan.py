@@ -1,8 +1,7 @@
 """Which presses are to be made: places on the gel and depths, numbered once and for all, and named by their hash.
 
-A plan is a grid, a jittered grid, random places, places spread over the gel, or a list from a file. Its number of a
-press never changes, and its `plan_id` follows from the points alone, so that a journal and a bag can say which plan
-they belong to.
+A plan is a grid, random places, places spread over the gel, or a list from a file. Its number of a press never
+changes, and its `plan_id` follows from the points alone, so that a journal and a bag can say which plan they belong to.
 """
 
 from __future__ import annotations
@@ -11,13 +10,11 @@ import csv
 import hashlib
 import math
 import random
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
-
-import yaml
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import read_text
@@ -55,18 +52,17 @@ CANDIDATES = 2000
 class PlanSettings:
     """How a plan's points come about."""
 
-    kind: str = parameter('grid', 'how points come about', choices=('grid', 'jittered', 'random', 'spread', 'list'))
+    kind: str = parameter('grid', 'how points come about', choices=('grid', 'random', 'spread', 'list'))
     columns: int = parameter(37, 'places along x', minimum=1)
     rows: int = parameter(37, 'places along y', minimum=1)
     pitch_mm: float = parameter(0.75, 'from one place of the grid to the next', minimum=0.01)
-    jitter_mm: float = parameter(0.3, 'greatest shift of a place of a jittered grid, along x and y', minimum=0.0)
     depths_mm: tuple[float, ...] = parameter((0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0), 'depths at each place')
     count: int = parameter(1000, 'presses of a random or spread plan', minimum=1)
     reach_mm: float = parameter(
         13.5, 'random and spread places lie within this far of the middle, in x and y', minimum=0.0
     )
-    seed: int = parameter(1, 'of jitter, random and spread places')
-    file: str = parameter('', 'CSV or YAML list of points: x_mm, y_mm, depth_mm')
+    seed: int = parameter(1, 'of random and spread places')
+    file: str = parameter('', 'CSV of points: x_mm, y_mm, depth_mm')
     rest_mm: float = parameter(4.0, 'presses nearer than this to the last ones are put off', minimum=0.0)
     rest_presses: int = parameter(8, 'how many of the last presses that are', minimum=0)
 
@@ -129,13 +125,10 @@ def make_plan(settings: PlanSettings) -> Plan:
     """
     if settings.kind == 'list':
         return numbered(read_points(settings.file))
+    if settings.kind == 'grid':
+        return numbered(_grid(settings))
     chance = random.Random(settings.seed)  # noqa: S311  (places, not secrets)
-    if settings.kind == 'random':
-        return numbered(_random(settings, chance))
-    if settings.kind == 'spread':
-        return numbered(_spread(settings, chance))
-    jitter = settings.jitter_mm if settings.kind == 'jittered' else 0.0
-    return numbered(_grid(settings, jitter, chance))
+    return numbered((_random if settings.kind == 'random' else _spread)(settings, chance))
 
 
 def plan_path(name: str) -> Path:
@@ -172,7 +165,7 @@ def numbered(points: Iterable[Triple]) -> Plan:
 
 
 def read_points(path: str | Path) -> list[Triple]:
-    """(x, y, depth) in mm from a CSV with these columns, or a YAML list of such triples or mappings.
+    """(x, y, depth) in mm from a CSV with these columns.
 
     Raises:
         ConfigurationError: naming file and row.
@@ -182,15 +175,16 @@ def read_points(path: str | Path) -> list[Triple]:
         text = read_text(file)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read the list of points {str(path)!r}: {error}') from error
-    rows = _yaml_rows(text, file) if file.suffix.lower() in {'.yaml', '.yml'} else _csv_rows(text)
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')]
+    rows = csv.DictReader(lines, skipinitialspace=True)
     return [_triple(row, number, file) for number, row in enumerate(rows, start=1)]
 
 
-def _grid(settings: PlanSettings, jitter_mm: float, chance: random.Random) -> Iterable[Triple]:
+def _grid(settings: PlanSettings) -> Iterable[Triple]:
     for row in range(settings.rows):
         for column in range(settings.columns):
-            x = (column - (settings.columns - 1) / 2) * settings.pitch_mm + jitter_mm * chance.uniform(-1, 1)
-            y = (row - (settings.rows - 1) / 2) * settings.pitch_mm + jitter_mm * chance.uniform(-1, 1)
+            x = (column - (settings.columns - 1) / 2) * settings.pitch_mm
+            y = (row - (settings.rows - 1) / 2) * settings.pitch_mm
             for depth in settings.depths_mm:
                 yield x, y, depth
 
@@ -217,33 +211,11 @@ def _spread(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
         place = places[max(range(len(places)), key=away.__getitem__)]
 
 
-def _csv_rows(text: str) -> Iterable[object]:
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')]
-    if lines and any(character.isalpha() for character in lines[0].replace('e', '').replace('E', '')):
-        return list(csv.DictReader(lines, skipinitialspace=True))
-    return list(csv.reader(lines, skipinitialspace=True))
-
-
-def _yaml_rows(text: str, file: Path) -> Iterable[object]:
+def _triple(row: Mapping[str, str], number: int, file: Path) -> Triple:
     try:
-        found = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ConfigurationError(f'{file} is not valid YAML: {str(error).splitlines()[0]}') from error
-    rows = found.get('points') if isinstance(found, dict) else found
-    if not isinstance(rows, list):
-        raise ConfigurationError(f'{file} holds no list of points; write [x_mm, y_mm, depth_mm] in each entry')
-    return rows
-
-
-def _triple(row: object, number: int, file: Path) -> Triple:
-    try:
-        if isinstance(row, dict):
-            return float(row['x_mm']), float(row['y_mm']), float(row['depth_mm'])
-        if isinstance(row, Sequence) and not isinstance(row, str) and len(row) == 3:
-            return float(row[0]), float(row[1]), float(row[2])
+        return float(row['x_mm']), float(row['y_mm']), float(row['depth_mm'])
     except (KeyError, TypeError, ValueError) as error:
         raise ConfigurationError(f'point {number} of {file} has no x_mm, y_mm and depth_mm: {row}') from error
-    raise ConfigurationError(f'point {number} of {file} is {row}; write x_mm, y_mm, depth_mm')
 
 
 def _text(point: Point) -> str:
