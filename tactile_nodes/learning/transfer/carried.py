@@ -47,7 +47,7 @@ def learned_carried(
 def _judged(source: AxisymmetricReadout, few: Dataset, anywhere: Dataset) -> Judged:
     """A calibration by a few presses on other presses of the same gel, corrected by nothing."""
     other = OtherGel.of(source, few)
-    response = other.regions(other.whole('whole').response)
+    response = other.regions(other.whole().response)
     nothing = replace(source.correction, terms=np.zeros_like(source.correction.terms), local=None)
     readout = replace(other.readout(response, source.doubt), correction=nothing)
     return Judged.of(readout, anywhere, np.flatnonzero(anywhere.presses[:, 2] > 0))

@@ -1,8 +1,8 @@
 """Calibrate a model for another gel from a few presses: as many numbers as these support, no more.
 
-What a press does around it is much the same in any soft layer, so the known gel's profiles serve the other one. Three
-forms from the simplest on: only hardness, what differs as a whole (hardness, thickness, camera), and with that every
-region's own place and couplings, held near what regions of the known gel scatter by. Each is judged by presses that its
+What a press does around it is much the same in any soft layer, so the known gel's profiles serve the other one. Two
+forms, the simpler first: what differs as a whole (hardness, thickness, camera), and with that every region's own place
+and couplings, held near what regions of the known gel scatter by. Each is judged by presses that its
 fit did not see.
 """
 
@@ -41,14 +41,14 @@ from tactile_nodes.learning.transfer.checks import (
 from tactile_nodes.learning.transfer.errors import Errors, Point
 from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
 from tactile_nodes.learning.transfer.regions import Smooth, fit_with_smooth
-from tactile_nodes.learning.transfer.whole import HARDNESS, SIZES, Typical, WholeFit, fit_whole
+from tactile_nodes.learning.transfer.whole import SIZES, Typical, WholeFit, fit_whole
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 
-FORMS = {'hardness': HARDNESS, 'whole': tuple(SIZES), 'regions': tuple(SIZES)}
+FORMS = 'whole', 'regions'
 REGION_TURNS = 4
 SHARED_SIGMA = np.array([0.2, 0.03, 0.0, 0.0])
 """Of the logarithms of softness and width, once all regions together have said what they are: markers mislead them.
@@ -110,17 +110,16 @@ def transfer(
     require_presses(dataset, reached_mm(known))
     other = OtherGel.of(known, dataset)
     with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
-        wholes = {form: other.whole(form) for form in FORMS if form != 'regions'}
-        wholes['regions'] = wholes['whole']
+        whole = other.whole()
         fold = folds_of(other.presses.contacts)
-        offset = other.offset(wholes['whole'])
-        require_tared(offset, other.offset_spread(wholes['whole'], fold) if abs(offset) > MOST_OFFSET_N else 0.0)
+        offset = other.offset(whole)
+        require_tared(offset, other.offset_spread(whole, fold) if abs(offset) > MOST_OFFSET_N else 0.0)
         bar.advance()
-        folds = other.folds(wholes, fold, bar.advance)
+        folds = other.folds(whole, fold, bar.advance)
         misfits = {form: other.misfit(made, fold) for form, made in folds.items()}
         form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
-        whole, doubt = wholes[form], other.doubt(folds[form], fold)
-        response = whole.response if form != 'regions' else other.regions(whole.response)
+        doubt = other.doubt(folds[form], fold)
+        response = whole.response if form == 'whole' else other.regions(whole.response)
         readout = other.locally(other.readout(response, doubt, form))
         held = [
             Judged.of(
@@ -212,9 +211,9 @@ class OtherGel:
         """The force of the hardest press."""
         return float(self.presses.contacts[:, 2].max())
 
-    def whole(self, form: str) -> WholeFit:
-        """What differs as a whole, of those numbers that a form leaves open, by all presses."""
-        return fit_whole(self.start, self.presses, FORMS[form])
+    def whole(self) -> WholeFit:
+        """What differs as a whole, by all presses."""
+        return fit_whole(self.start, self.presses)
 
     def offset(self, whole: WholeFit, chosen: np.ndarray | slice = slice(None)) -> float:
         """The force (N) that some presses, or all, seem to begin at."""
@@ -226,19 +225,15 @@ class OtherGel:
         return float(np.sqrt((len(found) - 1) * found.var()))
 
     def folds(
-        self, wholes: Mapping[str, WholeFit], fold: Int[np.ndarray, ' presses'], advance: Callable[[int, str], object]
+        self, whole: WholeFit, fold: Int[np.ndarray, ' presses'], advance: Callable[[int, str], object]
     ) -> dict[str, list[AxisymmetricResponse]]:
         """Each form fitted to the presses of all folds but one, for each of them."""
         rest = [np.flatnonzero(fold != number) for number in np.unique(fold)]
-        made = {}
-        for form in ('hardness', 'whole'):
-            begin = wholes[form].numbers
-            fits = [fit_whole(self.start, self.presses.take(each), FORMS[form], begin=begin) for each in rest]
-            made[form] = [each.response for each in fits]
-            advance(1, form)
-        made['regions'] = [self.regions(whole, each) for whole, each in zip(made['whole'], rest, strict=True)]
+        fits = [fit_whole(self.start, self.presses.take(each), begin=whole.numbers) for each in rest]
+        advance(1, 'whole')
+        regions = [self.regions(fit.response, each) for fit, each in zip(fits, rest, strict=True)]
         advance(1, 'regions')
-        return made
+        return {'whole': [each.response for each in fits], 'regions': regions}
 
     def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
         """With every region's own numbers, by some of the presses or all."""

@@ -39,7 +39,6 @@ SIZES = {
 """The free numbers, 0 for an equal gel, and how far from that each may be expected to be. Of the gel: the logarithms of
 how soft it is and how wide distances are. Of the places that regions look at: a linear map and a shift. Of what
 they see: logarithms of how much of lateral and vertical motion, a turn of both, and vertical motion seen aside."""
-HARDNESS = ('softness', 'lateral', 'vertical')
 OFFSET_N = 1.0
 """How far from zero the forces may be expected to begin, where that is free too."""
 
@@ -109,17 +108,15 @@ class WholeFit:
 def fit_whole(
     start: AxisymmetricResponse,
     presses: Presses,
-    free: tuple[str, ...] = tuple(SIZES),
     *,
     begin: np.ndarray | None = None,
     offset: bool = False,
 ) -> WholeFit:
     """The response, changed as a whole, that explains the presses best; Levenberg's and Marquardt's steps.
 
-    `free` names the numbers that may change; with `offset` so may the force that counts as none. `begin` may be the
-    numbers of a fit to other presses.
+    With `offset` the force that counts as none may change, too. `begin` may be the numbers of a fit to other presses.
     """
-    sizes = np.array([*(size if name in free else 0.0 for name, size in SIZES.items()), OFFSET_N * offset])
+    sizes = np.array([*SIZES.values(), OFFSET_N * offset])
     open_ = np.flatnonzero(sizes)
     doubt = np.hypot(FIRST_DOUBT, MARKERS_ELSEWHERE)
     here = np.zeros(len(sizes)) if begin is None else np.append(begin, 0.0)

@@ -110,7 +110,7 @@ def test_a_calibration_has_the_errors_of_its_presses_taken_away(readout: Axisymm
     dataset = presses(60, seed=5)
     moved = dataset.presses * np.array([1, 1, 1, 0.8], np.float32)  # as a gel that is softer by a fifth
     other = OtherGel.of(readout, dataclasses.replace(dataset, presses=moved))
-    plain = other.readout(other.whole('whole').response, readout.doubt)
+    plain = other.readout(other.whole().response, readout.doubt)
     local = other.locally(plain)
     found = Judged.of(plain, dataset, other.rows).found  # before any correction
     truth = moved[other.rows][:, [0, 1, 3]]

@@ -145,7 +145,7 @@ def test_with_more_pictures_presses_say_more_of_the_gel(source: AxisymmetricRead
     asked, off = np.array([[0.0, 0.0, 0.4]]), []
     for pictures in (1, 8):
         other = OtherGel.of(source, first_presses(held(12, 8, seed=3), 12, pictures=pictures))
-        made = other.regions(other.whole('whole').response)
+        made = other.regions(other.whole().response)
         off.append(made.variance(*made.motion_slopes_and_columns(asked)[1:]).sum())
     assert off[1] < off[0]
 
