@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,55 +80,6 @@ class Let:
 
 
 @dataclass(frozen=True)
-class SetEnvironment:
-    name: Template
-    value: Template
-
-    def perform(self, run: Interpreter) -> None:
-        name = self.name.evaluate(run.context)
-        run.context.environment[name] = self.value.evaluate(run.context)
-
-
-@dataclass(frozen=True)
-class UnsetEnvironment:
-    name: Template
-
-    def perform(self, run: Interpreter) -> None:
-        run.context.environment.pop(self.name.evaluate(run.context), None)
-
-
-@dataclass(frozen=True)
-class AppendEnvironment:
-    name: Template
-    value: Template
-    prepend: Template | bool
-    separator: Template | None
-
-    def perform(self, run: Interpreter) -> None:
-        context = run.context
-        name, value = self.name.evaluate(context), self.value.evaluate(context)
-        separator = os.pathsep if self.separator is None else self.separator.evaluate(context)
-        present = context.environment.get(name)
-        if present is not None:
-            value = separator.join([value, present] if _boolean(self.prepend, run) else [present, value])
-        context.environment[name] = value
-
-
-@dataclass(frozen=True)
-class ResetEnvironment:
-    def perform(self, run: Interpreter) -> None:
-        run.context.reset_environment()
-
-
-@dataclass(frozen=True)
-class Reset:
-    keep: tuple[Let, ...]
-
-    def perform(self, run: Interpreter) -> None:
-        run.context.reset_configurations(_evaluated(self.keep, run))
-
-
-@dataclass(frozen=True)
 class Log:
     message: Template
 
@@ -190,8 +140,7 @@ class Group:
             return
         with run.context.scoped():
             if not self.forwarding:
-                run.context.reset_environment()
-                run.context.reset_configurations({})
+                run.context.reset_configurations()
             run.context.configurations.update(kept)
             run.perform(self.children)
 
@@ -217,15 +166,6 @@ class SetParameter:
         if isinstance(value, list):
             raise SubstitutionError('a list cannot be given to all nodes; ROS 2 would hand it over as a text')
         run.context.scope.parameters.append((self.name.evaluate(run.context), str(value)))
-
-
-@dataclass(frozen=True)
-class SetUseSimTime:
-    value: Template
-
-    def perform(self, run: Interpreter) -> None:
-        value = values.boolean(self.value.evaluate(run.context))
-        run.context.scope.parameters.append(('use_sim_time', str(value)))
 
 
 @dataclass(frozen=True)

@@ -21,13 +21,11 @@ class Scope:
 
     Attributes:
         configurations: launch configurations (arguments, ``let``, and ROS 2's own, like ``ros_namespace``).
-        environment: the environment of processes to come.
         remaps: (from, to) of ``set_remap``.
         parameters: (name, value) of ``set_parameter``, and files of ``set_parameters_from_file``, in order.
     """
 
     configurations: dict[str, str]
-    environment: dict[str, str]
     remaps: list[tuple[str, str]] = field(default_factory=list)
     parameters: list[tuple[str, str] | Path] = field(default_factory=list)
 
@@ -41,21 +39,15 @@ class Context:
         log_folder: Path,
         *,
         file: Path,
-        allow_commands: bool = False,
     ) -> None:
-        self.scope = Scope({}, dict(environment))
+        self.scope = Scope({})
         self.file = file
         self.log_folder = log_folder
-        self.allow_commands = allow_commands
-        self._first_environment = dict(environment)
+        self.environment = dict(environment)
 
     @property
     def configurations(self) -> dict[str, str]:
         return self.scope.configurations
-
-    @property
-    def environment(self) -> dict[str, str]:
-        return self.scope.environment
 
     @contextmanager
     def scoped(self) -> Iterator[None]:
@@ -76,13 +68,9 @@ class Context:
         finally:
             self.file = outer
 
-    def reset_environment(self) -> None:
-        """Back to the environment the launch was started in."""
-        self.scope.environment = dict(self._first_environment)
-
-    def reset_configurations(self, keep: Mapping[str, str]) -> None:
-        """Forget all but `keep`: namespace, remaps and parameters for all nodes too, which ROS 2 holds in there."""
-        self.scope = Scope(dict(keep), self.scope.environment)
+    def reset_configurations(self) -> None:
+        """Forget them: namespace, remaps and parameters for all nodes too, which ROS 2 holds in there."""
+        self.scope = Scope({})
 
     def call(self, name: str, arguments: list[str]) -> str:
         """The value of a substitution; see `template.Caller`."""

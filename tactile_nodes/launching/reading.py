@@ -7,7 +7,6 @@ from pathlib import Path
 
 from tactile_nodes.launching.actions import (
     Action,
-    AppendEnvironment,
     Argument,
     Condition,
     Effect,
@@ -16,20 +15,16 @@ from tactile_nodes.launching.actions import (
     Let,
     Log,
     PushNamespace,
-    Reset,
-    ResetEnvironment,
-    SetEnvironment,
     SetParameter,
     SetParametersFromFile,
     SetRemap,
-    SetUseSimTime,
     Shutdown,
     Timer,
-    UnsetEnvironment,
 )
 from tactile_nodes.launching.document import Entity, Item, actions_of, load_items, suggestion
 from tactile_nodes.launching.process_actions import read_executable, read_node
 
+ENV = 'give each process its env: [{name, value}]'
 _UNSUPPORTED = {
     'composable_node': 'it loads C++ plugins; start each node as a process with the action node',
     'load_composable_node': 'it loads C++ plugins; start each node as a process with the action node',
@@ -43,6 +38,12 @@ _UNSUPPORTED = {
     'push-ros-namespace': 'ROS 2 calls it push_ros_namespace now',
     'include_scoped': 'ROS 2 Humble lacks it; put an include into a group',
     'unlet': 'ROS 2 Humble lacks it; use a scoped group',
+    'append_env': ENV,
+    'set_env': ENV,
+    'unset_env': ENV,
+    'reset_env': ENV,
+    'reset': 'use a group with forwarding: false',
+    'set_use_sim_time': "write set_parameter: {name: use_sim_time, value: 'true'}",
 }
 
 
@@ -109,15 +110,6 @@ def _read_let(entity: Entity) -> Let:
     return Let(entity.template('name'), entity.template('value'))
 
 
-def _read_append(entity: Entity) -> AppendEnvironment:
-    return AppendEnvironment(
-        entity.template('name'),
-        entity.template('value'),
-        entity.template_or('prepend', bool, default=False),
-        entity.template_or_none('separator'),
-    )
-
-
 def _read_timer(entity: Entity) -> Timer:
     if entity.item('period').value is None:
         raise entity.place.error("timer: 'period' expected float, got nothing")
@@ -142,7 +134,6 @@ def _read_group(entity: Entity) -> Group:
 
 
 READERS: dict[str, Callable[[Entity], Effect]] = {
-    'append_env': _read_append,
     'arg': _read_argument,
     'executable': read_executable,
     'group': _read_group,
@@ -151,14 +142,9 @@ READERS: dict[str, Callable[[Entity], Effect]] = {
     'log': lambda entity: Log(entity.template('message')),
     'node': read_node,
     'push_ros_namespace': lambda entity: PushNamespace(entity.template('namespace')),
-    'reset': lambda entity: Reset(entity.entities_of('keep', _read_let)),
-    'reset_env': lambda _: ResetEnvironment(),
-    'set_env': lambda entity: SetEnvironment(entity.template('name'), entity.template('value')),
     'set_parameter': lambda entity: SetParameter(entity.template('name'), entity.template('value')),
     'set_parameters_from_file': lambda entity: SetParametersFromFile(entity.template('filename')),
     'set_remap': lambda entity: SetRemap(entity.template('from'), entity.template('to')),
-    'set_use_sim_time': lambda entity: SetUseSimTime(entity.template('value')),
     'shutdown': lambda entity: Shutdown(entity.template_or_none('reason')),
     'timer': _read_timer,
-    'unset_env': lambda entity: UnsetEnvironment(entity.template('name')),
 }

@@ -39,7 +39,6 @@ class LaunchService:
         log_base: the folder in which the folder for this launch's logs is made.
         interactive: whether somebody sits at a terminal; after Ctrl-C the launcher then does not name each signal sent.
         debug: log what is started, word by word.
-        allow_commands: let ``$(command …)`` run commands.
     """
 
     def __init__(
@@ -53,7 +52,6 @@ class LaunchService:
         log_base: Path | None = None,
         interactive: bool = False,
         debug: bool = False,
-        allow_commands: bool = False,
     ) -> None:
         self._file = file.absolute()
         self._arguments = dict(arguments or {})
@@ -69,7 +67,7 @@ class LaunchService:
         self._cause = ''
         self._failures: list[str] = []
         self._log = LaunchLog(make_log_folder(log_base or paths.log_directory()), screen, debug=debug)
-        context = Context(environment or os.environ, self.log_folder, file=self._file, allow_commands=allow_commands)
+        context = Context(environment or os.environ, self.log_folder, file=self._file)
         self._interpreter = Interpreter(context, self, output_override=self._output)
         self._loaded = False
 

@@ -22,8 +22,6 @@ from tactile_nodes.errors import ConfigurationError, LaunchFileError
 # name -> least and most arguments
 ARITY: dict[str, tuple[int, int]] = {
     'and': (2, 2),
-    'anon': (1, 1),
-    'command': (1, 2),
     'dirname': (0, 0),
     'env': (1, 2),
     'eval': (1, 2),
@@ -32,11 +30,16 @@ ARITY: dict[str, tuple[int, int]] = {
     'find-exec': (1, 1),
     'find-pkg-prefix': (1, 1),
     'find-pkg-share': (1, 1),
-    'log_dir': (0, 0),
     'not': (1, 1),
     'or': (2, 2),
-    'param': (1, 1),
     'var': (1, 2),
+}
+# ROS 2 knows these, too
+INSTEAD = {
+    'anon': 'name the node',
+    'command': 'give what it prints as an argument: name:=$(command), by the shell',
+    'log_dir': 'use $(env ROS_LOG_DIR), and set that',
+    'param': 'use an argument and $(var …)',
 }
 # ROS 2 distributions later than Humble know these; a file for all of them cannot use them.
 NEWER = {'equals', 'not-equals', 'if', 'any', 'all', 'file-content', 'string-join', 'path-join', 'for-var', 'index'}
@@ -216,7 +219,8 @@ class _Parser:
     def check(self, name: str, count: int) -> None:
         if name not in ARITY:
             why = 'is not supported, since ROS 2 Humble lacks it' if name in NEWER else 'does not exist'
-            raise self.refusal(f"the substitution '{name}' {why}; known: {', '.join(ARITY)}")
+            instead = f'is not supported: {INSTEAD[name]}' if name in INSTEAD else f'{why}; known: {", ".join(ARITY)}'
+            raise self.refusal(f"the substitution '{name}' {instead}")
         least, most = ARITY[name]
         if not least <= count <= most:
             expected = str(least) if least == most else f'{least} or {most}'

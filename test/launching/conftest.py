@@ -61,11 +61,11 @@ def launch_file(tmp_path):
 def interpret(tmp_path, launch_file):
     """Runs the actions of a launch file without starting anything; returns what was asked for."""
 
-    def run(actions: str, environment: dict | None = None, *, allow_commands: bool = False, **arguments: str) -> Notes:
+    def run(actions: str, environment: dict | None = None, **arguments: str) -> Notes:
         notes = Notes()
         file = launch_file(actions)
         (tmp_path / 'log').mkdir(exist_ok=True)
-        context = Context(environment or {}, tmp_path / 'log', file=file, allow_commands=allow_commands)
+        context = Context(environment or {}, tmp_path / 'log', file=file)
         notes.interpreter = Interpreter(context, notes)
         notes.interpreter.include(file, arguments)
         return notes

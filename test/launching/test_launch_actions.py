@@ -98,7 +98,6 @@ def test_a_file_that_includes_itself_is_an_error(interpret):
 
 
 SCOPED = """\
-- set_env: {name: E, value: outer}
 - let: {name: a, value: outer}
 - push_ros_namespace: {namespace: outer}
 - set_remap: {from: x, to: outer}
@@ -106,25 +105,24 @@ SCOPED = """\
 - group:
     scoped: %s
     children:
-    - set_env: {name: E, value: inner}
     - let: {name: a, value: inner}
     - push_ros_namespace: {namespace: inner}
     - set_remap: {from: y, to: inner}
     - set_parameter: {name: q, value: inner}
-- log: {message: $(var a) $(env E)}
+- log: {message: $(var a)}
 - node: {exec: /n}
 """
 
 
 def test_a_group_is_scoped(interpret):
     notes = interpret(SCOPED % 'true')
-    assert notes.texts == ['outer outer']
+    assert notes.texts == ['outer']
     assert notes.commands == [['/n', '--ros-args', '-r', '__ns:=/outer', '-p', 'p:=outer', '-r', 'x:=outer']]
 
 
 def test_a_group_that_is_not_scoped_leaks(interpret):
     notes = interpret(SCOPED % 'false')
-    assert notes.texts == ['inner inner']
+    assert notes.texts == ['inner']
     assert notes.commands == [
         [
             '/n',
@@ -159,47 +157,6 @@ def test_a_group_without_forwarding_keeps_only_what_it_names(interpret):
             - log: {message: $(var a) $(var b none)}
         """
     assert interpret(actions).texts == ['1 none']
-
-
-def test_reset_forgets_all_but_what_it_keeps(interpret):
-    actions = """\
-        - let: {name: a, value: '1'}
-        - let: {name: b, value: '2'}
-        - push_ros_namespace: {namespace: skin}
-        - reset: {keep: [{name: a, value: $(var a)}]}
-        - log: {message: $(var a) $(var b none)}
-        - node: {exec: /n}
-        """
-    notes = interpret(actions)
-    assert notes.texts == ['1 none']
-    assert notes.commands == [['/n', '--ros-args']]
-
-
-# --- environment -----------------------------------------------------------------------------------------------------
-
-
-def test_the_environment_of_a_process_is_that_at_its_action(interpret):
-    actions = """\
-        - set_env: {name: A, value: '1'}
-        - unset_env: {name: B}
-        - executable: {cmd: first}
-        - set_env: {name: A, value: '2'}
-        - executable: {cmd: second, env: [{name: C, value: '3'}]}
-        - reset_env: {}
-        - executable: {cmd: third}
-        """
-    plans = interpret(actions, {'B': 'b'}).plans
-    assert [dict(plan.environment) for plan in plans] == [{'A': '1'}, {'A': '2', 'C': '3'}, {'B': 'b'}]
-
-
-def test_append_env_appends_prepends_or_sets(interpret):
-    actions = """\
-        - append_env: {name: A, value: x}
-        - append_env: {name: A, value: y}
-        - append_env: {name: A, value: z, prepend: true, separator: ' '}
-        - log: {message: $(env A)}
-        """
-    assert interpret(actions).texts == ['z x:y']
 
 
 # --- the rest --------------------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ def test_every_part_of_a_nodes_command_is_in_its_place(interpret, prefix, tmp_pa
     notes = interpret(
         f"""\
         - set_parameter: {{name: g, value: '1.5'}}
-        - set_use_sim_time: {{value: 'true'}}
+        - set_parameter: {{name: use_sim_time, value: 'true'}}
         - set_parameters_from_file: {{filename: {file}}}
         - set_remap: {{from: a, to: b}}
         - node:

@@ -42,7 +42,7 @@ _BUILT_IN = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `tactile launch`."""
-    parser.usage = '%(prog)s [-h] [-s | -p] [-d] [-n] [-a] [--allow-commands] [PKG] FILE [name:=value ...]'
+    parser.usage = '%(prog)s [-h] [-s | -p] [-d] [-n] [-a] [PKG] FILE [name:=value ...]'
     words = parser.add_argument(
         'words',
         nargs='+',
@@ -62,7 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='show all output of all processes, whatever the file says',
     )
-    parser.add_argument('--allow-commands', action='store_true', help='let $(command …) in launch files run commands')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -103,7 +102,6 @@ def make_service(
         output='both' if arguments.show_all_subprocesses_output or arguments.view else None,
         interactive=sys.stdin.isatty() and not arguments.noninteractive,
         debug=arguments.debug,
-        allow_commands=arguments.allow_commands,
     )
 
 
