@@ -185,7 +185,7 @@ def _uncertainty(evaluations: Sequence[Evaluation]) -> list[str]:
     for each in evaluations:
         for stated in (each.force_uncertainty, each.position_uncertainty):
             if stated:
-                parts += [f'**{each.name}**', _shown(tables.curve_table(stated)), _shown(tables.left_out_table(stated))]
+                parts += [f'**{each.name}**', _shown(tables.curve_table(stated))]
     return parts
 
 

@@ -97,39 +97,9 @@ def binned_uncertainty(
     return [UncertaintyBin(len(part), root_mean_square(sigma[part]), root_mean_square(errors[part])) for part in parts]
 
 
-def sparsification(
-    errors: Float[np.ndarray, ' samples'], sigma: Float[np.ndarray, ' samples'], left_out: Sequence[float]
-) -> Float[np.ndarray, ' shares']:
-    """Root mean square error of what remains as the most uncertain samples are left out, for each share left out.
-
-    Errors 1 and 3, stated as 1 and 3: sqrt(5) with both, 1 with the half left out that is less sure.
-    """
-    surest_first = errors[np.argsort(sigma, kind='stable')]
-    kept = [max(1, round(len(errors) * (1 - share))) for share in left_out]
-    return np.array([root_mean_square(surest_first[:count]) for count in kept])
-
-
-def rank_correlation(first: Float[np.ndarray, ' samples'], second: Float[np.ndarray, ' samples']) -> float:
-    """Spearman's: 1 if the larger of one always goes with the larger of the other, 0 if they know nothing of it.
-
-    Values that are equal share their mean rank; NaN if all are.
-    """
-    ranks = _ranks(first), _ranks(second)
-    if any(np.ptp(each) == 0 for each in ranks):
-        return float('nan')
-    return float(np.corrcoef(ranks[0], ranks[1])[0, 1])
-
-
 def root_mean_square(values: Float[np.ndarray, '*samples']) -> float:
     """3.536 of 3 and 4; NaN of nothing."""
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else float('nan')
-
-
-def _ranks(values: np.ndarray) -> np.ndarray:
-    _, member, count = np.unique(values, return_inverse=True, return_counts=True)
-    last = np.cumsum(count)
-    ranks: np.ndarray = (last - (count - 1) / 2)[member.reshape(-1)]
-    return ranks
 
 
 def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:

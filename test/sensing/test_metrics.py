@@ -63,15 +63,3 @@ def test_samples_are_binned_by_what_was_stated():
     sure, unsure = metrics.binned_uncertainty(errors, sigma, 2)
     assert (sure.stated, sure.actual, sure.count) == (1.0, 1.0, 2)
     assert (unsure.stated, unsure.actual) == (2.0, pytest.approx(np.sqrt(12.5)))
-
-
-def test_leaving_out_the_least_sure_leaves_the_smaller_errors():
-    remaining = metrics.sparsification(np.array([3.0, 1.0]), np.array([3.0, 1.0]), [0.0, 0.5])
-    assert remaining == pytest.approx([np.sqrt(5), 1.0])
-
-
-def test_rank_correlation_knows_order_alone_and_shares_equal_ranks():
-    assert metrics.rank_correlation(np.array([1.0, 2.0, 3.0]), np.array([1.0, 10.0, 11.0])) == pytest.approx(1.0)
-    # ranks (1, 2.5, 2.5) against (1, 2, 3): covariance 0.75 over sqrt(0.75 * 1)
-    assert metrics.rank_correlation(np.array([1.0, 2.0, 2.0]), np.array([1.0, 2.0, 3.0])) == pytest.approx(0.75**0.5)
-    assert np.isnan(metrics.rank_correlation(np.ones(3), np.arange(3.0)))

@@ -36,7 +36,7 @@ def draw(found: Predictions, title: str, file: Path) -> None:
     _true_against_found(axes[0, 2], presses)
     _coverage(axes[1, 0], force, place)
     _curve(axes[1, 1], force, place)
-    _sparsification(axes[1, 2], force, place)
+    axes[1, 2].remove()
     drawn.suptitle(f'{title}: {len(presses)} presses that the training never saw')
     save(drawn, file, EVALUATION_DPI)
 
@@ -128,23 +128,6 @@ def _curve(axis: Any, force: Uncertainty | None, place: Uncertainty | None) -> N
         axis.loglog([low, high], [low, high], 'k-', linewidth=0.6)
         axis.legend(loc='upper left')
     axis.set(title='larger uncertainty, larger error? (tenths)', xlabel='stated, 1 sigma', ylabel='actual, RMS')
-    _tell_if_none(axis, force, place)
-
-
-def _sparsification(axis: Any, force: Uncertainty | None, place: Uncertainty | None) -> None:
-    for stated, name, style in _stated(force, place):
-        whole = stated.remaining[0] or 1.0
-        left_out = [100 * part for part in stated.left_out]
-        axis.plot(left_out, [each / whole for each in stated.remaining], style, label=name)
-        axis.plot(left_out, [each / whole for each in stated.at_best], f'{style[:2]}:', label=f'{name}, at best')
-    axis.set(
-        title='what remains without the least sure',
-        xlabel='left out [%]',
-        ylabel='RMS error, share of all',
-        ylim=(0, None),
-    )
-    if force or place:
-        axis.legend(loc='best')
     _tell_if_none(axis, force, place)
 
 

@@ -75,7 +75,6 @@ def tables(evaluation: Evaluation) -> list[Table]:
         *([light_table(evaluation.light)] if evaluation.light else []),
         *([coverage_table([evaluation])] if stated else []),
         *(curve_table(each) for each in stated),
-        *(left_out_table(each) for each in stated),
     ]
 
 
@@ -162,8 +161,7 @@ def coverage_table(evaluations: Sequence[Evaluation]) -> Table:
     if any(each.light for each in evaluations):
         light = [value for each in evaluations for value in _light_coverage(each.light)]
         rows.insert(1, ('light touches, detected for the place', *map(percent, light)))
-    ranks = [number(part.rank_correlation, 2) if part else '-' for part in stated]
-    return Table('', tuple(heads), (*rows, ('rank correlation with the error', *ranks)))
+    return Table('', tuple(heads), tuple(rows))
 
 
 def curve_table(stated: Uncertainty) -> Table:
@@ -175,18 +173,6 @@ def curve_table(stated: Uncertainty) -> Table:
     rows = tuple(
         (f'{row} error {stated.unit}', *(cells[place] for cells in shown))
         for place, row in enumerate(('stated', 'actual'))
-    )
-    return Table('', heads, rows)
-
-
-def left_out_table(stated: Uncertainty) -> Table:
-    """What remains of the error as the least sure are left out."""
-    places = 4 if stated.unit == 'N' else 3
-    what = 'force' if stated.unit == 'N' else 'place, along an axis'
-    heads = (f'{what}: least sure left out', *(f'{part:.0%}' for part in stated.left_out))
-    rows = (
-        (f'RMSE {stated.unit}', *(number(value, places) for value in stated.remaining)),
-        (f'at best {stated.unit}', *(number(value, places) for value in stated.at_best)),
     )
     return Table('', heads, rows)
 

@@ -1,4 +1,4 @@
-"""Is a model as sure as it should be? Coverage of its intervals, stated against actual errors, sparsification."""
+"""Is a model as sure as it should be? Coverage of its intervals, stated against actual errors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from tactile_nodes.learning.evaluation.predictions import Predictions
 from tactile_nodes.learning.evaluation.scores import ALL, depths_of
 from tactile_nodes.sensing import metrics
 
-LEFT_OUT = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)
 LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
 
 
@@ -19,19 +18,14 @@ LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
 class Uncertainty:
     """How true the standard deviations are that a model states of one quantity (N, or mm along each axis).
 
-    `coverage` is that of the 90 % interval by group of presses, `levels` that of other intervals over all. `remaining`
-    is the root mean square error once the least sure share (`left_out`) is left out, `at_best` the same had the
-    errors themselves been known. `rank_correlation` is Spearman's, between what is stated and the size of the error.
+    `coverage` is that of the 90 % interval by group of presses, `levels` that of other intervals over all, `curve` the
+    stated against the actual error.
     """
 
     unit: str
     coverage: dict[str, float]
     levels: dict[str, float]
     curve: tuple[metrics.UncertaintyBin, ...]
-    left_out: tuple[float, ...]
-    remaining: tuple[float, ...]
-    at_best: tuple[float, ...]
-    rank_correlation: float
 
 
 def force_uncertainty(found: Predictions) -> Uncertainty | None:
@@ -66,8 +60,4 @@ def _judge(
         coverage={name: metrics.coverage(errors[who], each[who]) for name, who in groups.items() if who.any()},
         levels={f'{level:.0%}': metrics.coverage(errors, each, level) for level in LEVELS},
         curve=tuple(metrics.binned_uncertainty(size, sigma)),
-        left_out=LEFT_OUT,
-        remaining=tuple(metrics.sparsification(size, sigma, LEFT_OUT).tolist()),
-        at_best=tuple(metrics.sparsification(size, size, LEFT_OUT).tolist()),
-        rank_correlation=metrics.rank_correlation(sigma, size),
     )

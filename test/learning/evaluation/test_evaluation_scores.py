@@ -116,9 +116,6 @@ def test_true_uncertainties_cover_what_they_state_and_order_the_errors() -> None
         assert stated.coverage['1 to 2 mm deep'] == stated.coverage['all presses']
         assert stated.levels['50%'] == pytest.approx(0.5, abs=0.025)
         assert [each.actual / each.stated for each in stated.curve] == pytest.approx([1.0] * 10, abs=0.15)
-        assert list(stated.remaining) == sorted(stated.remaining, reverse=True)
-        assert all(best <= real for best, real in zip(stated.at_best, stated.remaining, strict=True))
-        assert stated.rank_correlation > 0.4
 
 
 def test_a_model_without_uncertainty_has_none_to_judge() -> None:
