@@ -19,7 +19,7 @@ from tactile_nodes.paths import share_directory
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'tactile_nodes'
 BENCHMARKS = ROOT / 'benchmarks'
-SOURCES = sorted([*PACKAGE.rglob('*.py'), *BENCHMARKS.rglob('*.py')])
+SOURCES = sorted(file for folder in (PACKAGE, BENCHMARKS, ROOT / 'reference') for file in folder.rglob('*.py'))
 TESTS = sorted((ROOT / 'test').rglob('*.py'))
 NODES = sorted(file for file in (PACKAGE / 'nodes').rglob('*.py') if file.stem not in {'__init__', 'composed'})
 MOST_FILES = 20

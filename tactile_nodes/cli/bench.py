@@ -30,8 +30,8 @@ def checkout(package: Path = Path(__file__).parents[1]) -> Path:
     if (root / 'package.xml').is_file() and (root / 'benchmarks' / '__init__.py').is_file():
         return root
     raise ConfigurationError(
-        f'benchmarks run from a checkout of the source, and {package} is an installed package: in the checkout, '
-        'install it with "pip install --editable ." and run "tactile bench" again'
+        f'this runs from a checkout of the source, and {package} is an installed package: in the checkout, install it '
+        'with "pip install --editable ." and run it again'
     )
 
 

@@ -1,7 +1,7 @@
 """The message classes by their short names: ``types.Image``, ``types.ForceDistribution``, ….
 
 The classes are made on first use from the message definitions; `types.pyi` beside this file tells type checkers
-what they look like and is written by ``python -m tactile_nodes.messages.stubs``.
+what they look like and is written by ``python -m reference.stubs``.
 """
 
 from __future__ import annotations

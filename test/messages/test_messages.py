@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from reference import stubs
 from tactile_nodes import messages
 from tactile_nodes.errors import MessageError
-from tactile_nodes.messages import stubs, types
+from tactile_nodes.messages import types
 from tactile_nodes.messages.store import own_definitions
 
 OWN = dict(own_definitions())

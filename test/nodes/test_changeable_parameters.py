@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from reference.nodes import NodeKind, node_kinds
 from tactile_nodes import params
-from tactile_nodes.cli.reference.nodes import NodeKind, node_kinds
 
 ANY_TIME = {
     'camera': set(),

@@ -1,28 +1,17 @@
-"""``tactile reference``: renew those parts of the documentation that are made from the code."""
+"""The parts of the documentation that are made from the code, renewed, checked or printed."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from tactile_nodes.cli.reference import commands as reference_commands
-from tactile_nodes.cli.reference import parameters as reference_parameters
-from tactile_nodes.cli.reference import rooms
-from tactile_nodes.cli.reference import topics as reference_topics
-from tactile_nodes.cli.reference.pages import Make, pages, renewed
+from reference import commands as reference_commands
+from reference import parameters as reference_parameters
+from reference import rooms
+from reference import topics as reference_topics
+from reference.pages import Make, pages, renewed
 from tactile_nodes.paths import share_directory
 
-DESCRIPTION = """\
-Renew those parts of the documentation that are made from the code: topics, parameters, launch arguments, commands,
-folders and their order.
-In a page each stands between two comments: one that begins it, as the pages have it, and "end of NAME".
-"""
-EPILOG = """\
-examples:
-  tactile reference                     renew the pages in docs/
-  tactile reference --check             change nothing; the exit status is 1 if a page is not current
-  tactile reference --print parameters  print a part
-"""
 PARTS: dict[str, Make] = {
     'topics': reference_topics.topics,
     'ends': reference_topics.ends,

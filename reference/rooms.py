@@ -6,12 +6,13 @@ import ast
 import re
 from pathlib import Path
 
-from tactile_nodes.cli.reference.pages import code, table
+import tactile_nodes
+from reference.pages import code, table
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import read_text
 from tactile_nodes.paths import share_directory
 
-PACKAGE = Path(__file__).parents[2]
+PACKAGE = Path(tactile_nodes.__file__).parent
 LAYERS = re.compile(r'^layers = (\[.*?^\])', re.MULTILINE | re.DOTALL)
 ONE_EACH = ('cli',)
 """Its folders are single verbs, which have a page of their own."""

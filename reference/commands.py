@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
+from reference.pages import code, table
 from tactile_nodes.cli import main
-from tactile_nodes.cli.reference.pages import code, table
 
 
 def verbs() -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from reference.nodes import ends_of, ends_of_every_node, node_kinds
+from reference.pages import code, table
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.topics import TOPICS, Topic
-from tactile_nodes.cli.reference.nodes import ends_of, ends_of_every_node, node_kinds
-from tactile_nodes.cli.reference.pages import code, table
 from tactile_nodes.paths import share_directory
 
 NOTHING = '–'

@@ -8,10 +8,10 @@ from functools import cache
 
 import yaml
 
+from reference.nodes import NodeKind, node_kinds
+from reference.pages import code, table
 from tactile_nodes import params
 from tactile_nodes.bus.node.node import NodeParams
-from tactile_nodes.cli.reference.nodes import NodeKind, node_kinds
-from tactile_nodes.cli.reference.pages import code, table
 from tactile_nodes.params import ParameterDescription
 from tactile_nodes.paths import share_directory
 
