@@ -60,33 +60,6 @@ class Edge(NamedTuple):
     uncertainty_s: float
 
 
-class SyncInput(Protocol):
-    """A source of edges."""
-
-    def open(self) -> None:
-        """Begin to watch.
-
-        Raises:
-            DeviceNotFoundError: no such port, or none that this user may open.
-            DeviceError: it has no control lines.
-        """
-        ...
-
-    def read(self, timeout_s: float) -> Sequence[Edge]:
-        """Every edge since the last call, oldest first; at least one.
-
-        Raises:
-            DeviceTimeoutError: none within `timeout_s`; a line may well be still for long.
-            DeviceLostError: the port is gone.
-            DeviceError: it is not open.
-        """
-        ...
-
-    def close(self) -> None:
-        """Let go; a second call does nothing."""
-        ...
-
-
 class ControlLine(Protocol):
     """A digital input."""
 

@@ -61,12 +61,22 @@ class ReconnectingSyncInput:
         return Health(Level.OK, f'{self._count} edges{again}')
 
     def open(self) -> None:
-        """As `SyncInput.open`; the first failure is the caller's."""
+        """Begin to watch; the first failure is the caller's.
+
+        Raises:
+            DeviceNotFoundError: no such port, or none that this user may open.
+            DeviceError: it has no control lines.
+        """
         self._line = self._connect()
         self._opened = True
 
     def read(self, timeout_s: float) -> Sequence[Edge]:
-        """As `SyncInput.read`; `DeviceTimeoutError` as long as the port is away."""
+        """Every edge since the last call, oldest first; at least one.
+
+        Raises:
+            DeviceTimeoutError: none within `timeout_s`, as while the port is away; a line may well be still for long.
+            DeviceError: it is not open.
+        """
         if not self._opened:
             raise DeviceError(f'{self._name} is closed; open it before reading')
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
@@ -81,7 +91,7 @@ class ReconnectingSyncInput:
         return numbered
 
     def close(self) -> None:
-        """As `SyncInput.close`."""
+        """Let go; a second call does nothing."""
         self._opened = False
         self._drop()
 
