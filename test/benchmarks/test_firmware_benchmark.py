@@ -17,6 +17,7 @@ import pytest
 from coarse_table import coarse_table
 
 from benchmarks import firmware
+from benchmarks.devices.rehearsal import JumpingClock
 from benchmarks.firmware import pressed
 from benchmarks.firmware.descent import LIMITS, approach
 from benchmarks.firmware.faults import FAULTS
@@ -26,7 +27,6 @@ from benchmarks.firmware.page import complaints, page
 from benchmarks.firmware.press import Bench, Machine, Outcome, require_begun
 from benchmarks.harness.running import run
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.collection.run.rehearsal import JumpingClock
 from tactile_nodes.collection.safety import FORCE, SENSOR, SILENT_MACHINE, Safety
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
