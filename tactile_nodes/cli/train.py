@@ -28,6 +28,7 @@ examples:
   tactile train --dataset presses.npz --split position
   tactile train --compare runs/paper-* --picture curves.png
                                                  settings that differ, scores, and curves of several runs
+  tensorboard --logdir runs                      the curves in a browser, if tensorboard is installed
 """
 
 

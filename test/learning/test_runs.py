@@ -162,3 +162,9 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path):
     (tmp_path / 'file').write_text('')
     with pytest.raises(ConfigurationError, match='choose another place with --runs'):
         RunFolder(tmp_path / 'file', tiny_config(), 'data')
+
+
+def test_tensorboard_gets_the_same_curves(tmp_path: Path):
+    pytest.importorskip('tensorboard')
+    path = some_run(tmp_path)
+    assert list((path / 'tensorboard').glob('events.out.tfevents.*'))

@@ -8,6 +8,7 @@
         log.txt                 what was told
         checkpoint.safetensors  where the next start goes on
         result.json             the card of the model that came out
+        tensorboard/            the same curves as event files, if tensorboard is installed
 
 The name's digits follow from the run and its data, so the same command finds its folder again.
 """
@@ -92,6 +93,7 @@ class RunFolder(Run):
             raise ConfigurationError(
                 f'cannot write the run to {self.path} ({error.strerror}); choose another place with --runs'
             ) from error
+        self._scalars: Callable[[int, Mapping[str, float]], None] | None = None
 
     @staticmethod
     def _lock(path: Path) -> Any:
@@ -119,6 +121,7 @@ class RunFolder(Run):
         file = self.path / 'metrics.jsonl'
         kept = [line for line in _whole_lines(file) if _json(line, file, _is_epoch)['epoch'] <= epoch]
         file.write_text(''.join(kept), encoding='utf-8')
+        self._scalars = _event_writer(self.path / 'tensorboard', epoch)
         return found
 
     def keep(self, snapshot: Snapshot) -> None:
@@ -127,6 +130,8 @@ class RunFolder(Run):
     def record(self, epoch: int, measured: Mapping[str, float]) -> None:
         with (self.path / 'metrics.jsonl').open('a', encoding='utf-8') as file:
             file.write(json.dumps({'epoch': epoch, **measured}) + '\n')
+        if self._scalars:
+            self._scalars(epoch, measured)
 
     def note(self, text: str) -> None:
         with (self.path / 'log.txt').open('a', encoding='utf-8') as file:
@@ -191,6 +196,22 @@ def _is_number(value: object) -> bool:
 
 def _damaged(file: Path, why: str) -> ConfigurationError:
     return ConfigurationError(f'{file} is damaged ({why}); name another run, or train this one anew with --fresh')
+
+
+def _event_writer(folder: Path, epoch: int) -> Callable[[int, Mapping[str, float]], None] | None:
+    """What writes TensorBoard's event files, if tensorboard is installed; curves after `epoch` are drawn anew."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    writer = SummaryWriter(str(folder), purge_step=epoch + 1)
+
+    def write(at: int, measured: Mapping[str, float]) -> None:
+        for name, value in measured.items():
+            writer.add_scalar(name, value, at)
+        writer.flush()
+
+    return write
 
 
 @dataclass(frozen=True)
