@@ -185,30 +185,35 @@ class Regions:
         usable: np.ndarray = self.within_gel & ~self.covered
         return usable
 
-    def terms_of_patches(self, known: Int[np.ndarray, ' known']) -> Float32[np.ndarray, 'known 2 terms unknowns']:
-        """Motion (px) of some regions by term under 1 N on each patch.
+    def terms_of_patches(
+        self, known: Int[np.ndarray, ' known'], *, slopes: bool = True
+    ) -> Float32[np.ndarray, 'known 2 terms unknowns']:
+        """Motion (px) of some regions by term under 1 N on each patch; without slopes by depth alone.
 
         Unknowns are all normal forces, then those along x, then those along y. Where a patch's middle is beside the gel
         nothing moves.
         """
         if not self._of_dots:
-            return self._patches_on_parts(known)
-        terms = self._patches_on_parts(np.arange(len(self.rays)))
+            return self._patches_on_parts(known, slopes)
+        terms = self._patches_on_parts(np.arange(len(self.rays)), slopes)
         return np.asarray(np.tensordot(self._told_by[known], terms, axes=1))
 
-    def _patches_on_parts(self, parts: Int[np.ndarray, ' n']) -> Float32[np.ndarray, 'n 2 terms unknowns']:
+    def _patches_on_parts(
+        self, parts: Int[np.ndarray, ' n'], slopes: bool
+    ) -> Float32[np.ndarray, 'n 2 terms unknowns']:
         """The same of windows, or dots."""
         patches = self.patches
         if not self.sensor.gel.dome_radius_mm:
-            split = self._terms_in(self.layer, parts)
+            split = self._terms_in(self.layer, parts, slopes)
         else:
             shares = self._as_thick(patches.centres_mm).astype(np.float32)
             split = sum(
-                share * self._terms_in(layer, parts) for share, (_, layer) in zip(shares, self._layers, strict=True)
+                share * self._terms_in(layer, parts, slopes)
+                for share, (_, layer) in zip(shares, self._layers, strict=True)
             )
             split = np.einsum('rdplsc,clm->rdpmsc', split, self._loads_at(patches.centres_mm), optimize=True)
         split[..., ~self.sensor.gel.outline.holds(patches.centres_mm)] = 0
-        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(parts), 2, TERMS, 3 * patches.count)
+        ordered: np.ndarray = split.transpose(0, 2, 1, 4, 3, 5).reshape(len(parts), 2, -1, 3 * patches.count)
         return ordered
 
     def _loads_at(self, places_mm: Float[np.ndarray, 'n 2']) -> Float32[np.ndarray, 'n 3 3']:
@@ -217,20 +222,20 @@ class Regions:
         return np.asarray(leaning.swapaxes(-1, -2) @ LOADS, np.float32)
 
     def _terms_in(
-        self, layer: ElasticLayer, parts: Int[np.ndarray, ' n']
+        self, layer: ElasticLayer, parts: Int[np.ndarray, ' n'], slopes: bool
     ) -> Float32[np.ndarray, 'n depths 2 loads sets patches']:
         """The same in a flat layer, as its surface has the forces."""
         patches = self.patches
-        fields = fields_of(layer, layer.rectangle(*patches.size_mm))
+        fields = fields_of(layer, layer.rectangle(*patches.size_mm), slopes=slopes)
         (rows, cols), jacobian = patches.shape, (self.rays.px_per_mm[:, parts] / ALONG**2).astype(np.float32)
         node, rest = (each[:, parts] for each in self._last_patch(patches))
-        terms = np.zeros((len(parts), DEPTHS, 2, 9 * patches.count), np.float32)
+        terms = np.zeros((len(parts), DEPTHS, 2, 3 * fields.shape[3] * patches.count), np.float32)
         for depth in range(DEPTHS):
             combs = combed(fields[depth], (rows, cols))
             for part in range(len(parts)):
                 where = node[depth, part], rest[depth, part], jacobian[depth, part]
                 terms[part, depth] = seen_by_rays(combs, *where, (rows, cols)).reshape(2, -1)
-        return terms.reshape(len(parts), DEPTHS, 2, 3, 3, patches.count)
+        return terms.reshape(len(parts), DEPTHS, 2, 3, -1, patches.count)
 
     def _last_patch(self, patches: PatchGrid) -> tuple[np.ndarray, np.ndarray]:
         """Node of the layer's grid at which a ray lies as seen from the last patch, and what is left of a step."""
