@@ -7,15 +7,14 @@ import gc
 import os
 import signal
 import socket
-import sys
 import tempfile
 import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import before_imports  # noqa: F401
 import hypothesis
-import installed_first  # noqa: F401 - before what imports our package
 import jaxtyping
 import pytest
 from found_examples import FoundExamples
@@ -30,14 +29,6 @@ if TYPE_CHECKING:
 PAUSES = Pauses()
 
 TESTS = Path(__file__).parent
-
-# Each worker, and each of the hundreds of processes that tests start, would compile anew all that it imports. Whoever
-# wants no bytecode beside the sources has it apart from them.
-if sys.dont_write_bytecode:
-    sys.dont_write_bytecode = False
-    sys.pycache_prefix = str(Path(__file__).parents[1] / '.pytest_cache' / 'bytecode')
-    os.environ['PYTHONPYCACHEPREFIX'] = sys.pycache_prefix
-    os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 
 # All that is imported and collected stays to the end. To look again and again for what of it is no longer used takes a
 # fifth of the time of collection, and part of that of every test.
