@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from pressures import hertz
 
@@ -9,11 +11,12 @@ from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.network import InputScaling
-from tactile_nodes.sensors import Sensor
+from tactile_nodes.sensors import BinSettings, Sensor
 
 SIDE, NOISE_PX, MOST = 8, 0.004, 60
 BALL = Bodies.one(KnownBody.named('ball:0.6'), MOST)
-SENSOR = Sensor()
+SENSOR = dataclasses.replace(Sensor(), bins=BinSettings(6, 6))
+"""The simulated sensor, with bins of 5.3 mm."""
 Terms = tuple[np.ndarray, np.ndarray]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -10,14 +11,16 @@ import pytest
 from benchmarks import fleet
 from benchmarks.harness.command import parser_of
 from benchmarks.harness.running import run
+from tactile_nodes import sensors
 
 
-@pytest.mark.timeout(200)
 def test_few_presses_tell_where_the_camera_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name, value in {'PRESSES': 6, 'FEW': (6,), 'JUDGED': 12}.items():
         monkeypatch.setattr(fleet, name, value)
+    coarse = dataclasses.replace(sensors.load_sensor('simulated'), bins=sensors.BinSettings(5, 5))
+    monkeypatch.setattr(sensors, 'load_sensor', {'simulated': coarse}.get)
     words = ['--gels', '2', '--unseen', '1', '--processes', '1', '-o', str(tmp_path)]
     assert run(fleet.BENCHMARK, parser_of(fleet.BENCHMARK).parse_args(words)) == 0
     assert '# A fleet of gels' in capsys.readouterr().out

@@ -18,11 +18,18 @@ from tactile_nodes.learning.agreement.objections import force_objection
 from tactile_nodes.learning.agreement.rows import require_seen
 from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
 from tactile_nodes.learning.tables.presses import read_table
-from tactile_nodes.sensors import CameraDescription, ImageSettings, load_sensor
+from tactile_nodes.sensors import BinSettings, CameraDescription, ImageSettings, PatternDescription, load_sensor
+from tactile_nodes.sensors.writing import text_of
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.optics import Optics, Press
 
-SENSOR = 'speckle_membrane'
+MEMBRANE = load_sensor('speckle_membrane')
+SENSOR = dataclasses.replace(
+    MEMBRANE, name='small_membrane', image=ImageSettings(320, 240, 320, 240), bins=BinSettings(5, 7),
+    camera=dataclasses.replace(MEMBRANE.camera, focal_px=(256.0, 256.0), centre_px=(159.5, 119.5)),
+    pattern=PatternDescription('spheres', 3000, (0.2, 0.3)),
+)  # fmt: skip
+"""Half as many pixels to a millimetre, and speckle of as many pixels."""
 HEADER = 'picture,x_mm,y_mm,force_g,indenter'
 RESTS = 4
 Row = list[str]
@@ -35,7 +42,7 @@ pytestmark = pytest.mark.usefixtures('own_cache')
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Four pictures of an untouched gel, a grid of twelve presses by the tip, and the model of the description."""
     made = tmp_path_factory.mktemp('pictures')
-    gel = dataclasses.replace(gel_of(load_sensor(SENSOR)), mechanics='linear')
+    gel = dataclasses.replace(gel_of(SENSOR), mechanics='linear')
     table = linear_table(gel)
     optics, rows = Optics(gel, table), []
     for number in range(RESTS):
@@ -47,7 +54,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         grams = table.force_at(depth) / NEWTON_PER_GRAM
         rows.append([f'press{number}.png', str(x), str(y), f'{grams:.3f}', 'ball:0.6'])
     written(made / 'presses.csv', rows)
-    assert main(['calibrate', '--sensor', SENSOR, '--model', 'field', '-o', str(made / 'described.safetensors')]) == 0
+    (made / 'sensor.yaml').write_text(text_of(SENSOR, {}))
+    assert (
+        main(
+            [
+                'calibrate',
+                '--sensor',
+                str(made / 'sensor.yaml'),
+                '--model',
+                'field',
+                '-o',
+                str(made / 'described.safetensors'),
+            ]
+        )
+        == 0
+    )
     return made
 
 
@@ -56,12 +77,12 @@ def written(table: Path, rows: list[Row], header: str = HEADER) -> Path:
     return table
 
 
-def rows_of(folder: Path) -> list[Row]:
-    return [line.split(',') for line in (folder / 'presses.csv').read_text().splitlines()[1:]]
+def rows_of(table: Path) -> list[Row]:
+    return [line.split(',') for line in table.read_text().splitlines()[1:]]
 
 
 def edited(folder: Path, change: Change, header: str = HEADER) -> Path:
-    rows = rows_of(folder)
+    rows = rows_of(folder / 'presses.csv')
     change(rows)
     return written(folder / 'edited.csv', rows, header)
 
@@ -165,7 +186,7 @@ def test_a_description_alone_tells_which_forces_to_expect(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = edited(folder, in_unit, HEADER.replace('force_g', 'force_mn'))
-    words = ['dataset', 'import', str(table), '-o', str(tmp_path / 'x.npz'), '--sensor', SENSOR]
+    words = ['dataset', 'import', str(table), '-o', str(tmp_path / 'x.npz'), '--sensor', str(folder / 'sensor.yaml')]
     assert main(words) == 1
     assert 'times what the description lets expect' in capsys.readouterr().err
 
@@ -233,7 +254,8 @@ def test_a_press_that_is_told_to_be_the_untouched_gel_is_refused_with_both_lines
 def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    other = written(folder / 'other.csv', [*rows_of(folder)[:RESTS], *rows_of(folder)[RESTS + 3 : RESTS + 6]])
+    rows = rows_of(folder / 'presses.csv')
+    other = written(folder / 'other.csv', [*rows[:RESTS], *rows[RESTS + 3 : RESTS + 6]])
     words = ['--model', str(folder / 'described.safetensors'), '-o', str(tmp_path / 'both.npz')]
     assert main(['dataset', 'import', str(folder / 'presses.csv'), str(other), *words]) == 0
     told = ' '.join(capsys.readouterr().out.split())
@@ -262,7 +284,7 @@ def test_both_commands_name_rows_in_doubt_and_take_the_table(
 def test_a_place_beside_what_the_camera_sees_is_a_fault_of_its_line(tmp_path: Path) -> None:
     """A pinhole of 400 px sees 320 px at 20 mm from its pupil: 8 mm to each side, and less below the surface."""
     sensor = dataclasses.replace(
-        load_sensor(SENSOR),
+        SENSOR,
         image=ImageSettings(320, 240, 320, 240),
         camera=CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0)),
     )
@@ -283,20 +305,22 @@ def test_pictures_of_another_size_than_described_are_refused_with_their_line(
     for name in ('presses.csv', 'described.safetensors'):
         (half / name).write_bytes((folder / name).read_bytes())
     assert calibrated(half / 'presses.csv', tmp_path / 'mine.safetensors') == 1
-    said = 'line 2: picture rest0.png has 320x240 pixels, and the description of the sensor 640x480'
+    said = 'line 2: picture rest0.png has 160x120 pixels, and the description of the sensor 320x240'
     assert said in capsys.readouterr().err
 
 
 def test_what_is_cut_and_another_tip_than_the_model_knows_are_told(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`portable` is of 440x440 pixels and the paper's tip of 0.6 mm."""
+    """`portable` is of 440x440 pixels and the paper's tip of 0.6 mm; these are twice as large as they were taken."""
 
     def change(rows: list[Row]) -> None:
         for row in rows[RESTS:]:
             row[4] = 'ball:5'
 
-    table = edited(folder, change)
+    table = written(tmp_path / 'edited.csv', rows_of(edited(folder, change)))
+    for file in folder.glob('*.png'):
+        cv2.imwrite(str(tmp_path / file.name), cv2.resize(cv2.imread(str(file)), None, fx=2, fy=2))
     main(['calibrate', '--pictures', str(table), '--model', 'portable', '--gel', 'x', '-o', str(tmp_path / 'mine')])
     told = ' '.join(capsys.readouterr().out.split())
     assert 'the pictures have 640x480 pixels: the middle 440x440 of each counts' in told

@@ -169,8 +169,9 @@ class SmallSensor(BagSensor):
         return self._optics.render(presses, self._seed)
 
 
-def test_bags_of_presses_tell_it_too(made: LoadedModel, tmp_path: Path, own_cache: Path) -> None:
+def test_bags_of_presses_tell_it_too(made: LoadedModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball's presses on pictures of 320x240, of which 320x200 are read."""
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
     sensor = SmallSensor(dataclasses.replace(gel_of(SMALL), mechanics='linear'))
     collection, random = Collection(tmp_path / 'bag', sensor), np.random.default_rng(3)
     collection.reference(0)
