@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
@@ -10,7 +11,7 @@ SIDE = 440
 RNG = np.random.default_rng(3)
 DOTS = RNG.uniform(-10, SIDE + 10, (6000, 2))
 NOISE = RNG.normal(0, 1.2, (8, SIDE, SIDE))
-RADIUS_PX, REACH = 1.1, 4
+RADIUS_PX, REACH, BESIDE = 1.1, 4, 40
 
 Motion = Callable[[np.ndarray], np.ndarray]
 
@@ -20,6 +21,13 @@ def picture(*motions: Motion, number: int = 0, light: float = 1.0, gone: float =
 
     `gone`: that share of them is not there.
     """
+    seen = light * (14 + 80 * _drawn(motions, gone))
+    return np.clip(np.rint(seen + NOISE[number % len(NOISE)]), 0, 255).astype(np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _drawn(motions: tuple[Motion, ...], gone: float) -> np.ndarray:
+    """The dots alone: a stream shows the same ones frame by frame."""
     at = DOTS[round(gone * len(DOTS)) :]
     for each in motions:
         at = at + each(at)
@@ -28,11 +36,10 @@ def picture(*motions: Motion, number: int = 0, light: float = 1.0, gone: float =
     x, y = whole[:, 0, None] + near, whole[:, 1, None] + near
     along_x = np.exp(-0.5 * np.square((x - at[:, 0, None]) / RADIUS_PX))
     along_y = np.exp(-0.5 * np.square((y - at[:, 1, None]) / RADIUS_PX))
-    spots = along_y[:, :, None] * along_x[:, None, :]
-    wide = np.zeros((SIDE + 80, SIDE + 80))
-    np.add.at(wide, (y[:, :, None] + 40, x[:, None, :] + 40), spots)
-    seen = light * (14 + 80 * wide[40:-40, 40:-40])
-    return np.clip(np.rint(seen + NOISE[number % len(NOISE)]), 0, 255).astype(np.uint8)
+    spots, side = along_y[:, :, None] * along_x[:, None, :], SIDE + 2 * BESIDE
+    nodes = side * (y[:, :, None] + BESIDE) + x[:, None, :] + BESIDE
+    wide = np.bincount(nodes.ravel(), spots.ravel(), side * side).reshape(side, side)
+    return wide[BESIDE:-BESIDE, BESIDE:-BESIDE]
 
 
 def shift(right_px: float, down_px: float) -> Motion:
