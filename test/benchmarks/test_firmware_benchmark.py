@@ -17,6 +17,7 @@ import pytest
 from coarse_table import coarse_table
 
 from benchmarks import firmware
+from benchmarks.devices.direct_port import DirectPort
 from benchmarks.devices.rehearsal import JumpingClock
 from benchmarks.firmware import pressed
 from benchmarks.firmware.descent import LIMITS, approach
@@ -33,7 +34,7 @@ from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
-from tactile_nodes.emulators.serial_ports import DirectPort, PtyPort
+from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import NOTHING, World, WorldSettings
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError, TactileError
 

@@ -42,7 +42,7 @@ def test_a_page_of_the_documentation_says_what_the_code_says(page: str, stale: s
 def test_the_pages_are_the_same_on_a_machine_of_sixteen_processors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, 'sched_getaffinity', lambda pid: set(range(16)))
     monkeypatch.setattr(os, 'cpu_count', lambda: 16)
-    assert not reference.stale_pages(DOCS)
+    assert not command.stale_pages(DOCS)
 
 
 def test_what_stands_around_a_part_is_left_as_it_is() -> None:

@@ -15,6 +15,8 @@ no sample arrives before it was measured.
 
 from __future__ import annotations
 
+import bisect
+import math
 from collections import deque
 
 import numpy as np
@@ -65,6 +67,7 @@ class TickClock:
         self._origin = (0, 0)
         self._seen = 0
         self._blocks: deque[tuple[float, float]] = deque(maxlen=WINDOW_BLOCKS)
+        self._early: list[tuple[float, float]] = []
         self._block: tuple[float, float] | None = None
         self._block_ends = 0.0
         self._line = (0.0, 0.0)
@@ -135,7 +138,8 @@ class TickClock:
 
     def _observe(self, x: float, y: float) -> None:
         if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # one that stands still tells nothing of its rate
-            self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x
+            self._early.append((x, y))
+            self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x or not self._grew_evenly(x, y)
         self._x = x
         if self._block is None or x >= self._block_ends:
             self._end_block()
@@ -144,6 +148,11 @@ class TickClock:
         elif y < self._block[1]:
             self._block = (x, y)
             self._line = (min(self._line[0], y - self._line[1] * x), self._line[1])
+
+    def _grew_evenly(self, x: float, y: float) -> bool:
+        """Whether samples came later and later as a wrong rate has it, not at once as where the host stands."""
+        half_x, half_y = self._early[bisect.bisect_left(self._early, (x / 2, -math.inf))]
+        return half_x < x and abs(half_y - y * half_x / x) <= EVEN * abs(y)
 
     def _is_ahead(self, x: float, y: float) -> bool:
         """Whether the counter has jumped, or what comes first had waited somewhere."""
@@ -155,6 +164,7 @@ class TickClock:
         """Lay the line anew from here."""
         self._origin = (ticks, arrival_ns)
         self._blocks.clear()
+        self._early.clear()
         self._block, self._line = None, (0.0, 0.0)
         self._x = 0.0
         self._keeps_time = True

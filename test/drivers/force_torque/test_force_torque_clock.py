@@ -207,6 +207,18 @@ def test_old_samples_that_come_at_once_at_the_beginning_do_not_count() -> None:
     assert max(errors[101:]) < 1e6
 
 
+@pytest.mark.parametrize('first', [1, 3, 40])
+def test_a_host_that_stands_still_right_after_the_first_samples_shows_no_other_rate(first: int) -> None:
+    """Half a second of them waits for a processor: all are stamped as they were measured, and none is marked."""
+    clock = TickClock(1000)
+    for number in range(400):
+        true_ns = START_NS + number * 5_000_000
+        held_ns = START_NS + first * 5_000_000 + 500_000_000
+        arrival_ns = (max(true_ns, held_ns) if number >= first else true_ns) + 200_000
+        assert abs(clock.stamp(5 * number, arrival_ns) - true_ns) < 1e6, number
+        assert not clock.flags, number
+
+
 @pytest.mark.parametrize('factor', [0.99, 1.01])
 def test_a_counter_of_another_rate_marks_its_stamps_as_no_measure_of_age(factor: float) -> None:
     clock = TickClock(1000)

@@ -163,3 +163,20 @@ def test_where_a_frame_shows_no_pattern_its_noise_is_none_that_another_frame_has
     single.set_reference(frame(blank, 0, noise_grey))
     assert [seed for seed in range(1, 30) if not single.same(frame(blank, seed, noise_grey))] == []
     assert not any(single.same(frame(0.8 * blank, seed, noise_grey)) for seed in range(1, 30))
+
+
+@pytest.mark.parametrize('radius_px', [20.0, 45.0, 60.0])
+def test_what_presses_moves_markers_away_however_wide_it_is(radius_px: float) -> None:
+    """Markers move most at its rim, by 0.8 px, and less where they are farther away. The gel left alone again is no
+    touch, nor is a camera that moved."""
+    y, x = np.mgrid[:240, :240].astype(np.float32)
+    away = np.hypot(x - 120, y - 110) / radius_px
+    share = (0.8 / radius_px * np.minimum(1.0, np.maximum(away, 1e-3) ** -2)).astype(np.float32)
+    pressed = cv2.remap(PATTERN, x - share * (x - 120), y - share * (y - 110), cv2.INTER_CUBIC)
+    untouched, touched = StillnessCheck(), StillnessCheck()
+    untouched.set_reference(frame(seed=1))
+    touched.set_reference(frame(pressed, seed=2))
+    assert untouched.pressed(frame(pressed, seed=3))
+    assert not touched.pressed(frame(seed=4))
+    moved = frame(moved_image(PATTERN, 0.8, 0.5), seed=5)
+    assert not untouched.pressed(moved)
