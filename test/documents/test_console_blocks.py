@@ -167,9 +167,10 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
     """`tactile launch live`, and a bag of it under each name that the pages give to one.
 
-    At a sixth of its rate, since it takes the processor from the commands for as long as they run.
+    At a sixth of its rate, since it takes the processor from the commands for as long as they run. Between two presses
+    fifteen frames come then, too few for a rest image where the nodes have missed the first.
     """
-    words = ['tactile', 'launch', 'live', 'page:=false', 'model:=portable', 'fps:=10']
+    words = ['tactile', 'launch', 'live', 'page:=false', 'model:=portable', 'fps:=10', 'reference_frames:=8']
     with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
