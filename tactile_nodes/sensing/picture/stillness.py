@@ -217,7 +217,7 @@ class StillnessCheck:
     def pressed(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether something presses that did not in the image given, from which motion goes away more than towards.
 
-        What the camera's own motion explains is no touch, nor is a touch that has ended. Around a small body blocks side
+        What the camera explains is no touch, nor is a touch that has ended. Around a small body blocks side
         by side move less alike than away from it; around a wide one they move away above all.
 
         Raises:
