@@ -28,7 +28,9 @@ from tactile_nodes.simulation.touch.table import TouchTable
 
 NAME = 'the simulated camera'
 TIP, MIXED, HELD = 'tip', 'mixed', 'held'
-REST_BEFORE_FIRST_PRESS_NS = NS_PER_S  # time for the rest image, which must show an untouched gel
+REST_BEFORE_FIRST_PRESS_NS = NS_PER_S
+REST_FRAMES = 32
+"""For the rest image, which must show an untouched gel: a second, or twice as many frames as a live launch asks."""
 
 Told = Callable[[str], None]
 """Hears, while a scene is built, what takes long."""
@@ -87,7 +89,7 @@ class SimulatedCamera:
         check_size(scene.render(0), self._settings, NAME)
         self._start_ns = self._clock.now_ns()
         if self._settings.scene.start_ns == 0:
-            begins_ns = self._start_ns + REST_BEFORE_FIRST_PRESS_NS
+            begins_ns = max(self._start_ns + REST_BEFORE_FIRST_PRESS_NS, self._due_ns(REST_FRAMES))
             scene.schedule = _schedule(self._settings.scene, begins_ns, scene)
         if self._settings.scene.world:
             scene.schedule = Untouched()

@@ -78,6 +78,14 @@ def test_without_a_start_time_the_gel_rests_for_a_second_after_opening(jumping: 
     assert any(touched[11:])
 
 
+def test_a_slow_camera_shows_the_untouched_gel_for_as_many_frames_as_a_rest_image_takes(jumping: SteppedClock) -> None:
+    """`tactile launch live` takes one of 16 frames; between presses at 10 frames a second come 15."""
+    camera = open_camera(CameraSettings(fps=10.0), jumping)
+    touched = [camera.truth(camera.read(1.0).stamp_ns).in_contact for _ in range(45)]
+    assert not any(touched[:32])
+    assert any(touched[32:])
+
+
 def test_the_same_settings_show_the_same_world_and_another_gel_another() -> None:
     at_ns = 12_345
     assert (build_scene(SceneSettings()).render(at_ns) == build_scene(SceneSettings()).render(at_ns)).all()
