@@ -38,7 +38,7 @@ class SceneSettings:
         'description (YAML)',
     )  # fmt: skip
     start_ns: int = parameter(
-        0, "nothing touches the gel before this time of the host's time base; 0: a second and 32 frames after the start",
+        0, "nothing touches the gel before this time of the host's time base; 0: a second, and 32 frames",
         minimum=0,
     )  # fmt: skip
     period_s: float = parameter(2.0, 'from one press to the next', minimum=0.1)
