@@ -207,6 +207,16 @@ class PinholeCamera:
 Camera = FisheyeCamera | PinholeCamera
 
 
+def camera_motions(rows: int, cols: int) -> Float[np.ndarray, 'cells 2 ways']:
+    """How the cells of a picture move, along x and along y, as the camera moves right, moves down, rolls, and comes
+    nearer, each by 1 at the edge of the picture; row by row."""
+    row, col = np.divmod(np.arange(rows * cols), cols)
+    x, y = (2 * col + 1) / cols - 1, (2 * row + 1) / rows - 1
+    one, none = np.ones_like(x), np.zeros_like(x)
+    ways: np.ndarray = np.array([[one, none], [none, one], [-y, x], [x, y]]).transpose(2, 1, 0)
+    return ways
+
+
 def rotation(angles: Float[np.ndarray, ' 3']) -> Float[np.ndarray, '3 3']:
     """About x, then y, then z (rad); the columns are the turned axes: (0, 0, pi / 2) turns x (1, 0, 0) to (0, 1, 0)."""
     (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)

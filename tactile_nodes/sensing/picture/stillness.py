@@ -16,12 +16,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.flow.methods import require_grey, require_like
 from tactile_nodes.sensing.flow.patches import SLOPE_STEP_PX, moved_image, rounded, shrunk
+from tactile_nodes.sensing.geometry import camera_motions
 from tactile_nodes.sensing.picture.touch_places import TouchPlaces
 
 LARGEST_LIGHT_SHARE = 0.03
@@ -149,7 +150,8 @@ class StillnessCheck:
         # As it comes an axis may point either way; neighbours are compared, so right must be right everywhere.
         basis *= np.where(size < 0, -1.0, 1.0)[:, None]
         self._places = TouchPlaces(self.options.blocks, np.abs(size[:, 2:]))
-        self._camera = _camera_ways(self.options.blocks, np.abs(size[:, 2:]))
+        motions = camera_motions(self.options.blocks, self.options.blocks) * np.abs(size[:, 2:, None])
+        self._camera = np.linalg.qr(motions.reshape(-1, motions.shape[-1]))[0]
         self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
         self._whole = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
         self._rest = shrunk(image)
@@ -222,8 +224,8 @@ class StillnessCheck:
     def pressed(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether something presses that did not in the image given, from which motion goes away more than towards.
 
-        What the camera explains is no touch, nor is a touch that has ended. Around a small body blocks side
-        by side move less alike than away from it; around a wide one they move away above all.
+        What the camera explains is no touch, nor is a touch that has ended. Around a small body blocks side by side
+        move less alike than away from it; around a wide one they move away above all.
 
         Raises:
             ImageError: as above.
@@ -310,16 +312,6 @@ class StillnessCheck:
 
 def _middle(values: Float32[np.ndarray, ' blocks']) -> float:
     return float(np.partition(values, len(values) // 2)[len(values) // 2])
-
-
-def _camera_ways(count: int, texture: Float[np.ndarray, 'blocks 2']) -> Float[np.ndarray, 'numbers 4']:
-    """An orthonormal basis of what `count` x `count` blocks of such texture show as the camera moves."""
-    row, col = np.divmod(np.arange(count * count), count)
-    x, y = (2 * col + 1) / count - 1, (2 * row + 1) / count - 1
-    one, none = np.ones_like(x), np.zeros_like(x)
-    ways = np.array([[one, none], [none, one], [-y, x], [x, y]]).transpose(2, 1, 0)
-    basis: np.ndarray = np.linalg.qr((ways * texture[..., None]).reshape(-1, 4))[0]
-    return basis
 
 
 def _averaging(count: int) -> Float32[np.ndarray, 'blocks blocks']:

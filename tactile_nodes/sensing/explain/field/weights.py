@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.explain.field.cone import inverse_root
+from tactile_nodes.sensing.geometry import camera_motions
 
 CAMERA_PX = 0.05
 """How far the camera moves by itself: what is more has been taken out of the picture before, as a knock."""
@@ -54,13 +55,8 @@ def region_weights(
 def camera_ways(shape: tuple[int, int], known: Int[np.ndarray, ' known']) -> Float[np.ndarray, 'rows 4']:
     """Motion (px) of some of rows x cols regions, along x and along y, as the camera moves right, moves down, rolls,
     and comes nearer, each by what is usual at the edge of the picture."""
-    rows, cols = shape
-    row, col = np.divmod(known, cols)
-    x, y = (2 * col + 1) / cols - 1, (2 * row + 1) / rows - 1
-    one, none = np.ones_like(x), np.zeros_like(x)
-    ways: np.ndarray = CAMERA_PX * np.array([[one, none], [none, one], [-y, x], [x, y]])
-    rows_by_way: np.ndarray = ways.transpose(2, 1, 0).reshape(-1, len(ways))
-    return rows_by_way
+    ways: np.ndarray = CAMERA_PX * camera_motions(*shape)[known]
+    return ways.reshape(-1, ways.shape[-1])
 
 
 @dataclass(frozen=True)
