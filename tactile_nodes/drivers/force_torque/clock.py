@@ -15,8 +15,6 @@ no sample arrives before it was measured.
 
 from __future__ import annotations
 
-import bisect
-import math
 from collections import deque
 
 import numpy as np
@@ -60,14 +58,13 @@ class TickClock:
         self._delay_ns = delay_ns
         self._most_drift = most_drift
         self._keeps_time = self._is_timed = True
-        self._x = 0.0
+        self._x = self._y = self._leap = 0.0
         self._first_ns = self._arrived_ns = 0
         self._settled = False
         self._ticks: int | None = None
         self._origin = (0, 0)
         self._seen = 0
         self._blocks: deque[tuple[float, float]] = deque(maxlen=WINDOW_BLOCKS)
-        self._early: list[tuple[float, float]] = []
         self._block: tuple[float, float] | None = None
         self._block_ends = 0.0
         self._line = (0.0, 0.0)
@@ -138,9 +135,10 @@ class TickClock:
 
     def _observe(self, x: float, y: float) -> None:
         if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # one that stands still tells nothing of its rate
-            self._early.append((x, y))
-            self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x or not self._grew_evenly(x, y)
-        self._x = x
+            self._leap = max(self._leap, y - self._y)
+            # A wrong rate makes samples later and later; where the host stood still, they are late at once.
+            self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x or 0 < y < 2 * self._leap
+        self._x, self._y = x, y
         if self._block is None or x >= self._block_ends:
             self._end_block()
             self._block, self._block_ends = (x, y), x + BLOCK_NS
@@ -148,11 +146,6 @@ class TickClock:
         elif y < self._block[1]:
             self._block = (x, y)
             self._line = (min(self._line[0], y - self._line[1] * x), self._line[1])
-
-    def _grew_evenly(self, x: float, y: float) -> bool:
-        """Whether samples came later and later as a wrong rate has it, not at once as where the host stands."""
-        half_x, half_y = self._early[bisect.bisect_left(self._early, (x / 2, -math.inf))]
-        return half_x < x and abs(half_y - y * half_x / x) <= EVEN * abs(y)
 
     def _is_ahead(self, x: float, y: float) -> bool:
         """Whether the counter has jumped, or what comes first had waited somewhere."""
@@ -164,9 +157,8 @@ class TickClock:
         """Lay the line anew from here."""
         self._origin = (ticks, arrival_ns)
         self._blocks.clear()
-        self._early.clear()
         self._block, self._line = None, (0.0, 0.0)
-        self._x = 0.0
+        self._x = self._y = self._leap = 0.0
         self._keeps_time = True
 
     def _place(self, ticks: int, arrival_ns: int) -> tuple[float, float]:
