@@ -114,6 +114,9 @@ def test_what_so_much_noise_may_hide_is_told_and_is_not_ok(readout: FieldReadout
     assert 1.645 * noisy.total_sigma_n > 0.75 * np.median(hidden_n)
     assert noisy.acting is not None
     assert noisy.acting.wrench_covariance[2, 2] == pytest.approx(noisy.total_sigma_n**2)
+    assert noisy.acting.field is not None
+    told_n = noisy.acting.field().pressure_sigma_mpa * np.prod(readout.solver.patches.size_mm)
+    assert told_n == pytest.approx(np.full_like(told_n, noisy.total_sigma_n), rel=1e-4)
 
 
 def test_a_motion_that_no_force_makes_widens_the_interval(readout: FieldReadout) -> None:

@@ -30,6 +30,7 @@ from tactile_nodes.sensing.explain.reading import (
     nothing_read,
 )
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.metrics import interval_factor
 
 LEAST_REGIONS = 12
 MOST_TIPS = 3
@@ -49,9 +50,6 @@ where another body presses it is 2.2 and more."""
 
 ALIKE = 0.93
 """Unlikeness up to which tips explain a frame, and the field is not asked."""
-
-WITHIN = 1.645
-"""Standard deviations to either side of which a normal error has 90 %."""
 
 
 STILL = np.zeros((2, 1, 1), np.float32)
@@ -167,7 +165,8 @@ class FieldReadout:
             return self._with_acting(tips[0])
         found = self.solver.field(motion, weights, coarse)
         unlike, count = found.misfit / self.misfit_limit, len(found.active)
-        if found.gain < (least := max(self.least_gain, float(count))):
+        least = max(self.least_gain, float(count))
+        if found.gain < least:
             return self._untouched(unlike, self.solver.unseen_n(weights, least))
         if tips is not None:
             left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
@@ -253,12 +252,12 @@ class FieldReadout:
         off = np.diag(np.square([off_n] * 3 + [off_n * self.bins.width_mm / 4] * 3))
         return Acting(
             'nothing', np.zeros((*shape, 2), np.float32), np.full(shape, off_n, np.float32), np.zeros(6), off,
-            partial(self._surface, still, 1.0),
+            partial(self._surface, still, off_n / self.spread.nominal[0]),
         )  # fmt: skip
 
     def _untouched(self, unlike: float, unseen_n: float) -> Reading:
         none = np.zeros((self.bins.rows, self.bins.cols), np.float32)
-        sigma_n = max(self.spread.nominal[0], unseen_n / WITHIN)
+        sigma_n = max(self.spread.nominal[0], unseen_n / interval_factor())
         contact = Contact(0.0, 0.0, 0.0, UNKNOWN, sigma_n)
         return Reading(none, (contact,), sigma_n, unlike, acting=self.nothing(sigma_n))
 
