@@ -34,9 +34,6 @@ LIGHTEST_N = 1e-3
 MOST_STEPS = 60
 """Forces from 1.5 µN to 0.65 MN are looked through."""
 
-GROWS = 0.8
-"""Power of the force with which depth grows, about: a ball's with 2/3, a punch's with 1."""
-
 DEPTH_SIGMA, SLOPE_SIGMA_MM, SUM_SIGMA = 0.5, 0.2, 0.05
 """How far regions differ: in what a depth counts, as a share of its fifth, in how far off their rays are (mm), and in
 what all depths together count, as a share of that.
@@ -149,9 +146,6 @@ class Pressures:
     def most_n(self) -> float:
         """The force up to which the layer is linear under the body, by how deep it is then."""
         step, deepest_mm = 0, DEEPEST * self._thickness_mm
-        for _ in range(2):  # near it at once: each step beside it is solved for
-            away = math.log(deepest_mm / self.at(step).depth_mm) / (GROWS * math.log(STEP))
-            step = min(max(step + round(away), -MOST_STEPS), MOST_STEPS)
         while self.at(step).depth_mm <= deepest_mm and step < MOST_STEPS:
             step += 1
         while self.at(step).depth_mm > deepest_mm and step > -MOST_STEPS:
