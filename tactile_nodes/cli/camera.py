@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_nodes.cli.columns import columns
+from tactile_nodes.cli.running.columns import columns
 
 if TYPE_CHECKING:
     from tactile_nodes.drivers.camera.v4l2_devices import UsbCamera

@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_nodes.cli.columns import columns
+from tactile_nodes.cli.running.columns import columns
 from tactile_nodes.cli.running.session import positive_float
 
 if TYPE_CHECKING:

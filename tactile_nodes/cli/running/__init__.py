@@ -1,1 +1,1 @@
-"""What verbs share that look at a running system, or have others work: the bus, messages as text, a cluster."""
+"""What verbs share: the bus of a running system, a cluster, messages and tables as text."""
