@@ -38,8 +38,8 @@ class SceneSettings:
         'description (YAML)',
     )  # fmt: skip
     start_ns: int = parameter(
-        0, "nothing touches the gel before this time of the host's time base; 0: a second, and 32 frames",
-        minimum=0,
+        0, "nothing touches the gel before this time of the host's time base; 0: for a second after the start, or "
+        'for 32 frames if those take longer', minimum=0,
     )  # fmt: skip
     period_s: float = parameter(2.0, 'from one press to the next', minimum=0.1)
     shallowest_mm: float = parameter(0.25, 'least depth of a press', minimum=0.0)

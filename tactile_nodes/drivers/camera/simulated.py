@@ -30,7 +30,7 @@ NAME = 'the simulated camera'
 TIP, MIXED, HELD = 'tip', 'mixed', 'held'
 REST_BEFORE_FIRST_PRESS_NS = NS_PER_S
 REST_FRAMES = 32
-"""For the rest image, which must show an untouched gel: a second, or twice as many frames as a live launch asks."""
+"""What a rest image needs, which must show an untouched gel: a second, and twice the frames that a live launch asks."""
 
 Told = Callable[[str], None]
 """Hears, while a scene is built, what takes long."""
