@@ -9,9 +9,10 @@ import io
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import partial
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, TypeVar
@@ -32,7 +33,7 @@ LOOK_S = 2.0
 """How often to look whether there are workers, while no task ends."""
 
 RETRIES = 3
-"""How often a task is given to another worker, whose worker was killed."""
+"""How often a task is given to another worker after its worker was killed."""
 
 _GOES_ON = 'what was finished is kept, and the same command goes on from there'
 _START = 'dask worker {} --no-nanny --nthreads 1'
@@ -89,14 +90,35 @@ def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> 
     if min(processes, len(jobs)) == 1:  # a task may have tasks of its own, which no process of a pool may give away
         yield from ((number, make(job)) for number, job in enumerate(jobs))
         return
-    # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the pool.
+    waiting = dict(enumerate(jobs))
+    for _ in range(1 + RETRIES):
+        for number, result in _done_here(make, waiting, min(processes, len(waiting))):
+            del waiting[number]
+            yield number, result
+        if not waiting:
+            return
+    raise ConfigurationError(
+        f'the processes that work on it were killed {1 + RETRIES} times, as happens where memory runs out; use fewer '
+        f'of them at a time; {_GOES_ON}'
+    )
+
+
+def _done_here(make: Callable[[Job], Result], jobs: Mapping[int, Job], processes: int) -> Iterator[tuple[int, Result]]:
+    """Results of processes of this machine as they come; ends early where one of the processes is killed."""
+    ours = set(multiprocessing.active_children())
+    # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the others.
     deaf = signal.SIGINT, signal.SIG_IGN
-    with multiprocessing.get_context('spawn').Pool(min(processes, len(jobs)), signal.signal, deaf) as pool:
-        yield from pool.imap_unordered(partial(_numbered, make), enumerate(jobs))
-
-
-def _numbered(make: Callable[[Job], Result], numbered: tuple[int, Job]) -> tuple[int, Result]:
-    return numbered[0], make(numbered[1])
+    pool = ProcessPoolExecutor(processes, multiprocessing.get_context('spawn'), signal.signal, deaf)
+    try:
+        futures = {pool.submit(make, job): number for number, job in jobs.items()}
+        for future in as_completed(futures):
+            number = futures.pop(future)  # nor is a result kept that was given away
+            if not isinstance(future.exception(), BrokenProcessPool):
+                yield number, future.result()
+    finally:
+        for process in set(multiprocessing.active_children()) - ours:
+            process.kill()
+        pool.shutdown(cancel_futures=True)
 
 
 def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:

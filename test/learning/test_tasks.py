@@ -52,6 +52,12 @@ def counted(job: tuple[int, str]) -> Arrays:
     return drawn(seed)
 
 
+def killed(_: int) -> Arrays:
+    """A task that no process outlives, as where memory never suffices."""
+    os.kill(os.getpid(), signal.SIGKILL)
+    raise AssertionError
+
+
 @contextmanager
 def worker_alone(scheduler: str) -> Iterator[None]:
     """A worker that nobody starts again, as `dask worker --no-nanny` is."""
@@ -105,6 +111,19 @@ def test_a_worker_that_is_killed_costs_nothing_but_its_task_once_more(tmp_path: 
         make_files(drawn_or_killed, jobs, 1, Progress(), 'drawing')
     assert (tmp_path / 'killed').exists()
     assert bytes_of(tmp_path) == [drawn(seed)['numbers'].tobytes() for seed in JOBS]
+
+
+def test_a_process_of_this_machine_that_is_killed_costs_nothing_but_its_task_once_more(tmp_path: Path) -> None:
+    jobs = [(tmp_path / f'{seed}.npz', (seed, str(tmp_path / 'killed'))) for seed in JOBS]
+    make_files(drawn_or_killed, jobs, 2, Progress(), 'drawing')
+    assert (tmp_path / 'killed').exists()
+    assert bytes_of(tmp_path) == [drawn(seed)['numbers'].tobytes() for seed in JOBS]
+
+
+def test_processes_that_are_killed_again_and_again_are_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('tactile_nodes.learning.tasks.RETRIES', 1)
+    with pytest.raises(ConfigurationError, match='were killed 2 times, as happens where memory runs out; use fewer'):
+        list(done(killed, JOBS, 2))
 
 
 def test_a_worker_that_is_killed_has_nothing_made_again_that_was_written(tmp_path: Path) -> None:
