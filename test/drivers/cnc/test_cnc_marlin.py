@@ -175,6 +175,22 @@ def test_it_answers_while_it_waits_for_the_end_of_motion() -> None:
     assert b'M400' in rig.sent()
 
 
+def test_after_the_computer_stood_still_it_is_asked_while_it_moves_as_before() -> None:
+    """Its answer was there in time, and was read when the motion had ended."""
+    rig = direct_rig('marlin')
+    rig.cnc.connect()
+    rig.cnc.home()
+    rig.cnc.move(x=10.0, feed=600.0)
+    assert rig.cnc._talk().link.wait(lambda: rig.said[-1][0] == '>' and b'M114 R' in rig.said[-1][2], 1.0)
+    rig.clock.advance(2.0)
+    rig.cnc.wait_idle()
+    begin = len(rig.said)
+    rig.cnc.move(x=50.0, feed=600.0)
+    rig.cnc.wait_idle()
+    asked = [data for way, _, data in rig.said[begin:] if way == '>' and b'M114 R' in data]
+    assert 36 <= len(asked) <= 44  # 10 a second in 4 s
+
+
 def test_where_it_was_compiled_to_know_it_tells_the_real_place() -> None:
     rig = homed_rig('marlin realtime')
     rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
