@@ -8,10 +8,12 @@ NAME`` on each side, then give each the other's public key. Needs the extra `bri
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NoReturn
 
 from tactile_nodes.bus.bridge.bridge import Bridge
 from tactile_nodes.bus.bridge.finding import AGAIN_WITHIN, Finder, Group
@@ -146,10 +148,15 @@ def _security(chosen: BridgeParams) -> Security:
     return Security(read_pair(chosen.key), tuple(map(read_public, chosen.peers)))
 
 
-def main() -> int:
+def main() -> NoReturn:
     """The program ``bridge_node``."""
-    return run_node(BridgeNode)
+    status = run_node(BridgeNode)
+    # A session whose other end is silent may still be closing, and a thread of Zenoh's that comes back into an
+    # interpreter that is being taken down aborts the process.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    main()

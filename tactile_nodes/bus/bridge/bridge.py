@@ -38,7 +38,7 @@ from tactile_nodes.clock import monotonic_s
 if TYPE_CHECKING:
     import zenoh
 
-_CLOSE_WITHIN_S = 1.0
+_CLOSE_WITHIN_S = 0.5
 _LOOK_EVERY_S = 0.1
 _ASK_EVERY_S = 1.0
 _NOW = struct.Struct('<q')
