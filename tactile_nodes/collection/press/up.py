@@ -46,7 +46,7 @@ def bring_up(hands: Hands, tare: Tare | None, settings: CollectionSettings, doub
         DeviceError: the machine does not obey, something still touches, or nothing confirms what is in doubt.
     """
     hands.retreat()
-    samples = hands.overlook(UNLOADED_S, FREE_LOOKS if doubted and tare is not None else 1)
+    samples = hands.overlook(UNLOADED_S, FREE_LOOKS) if tare is not None else ()
     if tare is None or not samples:
         if doubted:
             raise DeviceFaultError(

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import re
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -21,7 +21,7 @@ from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSetti
 from tactile_nodes.collection.run.person import Person
 from tactile_nodes.collection.settings import LimitSettings, PressSettings, SurfaceSettings
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus
-from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, Sample
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
 from tactile_nodes.messages import types
@@ -152,6 +152,35 @@ def test_a_tip_that_is_still_felt_is_not_believed_to_be_up() -> None:
         run.run()
     # 0.2 N within the band of 0.005 N and the noise of the sensor.
     assert re.match(r'0\.(19|20|21) N are left although the machine says that the tip is up', str(caught.value))
+
+
+def test_a_tip_is_not_believed_to_be_up_because_forces_come_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy computer none may come in the tenth of a second after the way up."""
+    slipped: list[int] = []
+    looks = count()
+
+    def slipping(run: GuardedRun, now_ns: int) -> Felt:
+        felt = truth(run, now_ns)
+        if not slipped and abs(felt.force_n - SETTINGS.guard.target_n) <= SETTINGS.guard.band_n:
+            assert run.station.world is not None
+            run.station.world.stick(2, now_ns)
+            slipped.append(now_ns)
+        return felt
+
+    with opened(slipping) as run:
+        hands = run.station.hands
+        come, retreat = hands.readings.samples, hands.retreat
+
+        def late(since_ns: int) -> Sequence[Sample]:
+            return come(since_ns) if next(looks) >= 3 else []
+
+        def up() -> None:
+            retreat()
+            monkeypatch.setattr(hands.readings, 'samples', late)
+
+        monkeypatch.setattr(hands, 'retreat', up)
+        with pytest.raises(DeviceFaultError, match='N are left although the machine says that the tip is up'):
+            run.run()
 
 
 def test_what_ended_the_approach_is_told_beside_a_tip_that_is_still_down() -> None:
