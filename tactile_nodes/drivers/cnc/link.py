@@ -122,22 +122,23 @@ class Link:
             return stamp_ns
 
     def wait(self, done: Callable[[], bool], timeout_s: float) -> bool:
-        """Listen until a condition holds; False: it did not within the time.
+        """Listen until a condition holds; False: it did not within the time, as `Silence` counts it.
 
         Raises:
             DeviceLostError: the port is gone.
         """
-        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        left_ns = round(timeout_s * NS_PER_S)
         with self.changed:
             while not done():
                 self._check()
-                left_s = (deadline_ns - self._clock.now_ns()) / NS_PER_S
-                if left_s <= 0:
+                if left_ns <= 0:
                     return False
+                looked_ns, look_s = self._clock.now_ns(), min(left_ns / NS_PER_S, READ_S)
                 if self._thread is not None:
-                    self.changed.wait(min(left_s, READ_S))
+                    self.changed.wait(look_s)
                 else:
-                    self._pump(min(left_s, READ_S))
+                    self._pump(look_s)
+                left_ns -= min(self._clock.now_ns() - looked_ns, LONGEST_LOOK_NS)
             return True
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from cnc_rigs import Rig, device_of, settings_of
+from cnc_rigs import Rig, device_of, direct_rig, settings_of
 from coarse_table import coarse_table
 from jumping_clock import JumpingClock
 
@@ -376,6 +376,25 @@ def test_a_controller_that_falls_mute_at_any_line_is_noticed_within_half_a_secon
         rig.hands.perform(Go(z=rig.at(0.0, 0.0, -31.5)[2], feed_mm_min=60.0))  # ten jogs of a quarter of a second
     noticed_ns = min([*errors, rig.clock.now_ns()])
     assert noticed_ns - said[times - 1] < 0.5e9
+
+
+@pytest.mark.parametrize('kind', ['grbl', 'marlin'])
+def test_a_computer_that_stands_still_is_no_controller_that_hangs(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An answer may take 2 s; the computer stands still for 3 s before it reads what has long come."""
+    rig = direct_rig(kind)
+    rig.cnc.connect()
+    read, paused = rig.port.read, []
+
+    def late(timeout_s: float) -> bytes:
+        if paused:
+            return read(timeout_s)
+        rig.clock.advance(3.0)
+        paused.append(timeout_s)
+        return b''
+
+    monkeypatch.setattr(rig.port, 'read', late)
+    switched = rig.cnc.set_line(True)
+    assert switched.latest_ns - switched.earliest_ns >= 3_000_000_000
 
 
 def test_a_hung_controller_is_noticed_within_half_a_second(any_rig: PressRig) -> None:
