@@ -383,6 +383,7 @@ def test_a_computer_that_stands_still_is_no_controller_that_hangs(kind: str, mon
     """An answer may take 2 s; the computer stands still for 3 s before it reads what has long come."""
     rig = direct_rig(kind)
     rig.cnc.connect()
+    rig.cnc.home()
     read, paused = rig.port.read, []
 
     def late(timeout_s: float) -> bytes:
