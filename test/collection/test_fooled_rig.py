@@ -15,14 +15,14 @@ import pytest
 
 from benchmarks.devices.liars import BotaLiar, Changed, Lie, TextLiar, UdpProxy, Values, frozen, zeros
 from tactile_nodes.clock import SystemClock, monotonic_s
-from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
+from tactile_nodes.collection.actions import Go, Procedure
 from tactile_nodes.collection.hands import TrippedError
+from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.press.rising import rising
 from tactile_nodes.collection.press.surface import HERTZ, Loading, Surface
 from tactile_nodes.collection.safety import MACHINE, OVERLOAD, SENSOR, Trip
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.station import Station
-from tactile_nodes.collection.wrench import tare_of
 from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings, TextLineSettings
 from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
@@ -87,8 +87,7 @@ def text(bench: Bench, lie: Changed | None) -> Iterator[ForceTorqueSettings]:
 
 
 def down(bench: Bench) -> Procedure[None]:
-    tare = tare_of((yield Look(0.3)).samples)
-    yield SetTare(tare)
+    tare = yield from zero(CollectionSettings())
     bench.descending = True
     expect = rising(GEL, tare, CollectionSettings(), 0.0, 0.0)
     yield Go(z=SURFACE_MM - COMMANDED_MM, feed_mm_min=60.0, expect=expect)
