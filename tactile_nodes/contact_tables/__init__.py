@@ -1,1 +1,1 @@
-"""Contacts that were solved before, by gel and body: those that ship, those in the cache, those to be solved now."""
+"""Solved contacts by gel and body: shipped with the package, kept in the cache, or solved now."""

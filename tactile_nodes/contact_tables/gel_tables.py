@@ -1,4 +1,4 @@
-"""Contact tables by gel: those that ship, those solved before, and those that must be solved now."""
+"""Contact tables by gel: shipped with the package, kept in the cache, or solved now."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tactile_nodes.simulation.solution import Problem, Solution, problem_of, sol
 
 
 def load_gel(name: str) -> Gel:
-    """The gel of a YAML file, or of one that ships (config/gels) by its name without ending; the paper's for ''.
+    """The gel of a YAML file, or a shipped gel (config/gels) by its file name without suffix; '' is the paper's gel.
 
     Raises:
-        ConfigurationError: no such file, or one with something in it that is no property of a gel.
+        ConfigurationError: there is no such file, or it holds an entry that is not a property of a gel.
     """
     if not name:
         return Gel()
@@ -29,29 +29,29 @@ def load_gel(name: str) -> Gel:
     file = shipped if Path(name).name == name and paths.is_file(shipped) else Path(name)
     if not paths.is_file(file):
         names = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
-        raise ConfigurationError(f'there is no gel {name!r}; give a YAML file, or the name of one that ships: {names}')
+        raise ConfigurationError(f'there is no gel {name!r}; give a YAML file, or the name of a shipped gel: {names}')
     values = {key: located.value for key, located in load_mapping(file).items()}
     return Gel.from_mapping(values, str(file))
 
 
 @cache
 def contact_table(gel: Gel, indenter: str = 'tip') -> ContactTable:
-    """What an indenter does to a gel. A finite-strain table that nobody has solved yet takes half a minute.
+    """The contact table of an indenter on a gel. A finite-strain table that is not solved yet takes half a minute.
 
     Raises:
-        ConfigurationError: no such indenter, or one that the linear solution does not know.
+        ConfigurationError: there is no such indenter, or the linear solution does not support it.
     """
     if gel.mechanics == 'finite_strain':
         return solution_of(problem_of(gel, indenter)).table(gel.shear_modulus_mpa)
     if indenter != 'tip':
         raise ConfigurationError(
-            f'{indenter!r} needs a gel with the mechanics finite_strain; the linear has its tip only'
+            f'{indenter!r} needs a gel with mechanics: finite_strain; linear mechanics has the tip only'
         )
     return solve(gel)
 
 
 def solution_of(problem: Problem) -> Solution:
-    """The solution of a problem: shipped with the package, or kept in the cache, or solved and kept now."""
+    """The solution of a problem: shipped with the package, from the cache, or solved now and then cached."""
     kept = paths.cache_directory() / 'contacts' / f'{problem.key}.npz'
     for file in (paths.share_directory() / 'config' / 'gels' / 'paper_table.npz', kept):
         if (found := _read(file, problem.key)) is not None:
@@ -62,7 +62,7 @@ def solution_of(problem: Problem) -> Solution:
 
 
 def write_solution(file: Path, solution: Solution) -> None:
-    """Keep a solution; another process that solves the same at the same time does no harm."""
+    """Write a solution; it is safe if another process writes the same one at the same time."""
     file.parent.mkdir(parents=True, exist_ok=True)
     draft = file.with_name(f'{file.stem}.{os.getpid()}.part.npz')
     np.savez_compressed(draft, allow_pickle=False, **solution.to_arrays())
@@ -70,7 +70,7 @@ def write_solution(file: Path, solution: Solution) -> None:
 
 
 def _read(file: Path, key: str) -> Solution | None:
-    """The solution in a file, if it is that of the key."""
+    """The solution in a file, if it belongs to the key."""
     if not file.is_file():
         return None
     with np.load(file, allow_pickle=False) as arrays:

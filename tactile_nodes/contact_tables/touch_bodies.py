@@ -1,4 +1,4 @@
-"""Bodies by what names them: a family ('ring'), a mesh, heights, or a list of these that move as one."""
+"""Bodies by name: a family ('ring'), a mesh file, a file of heights, or a list of these that move as one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MESHES = '.stl', '.obj', '.ply'
 HEIGHTS = '.npy'
 LARGEST_BYTES = 64 << 20
 STEEPEST_DEG = 20.0
-"""Heights know no undercut, so that they are tilted a little only; a mesh may be turned at will."""
+"""Heights cannot hold undercuts, so they are tilted a little only; a mesh may be turned at will."""
 
 FARTHEST_MM = 40.0
 
@@ -29,10 +29,10 @@ Tilt = tuple[float, float]
 
 
 def body_of(named: object, tilt_deg: Tilt = (0.0, 0.0)) -> Body:
-    """The body that is named, or those of a list as one, tilted.
+    """The named body, or the bodies of a list as one, tilted.
 
     Raises:
-        ConfigurationError: there is no such family or file, or what it holds is no body.
+        ConfigurationError: there is no such family or file, or the file does not hold a body.
     """
     from tactile_nodes.simulation.touch.body import Body
 
@@ -45,17 +45,17 @@ def body_of(named: object, tilt_deg: Tilt = (0.0, 0.0)) -> Body:
 
 
 def is_mesh(name: str) -> bool:
-    """By the ending of the file."""
+    """Whether the file name ends as that of a mesh."""
     return Path(name).suffix.lower() in MESHES
 
 
 def _tilted(body: Body, tilt_deg: Tilt) -> Body:
-    """Turned about x it is y that gets lower, and about y it is -x."""
+    """A turn about x lowers the side of +y, and a turn about y the side of -x."""
     if not any(tilt_deg):
         return body
     if max(map(abs, tilt_deg)) > STEEPEST_DEG:
         raise ConfigurationError(
-            f'{body.name} can be tilted by {STEEPEST_DEG:g} degrees at most, got {list(tilt_deg)}; only a mesh may be '
+            f'{body.name} can be tilted by at most {STEEPEST_DEG:g} degrees, got {list(tilt_deg)}; only a mesh may be '
             'turned further'
         )
     return body.tilted(-tilt_deg[1], tilt_deg[0])
@@ -68,7 +68,7 @@ def _some(parts: list[object] | tuple[object, ...]) -> list[object] | tuple[obje
 
 
 def _part(part: object) -> tuple[Body, tuple[float, float, float]]:
-    """A body of a list, and where it is: right, down, raised."""
+    """A body of a list, and its position: right, down, raised."""
     if (
         isinstance(part, dict)
         and isinstance(part.get('body'), str)
@@ -79,8 +79,8 @@ def _part(part: object) -> tuple[Body, tuple[float, float, float]]:
         if len(place) == 3 and all(map(_is_near, place)):
             return body_of(part['body']), (float(place[0]), float(place[1]), float(place[2]))
     raise ConfigurationError(
-        f'a body of a list is like {{body: ring, at_mm: [3.0, 0.0], raised_mm: 0.1}}, within {FARTHEST_MM:g} mm, '
-        f'got {part!r}'
+        f'a body of a list must be like {{body: ring, at_mm: [3.0, 0.0], raised_mm: 0.1}}, within '
+        f'{FARTHEST_MM:g} mm, got {part!r}'
     )
 
 
@@ -89,7 +89,7 @@ def _is_near(number: object) -> bool:
 
 
 def is_number(value: object) -> bool:
-    """Finite, and no yes or no."""
+    """Whether it is a finite number and not a bool."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
@@ -123,7 +123,7 @@ def _mesh(file: Path, tilt_deg: Tilt) -> Body:
 
 
 def _in_utf8(data: bytes, kind: str) -> bytes:
-    """What a mesh file holds, its text as trimesh reads it; what is no UTF-8 of it are names, of which none is used.
+    """The contents of a mesh file, with text in UTF-8 as trimesh needs it. Only names can be invalid, and none is used.
 
     Raises:
         ValueError: an STL file that is neither text nor as long as its header says.
@@ -132,7 +132,7 @@ def _in_utf8(data: bytes, kind: str) -> bytes:
     if kind == '.ply' or (kind == '.stl' and len(data) == 84 + 50 * faces):
         return data
     if kind == '.stl' and b'facet' not in data:
-        raise ValueError(f'it is no text, and not as long as its header says, which is {84 + 50 * faces} bytes')
+        raise ValueError(f'it is not text, and its length is not the {84 + 50 * faces} bytes that its header gives')
     return data.decode('utf-8', 'replace').encode()
 
 
@@ -144,22 +144,23 @@ def _heights(file: Path) -> Body:
             heights = _array(opened)
     except OSError as error:
         raise _unreadable(file, error) from error
-    except Exception as error:  # numpy passes on whatever Python's parser raises at a header
+    except Exception as error:  # NumPy passes on any error of Python's parser
         raise ConfigurationError(
-            f'{file} holds no array of heights, or less of one than its header says; write it anew with numpy.save'
+            f'{file} holds no array of heights, or is shorter than its header says; write it again with numpy.save'
         ) from error
     if heights.ndim != 2 or heights.dtype.kind not in 'fiu':
         raise ConfigurationError(f'{file} must hold a square of heights in mm, got {heights.dtype} {heights.shape}')
     wide_mm = max(heights.shape) * SPACING_MM
     if wide_mm > FARTHEST_MM + 1:
         raise ConfigurationError(
-            f'{file} is {wide_mm:.0f} mm wide, more than {FARTHEST_MM:.0f}; cut it: heights are {SPACING_MM:g} mm apart'
+            f'{file} is {wide_mm:.0f} mm wide, at most {FARTHEST_MM:.0f} is allowed; cut it: heights are '
+            f'{SPACING_MM:g} mm apart'
         )
     return Body.of_heights(file.stem, heights.astype(float))
 
 
 def _array(file: BinaryIO) -> np.ndarray[Any, Any]:
-    """All numbers of an .npy file; memory is taken for them only if they are there."""
+    """All numbers of an .npy file; memory is allocated only if the file is long enough."""
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if (read_header := readers.get(np.lib.format.read_magic(file))) is None:
         raise ValueError('its version is not 1.0 or 2.0')

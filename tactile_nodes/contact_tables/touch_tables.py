@@ -1,13 +1,13 @@
-"""Contacts of bodies with a gel by name: what presses and how, and the tables of those solved before or now.
+"""Contacts of bodies with a gel, by name: what presses and how, and their solved tables.
 
 A contact is named by a family ('ring'), a mesh (STL, OBJ, PLY in millimetres), heights (NPY: a square of millimetres,
-0.1 mm apart), or a YAML file that says more::
+0.1 mm apart), or a YAML file with more entries::
 
     body: gripper_pad.stl        # or a family, or heights; or a list of {body: ring, at_mm: [3.0, 0.0], raised_mm: 0.1}
     tilt_deg: [0.0, 2.0]         # about x, then about y
     force_n: 2.0                 # or depth_mm: 0.5
     drag_mm: 0.6
-    drag_deg: 0.0                # where it is dragged to, from x towards y
+    drag_deg: 0.0                # direction of the drag, from x towards y
     twist_deg: 10.0
     friction: 0.6
 """
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     from tactile_nodes.simulation.touch.track import Way
 
 CELLS, CELL_MM = 120, 0.4
-"""Of the layer that contacts are solved on: 48 mm, after which it repeats."""
+"""Cells of the layer that contacts are solved on: 48 mm, after which the layer repeats."""
 
 USUAL = 'ring', 'edge', 'two'
 USUAL_MM2 = 18.0
-"""What a live scene shows among presses, and how hard it presses over the shear modulus."""
+"""The contacts that a live scene shows among presses, and their force over the shear modulus."""
 
 BOUNDS = {
     'tilt_deg': (-180.0, 180.0),
@@ -57,7 +57,7 @@ Tell = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Contact:
-    """What presses, and how. Angles in degrees; a depth takes the place of the force."""
+    """What presses, and how. Angles in degrees; a depth replaces the force."""
 
     body: object
     tilt_deg: tuple[float, float] = (0.0, 0.0)
@@ -76,18 +76,18 @@ class Contact:
 
     @classmethod
     def named(cls, name: str) -> Contact:
-        """By a family, a mesh, heights, or a YAML file.
+        """A contact by a family, a mesh, heights, or a YAML file.
 
         Raises:
-            ConfigurationError: there is no such file, or it says something that is not known.
+            ConfigurationError: there is no such file, or it holds an unknown entry.
         """
         return _described(Path(name)) if name.endswith(('.yaml', '.yml')) else cls(name)
 
 
 def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> TouchTable:
-    """The table of a contact with a gel: shipped, or kept in the cache, or solved and kept now.
+    """The table of a contact with a gel: shipped with the package, from the cache, or solved now and then cached.
 
-    A solution takes some ten seconds; `tell` hears how many stages of how many are done.
+    A solution takes some ten seconds. `tell` is called with the number of stages done and of all stages.
 
     Raises:
         ConfigurationError: the contact is unknown or cannot be solved.
@@ -105,7 +105,7 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> Touc
 
 
 def ready_contacts(gel: Gel) -> dict[str, TouchTable]:
-    """Those of the usual contacts of a live scene that fit on the gel and need not be solved first, of 18 mm² times the
+    """The usual contacts of a live scene that fit on the gel and are already solved, with a force of 18 mm² times the
     gel's modulus."""
     usual = ((name, usual_contact(gel, name)) for name in USUAL if _width_mm(body_of(name)) <= min(gel.sides_mm))
     found = ((name, known_table(_problem(gel, contact).key)) for name, contact in usual)
@@ -113,7 +113,7 @@ def ready_contacts(gel: Gel) -> dict[str, TouchTable]:
 
 
 def usual_contact(gel: Gel, name: str) -> Contact:
-    """As it ships: as hard as 2 N on the paper's gel, so that all gels of its thickness share it."""
+    """The shipped contact: 2 N on the paper's gel, scaled by the modulus, so that gels of its thickness share it."""
     return Contact(name, force_n=USUAL_MM2 * gel.shear_modulus_mpa)
 
 
@@ -137,8 +137,8 @@ def _problem(gel: Gel, contact: Contact) -> _Problem:
     layer, body = Layer(CELLS, CELL_MM, gel.layer_mm), body_of(contact.body, contact.tilt_deg)
     if _width_mm(body) > (narrow_mm := min(gel.sides_mm)):
         raise ConfigurationError(
-            f'{body.name} is {_width_mm(body):.0f} mm wide about its origin, and the gel {narrow_mm:g} mm; give a '
-            'smaller body, or place it nearer'
+            f'{body.name} is {_width_mm(body):.0f} mm wide about its origin, but the gel only {narrow_mm:g} mm; give a '
+            'smaller body, or place it nearer to the middle'
         )
     way = _way(contact, gel)
     return _Problem(layer, body, way, table_key(track_key(layer, body, way), gel))
@@ -151,13 +151,13 @@ def table_key(track: str, gel: Gel) -> str:
 
 
 def known_table(key: str) -> TouchTable | None:
-    """The table of a key, if it ships or was kept in the cache."""
+    """The table of a key, if it is shipped or in the cache."""
     folders = paths.share_directory() / 'config' / 'touches', paths.cache_directory() / 'touches'
     return next((table for folder in folders if (table := _read(folder / f'{key}.npz')) is not None), None)
 
 
 def write_table(file: Path, table: TouchTable) -> None:
-    """Keep a table; another process that writes the same at the same time does no harm."""
+    """Write a table; it is safe if another process writes the same one at the same time."""
     file.parent.mkdir(parents=True, exist_ok=True)
     draft = file.with_name(f'{file.stem}.{os.getpid()}.part.npz')
     np.savez_compressed(draft, allow_pickle=False, **table.to_arrays())
@@ -188,7 +188,7 @@ def _way(contact: Contact, gel: Gel) -> Way:
 
 
 def _described(file: Path) -> Contact:
-    """A contact that a YAML file describes."""
+    """The contact that a YAML file describes."""
     import yaml
 
     try:
@@ -197,7 +197,7 @@ def _described(file: Path) -> Contact:
         told = in_a_line(getattr(error, 'strerror', None) or error)
         raise ConfigurationError(f'cannot read the contact {file} ({told}); check it') from error
     if not isinstance(said, dict) or 'body' not in said:
-        raise ConfigurationError(f'{file} describes no contact: it needs at least: body: ring')
+        raise ConfigurationError(f'{file} does not describe a contact; it needs at least an entry like: body: ring')
     known = {each.name: each.default for each in fields(Contact)}
     for name, value in said.items():
         if name not in known:
@@ -212,7 +212,7 @@ def _described(file: Path) -> Contact:
 
 
 def _beside(folder: Path, body: object) -> object:
-    """Files of bodies are looked for beside the description."""
+    """Look for the files of bodies beside the description."""
     if isinstance(body, list):
         return [
             {**each, 'body': _beside(folder, each.get('body'))} if isinstance(each, dict) else each for each in body

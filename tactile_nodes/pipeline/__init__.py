@@ -1,1 +1,1 @@
-"""A picture's way: from the camera's message to the message of its force, as nodes, tests and benches feed it."""
+"""The processing of one image, from the camera's message to its force message; used by nodes, tests and benchmarks."""

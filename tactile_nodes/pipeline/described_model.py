@@ -1,4 +1,4 @@
-"""A model that reads pictures of a described sensor has to be one of that sensor."""
+"""Checks that a model belongs to the described sensor whose images it reads."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from tactile_nodes.sensors.writing import values_of
 
 
 def require_of_sensor(ready: Ready, sensor: str) -> None:
-    """Refuse a model of another sensor than the one that is described; `sensor` is its name or file, or empty.
+    """Refuse a model of another sensor; `sensor` is the name or file of the description, or empty.
 
     Raises:
         ConfigurationError: there is no such description.
-        ModelError: pictures are cut to another size than the model reads, or it follows from another description of
-            another name. (One of the same name may have been changed a little since, by a calibration say.)
+        ModelError: the images are cropped to another size than the model reads, or the model was made from a
+            description of another name. (A description of the same name may have changed a little since, for example
+            by a calibration.)
     """
     if not sensor:
         return
@@ -31,14 +32,14 @@ def require_of_sensor(ready: Ready, sensor: str) -> None:
     if size == reads and not other:
         return
     why = (
-        f'it follows from {card["name"]}'
+        f'it was made from the description {card["name"]}'
         if size == reads
-        else f'it reads pictures of {_size(reads)}, and this sensor gives {_size(size)}'
+        else f'it reads images of {_size(reads)}, and this sensor gives {_size(size)}'
     )
     made = f'{Path(sensor).stem}.safetensors'
     command = shlex.join(['tactile', 'calibrate', '--sensor', sensor, '--model', 'field', '-o', made])
     raise ModelError(
-        f'model {ready.name} is not one of sensor {sensor}: {why}; make one with `{command}` and start with '
+        f'model {ready.name} does not belong to sensor {sensor}: {why}; make one with `{command}` and start with '
         f'model:={shlex.quote(made)}'
     )
 

@@ -1,4 +1,4 @@
-"""Between the drift monitor and the bus: what the calibration looked like, which forces count, what a verdict tells."""
+"""Data of the drift monitor: the rest image of the calibration, the forces that count, the messages of a verdict."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
 
 LEAD_S = 0.5
-"""A worse verdict holds for images from so much later on, so that it reaches the force estimator before them."""
+"""A worse verdict holds from this much later on, so that it reaches the force estimator before those images do."""
 
 FORCE = types.ForceDistribution
 EXPLAINED = (
@@ -34,14 +34,14 @@ EXPLAINED = (
     | FORCE.REASON_BEGINNING
     | FORCE.REASON_UNCALIBRATED
 )
-"""What the monitor itself says of a force, or what is to be found out; any other reason makes a frame useless to it."""
+"""Reasons that the monitor sets itself or has to detect. With any other reason it ignores the frame."""
 
 FRAMES = 16
 FILE, GEL, FIRST = 'the rest image in the model file', 'the simulated gel of the model', 'the first rest image'
 
 
 class Calibrated:
-    """Puts together what the force estimator says of its model and what a model's card says of its gel.
+    """Combines what the force estimator reports of its model with what the model's card says of its gel.
 
     Raises:
         ModelError: there is no such model.
@@ -58,32 +58,32 @@ class Calibrated:
         self._shown: tuple[str, np.ndarray] | None = None
 
     def use_model(self, message: types.Provenance) -> None:
-        """Take which model is in use from now on."""
+        """Set the model in use from now on."""
         self.model_id, self._used_gel = message.model_id, message.gel
 
     def use_picture(self, message: types.Image) -> None:
-        """Take the rest image of a model file, or that it holds none."""
+        """Set the rest image of the model file; the message is empty if the file holds none."""
         self._shown = message.header.frame_id, np.array(conversions.image_array(message))
 
     @property
     def complete(self) -> bool:
-        """Whether both are known, and of the same model."""
+        """Whether model and rest image are known and belong together."""
         return self._shown is not None and self._shown[0] == self.model_id
 
     @property
     def is_calibrated(self) -> bool:
-        """False of a model that follows from a description alone."""
+        """False for a model that was made from a description alone."""
         return self.model_id != self._described_id
 
     @property
     def origin(self) -> str:
-        """Which picture is compared with, in words."""
+        """Where the image for the comparison comes from, in words."""
         if self.complete and self._shown is not None and self._shown[1].size:
             return FILE
         return GEL if self._gel is not None and self._used_gel == self._own_gel else FIRST
 
     def picture(self) -> UInt8[np.ndarray, 'h w'] | None:
-        """The rest image of the calibration; None where there is none, and the first one has to stand in."""
+        """The rest image of the calibration; None if there is none, so that the first rest image stands in for it."""
         if self.origin == FILE:
             assert self._shown is not None
             return self._shown[1]
@@ -91,7 +91,7 @@ class Calibrated:
 
 
 def limits_of(loaded: LoadedModel) -> Limits:
-    """From where on a calibration of a model is ageing and invalid."""
+    """The limits from which on the calibration of a model is ageing or invalid."""
     readout = loaded.model.readout
     witnessed = isinstance(readout, NetworkReadout) and readout.witness is not None
     return Limits.of_flow(loaded.flow[0], witnessed=witnessed)
@@ -103,23 +103,23 @@ def usable(force: types.ForceDistribution) -> bool:
 
 
 class Told:
-    """From which stamp on a verdict holds, beside the one that was told before.
+    """The stamp from which on a verdict holds, given the verdict published before it.
 
-    On a new rest image it holds from that image on, and so does a better one: what little of it comes late is told less
-    well than it is. A worse one holds `LEAD_S` later.
+    A verdict on a new rest image holds from that image on. So does a better verdict: the few forces that it reaches
+    late are rated worse than they are. A worse verdict holds `LEAD_S` later.
     """
 
     def __init__(self) -> None:
         self._level = Level.VALID
 
     def holds_from_ns(self, verdict: Verdict, at_ns: int, *, of_rest: bool) -> int:
-        """For a verdict that rests on an image of a stamp."""
+        """The stamp for a verdict based on the image of `at_ns`."""
         better, self._level = verdict.level < self._level, verdict.level
         return at_ns if of_rest or better else at_ns + round(LEAD_S * NS_PER_S)
 
 
 def kept_in(gels: GelList, state: types.CalibrationState) -> bool:
-    """Keep in the list of the lab's gels what a state says of a calibration; whether the list has that one.
+    """Store the state of a calibration in the lab's gel list; returns whether the list holds that calibration.
 
     Raises:
         ConfigurationError: the list cannot be used.
@@ -133,7 +133,7 @@ def kept_in(gels: GelList, state: types.CalibrationState) -> bool:
 def state_message(
     verdict: Verdict, at_ns: int, from_ns: int, calibrated: Calibrated, reference_id: str
 ) -> types.CalibrationState:
-    """What a verdict tells that rests on an image of a stamp, and holds from another one on."""
+    """The message of a verdict, with the stamp of the image it is based on and the stamp from which on it holds."""
     return types.CalibrationState(
         header=conversions.header(at_ns, ''),
         valid_from=time_from_ns(from_ns),
@@ -145,17 +145,17 @@ def state_message(
 
 
 def _simulated_gel(loaded: LoadedModel) -> tuple[Gel, int] | None:
-    """The gel that a model was trained on and the side of its images, if its card describes a simulated one."""
+    """The gel that a model was trained on and the side of its images [px], if its card describes a simulated gel."""
     described = {name: value for name, value in loaded.card['gel'].items() if name != 'id'}
     if not described:
         return None
     try:
         return Gel.from_mapping(described, 'the card of the model'), loaded.image_size[0]
-    except ConfigurationError:  # a real gel, described in its own words
+    except ConfigurationError:  # a real gel, described in other words
         return None
 
 
 def rest_picture(gel: Gel, side_px: int) -> UInt8[np.ndarray, 'side side']:
-    """A simulated gel at rest: the mean of 16 frames. Nothing presses, so any contact table serves."""
+    """A simulated gel at rest: the mean of 16 frames. Nothing presses, so any contact table will do."""
     optics = Optics(gel, contact_table(Gel()))
     return average([centre_crop(optics.render((), number), side_px, side_px) for number in range(FRAMES)])

@@ -1,4 +1,4 @@
-"""The model in use: features in, a force message out; and how another model takes its place between two frames."""
+"""The model in use: features in, a force message out. Another model can replace it between two frames."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from tactile_nodes.sensing.explain.reading import Acting
 from tactile_nodes.sensing.judge.stamped import ByStamp
 
 MOST_EARLIER = 16
-"""Models to go back to that stay in memory; further back by what the cards of the files say."""
+"""Earlier models that stay in memory. Older ones are found by the cards of the files."""
 
 
 class Estimating:
-    """Answers features with forces by the model in use: explain, judge, tell.
+    """Turns features into forces with the model in use: explain, judge, write the message.
 
-    `prepared` and `previous` may be called from any thread. Every model that it uses computes by `compiled` loops, or
-    by numpy.
+    `prepared` and `previous` may be called from any thread. All its models compute with compiled loops if `compiled`
+    is set, else with NumPy.
 
     Raises:
-        ModelError: there is no such model, or it is not one of the described `sensor`, if one is named.
+        ModelError: there is no such model, or it does not belong to `sensor`, if a sensor is named.
     """
 
     def __init__(self, name: str, *, sensor: str = '', compiled: bool = False) -> None:
@@ -44,42 +44,42 @@ class Estimating:
         self._from = self.now.provenance
 
     def prepared(self, name: str) -> Ready:
-        """A model that can take over.
+        """Load a model that can replace the one in use.
 
         Raises:
-            ModelError: there is no such model, it needs other features than come in, or it is of another sensor.
+            ModelError: there is no such model, it needs other features than those received, or it is of another sensor.
         """
         ready, last = Ready.read(name, self._compiled), self._last
         known = self.now.inputs if last is None else Inputs.of_message(last)
         if ready.inputs != known:
             raise ModelError(
-                f'model {name} needs other features than come in: {ready.inputs.unlike(known)}; choose a model of '
-                'features that do, or start flow features and force estimator with that one'
+                f'model {name} needs other features than flow_features publishes: {ready.inputs.unlike(known)}; choose '
+                'a model for these features, or start both flow_features and force_estimator with this model'
             )
         require_of_sensor(ready, self._sensor)
         return ready
 
     def misfit(self) -> str:
-        """Why pictures as they come in give no force, and what to do; empty: they do, or none have come."""
+        """Why the images received give no force, and what to do; empty if they do, or if none was received yet."""
         needs, last = self.now.inputs, self._last
         if last is None or (last.image_width, last.image_height) == needs.image_size:
             return ''
         return (
-            f'they have {Inputs.of_message(last).pixels}, and model {self.now.file.stem} was trained on '
+            f'they have {Inputs.of_message(last).pixels}, but model {self.now.file.stem} was trained on '
             f'{needs.pixels}; set the crop of camera or flow_features, or choose a model of that size'
         )
 
     def previous(self) -> Ready:
-        """The model in use before this one; after a restart the one whose place this one took, as its card says.
+        """The model in use before this one. After a restart it is the model that the card names as the one before.
 
         Raises:
-            ModelError: there was none, or it is there no more.
+            ModelError: there was none, or it no longer exists.
         """
         self._back = self._earlier[-1] if self._earlier else self._replaced()
         return self._back
 
     def take(self, ready: Ready) -> None:
-        """From the next frame on with this model."""
+        """Use this model from the next frame on."""
         if ready is not self._back:
             self._earlier.append(self.now)
         elif self._earlier:
@@ -95,10 +95,10 @@ class Estimating:
         least_confidence: float,
         age_s: float,
     ) -> types.ForceDistribution:
-        """The force of one frame, whose features were published `age_s` ago.
+        """The force of one frame whose features were published `age_s` ago.
 
         Raises:
-            ModelError, MessageError: the features are none that the model can read.
+            ModelError, MessageError: the model cannot read these features.
         """
         self._last, start_ns = features, perf_ns()
         found = self.now.explain(features)
@@ -114,11 +114,11 @@ class Estimating:
 
     @property
     def calibration(self) -> ByStamp[int]:
-        """The reasons that the state of the calibration adds, by stamp."""
+        """Reasons added by the state of the calibration, by stamp."""
         return self._memory.calibration
 
     def field(self, force: types.ForceDistribution) -> types.ForceField | None:
-        """The fine maps beside the force that was answered last, empty where it is none; None of a model without."""
+        """The fine maps of the last force: empty if there was no force, None for a model without fine maps."""
         model = self.now.loaded.model
         if not isinstance(model.readout, FieldReadout):
             return None
@@ -126,7 +126,7 @@ class Estimating:
         return conversions.field_message(field, model.bins, force)
 
     def _provenance_of(self, reference_id: str) -> types.Provenance:
-        """Made anew where model or rest image are others than those of the frame before."""
+        """Made anew if the model or the rest image differs from that of the frame before."""
         if (self._from.model_id, self._from.reference_id) != (self.now.provenance.model_id, reference_id):
             self._from = replace(self.now.provenance, reference_id=reference_id)  # type: ignore[type-var]
         return self._from
@@ -135,12 +135,12 @@ class Estimating:
         card, file = self.now.loaded.card, self.now.file
         old = card.get('replaces') or card.get('source') or {}
         if not (name := str(old.get('model', ''))):
-            raise ModelError(f'{file.name} took the place of no other model, so there is nothing to return to')
+            raise ModelError(f'{file.name} did not replace another model, so there is no model to return to')
         beside = file.parent / name
         ready = self.prepared(str(beside) if is_file(beside) else name)
         if ready.loaded.model_id != old['model_id']:
             raise ModelError(
-                f'{file.name} took the place of model {old["model_id"]}, and {name} is {ready.loaded.model_id} now; '
-                'set the parameter model to the file that is meant'
+                f'{file.name} replaced model {old["model_id"]}, but {name} now holds {ready.loaded.model_id}; '
+                'set the parameter model to the file that you want'
             )
         return ready

@@ -1,6 +1,6 @@
-"""From the camera's frames to the messages that the force estimator reads: all that is remembered between frames.
+"""From camera frames to the messages that the force estimator reads, with all state that is kept between frames.
 
-Who feeds it, a node, a test or a bench, gets what the node publishes.
+Nodes, tests and benchmarks that use it get what the node publishes.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from tactile_nodes.sensing.rest.renewal import RenewalOptions
 
 FORCE = types.ForceDistribution
 ANOTHER_TIME_S = 60.0
-"""Stamps further away than this are not of this time base, and say nothing of a frame's age."""
+"""Stamps further from now than this belong to another time base, so that no age of the frame follows from them."""
 
 DENTED = (
-    'the rest image was taken while something touched the gel that has let go since; leave the gel untouched until it '
-    'is taken anew, or call capture_reference'
+    'something touched the gel when the rest image was captured; leave the gel untouched until the rest image is '
+    'renewed, or call capture_reference'
 )
 
 
@@ -54,26 +54,26 @@ class FollowingParams:
 
     READ_ONLY: ClassVar[bool] = True
 
-    model: str = parameter('fast', 'model whose flow and features are used: name of one that ships, or a file')
+    model: str = parameter('fast', 'model whose flow method and features are used: name of a shipped model, or a file')
     reference_frames: int = parameter(10, 'frames averaged into a captured rest image', minimum=1)
     marked_share: float = parameter(
-        0.1, 'share of regions that must show a pattern in a rest image', minimum=0.0, maximum=1.0
+        0.1, 'share of the regions of a rest image that must show a pattern', minimum=0.0, maximum=1.0
     )
     stillness: StillnessParams = field(default_factory=StillnessParams)
     registration: RegistrationParams = field(default_factory=RegistrationParams)
     renew: bool = parameter(
-        True, 'take the rest image anew, while nothing touches, when light or sharpness have changed', read_only=True
+        True, 'renew the rest image while nothing touches, after light or sharpness changed', read_only=True
     )
     renew_after_s: float = parameter(
-        60.0, 'time after which slow changes renew the rest image, while nothing touches', minimum=1.0, read_only=True
+        60.0, 'time after which slow changes renew the rest image while nothing touches', minimum=1.0, read_only=True
     )
-    stale_after_s: float = parameter(0.2, 'age from which a frame is called stale', minimum=0.001)
+    stale_after_s: float = parameter(0.2, 'age from which on a frame is reported as stale', minimum=0.001)
 
 
 class Following:
-    """Answers each frame with a message of features: mend, measure, judge, keep, tell; each sees a frame once.
+    """Turns each frame into a message of features. The stages are mend, measure, judge, keep and tell, each run once.
 
-    It computes by `compiled` loops, or by numpy. `renewed`: the rest image in use came into use by itself.
+    It computes with compiled loops if `compiled` is set, else with NumPy.
     """
 
     def __init__(self, params: FollowingParams, *, compiled: bool = False) -> None:
@@ -96,18 +96,18 @@ class Following:
 
     @property
     def trouble(self) -> str:
-        """Why frames are not measured, or beside a rest image of no use; empty while all is well."""
+        """Why frames are not measured, or are measured against a bad rest image; empty while all is well."""
         moved = self.memory.measure.registration
         return self._trouble or self.memory.rest.trouble or (DENTED if moved and moved.dent.dented else '')
 
     @property
     def renewed(self) -> bool:
-        """Whether the rest image in use was taken by itself."""
+        """Whether the rest image in use came from a renewal."""
         return (rest := self.memory.rest.in_use) is not None and rest.renewed
 
     @property
     def doubtful(self) -> bool:
-        """Whether the rest image in use was taken of a picture that never came to rest."""
+        """Whether the rest image in use was captured from images that never came to rest."""
         return (rest := self.memory.rest.in_use) is not None and rest.unsteady
 
     @property
@@ -120,20 +120,20 @@ class Following:
         return '' if (rest := self.memory.rest.in_use) is None else rest.prepared.reference_id
 
     def begin_capture(self, skip: int = 0) -> None:
-        """Make a rest image of the next images that show anything, after leaving out `skip` of all kinds."""
+        """Start a capture: skip the next `skip` images of any kind, then average usable ones into a rest image."""
         self.memory.rest.begin_capture(skip)
 
     def use_reference(self, image: UInt8[np.ndarray, 'h w'], head: types.Header) -> None:
         """Measure against this rest image from now on.
 
         Raises:
-            ImageError: nothing can be measured against it; the one before stays in use.
+            ImageError: nothing can be measured against it; the previous rest image stays in use.
         """
         self._begin(given(self.memory.rest, image, stamp_ns(head.stamp)), head)
         self._trouble = ''
 
     def announced(self) -> types.Image | None:
-        """The rest image that came into use since this was asked last, if one did: to be published."""
+        """The rest image to publish, if another one came into use since the last call."""
         message, self._announced = self._announced, None
         return message
 
@@ -179,10 +179,10 @@ class Following:
         return tell(frame, self._method, self.reference_id, self._nothing, stages)
 
     def overlay(self) -> UInt8[np.ndarray, 'h w 3']:
-        """A picture of the last frame's motion.
+        """An image of the last frame's motion.
 
         Raises:
-            ImageError: none has been measured yet.
+            ImageError: no frame has been measured yet.
         """
         if self._last is None or self._last.motion is None:
             raise ImageError('no frame has been measured yet; is the camera running?')
@@ -196,15 +196,15 @@ class Following:
 
 
 def _other_size(frame: Frame, rest: RestInUse) -> str:
-    """What to do about a picture of another size than the rest image."""
+    """What to do about an image of another size than the rest image."""
     (height, width), (known_height, known_width) = frame.image.shape, rest.prepared.image.shape
     return (
-        f'an image of {width}x{height} pixels came, and the rest image has {known_width}x{known_height}; '
+        f'the image has {width}x{height} pixels, but the rest image has {known_width}x{known_height}; '
         'set camera and crop as they were, or capture the rest image again'
     )
 
 
 def _age_s(acquire_s: float, waited_s: float) -> float:
-    """From capture until now; NaN where the stamps are of another time base, as those of an old recording."""
+    """Time from capture until now; NaN if the stamps are of another time base, as in an old recording."""
     age_s = acquire_s + waited_s
     return math.nan if abs(age_s) > ANOTHER_TIME_S else age_s

@@ -1,4 +1,4 @@
-"""One picture on its way from the camera's message to the message of its features."""
+"""One image with what each processing stage found in it."""
 
 from __future__ import annotations
 
@@ -16,14 +16,17 @@ from tactile_nodes.sensing.picture.stillness import Stillness
 
 @dataclass(slots=True)
 class Frame:
-    """What came, and what each stage has found of it so far.
+    """The received image, and what each stage has found so far.
 
-    `image` has its dead pixels filled in from `mend` on; `level` is its mean grey. `reasons` are what speaks against
-    its force, as in a `ForceDistribution`. `registration` is what is known of the whole picture's motion. From
-    `measure`: `straight` is the image where the rest image has it, `seen` how still it is, if that was looked at,
-    `still` whether it was not measured for that, `banded` whether bands were taken out, and `motion` what moved, found
-    at `found_ns`. From `judge`: `changed` and `blurred` say that it is another picture than the rest image, `odd` that
-    it may be so by dead pixels, `as_before` that it is again as at the capture.
+    `image` has its dead pixels filled in from `mend` on. `level` is its mean grey value. `reasons` are the reasons to
+    doubt its force, as in a `ForceDistribution`. `registration` is the motion of the whole image.
+
+    Set by `measure`: `straight` is the image registered to the rest image. `seen` is the result of the stillness check,
+    if it ran. `still` says that the frame was not measured because nothing moved. `banded` says that bands were
+    removed. `motion` is what moved, found at `found_ns`.
+
+    Set by `judge`: `changed` and `blurred` say that the image differs from the rest image, `odd` that dead pixels may
+    be the cause, and `as_before` that it looks again as at the capture.
     """
 
     image: UInt8[np.ndarray, 'h w']

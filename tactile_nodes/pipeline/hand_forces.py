@@ -1,4 +1,4 @@
-"""From the forces of a hand's sensors to the sum of those that were captured together; fed by hand, reads no clock."""
+"""Sums the forces of a hand's sensors that were captured together. It reads no clock."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from tactile_nodes.sensing.grasp import grasp_margin, moved_wrench
 from tactile_nodes.sensors import Hand, HandSensor
 
 PATIENCE = 3
-"""Frames that one sensor may be behind another, live: forces are late by one or two on a busy machine."""
+"""Frames by which one sensor may lag another, live: on a busy machine forces are one or two frames late."""
 REPLAYED = 600
-"""The same in a replay, where one may run ahead: ten seconds at 60 a second."""
+"""The same in a replay, where one sensor may run ahead: ten seconds at 60 frames a second."""
 _UNKNOWN = types.Vector3(x=math.nan, y=math.nan, z=math.nan)
 
 
 class HandForces:
-    """Sums forces that were captured within a frame time: a sum waits for all sensors, of which some may be late.
+    """Sums forces that were captured within one frame time. A sum waits for late sensors.
 
-    For one that says nothing while another is more than `patience` frames ahead sums wait no longer, until it speaks
-    again. So what is summed does not depend on who is ahead. `last_ns` are the stamps of the last pictures of a
-    recording: for a sensor that has answered its last, or has none, nothing waits.
+    If a sensor is silent while another is more than `patience` frames ahead, sums no longer wait for it until it
+    publishes again. So the sums do not depend on which sensor is ahead. `last_ns` are the stamps of each sensor's last
+    image in a recording: no sum waits for a sensor whose recording has ended or is empty.
     """
 
     def __init__(self, hand: Hand, patience: int = PATIENCE, last_ns: Mapping[str, int] | None = None) -> None:
@@ -40,12 +40,12 @@ class HandForces:
         self._newest_ns = 0
 
     def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
-        """A force of the sensor `name`; the sums that are due by it, mostly one or none."""
+        """Add a force of the sensor `name`; returns the sums that are now complete, mostly one or none."""
         at_ns = stamp_ns(force.header.stamp)
         self._silent.discard(name)
         if self._has_ended(name, at_ns):
             self._silent.add(name)
-        if at_ns > self._newest_ns - self._frame_ns:  # else what was captured with it has been summed long ago
+        if at_ns > self._newest_ns - self._frame_ns:  # else the forces captured with it were summed long ago
             self._waiting[name].append(force)
         due = []
         while self._is_due():
@@ -53,7 +53,7 @@ class HandForces:
         return due
 
     def _has_ended(self, name: str, at_ns: int) -> bool:
-        """Whether a sensor says nothing more, by a recording, after what it said of a picture of that time."""
+        """Whether the recording of a sensor ends with the image of that stamp."""
         return self._last_ns is not None and at_ns >= self._last_ns[name]
 
     def _is_due(self) -> bool:
@@ -73,7 +73,7 @@ class HandForces:
 
 
 def summed(hand: Hand, forces: dict[str, types.ForceDistribution], at_ns: int) -> types.HandWrench:
-    """The sum of the forces of a hand's sensors, by name; errors of different sensors are independent."""
+    """The sum of the forces of a hand's sensors, by name. Errors of different sensors count as independent."""
     known = {each.name: _in_hand(each, forces[each.name]) for each in hand.sensors if _is_known(forces.get(each.name))}
     margins = [
         margin
@@ -127,9 +127,9 @@ def _margins(sensor: HandSensor, force: types.ForceDistribution, friction: float
 
 
 def _shear(contact: types.Contact, force: types.ForceDistribution) -> tuple[float, float]:
-    """What drags at a contact, and its standard deviation; of one that was read as a tip that only presses, nothing.
+    """The shear force of a contact and its standard deviation; zero for a contact read as the normal press of a tip.
 
-    How sure that is, the wrench tells: no contact is dragged by more than all of them are.
+    The standard deviation then comes from the wrench: no contact bears more shear than all of them together.
     """
     if math.isnan(contact.shear_x) and force.explanation == force.EXPLANATION_TIPS and force.wrench_covariance[0] >= 0:
         return 0.0, math.sqrt(max(float(force.wrench_covariance[0]), float(force.wrench_covariance[7])))
@@ -137,7 +137,7 @@ def _shear(contact: types.Contact, force: types.ForceDistribution) -> tuple[floa
 
 
 def _order(margin: types.GraspMargin) -> tuple[float, float]:
-    """The least margin first; where none is known, the largest share that slips already."""
+    """Sort key: the least margin first; if no margin is known, the largest share that already slips."""
     unknown = math.isnan(margin.margin)
     slips = 0.0 if math.isnan(margin.slip_share) else margin.slip_share
     return (math.inf if unknown else margin.margin, -slips)

@@ -1,4 +1,4 @@
-"""Then: what there is to say of the picture beside its motion, that its force may be doubted for."""
+"""The stage after `measure`: checks of the image, apart from its motion, that give reasons to doubt its force."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from tactile_nodes.sensing.rest.in_use import RestInUse
 
 FORCE = types.ForceDistribution
 GROWN_PX = 0.15
-"""What no camera magnified: a gel that swells by 0.1 mm moves the rim by 0.3 px, and is read wrong."""
+"""Growth of the image that no zoom explains: a gel that swells by 0.1 mm moves the rim by 0.3 px and is read wrong."""
 
 LOOK_EVERY, NO_TOUCH = 4, 40.0
-"""Of frames that are not at rest one in so many is looked at more closely, and believed where no more than 25 mN touch
-(motion in units of what noise makes of it)."""
+"""Of the frames that are not at rest, one in `LOOK_EVERY` is checked more closely. The check counts up to a motion of
+`NO_TOUCH`, about 25 mN (in units of the motion that noise causes)."""
 
 MOST_LIGHT_SHARE = 0.05
-"""A dense search takes light for motion: where any block of the picture is brighter or darker by more, it is off."""
+"""A dense search mistakes light for motion: it is off if any block of the image is brighter or darker by more."""
 
 MOST_NOISE = 1.3
-"""What is left of the middle of the picture, beside motion and light, over what the captured rest image leaves: at rest
-within 2 %. JPEG of quality 90 leaves 1.34, a blur of 0.5 px 2.6, one stuck pixel of a thousand 3.3."""
+"""Residual of the middle of the image after motion and light, over the residual at the capture: within 2 % of 1 at
+rest. JPEG of quality 90 gives 1.34, a blur of 0.5 px 2.6, one stuck pixel in a thousand 3.3."""
 
 BEYOND_NOISE = 4.5
-"""So many times as much is another picture: noise of four times leaves 3.7, of eight 7.1, JPEG of quality 30 leaves 5.0
-and is read 4 % short by half-size patches, which find it hardly less sharp."""
+"""From this ratio on the image counts as another one. Four times the noise gives 3.7, eight times 7.1. JPEG of quality
+30 gives 5.0; half-size patches then read 4 % too little, although they find the image hardly less sharp."""
 
 MOST_DEAD = 0.01
-"""Share of the pixels from which a picture with dead ones filled in is another: of 5 % a frame is up to 1.8 times as
-wrong, of 2 % 1.6 times."""
+"""Share of dead, filled-in pixels from which on the image counts as another one: with 5 % the error is up to 1.8 times
+as large, with 2 % 1.6 times."""
 
 
 class JudgeMemory:
-    """What `judge` remembers of the frames that it looked at more closely.
+    """The state of `judge`: what it found in the frames that it checked more closely.
 
-    `told` are the reasons that it found, `noise_grey` the noise of a pixel that is usual, `odd` whether the picture may
-    be another one by dead pixels, `gone` whether a part of it is another, `soft` whether it was less sharp than at the
-    capture, and `unlooked` how many frames not at rest came since.
+    `told` are the reasons found. `noise_grey` is the usual noise of a pixel. `odd` says that dead pixels may have
+    changed the image, `gone` that a part of it changed, `soft` that it was less sharp than at the capture. `unlooked`
+    counts the frames not at rest since the last check.
     """
 
     def __init__(self) -> None:
@@ -47,14 +47,14 @@ class JudgeMemory:
         self.odd = self.gone = self.soft = False
 
     def begin(self, rest: RestInUse) -> None:
-        """Compare with this rest image from now on."""
+        """Compare against this rest image from now on."""
         if not rest.renewed:
             self.told, self.noise_grey = 0, rest.noise_grey
             self.odd = self.gone = self.soft = False
 
 
 def judge(memory: JudgeMemory, rest: RestInUse, frame: Frame, guessed: int) -> None:
-    """Add what there is to say of a frame that was measured, of which `guessed` pixels are filled in."""
+    """Add reasons to a measured frame; `guessed` of its pixels are filled in."""
     frame.reasons |= _of_motion(rest, frame)
     if not frame.still or memory.told & FORCE.REASON_BLURRED:  # a little blur leaves frames still
         frame.reasons |= _of_picture(memory, rest, frame)
@@ -66,12 +66,15 @@ def judge(memory: JudgeMemory, rest: RestInUse, frame: Frame, guessed: int) -> N
 
 
 def apart(rest: RestInUse, registration: Registration) -> bool:
-    """Whether a dense search, whose errors depend on where pixels fall, is off since the rest image was taken."""
+    """Whether the image moved so far since the rest image that a dense search is off.
+
+    Errors of a dense search depend on the sub-pixel position.
+    """
     return rest.dense and registration.apart_px > KNOCK_PX
 
 
 def _of_motion(rest: RestInUse, frame: Frame) -> int:
-    """What there is to say of the whole picture's motion, and of the rest image by it."""
+    """Reasons that follow from the motion of the whole image, for the frame and the rest image."""
     moved = frame.registration
     if moved is None:
         return rest.unsteady * FORCE.REASON_REST_DOUBTFUL
@@ -85,7 +88,7 @@ def _of_motion(rest: RestInUse, frame: Frame) -> int:
 
 
 def _of_picture(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> int:
-    """What there is to say of the picture as a picture, beside the rest image and beside the one captured."""
+    """Reasons that follow from comparing the image with the rest image in use and with the captured one."""
     sharp = sharpness(frame.image, compiled=rest.prepared.compiled)
     level = _level(rest, frame)
     beside = rest.likeness.near(level, sharp)
@@ -98,14 +101,15 @@ def _of_picture(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> int:
 
 
 def _level(rest: RestInUse, frame: Frame) -> float:
-    """Mean grey of what the rest image shows, too: magnified by 1 % a picture without its dark rim has 2.5 % more."""
+    """Mean grey value of the part that the rest image shows too: magnified by 1 %, an image loses its dark rim and is
+    2.5 % brighter."""
     if frame.straight is None or frame.straight is frame.image:
         return frame.level
     return picture_faults(frame.straight, compiled=rest.prepared.compiled).level
 
 
 def _look_closer(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> None:
-    """What frames show of the picture beside motion: those at rest, and of the others one in so many."""
+    """Check the image apart from its motion: each frame at rest, and one in `LOOK_EVERY` of the others."""
     moved = frame.registration
     memory.odd |= moved is not None and (moved.lost or not moved.settled)
     memory.unlooked = 0 if moved is None or moved.maybe else memory.unlooked + 1
@@ -122,6 +126,6 @@ def _look_closer(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> None:
     memory.odd = seen.unexplained or noisy
     other_light = rest.dense and seen.light_share > MOST_LIGHT_SHARE
     frame.changed |= other_light
-    # What blur takes of the pattern no lamp brings back.
+    # Contrast that blur has removed does not return with more light.
     lit = other_light or (memory.gone and not memory.soft) or seen.noise_grey > BEYOND_NOISE * usual
     memory.told = lit * FORCE.REASON_LIGHT_CHANGED | noisy * FORCE.REASON_BLURRED

@@ -1,4 +1,4 @@
-"""What there is to say of a force: the reasons to doubt it, whether anything touches, how far it may be off."""
+"""The status of a force: reasons to doubt it, whether anything touches, and how far the force may be off."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from tactile_nodes.sensing.picture.quality import ContactDetector
 FORCE = types.ForceDistribution
 
 KNOWN_SHARE = 0.99
-"""Share of the known regions that undisturbed frames show at least."""
+"""Least share of the known regions that undisturbed frames show."""
 
 LEAST_CONFIDENCE = 0.85
-"""Share of the known regions that a live launch asks for (config/live.yaml)."""
+"""Share of the known regions that a live launch requires (config/live.yaml)."""
 
 LEAST_DOUBT_N = 0.05
 
 KNOCKED_SHARE = 0.1
-"""Share of the total, and of the least force called a contact, that it may be off by after a knock."""
+"""Error after a knock, as a share of the total, and of the least force that counts as a contact."""
 
 ALTERED_SHARE = {FORCE.REASON_LIGHT_CHANGED: 0.02, FORCE.REASON_BLURRED: 0.02, ALTERED: 0.15}
-"""The same of a picture of other light, of one that is less sharp or noisier, and of one that is both. A blur of 1 px
-reads 2 % too little, JPEG of quality 30, which is both, a seventh."""
+"""The same for an image with other light, for one that is less sharp or noisier, and for one that is both. A blur of
+1 px reads 2 % too little. JPEG of quality 30, which is both, reads a seventh too little."""
 
 BEGINNING_SHARE = 0.1
-"""Share of the force by which it is off where contact began within the exposure, as a standard deviation.
+"""Error of a force whose contact began within the exposure, as a share of the force (standard deviation).
 
-The picture is the mean of an exposure in which force came from nothing: by half of it to either side at most. Nothing
-in one picture tells, and frames before it do not, either; the next one does.
+The image is the mean of an exposure in which the force rose from zero, so that the error is half of it at most, to
+either side. Neither the image itself nor earlier frames show this; the next frame does.
 """
 
 
 class ForceMemory:
-    """What is remembered of the forces before: whether anything touched, and the total while nothing did.
+    """State of earlier forces: whether anything touched, and the total while nothing did.
 
-    `calibration` are the reasons that the state of the calibration adds, by stamp.
+    `calibration` are the reasons added by the state of the calibration, by stamp.
     """
 
     def __init__(self, threshold_n: float) -> None:
@@ -53,7 +53,7 @@ class ForceMemory:
 
 @dataclass(frozen=True)
 class Judged:
-    """The standard deviation of the total with all that is known of a frame, its status, and the reasons if not ok."""
+    """Standard deviation of the total with all that is known of the frame, its status, and the reasons if not ok."""
 
     sigma_n: float
     status: int
@@ -62,7 +62,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class JudgedForce:
-    """The verdict, and the contacts that are told: none while nothing touches."""
+    """The verdict, and the contacts to report: none while nothing touches."""
 
     verdict: Judged
     touching: tuple[Contact, ...]
@@ -71,7 +71,7 @@ class JudgedForce:
 def judge_force(
     memory: ForceMemory, ready: Ready, features: types.FlowFeatures, found: ForceMap, least_confidence: float
 ) -> JudgedForce:
-    """Of the force that a model found in features; fewer regions than `least_confidence` speak against it."""
+    """Judge the force that a model found; seeing a smaller share of regions than `least_confidence` is a reason."""
     reasons = int(features.reasons | ready.reasons | _reasons(ready, features, found, least_confidence))
     touching, begun_n = _contact(memory, found, reasons)
     reasons |= memory.calibration.at(stamp_ns(features.header.stamp))
@@ -91,7 +91,7 @@ def _reasons(ready: Ready, features: types.FlowFeatures, found: ForceMap, least_
 
 
 def _contact(memory: ForceMemory, found: ForceMap, reasons: int) -> tuple[bool, float]:
-    """Whether anything touches, and by how much force grew since a frame in which nothing did."""
+    """Whether anything touches, and by how much the force grew since the last frame in which nothing did."""
     before_n, memory.free_n = memory.free_n, None
     if reasons & INVALID:
         return False, 0.0
@@ -102,13 +102,13 @@ def _contact(memory: ForceMemory, found: ForceMap, reasons: int) -> tuple[bool, 
 
 
 def _touching(memory: ForceMemory, found: ForceMap) -> tuple[Contact, ...]:
-    """The strongest contact, and the others that are above the threshold."""
+    """The strongest contact, and all others above the threshold."""
     least_n = memory.contact.threshold_n
     return (found.contacts[0], *(each for each in found.contacts[1:] if each.force_n >= least_n))
 
 
 def found_reasons(found: ForceMap, least_confidence: float = LEAST_CONFIDENCE) -> int:
-    """What a force that was found says against itself: no number, too few regions seen, novelty."""
+    """Reasons from the force itself: not a number, too few regions seen, novelty."""
     faults = {
         FORCE.REASON_NOT_FINITE: not math.isfinite(found.total_n),
         FORCE.REASON_LOW_CONFIDENCE: found.confidence < least_confidence,
@@ -118,13 +118,15 @@ def found_reasons(found: ForceMap, least_confidence: float = LEAST_CONFIDENCE) -
 
 
 def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, unsure_of: int = 0) -> Judged:
-    """How far a force may be off, and so whether it is ok: within twice the model's usual error.
+    """How far a force may be off. It is ok within twice the model's usual error.
 
-    `reasons` are what is known of the frame; `begun_n` is what force began in it; `unsure_of` are further reasons for
-    which nobody can say how far off the model is. The uncertainty that the model states grows with the novelty
-    (`unlikeness`) above 1, as errors do, and with the share of the regions that are lost (what presses there is not
-    seen). What makes no difference to the status is no reason; where the model is unsure by itself the frame is
-    `UNLIKE_TRAINING`. The standard deviation is NaN where the model states none, and then any reason counts.
+    `reasons` are those of the frame. `begun_n` is the force that began in it. `unsure_of` are further reasons after
+    which the error of the model is unknown.
+
+    The model's uncertainty grows with the novelty (`unlikeness`) above 1, as errors do, and with the share of lost
+    regions, since a press there is not seen. Reasons that do not change the status are left out. If the model itself
+    is too uncertain, the frame is `UNLIKE_TRAINING`. The standard deviation is NaN if the model states none; then any
+    reason counts.
     """
     stated_n = found.total_sigma_n * (found.unlikeness if found.unlikeness > 1 else 1.0)
     at_most_n = abs(found.total_n) + LEAST_DOUBT_N
@@ -146,5 +148,5 @@ def judged(found: ForceMap, reasons: int, begun_n: float = 0.0, *, unsure_of: in
 
 
 def judged_alone(found: ForceMap) -> Judged:
-    """The same by what a force says of itself: as of an undisturbed picture."""
+    """The same from the force alone, as for an undisturbed image."""
     return judged(found, found_reasons(found))

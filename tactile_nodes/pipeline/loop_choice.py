@@ -1,4 +1,4 @@
-"""Whether a node computes by compiled loops or by numpy: chosen once, at its start."""
+"""Whether a node computes with compiled loops or with NumPy. It is decided once, at the start."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.compiling import load_compiled
 
 NEXT_TIME = (
-    'the inner loops are not compiled yet, so this run computes by numpy, in several times the time; they are compiled '
-    'beside it for the next start. To replay what is recorded now to the last digit: compiled:=false'
+    'the inner loops are not compiled yet, so this run uses NumPy and is several times slower; they are compiled in '
+    'the background for the next start. To replay a recording of this run to the last digit, use compiled:=false'
 )
 
 
 class _NotCompiledError(Exception):
-    """Somebody would have to wait for numba."""
+    """The caller would have to wait for numba."""
 
 
 def choose(asked: bool | None, say: Callable[[str], None], warn: Callable[[str], None]) -> bool:
-    """Whether a node computes by compiled loops, to be asked once, at its start.
+    """Whether a node computes with compiled loops; call it once, at the start.
 
-    What was `asked` for is done, even if numba compiles for half a minute. Where nobody asked (None) nobody waits: what
-    is not compiled yet is compiled in the background, for the next start; of what cannot be somebody is warned; and
-    both times it is numpy.
+    An explicit `asked` is obeyed, even if numba compiles for half a minute. With None nothing waits. Loops that are not
+    compiled yet are compiled in the background, for the next start; loops that cannot be compiled give a warning. In
+    both cases the node uses NumPy.
 
     Raises:
-        ConfigurationError: compiled loops are asked for, and numba cannot compile them.
+        ConfigurationError: compiled loops were asked for, but numba cannot compile them.
     """
     if asked is not None:
         if asked:
@@ -42,7 +42,7 @@ def choose(asked: bool | None, say: Callable[[str], None], warn: Callable[[str],
         _compile_in_background()
         return False
     except ConfigurationError as error:
-        warn(f'computing by numpy, which takes several times as long for a frame: {error}')
+        warn(f'computing with NumPy, which takes several times as long for a frame: {error}')
         return False
     return True
 
@@ -52,7 +52,7 @@ def _refuse(_: str) -> None:
 
 
 def _compile_in_background() -> None:
-    """In a process of its own, which a launch that ends lets finish; the thread waits for it: no zombie stays."""
+    """Compile in a separate process, which outlives the launch. A thread waits for it, so that no zombie stays."""
     command = [sys.executable, '-m', 'tactile_nodes', 'compile', '--background']
     environment = {name: value for name, value in os.environ.items() if name != 'TACTILE_LAUNCH'}
     process = subprocess.Popen(

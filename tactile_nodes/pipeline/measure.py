@@ -1,4 +1,4 @@
-"""Then: what moved beside the rest image, without the motion of the whole picture, and the features of that."""
+"""The second stage: motion against the rest image, without the motion of the whole image, and its features."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from tactile_nodes.sensing.rest.in_use import RestInUse
 from tactile_nodes.sensing.rest.prepared import PreparedRest
 
 KNOCK_ROUNDS = 3
-"""How often a frame is measured anew when the camera was knocked."""
+"""How often a frame is measured again when the camera was knocked."""
 
 
 class MeasureMemory:
-    """What `measure` remembers: how the whole picture moved, and whether bands roll over it.
+    """The state of `measure`: how the whole image moved, and whether bands roll over it.
 
-    `registration` is None where the motion of the whole picture is left in.
+    `registration` is None if the motion of the whole image is not removed.
     """
 
     def __init__(self, registration: Registration | None) -> None:
@@ -31,7 +31,7 @@ class MeasureMemory:
 
 
 def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
-    """Find what moved, and its features; a frame in which nothing does has no motion, without being measured."""
+    """Find what moved, and its features. An untouched frame gets no motion and is not measured."""
     registration = memory.registration
     _straighten(memory, rest, frame)
     assert frame.straight is not None
@@ -49,7 +49,7 @@ def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
 
 
 def _straighten(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
-    """The image where the rest image has it, and without bands while there are any."""
+    """Register the image to the rest image, and remove bands while there are any."""
     straight = memory.registration.straightened(frame.image) if memory.registration else frame.image
     frame.straight = straight
     if memory.banded:
@@ -60,7 +60,7 @@ def _straighten(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None
 def _beside_whole(
     memory: MeasureMemory, registration: Registration, rest: PreparedRest, frame: Frame
 ) -> DisplacementField:
-    """What moved beside the whole picture; measured again where that turns out to have moved since."""
+    """Motion relative to the whole image; measured again if the whole image turns out to have moved since."""
     assert frame.straight is not None
     found = rest.flow.displacement(frame.straight)
     if _bands_begin(memory, rest, frame, found):
@@ -72,13 +72,13 @@ def _beside_whole(
         frame.seen = None
         _straighten(memory, rest, frame)
         field = registration.without(rest.flow.displacement(frame.straight))
-    # A dense search takes noise for motion, and models take that for a force; patches that watch beside it do not.
+    # A dense search mistakes noise for motion, and models mistake that for a force; patches beside it do not.
     seen_at_rest = rest.check is not None and registration.watches and registration.free
     return rest.still if seen_at_rest else field
 
 
 def _bands_begin(memory: MeasureMemory, rest: PreparedRest, frame: Frame, found: DisplacementField) -> bool:
-    """Take out bands that were not there before, asked where little is found again; whether there are any."""
+    """Check for new bands if few patches are found again, and remove them; returns whether there are any."""
     if found.confidence is None or memory.banded or found.confidence.sum() >= rest.least_sure:
         return False
     assert frame.straight is not None

@@ -1,7 +1,7 @@
-"""All that is remembered from frame to frame: one value, that can be saved, gone on from, and compared.
+"""All state that is kept between frames, as one value that can be saved, restored and compared.
 
-Saved are numbers, texts, arrays and names of the classes below; what follows from them is computed again, so that
-nothing in a file is executed. Of two memories that hold the same the bytes are the same.
+A file holds numbers, texts, arrays and names of the classes below. Everything derived is computed again, and nothing
+in a file is executed. Equal states give equal bytes.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _TOLD = 'told'
 
 
 class Memory:
-    """What each stage remembers, one after another."""
+    """The state of each stage, in their order."""
 
     def __init__(self, freshness: Freshness, measure: MeasureMemory, rest: RestMemory) -> None:
         self.freshness, self.measure, self.judge, self.rest = freshness, measure, JudgeMemory(), rest
@@ -50,7 +50,7 @@ class Memory:
 
     @property
     def learned(self) -> tuple[object, ...]:
-        """What took many frames to learn: rest image, how the whole picture moved, how many pixels are dead."""
+        """What took many frames to learn: rest image, motion of the whole image, number of dead pixels."""
         moved, rest = self.measure.registration, self.rest
         return (
             rest.in_use.prepared.reference_id if rest.in_use else '',
@@ -59,29 +59,29 @@ class Memory:
         )
 
     def saved(self) -> bytes:
-        """All of it, as a safetensors file."""
+        """The whole state, as a safetensors file."""
         arrays: dict[str, np.ndarray] = {}
         parts = _taken_apart(self, 'memory', arrays)
         told = json.dumps({'measuring': self._measuring, 'memory': parts}).encode()
         return bytes(save({**arrays, _TOLD: np.frombuffer(told, np.uint8)}))
 
     def recall(self, data: bytes) -> None:
-        """Go on where `saved` was asked.
+        """Restore the state that `saved` returned.
 
         Raises:
-            ConfigurationError: it is nothing that was saved by the same version, or motion was measured otherwise.
+            ConfigurationError: it was not saved by the same version, or motion was measured with another method.
         """
         try:
             arrays = load(data)
             told = json.loads(arrays[_TOLD].tobytes())
             if told['measuring'] != self._measuring:
                 raise ConfigurationError(
-                    f'saved was what {told["measuring"]} remembers, and motion is measured by {self._measuring} now'
+                    f'the state was saved with {told["measuring"]}, but motion is now measured with {self._measuring}'
                 )
             if not isinstance(found := _Putting(arrays, self.rest.measuring).together(told['memory']), Memory):
-                raise TypeError(f'{type(found).__name__} is no memory')
+                raise TypeError(f'{type(found).__name__} is not a saved state')
         except (SafetensorError, ValueError, KeyError, TypeError, IndexError) as error:
-            raise ConfigurationError(f'this is nothing that was remembered ({error}); begin anew') from error
+            raise ConfigurationError(f'the saved state cannot be used ({error}); start without it') from error
         vars(self).update(vars(found))
         self._take_up()
 
@@ -91,7 +91,7 @@ class Memory:
         return f'{measuring.flow.name} {measuring.flow.options} {measuring.encoding.name} {measuring.encoding.options}'
 
     def _take_up(self) -> None:
-        """What follows from what was saved."""
+        """Compute what follows from the saved state."""
         registration, rest = self.measure.registration, self.rest
         if registration and rest.in_use and rest.in_use.prepared.registering:
             registration.look_beside(rest.in_use.prepared.registering)
@@ -107,11 +107,11 @@ CLASSES: Mapping[str, type] = {
         RestInUse, RestMemory, Shift, Straightening,
     )
 }  # fmt: skip
-"""What may be part of a memory."""
+"""Classes that may be part of the state."""
 
 
 def _taken_apart(value: Any, path: str, arrays: dict[str, np.ndarray]) -> Any:
-    """Numbers and texts as they are, arrays aside under their paths, objects as the name of their class and parts."""
+    """Numbers and texts unchanged, arrays by their paths, objects as the name of their class and their parts."""
     if isinstance(value, _PLAIN):
         return value
     if isinstance(value, np.ndarray):
@@ -121,16 +121,16 @@ def _taken_apart(value: Any, path: str, arrays: dict[str, np.ndarray]) -> Any:
         return [_taken_apart(each, f'{path}.{number}', arrays) for number, each in enumerate(value)]
     if isinstance(value, PreparedRest):
         return {'rest': _taken_apart(value.image, path, arrays)}
-    if isinstance(value, StillnessCheck):  # that of a capture, which has no options
+    if isinstance(value, StillnessCheck):  # the one of a capture, which has no options
         return {'check': _taken_apart(value.reference, path, arrays)}
     parts = {name: _taken_apart(each, f'{path}.{name}', arrays) for name, each in _parts_of(value).items()}
     return {'class': type(value).__name__, 'parts': parts}
 
 
 def _parts_of(value: Any) -> dict[str, Any]:
-    """What an object remembers, without what follows from that."""
+    """The state of an object, without what is derived from it."""
     if CLASSES.get(type(value).__name__) is not type(value):
-        raise TypeError(f'{type(value).__name__} is nothing that can be saved')
+        raise TypeError(f'{type(value).__name__} cannot be saved')
     if dataclasses.is_dataclass(value):
         return {each.name: getattr(value, each.name) for each in dataclasses.fields(value)}
     derived = getattr(value, 'DERIVED', ())
@@ -138,14 +138,14 @@ def _parts_of(value: Any) -> dict[str, Any]:
 
 
 class _Putting:
-    """Puts together what was taken apart."""
+    """Rebuilds the objects that `_taken_apart` split."""
 
     def __init__(self, arrays: Mapping[str, np.ndarray], measuring: Measuring) -> None:
         self._arrays, self._measuring = arrays, measuring
         self._prepared: dict[bytes, PreparedRest] = {}
 
     def together(self, told: Any) -> Any:
-        """The value that it was."""
+        """The original value."""
         if isinstance(told, list):
             return tuple(self.together(each) for each in told)
         if not isinstance(told, dict):

@@ -1,4 +1,4 @@
-"""First: the picture as it should be, and whether anything can be measured in it at all."""
+"""The first stage: repairs dead pixels, and checks whether anything can be measured in the image."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ FORCE = types.ForceDistribution
 
 
 def mend(dead: DeadPixels, rest: RestInUse | None, frame: Frame, *, compiled: bool) -> None:
-    """Fill in dead pixels, and look at what is left: it may be dark, burnt out, or of another size than `rest`.
+    """Fill in dead pixels, and check the image: it may be dark, overexposed, or of another size than `rest`.
 
-    Without a rest image, which knows its dead pixels, pictures stay as they came.
+    The dead pixels come from the rest image. Without one, images stay as they are.
     """
     if rest is not None:
         frame.image = dead.mended(frame.image)

@@ -1,4 +1,4 @@
-"""How a node measures: by the flow method and features that a model was trained with, and by its parameters."""
+"""How a node measures: with the flow method and features that a model was trained with, and the node's parameters."""
 
 from __future__ import annotations
 
@@ -17,36 +17,39 @@ from tactile_nodes.sensing.rest.prepared import Measuring
 
 @dataclass(frozen=True)
 class StillnessParams:
-    """How frames in which nothing touches are told, and answered without measuring motion."""
+    """How untouched frames are detected, and answered without measuring motion."""
 
     check: bool = parameter(True, 'answer frames in which nothing touches without measuring motion', read_only=True)
     limit: float = parameter(
-        3.8, 'motion, in units of what noise makes of it, from which something may touch', minimum=0.1, read_only=True
+        3.8,
+        'motion from which on something may touch, in units of the motion that noise causes',
+        minimum=0.1,
+        read_only=True,
     )
     most_noise_grey: float = parameter(
-        3.0, 'noise of a pixel (standard deviation, grey levels) from which every frame is measured', minimum=0.1,
+        3.0, 'noise of a pixel (standard deviation, grey levels) from which on every frame is measured', minimum=0.1,
         read_only=True,
     )  # fmt: skip
     full_every: int = parameter(
-        32, 'of frames in which nothing touches one in so many is measured all the same; 1: all', minimum=1,
+        32, 'one in this many untouched frames is measured all the same; 1: all', minimum=1,
         read_only=True,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class RegistrationParams:
-    """How the motion of the whole picture is taken out: a knocked camera is no force."""
+    """How the motion of the whole image is removed: a knocked camera is not a force."""
 
-    check: bool = parameter(True, 'take out how far the whole picture moved', read_only=True)
-    most_px: float = parameter(8.0, 'motion (root mean square) that is still taken out', minimum=0.1, read_only=True)
-    most_turn_deg: float = parameter(2.5, 'turn that is still taken out', minimum=0.1, read_only=True)
+    check: bool = parameter(True, 'remove the motion of the whole image', read_only=True)
+    most_px: float = parameter(8.0, 'largest motion (root mean square) that is removed', minimum=0.1, read_only=True)
+    most_turn_deg: float = parameter(2.5, 'largest rotation that is removed', minimum=0.1, read_only=True)
     follow_s: float = parameter(
-        5.0, 'time in which slow motion is followed while nothing touches', minimum=0.1, read_only=True
+        5.0, 'time constant with which slow motion is followed while nothing touches', minimum=0.1, read_only=True
     )
 
 
 def stillness_options(params: StillnessParams) -> StillnessOptions | None:
-    """What parameters ask for; None where every frame is to be measured."""
+    """The options that the parameters ask for; None if every frame is to be measured."""
     return StillnessOptions(params.limit, params.most_noise_grey, params.full_every) if params.check else None
 
 
@@ -58,10 +61,10 @@ def make_measuring(
     registers: bool = False,
     marked_share: float = MARKED_SHARE,
 ) -> Measuring:
-    """As a model (name or file) was trained, by `compiled` loops if asked for; the rest as `Measuring` has it.
+    """The method that a model (name or file) was trained with; `compiled` selects compiled loops.
 
-    The motion of the whole picture is followed by patches of texture, and between printed dots there is none: what
-    touches a few dozen moves most of them, so beside them nothing `registers`.
+    Patches of texture follow the motion of the whole image. Between printed dots there is no texture, and a touch on a
+    few dozen dots moves most of them, so the motion of the whole image is not removed for dots (`registers`).
 
     Raises:
         ConfigurationError: no such method or option.
@@ -74,12 +77,12 @@ def make_measuring(
 
 
 def image_size(model: str) -> tuple[int, int] | None:
-    """Width and height of the pictures that a model reads; None of one that does not say it."""
+    """Width and height of the images that a model reads; None if the model does not state them."""
     loaded = load_model(find_model(model))
     return loaded.image_size if 'crop_px' in loaded.card else None
 
 
 def told(flow: FlowMethod) -> str:
-    """A flow method in words, such as ``dis(preset=medium)``; of a list, how many it names."""
+    """A flow method as text, such as ``dis(preset=medium)``; a list is given by its number of entries."""
     options = {name: len(value) if isinstance(value, tuple) else value for name, value in flow.options.items()}
     return f'{flow.name}({", ".join(f"{name}={value}" for name, value in options.items() if value is not None)})'

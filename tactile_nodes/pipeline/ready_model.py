@@ -1,4 +1,4 @@
-"""A model that can be used at once, and the features that it reads."""
+"""A model that is ready for use, and the features that it reads."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORCE = types.ForceDistribution
 
 @dataclass(frozen=True)
 class Inputs:
-    """What features are like: how motion is measured, how it is summed up, and in images of which size (px)."""
+    """The kind of features: how motion is measured, how it is summed up, and the size of the images [px]."""
 
     method: str
     layout: FeatureLayout
@@ -33,23 +33,23 @@ class Inputs:
 
     @classmethod
     def of_model(cls, loaded: LoadedModel) -> Inputs:
-        """Those that a model learned from."""
+        """The features that a model was trained on."""
         return cls(told(make_flow(*loaded.flow)), loaded.model.layout, loaded.image_size)
 
     @classmethod
     def of_message(cls, message: types.FlowFeatures) -> Inputs:
-        """Those that come in."""
+        """The features of a received message."""
         layout = FeatureLayout(message.encoding, message.rows, message.cols, message.channels)
         return cls(message.method, layout, (message.image_width, message.image_height))
 
     @property
     def pixels(self) -> str:
-        """The size of the images in words."""
+        """The size of the images, as text."""
         width, height = self.image_size
         return f'{width}x{height} pixels'
 
     def unlike(self, found: Inputs) -> str:
-        """What of these is needed and comes in otherwise: '440x440 pixels and not 400x400 pixels', or nothing."""
+        """What is needed but differs in `found`: '440x440 pixels and not 400x400 pixels', or empty."""
         pairs = (
             (f'{self.layout}', f'{found.layout}'), _told_apart(self.method, found.method),
             (self.pixels, found.pixels),
@@ -58,7 +58,7 @@ class Inputs:
 
 
 def _told_apart(method: str, other: str) -> tuple[str, str]:
-    """Two flows, 'name(option=1, other=2)', with only the options in which they differ, if that is all."""
+    """Two flow methods, 'name(option=1, other=2)'; if they differ in options only, with just those options."""
     (name, *options), (other_name, *other_options) = (re.split('[(,)] ?', each) for each in (method, other))
     if name != other_name or len(options) != len(other_options):
         return f'the flow {method}', other
@@ -68,10 +68,10 @@ def _told_apart(method: str, other: str) -> tuple[str, str]:
 
 
 def _estimator(loaded: LoadedModel, compiled: bool) -> ForceEstimator:
-    """What reads by a model, by compiled loops or numpy; run once, so that its first frame takes no longer.
+    """The estimator of a model, with compiled loops or NumPy. It is run once, so that the first frame takes no longer.
 
     Raises:
-        ModelError: its numbers are such that nothing can be read by them.
+        ModelError: its numbers are such that it cannot estimate anything.
     """
     estimator, layout = ForceEstimator(loaded.model, compiled=compiled), loaded.model.layout
     still = np.zeros((layout.rows, layout.cols, layout.channels), np.float32)
@@ -81,18 +81,18 @@ def _estimator(loaded: LoadedModel, compiled: bool) -> ForceEstimator:
         estimator.predict(Features(layout.encoding, still, np.ones(still.shape[:2], np.float32)))
     except (ValueError, ArithmeticError, LookupError) as error:
         raise ModelError(
-            f'model {loaded.model_id} holds numbers by which nothing can be read ({error}); '
-            'train it again or fetch it again'
+            f'model {loaded.model_id} holds invalid numbers, so no force can be computed ({error}); '
+            'train it again or download it again'
         ) from error
     return estimator
 
 
 @dataclass(frozen=True)
 class Ready:
-    """A model that was read, checked and run once.
+    """A model that was loaded, checked and run once.
 
-    `name` is what it was asked for by; a calibrated model's provenance names it as the calibration, too. `inputs` are
-    the features that it reads.
+    `name` is the name it was requested by. For a calibrated model the provenance also gives it as the calibration.
+    `inputs` are the features that it reads.
     """
 
     name: str
@@ -104,19 +104,19 @@ class Ready:
 
     @property
     def unsure_of(self) -> int:
-        """Reasons for which nobody can say how far off it is: a network's errors in altered pictures follow no rule."""
+        """Reasons after which its error is unknown: a network's errors on altered images follow no rule."""
         return ALTERED if isinstance(self.loaded.model.readout, NetworkReadout) else 0
 
     @property
     def reasons(self) -> int:
-        """What speaks against every force of it, unless that is within what is usual."""
+        """Reasons that hold for all its forces, unless the error is within the usual range."""
         return int(FORCE.REASON_UNCALIBRATED) if self.loaded.of_description else 0
 
     def explain(self, features: types.FlowFeatures) -> ForceMap:
-        """What explains the motion of one frame; of one that was not measured nothing is known.
+        """The force map that explains the motion of one frame; NaN for a frame that was not measured.
 
         Raises:
-            ModelError, MessageError: the features are none that the model can read.
+            ModelError, MessageError: the model cannot read these features.
         """
         if features.reasons & UNMEASURED:
             return unknown_forces(self.loaded.model.bins)
@@ -127,7 +127,7 @@ class Ready:
 
     @classmethod
     def read(cls, name: str, compiled: bool = False) -> Ready:
-        """From a file, or one that ships. Raises ModelError."""
+        """Load from a file, or a shipped model by name. Raises ModelError."""
         file = find_model(name)
         loaded = load_model(file)
         calibrated = loaded.card.get('data', {}).get('origin') == 'calibration'

@@ -9,21 +9,21 @@ FORCE = types.ForceDistribution
 UNMEASURED = (
     FORCE.REASON_NO_REFERENCE | FORCE.REASON_OTHER_IMAGE | FORCE.REASON_DARK_IMAGE | FORCE.REASON_SATURATED_IMAGE
 )
-"""Nothing is known of such a frame: its numbers are NaN."""
+"""With these nothing is known about the frame: its numbers are NaN."""
 
 ALTERED = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
-"""Regions of such a picture show motion a little other than those that a model learned from."""
+"""In such an image regions show slightly other motion than in the training images."""
 
 INVALID = UNMEASURED | FORCE.REASON_NOT_FINITE | FORCE.REASON_PICTURE_LOST
 
 WITHOUT_A_NUMBER = (
     FORCE.REASON_STALE | FORCE.REASON_REST_DOUBTFUL | FORCE.REASON_CALIBRATION_AGEING | FORCE.REASON_UNLIKE_TRAINING
 )
-"""By how much a force is off for these nobody can say, so they alone are enough not to call it ok."""
+"""With these the error of the force is unknown, so that each alone rules out `ok`."""
 
 
 def calibration_reasons(state: types.CalibrationState) -> int:
-    """What a calibration's state adds to the reasons of every force."""
+    """Reasons that the state of a calibration adds to every force."""
     kind = types.CalibrationState
     by_level = {
         kind.LEVEL_AGEING: FORCE.REASON_CALIBRATION_AGEING,

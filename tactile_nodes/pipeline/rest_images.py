@@ -1,4 +1,4 @@
-"""Last: the rest image that the next frame is measured against; captured, and taken anew while nothing touches."""
+"""The last stage: the rest image for the next frame. It is captured, and renewed while nothing touches."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 from tactile_nodes.sensing.rest.renewal import Renewal, RenewalOptions, Rested
 
 ELSEWHERE_PX = 0.15
-"""Moved by half a pixel and straightened, a picture of markers of three pixels is not what it was: patches read motion
-in it up to two percent off, most of all those at full size."""
+"""An image of 3 px markers that moved by half a pixel is changed by registration: patches then read its motion up to
+2 % wrong, most of all those at full size."""
 
 PREPARE_S = 0.2
-"""From the last frame of a renewed rest image until it is used, so that which frame is the first is no chance."""
+"""Time from the last frame of a renewed rest image until its use, so that its first frame does not depend on chance."""
 
 
 class RestMemory:
-    """Which rest image is in use, and what is known of the next one.
+    """The rest image in use, and the state of the next one.
 
-    `captured` is the one that was captured or given; `trouble` says why there is none. `dead` are the pixels of the
-    camera that are filled in. Functions below change what is `in_use`; whoever calls them tells the other stages.
+    `captured` is the one that was captured or given; `trouble` says why there is none. `dead` are the camera's pixels
+    that are filled in. The functions below change `in_use`; their caller informs the other stages.
     """
 
     DERIVED: ClassVar = ('measuring',)
@@ -52,11 +52,11 @@ class RestMemory:
         self.trouble = self.refused = ''
 
     def begin_capture(self, skip: int = 0) -> None:
-        """Make a rest image of the next images that show anything, after leaving out `skip` of all kinds."""
+        """Start a capture: skip the next `skip` images of any kind, then average usable ones into a rest image."""
         self.capture, self.refused = RestCapture(self.frames, skip), ''
 
     def take(self, rest: RestInUse, at_ns: int) -> RestInUse:
-        """Measure against this one from now on."""
+        """Measure against this rest image from now on."""
         self.in_use, self.trouble = rest, ''
         self.dead.beside(rest.prepared.image)
         if not rest.renewed:
@@ -67,10 +67,10 @@ class RestMemory:
 
 
 def given(memory: RestMemory, image: UInt8[np.ndarray, 'h w'], at_ns: int) -> RestInUse:
-    """Take a rest image of frames as the camera delivered them, with its dead pixels.
+    """Use a given rest image; its dead pixels are not filled in yet.
 
     Raises:
-        ImageError: it shows nothing that can be measured against; the one before stays in use.
+        ImageError: nothing can be measured against it; the previous rest image stays in use.
     """
     prepared = _prepared(memory, image)
     likeness = PictureLikeness.of(prepared.image, memory.measuring.flow.name)
@@ -78,7 +78,7 @@ def given(memory: RestMemory, image: UInt8[np.ndarray, 'h w'], at_ns: int) -> Re
 
 
 def offered(memory: RestMemory, frame: Frame) -> RestInUse | None:
-    """Give a frame to the capture under way; the rest image, once it is complete."""
+    """Give a frame to the running capture; returns the rest image once it is complete."""
     try:
         rest = _captured(memory, frame)
         memory.trouble = memory.refused or (memory.capture.waiting if memory.capture else '')
@@ -89,7 +89,7 @@ def offered(memory: RestMemory, frame: Frame) -> RestInUse | None:
 
 
 def due(memory: RestMemory, at_ns: int) -> RestInUse | None:
-    """The renewed rest image, from the first frame on for which it is due."""
+    """The renewed rest image, once a frame's stamp has reached the time from which on it is used."""
     coming, captured = memory.coming, memory.captured
     if coming is None or captured is None or 0 <= coming.due_ns - at_ns <= 2 * PREPARE_S * NS_PER_S:
         return None
@@ -108,9 +108,9 @@ def due(memory: RestMemory, at_ns: int) -> RestInUse | None:
 
 
 def keep(memory: RestMemory, frame: Frame, noise_grey: float) -> RestInUse | None:
-    """Take what a frame that was measured says of rest image and dead pixels; another rest image, if it says so.
+    """Update rest image and dead pixels from a measured frame; returns another rest image if it has to change.
 
-    `noise_grey` is the noise of a pixel that is usual.
+    `noise_grey` is the usual noise of a pixel.
     """
     assert memory.in_use is not None
     if frame.as_before:
@@ -125,7 +125,7 @@ def keep(memory: RestMemory, frame: Frame, noise_grey: float) -> RestInUse | Non
 
 
 def _captured(memory: RestMemory, frame: Frame) -> RestInUse | None:
-    """Raises ImageError: the frame shows nothing, or the rest image cannot be used and the capture begins anew."""
+    """Raises ImageError: the frame shows nothing, or the rest image cannot be used and the capture starts again."""
     capture = memory.capture
     assert capture is not None
     if (finished := capture.offer(frame.image)) is None:
@@ -147,7 +147,7 @@ def _captured(memory: RestMemory, frame: Frame) -> RestInUse | None:
 
 
 def _prepared(memory: RestMemory, image: UInt8[np.ndarray, 'h w']) -> PreparedRest:
-    """Of frames as the camera delivered them, whose dead pixels are filled in from now on. Raises ImageError."""
+    """Prepare an image with its dead pixels, which are filled in from now on. Raises ImageError."""
     dead = DeadPixels()
     prepared = memory.measuring.beside(dead.captured(image))
     memory.dead = dead
@@ -155,13 +155,13 @@ def _prepared(memory: RestMemory, image: UInt8[np.ndarray, 'h w']) -> PreparedRe
 
 
 def _found_dead(memory: RestMemory, rest: RestInUse, frame: Frame, noise_grey: float) -> bool:
-    """A picture that is odd at rest may be so by dead pixels alone; whether some were found in this frame.
+    """Whether dead pixels were found in this frame: they alone may explain why an image at rest looks odd.
 
-    They are filled in from the next one on, and what was collected for a rest image is forgotten.
+    They are filled in from the next frame on, and frames collected for a rest image are discarded.
     """
 
     def still(image: UInt8[np.ndarray, 'h w']) -> bool:
-        """Whether a picture shows what the rest image shows, as sharply as it did, and nothing touches."""
+        """Whether an image shows the same as the rest image, as sharply, and nothing touches."""
         seen = rest.prepared.stillness(image)
         if seen is None or seen.unexplained or seen.noise_grey > MOST_NOISE * (noise_grey or seen.noise_grey):
             return False
@@ -178,7 +178,7 @@ def _found_dead(memory: RestMemory, rest: RestInUse, frame: Frame, noise_grey: f
 
 
 def _offer_renewal(memory: RestMemory, rest: RestInUse, frame: Frame) -> None:
-    """Give the frame to the renewal of the rest image; what comes of it is prepared beside the next frames."""
+    """Give the frame to the renewal; a new rest image is prepared in the background during the next frames."""
     moved, straight = frame.registration, frame.straight
     if memory.renewal is None or moved is None or straight is None or memory.coming is not None:
         return
@@ -195,8 +195,8 @@ def _offer_renewal(memory: RestMemory, rest: RestInUse, frame: Frame) -> None:
 
 
 def _elsewhere(rest: RestInUse, moved: Registration) -> bool:
-    """Whether patches read a picture that fell elsewhere on the camera's pixels than the rest image's.
+    """Whether the image lies at another sub-pixel position than the rest image, in a way that disturbs patches.
 
-    More than its noise is left over then, above all where a gel was seated anew, and it gets a rest image anyway.
+    The residual then exceeds the noise, above all after a gel was seated again, and a new rest image is due anyway.
     """
     return not rest.dense and moved.apart_px > ELSEWHERE_PX

@@ -1,4 +1,4 @@
-"""At the end: the messages of what was found."""
+"""Builds the messages of what was found."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 def tell(
     frame: Frame, method: str, reference_id: str, nothing: Features, stages: types.StageTimes
 ) -> types.FlowFeatures:
-    """What a frame shows beside the rest image of that name; of one that was not measured, `nothing`."""
+    """The features of a frame against the rest image of that id; `nothing` for a frame that was not measured."""
     moved = frame.registration
     moved_px = moved.size_px if moved else 0.0
     return types.FlowFeatures(
@@ -44,7 +44,7 @@ def tell_force(
     provenance: types.Provenance,
     stages: types.StageTimes,
 ) -> types.ForceDistribution:
-    """What a model found, and what there is to say of it."""
+    """The message of a force that a model found, with its verdict."""
     verdict = judged.verdict
     fields = conversions.force_fields(
         found.normal_force_n, bins, judged.touching,
@@ -56,7 +56,7 @@ def tell_force(
 
 
 def no_motion(encoding: FeatureEncoding) -> Features:
-    """No motion, in which nobody believes: what is said of a frame that was not measured."""
+    """No motion with zero confidence: the features of a frame that was not measured."""
     rows, cols = (int(str(encoding.options[name])) for name in ('rows', 'cols'))
     still = np.zeros((rows, cols, len(encoding.channels)), np.float32)
     return Features(encoding.name, still, np.zeros((rows, cols), np.float32))

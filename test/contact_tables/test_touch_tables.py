@@ -72,7 +72,7 @@ def test_the_description_that_ships_is_two_fingers_a_little_apart_in_height():
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('force_n: 2.0\n', 'describes no contact: it needs at least: body: ring'),
+        ('force_n: 2.0\n', 'does not describe a contact; it needs at least an entry like: body: ring'),
         ('body: ring\nfroce_n: 2.0\n', "a contact has no 'froce_n'; it has: body, tilt_deg, force_n"),
         ('body: ring\nforce_n: much\n', "'force_n' must be like 2.0, got 'much'"),
         ('body: ring\nforce_n: -1.0\n', r"contact.yaml: a contact's 'force_n' must be from 0.001 to 100, got -1"),
@@ -94,7 +94,7 @@ def test_a_description_that_says_nonsense_is_refused(tmp_path: Path, text: str, 
         ('missing.stl', r'cannot read the body missing.stl \(No such file or directory\)'),
         ('text.npy', 'holds no array of heights'),
         ('text.obj', 'holds no triangles'),
-        ('text.stl', 'it is no text, and not as long as its header says'),
+        ('text.stl', 'it is not text, and its length is not the'),
     ],
 )
 def test_bodies_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, said: str):
@@ -114,7 +114,7 @@ def test_meshes_whose_names_are_no_utf8_are_read_and_one_cut_short_is_told(tmp_p
     binary.write_bytes(box.export(file_type='stl')[:-50])
     for file in (plain, text):
         assert body_of(str(file)).reach_mm == pytest.approx(3.0, abs=0.11)
-    with pytest.raises(ConfigurationError, match=r'cut.stl cannot be read as a mesh \(.*which is 684 bytes\)'):
+    with pytest.raises(ConfigurationError, match=r'cut.stl cannot be read as a mesh \(.*is not the 684 bytes\)'):
         body_of(str(binary))
 
 
@@ -122,9 +122,9 @@ def test_meshes_whose_names_are_no_utf8_are_read_and_one_cut_short_is_told(tmp_p
     ('body', 'said'),
     [
         ([], 'a list of bodies needs at least one'),
-        (['ring'], r"a body of a list is like \{body: ring, at_mm: .*, got 'ring'"),
-        ([{'body': 'ring', 'up_mm': 3.0}], 'a body of a list is like'),
-        ([{'body': 'ring', 'at_mm': [1.0]}], 'a body of a list is like'),
+        (['ring'], r"a body of a list must be like \{body: ring, at_mm: .*, got 'ring'"),
+        ([{'body': 'ring', 'up_mm': 3.0}], 'a body of a list must be like'),
+        ([{'body': 'ring', 'at_mm': [1.0]}], 'a body of a list must be like'),
         ([{'body': 'ring', 'at_mm': [1e9, 0.0]}], 'within 40 mm'),
     ],
 )
@@ -155,7 +155,7 @@ def forged(header: bytes, version: bytes = b'\x01\x00') -> bytes:
 )
 def test_heights_that_are_fewer_than_their_header_says_are_refused(tmp_path: Path, data: bytes):
     (tmp_path / 'forged.npy').write_bytes(data)
-    with pytest.raises(ConfigurationError, match='holds no array of heights, or less of one than its header says;'):
+    with pytest.raises(ConfigurationError, match='holds no array of heights, or is shorter than its header says;'):
         body_of(str(tmp_path / 'forged.npy'))
 
 
@@ -168,16 +168,16 @@ def test_heights_are_read_as_numpy_keeps_them(tmp_path: Path, order: str):
 
 
 def test_a_body_of_heights_is_tilted_a_little_only():
-    with pytest.raises(ConfigurationError, match=r'ring can be tilted by 20 degrees at most, got \[0.0, 90.0\]'):
+    with pytest.raises(ConfigurationError, match=r'ring can be tilted by at most 20 degrees, got \[0.0, 90.0\]'):
         body_of('ring', (0.0, 90.0))
 
 
 def test_a_body_wider_than_the_gel_is_refused_with_both_sizes(tmp_path: Path):
     np.save(tmp_path / 'plate.npy', np.zeros((361, 361)))
-    with pytest.raises(ConfigurationError, match='plate is 36 mm wide about its origin, and the gel 32 mm'):
+    with pytest.raises(ConfigurationError, match='plate is 36 mm wide about its origin, but the gel only 32 mm'):
         solved_contact(load_gel('paper'), Contact(str(tmp_path / 'plate.npy')))
     np.save(tmp_path / 'field.npy', np.zeros((2500, 2500), np.float16))
-    with pytest.raises(ConfigurationError, match='is 250 mm wide, more than 40; cut it'):
+    with pytest.raises(ConfigurationError, match='is 250 mm wide, at most 40 is allowed; cut it'):
         body_of(str(tmp_path / 'field.npy'))
 
 

@@ -117,7 +117,7 @@ def test_a_model_by_which_nothing_can_be_read_is_refused_before_its_first_frame(
         tmp_path / 'nowhere.safetensors', replace(shipped.model, readout=replace(readout, response=nowhere)),
         shipped.card,
     )  # fmt: skip
-    with pytest.raises(ModelError, match='numbers by which nothing can be read'):
+    with pytest.raises(ModelError, match='holds invalid numbers, so no force can be computed'):
         Estimating(str(tmp_path / 'nowhere.safetensors'))
 
 
@@ -196,7 +196,7 @@ def test_models_to_go_back_to_are_kept_up_to_a_number() -> None:
         back.append(estimating.previous())
         estimating.take(back[-1])
     assert back == models[-2 : -MOST_EARLIER - 2 : -1]
-    with pytest.raises(ModelError, match='nothing to return to'):
+    with pytest.raises(ModelError, match='no model to return to'):
         estimating.previous()
 
 

@@ -106,7 +106,7 @@ def test_why_a_dented_rest_image_is_of_no_use_is_said_until_it_is_taken_anew() -
     stream = Stream()
     stream.feed(6, press(180, 250, 0.5))
     stream.feed(6)
-    assert 'taken while something touched the gel that has let go since' in stream.following.trouble
+    assert 'something touched the gel when the rest image was captured' in stream.following.trouble
     stream.feed(16)
     assert stream.following.trouble == ''
 

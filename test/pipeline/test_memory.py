@@ -112,7 +112,7 @@ def test_memories_of_the_same_frames_are_the_same_bytes_and_of_others_are_not() 
 @pytest.mark.parametrize('data', [b'', b'no file', bytes(64)])
 def test_what_was_never_saved_is_refused_and_changes_nothing(data: bytes) -> None:
     following = Following(PARAMS)
-    with pytest.raises(ConfigurationError, match='nothing that was remembered'):
+    with pytest.raises(ConfigurationError, match='the saved state cannot be used'):
         following.memory.recall(data)
     assert following.reference is None
 

@@ -374,7 +374,7 @@ def test_without_numba_who_asks_for_compiled_loops_is_told_what_to_do():
 
 def test_without_numba_others_are_warned_once_and_get_numpy():
     warning, answer = chosen_without_numba(None).stdout.splitlines()
-    assert warning.startswith('computing by numpy')
+    assert warning.startswith('computing with NumPy')
     assert answer == 'False'
 
 

@@ -82,7 +82,7 @@ def test_pictures_of_another_size_than_the_models_are_told_once_with_what_to_do(
         lines.append(received.message.msg)
     misfit, fits = [line for line in lines if line.startswith('pictures: ')]
     assert misfit == (
-        'pictures: they have 200x200 pixels, and model small was trained on 160x160 pixels; '
+        'pictures: they have 200x200 pixels, but model small was trained on 160x160 pixels; '
         'set the crop of camera or flow_features, or choose a model of that size'
     )
     assert fits == 'pictures: they fit the model'
@@ -207,9 +207,9 @@ def test_forces_have_the_frame_of_the_described_sensor_unless_a_parameter_names_
 @pytest.mark.parametrize(
     ('model', 'sensor', 'cause'),
     [
-        ('field', 'digit_like', 'reads pictures of 440x440, and this sensor gives 240x320'),
-        ('field', 'wide', 'it follows from simulated'),
-        ('fast', 'digit_like', 'reads pictures of 440x440, and this sensor gives 240x320'),
+        ('field', 'digit_like', 'reads images of 440x440, and this sensor gives 240x320'),
+        ('field', 'wide', 'it was made from the description simulated'),
+        ('fast', 'digit_like', 'reads images of 440x440, and this sensor gives 240x320'),
     ],
 )
 def test_a_model_of_another_sensor_is_refused_with_the_command_that_makes_one(

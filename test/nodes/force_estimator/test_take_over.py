@@ -160,7 +160,7 @@ def test_who_undoes_twice_at_once_is_answered_twice(live: Live, forces: Subscrip
     live.set_model(calibrated)
     answers = live.calls('undo_calibration', services.TRIGGER, types.Trigger_Request(), 2)
     assert sorted(answer.success for answer in answers) == [False, True]
-    assert any('nothing to return to' in answer.message for answer in answers)
+    assert any('no model to return to' in answer.message for answer in answers)
     live.frame()
     assert taken(forces)[-1].provenance.model == 'small'
 
@@ -175,7 +175,7 @@ def test_after_a_restart_undo_returns_to_the_model_that_the_calibration_came_fro
 def test_undo_without_a_calibration_says_that_there_is_nothing_to_return_to(live: Live) -> None:
     answer = live.undo()
     assert not answer.success
-    assert 'took the place of no other model' in answer.message
+    assert 'did not replace another model' in answer.message
 
 
 def test_undo_refuses_a_file_that_holds_another_model_by_now(
@@ -185,7 +185,7 @@ def test_undo_refuses_a_file_that_holds_another_model_by_now(
     changed(small_model, 'small', {'gel': {'id': 'third'}})
     answer = started_anew.undo()
     assert not answer.success
-    assert 'took the place of model' in answer.message
+    assert 'replaced model' in answer.message
 
 
 @pytest.mark.parametrize(
