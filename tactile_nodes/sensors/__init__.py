@@ -1,4 +1,4 @@
-"""Sensors as data: image, camera, gel and bins in one YAML file, read by all that has to know them."""
+"""Sensors as data: image, camera, gel and bins in one YAML file that all parts of the package read."""
 
 from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.description import (

@@ -1,4 +1,4 @@
-"""What of a camera's picture shows no gel: polygons, written as SVG writes them, or a picture that is black there."""
+"""The mask of a camera's image, where it shows no gel: polygons as in SVG, or an image that is black there."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from tactile_nodes.params import parameter
 
 MOST_POLYGONS = 100
 SMOOTH_PX = 1.0
-"""By so much polygons may differ from the picture that they were made of."""
+"""How far polygons may differ from the image that they were made from."""
 
 _FINE = 16
-"""Steps of a pixel that corners are drawn in."""
+"""Sub-pixel steps in which corners are drawn."""
 
 
 @dataclass(frozen=True)
 class MaskSettings:
-    """What is covered: all that an odd number of polygons hold, so that one within another is a hole."""
+    """The covered part: all points inside an odd number of polygons, so that a polygon inside another is a hole."""
 
     polygons_px: tuple[str, ...] = parameter(
-        (), "what is covered in the camera's whole picture, a text a polygon: corners 'x,y x,y x,y' [px]"
+        (), "masked parts of the camera's full image, one text per polygon: corners 'x,y x,y x,y' [px]"
     )
 
     def __post_init__(self) -> None:
@@ -34,22 +34,22 @@ class MaskSettings:
                 corners_of(text)
             except ValueError as error:
                 raise ValueError(
-                    f'polygon {number} of mask.polygons_px is {text[:60]!r}, and must hold three corners or more, '
+                    f'polygon {number} of mask.polygons_px is {text[:60]!r}, but must have three corners or more, '
                     "as '0,0 640,0 640,20 0,20'"
                 ) from error
 
     def require_within(self, width: int, height: int) -> None:
-        """Refuse polygons beside pictures of such a size. Raises ValueError."""
+        """Refuse polygons outside images of such a size. Raises ValueError."""
         for number, text in enumerate(self.polygons_px, 1):
             corners = corners_of(text)
             (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
             if right < 0 or bottom < 0 or left > width - 1 or top > height - 1:
                 raise ValueError(
-                    f'polygon {number} of mask.polygons_px lies wholly outside of pictures of {width}x{height} pixels'
+                    f'polygon {number} of mask.polygons_px lies outside the image of {width}x{height} pixels'
                 )
 
     def covers(self, width: int, height: int) -> Bool[np.ndarray, 'h w']:
-        """Which pixels of a picture are covered; the middle of the first one is at (0, 0)."""
+        """Which pixels of an image are covered; the middle of the first pixel is at (0, 0)."""
         import cv2
 
         drawn = np.zeros((height, width), np.uint8)
@@ -60,7 +60,7 @@ class MaskSettings:
 
 
 def corners_of(text: str) -> Float[np.ndarray, 'corners 2']:
-    """A polygon's corners (x, y) of its text: '0,0 9,0 9,9' has three. Raises ValueError."""
+    """The corners (x, y) of a polygon from its text: '0,0 9,0 9,9' has three. Raises ValueError."""
     found = np.array([[float(number) for number in pair.split(',')] for pair in text.split()])
     if found.ndim != 2 or found.shape[1] != 2 or len(found) < 3 or not (np.abs(found) < 1e5).all():
         raise ValueError(text)
@@ -68,7 +68,7 @@ def corners_of(text: str) -> Float[np.ndarray, 'corners 2']:
 
 
 def polygons_of(covered: Bool[np.ndarray, 'h w']) -> tuple[str, ...]:
-    """Polygons that cover the same as a picture does, as good as to the pixel."""
+    """Polygons that cover the same pixels as a mask image, nearly to the pixel."""
     import cv2
 
     found, _ = cv2.findContours(covered.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
@@ -84,10 +84,10 @@ def _text(found: Int[np.ndarray, 'corners 2']) -> str:
 
 
 def read_mask(path: Path) -> UInt8[np.ndarray, 'h w']:
-    """The picture of a mask, black where it covers.
+    """The image of a mask, black where it covers.
 
     Raises:
-        ConfigurationError: no such file, or no picture.
+        ConfigurationError: there is no such file, or it is not an image.
     """
     try:
         return read_picture(path, grey=True)
@@ -96,21 +96,21 @@ def read_mask(path: Path) -> UInt8[np.ndarray, 'h w']:
 
 
 def mask_of(path: Path, width: int, height: int) -> MaskSettings:
-    """What a picture of the size of the camera's covers.
+    """The mask in an image file of the size of the camera's image.
 
     Raises:
-        ConfigurationError: it cannot be read, has another size, or is spotted.
+        ConfigurationError: it cannot be read, has another size, or has too many separate parts.
     """
     picture = read_mask(path)
     if picture.shape != (height, width):
         raise ConfigurationError(
-            f'the mask {path} has {picture.shape[1]}x{picture.shape[0]} pixels, and image says {width}x{height}; '
-            "draw it over the camera's whole picture"
+            f'the mask {path} has {picture.shape[1]}x{picture.shape[0]} pixels, but image says {width}x{height}; '
+            "draw it over the camera's full image"
         )
     polygons = polygons_of(picture < 128)
     if len(polygons) > MOST_POLYGONS:
         raise ConfigurationError(
-            f'the mask {path} has {len(polygons)} separate parts, at most {MOST_POLYGONS} are read; paint what is '
-            'covered black and all else white, without grain'
+            f'the mask {path} has {len(polygons)} separate parts, at most {MOST_POLYGONS} are allowed; paint the '
+            'covered parts black and all else white, without grain'
         )
     return MaskSettings(polygons)

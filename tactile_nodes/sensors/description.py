@@ -1,4 +1,4 @@
-"""The description of a sensor: what its picture shows of which gel, in one YAML file that contradicts itself nowhere.
+"""The description of a sensor: its image, camera, gel and pattern in one YAML file, checked for contradictions.
 
 Frames: the surface frame has its origin at the middle of the gel's surface, x to the right and y down in the image, z
 out of the gel. The camera looks along +z, is tilted about its x, then its y axis, then rolled about z.
@@ -19,74 +19,74 @@ from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
 
 LEAST_CLEARANCE_MM = 0.5
-"""Between the camera's pupil and the lowest marker."""
+"""Least distance between the camera's pupil and the lowest marker."""
 
 LENGTHS = {'centre_px': 2, 'position_mm': 3, 'tilt_deg': 2, 'focal_px': 2, 'distortion': 5}
-"""How many numbers belong to the entries of `camera` that hold several."""
+"""How many numbers each list entry of `camera` has."""
 
 FISHEYE_LENS = 4
-"""Numbers of a fisheye's distortion that may differ from 0."""
+"""How many distortion coefficients of a fisheye may differ from 0."""
 
 
 LEAST_BELOW_MM = 0.2
-"""Of gel below the lowest markers, and of the lowest layer, at the rim of a dome."""
+"""Least thickness at the rim of a dome: of the gel below the lowest markers, and of the lowest layer."""
 
 MOST_MM = 500.0
-"""Of a gel, along any side."""
+"""Greatest size of a gel, along any side."""
 
 SOFTEST_MPA, HARDEST_MPA, MOST_OFF = 1e-4, 20.0, 1.0
-"""Shear moduli from the softest jelly to hard rubber, and the share that one may be off by."""
+"""Limits of shear moduli, from the softest jelly to hard rubber, and of their uncertainty as a share."""
 
 LEAST_FILLED, MOST_FILLED = 1 / 8, 8.0
-"""Times as large as the picture, along both sides, the gel is by focal length and distance."""
+"""Limits of the gel's size over the image's, along both sides, by focal length and distance."""
 
 MOST_TILT_DEG = 80.0
-"""Of a camera: beyond it, what it looks at is taken to be no farther away."""
+"""Camera tilt beyond which the distance to the gel no longer grows in the estimate of its size."""
 
 STEPS = 100
-"""Places at which a lens is looked at, from the axis to the corner of the picture."""
+"""Places at which a lens is checked, from the axis to the corner of the image."""
 
 
 @dataclass(frozen=True)
 class ImageSettings:
-    """Pictures as they come from the camera, and the part that is cut from their middle."""
+    """Images as the camera delivers them, and the part cropped from their middle."""
 
-    width: int = parameter(640, 'of a picture [px]', minimum=40)
-    height: int = parameter(480, 'of a picture [px]', minimum=40)
-    crop: int = parameter(440, 'width of the part that is looked at [px]', minimum=40)
-    crop_height: int = parameter(0, 'its height [px]; 0: the same, a square', minimum=0)
+    width: int = parameter(640, 'width of the camera image [px]', minimum=40)
+    height: int = parameter(480, 'height of the camera image [px]', minimum=40)
+    crop: int = parameter(440, 'width of the crop that is used [px]', minimum=40)
+    crop_height: int = parameter(0, 'height of the crop [px]; 0: as its width', minimum=0)
 
     def __post_init__(self) -> None:
         width, height = self.crop_px
         if width > self.width or height > self.height:
             raise ValueError(
-                f'image.crop is {width}x{height}, and pictures have only {self.width}x{self.height} pixels'
+                f'image.crop is {width}x{height}, but the image has only {self.width}x{self.height} pixels'
             )
         if height < 40:
-            raise ValueError(f'image.crop_height is {height}, and must be 0 or at least 40')
+            raise ValueError(f'image.crop_height is {height}, but must be 0 or at least 40')
 
     @property
     def crop_px(self) -> tuple[int, int]:
-        """Width and height of what is looked at."""
+        """Width and height of the crop."""
         return self.crop, self.crop_height or self.crop
 
 
 @dataclass(frozen=True)
 class CameraDescription:
-    """How angles become pixels, and where it is: `position_mm` is its entrance pupil's place in the surface frame.
+    """The lens model and pose of the camera: `position_mm` is the position of its entrance pupil in the surface frame.
 
-    Both models are OpenCV's, as ROS's `camera_info` tells them: a fisheye is equidistant but for its distortion.
+    Both lens models are OpenCV's, as in ROS's `camera_info`: a fisheye is equidistant apart from its distortion.
     """
 
-    model: str = parameter('fisheye', 'how angles become pixels', choices=('fisheye', 'pinhole'))
-    focal_px_per_rad: float = parameter(290.0, 'of a fisheye: pixels from the centre for each radian', minimum=1.0)
-    focal_px: tuple[float, ...] = parameter((600.0, 600.0), 'of a pinhole: focal lengths along u and v')
-    distortion: tuple[float, ...] = parameter((0.0,) * 5, 'of a pinhole: k1, k2, p1, p2, k3; of a fisheye: k1 to k4, 0')
-    centre_px: tuple[float, ...] = parameter((319.5, 239.5), 'where the optical axis meets the picture (u, v)')
-    position_mm: tuple[float, ...] = parameter((0.0, 0.0, -23.0), 'the pupil in the surface frame')
-    tilt_deg: tuple[float, ...] = parameter((0.0, 0.0), 'about x, then about y')
-    roll_deg: float = parameter(0.0, 'about the optical axis')
-    focal_ratio: float = parameter(1.0, 'of a fisheye: its focal length along v over that along u', minimum=0.1)
+    model: str = parameter('fisheye', 'lens model', choices=('fisheye', 'pinhole'))
+    focal_px_per_rad: float = parameter(290.0, 'focal length of a fisheye: pixels per radian', minimum=1.0)
+    focal_px: tuple[float, ...] = parameter((600.0, 600.0), 'focal lengths of a pinhole along u and v')
+    distortion: tuple[float, ...] = parameter((0.0,) * 5, 'k1, k2, p1, p2, k3 of a pinhole; k1 to k4, 0 of a fisheye')
+    centre_px: tuple[float, ...] = parameter((319.5, 239.5), 'principal point (u, v)')
+    position_mm: tuple[float, ...] = parameter((0.0, 0.0, -23.0), 'entrance pupil in the surface frame')
+    tilt_deg: tuple[float, ...] = parameter((0.0, 0.0), 'rotation about x, then about y')
+    roll_deg: float = parameter(0.0, 'rotation about the optical axis')
+    focal_ratio: float = parameter(1.0, 'focal length of a fisheye along v over that along u', minimum=0.1)
 
     def __post_init__(self) -> None:
         for name, count in LENGTHS.items():
@@ -95,16 +95,16 @@ class CameraDescription:
         if min(self.focal_px) <= 0:
             raise ValueError('camera.focal_px must hold numbers above 0')
         if self.model == 'fisheye' and self.distortion[FISHEYE_LENS]:
-            raise ValueError('camera.distortion of a fisheye has four numbers, k1 to k4; the fifth must be 0')
+            raise ValueError('camera.distortion of a fisheye has four coefficients, k1 to k4; the fifth must be 0')
 
     @property
     def distortion_model(self) -> str:
-        """As ROS's `camera_info` names it."""
+        """The name of the distortion model in ROS's `camera_info`."""
         return 'equidistant' if self.model == 'fisheye' else 'plumb_bob'
 
     @property
     def lens(self) -> tuple[float, ...]:
-        """Coefficients of that."""
+        """The coefficients of that model."""
         return self.distortion[:FISHEYE_LENS] if self.model == 'fisheye' else self.distortion
 
     @property
@@ -115,14 +115,14 @@ class CameraDescription:
 
     @property
     def focal_lengths_px(self) -> tuple[float, float]:
-        """Along u and v, whichever the model."""
+        """Focal lengths along u and v, for both models."""
         if self.model == 'fisheye':
             return self.focal_px_per_rad, self.focal_px_per_rad * self.focal_ratio
         across, down = self.focal_px
         return across, down
 
     def extent_px(self, width_mm: float, height_mm: float) -> tuple[float, float]:
-        """How large a gel is in the picture, by the angle that it fills, without lens distortion and most of a tilt."""
+        """The size of a gel in the image by the angle that it fills, without lens distortion and most of a tilt."""
         leans = math.prod(math.cos(math.radians(min(abs(each), MOST_TILT_DEG))) for each in self.tilt_deg)
         wide, high = (side / 2 * leans / -self.position_mm[2] for side in (width_mm, height_mm))
         if self.model == 'fisheye':
@@ -131,7 +131,7 @@ class CameraDescription:
         return 2 * across * wide, 2 * down * high
 
     def shows(self, reach_px: float) -> bool:
-        """Whether the lens maps all that lies up to so far from the optical axis to one place each."""
+        """Whether the lens maps directions one to one, up to this distance from the optical axis."""
         angle = [reach_px / min(self.focal_lengths_px) * step / STEPS for step in range(3 * STEPS)]
         powers = self.lens if self.model == 'fisheye' else (self.distortion[0], self.distortion[1], self.distortion[4])
         for each in angle:
@@ -148,17 +148,17 @@ class CameraDescription:
 class GelDescription:
     """A gel of layers on a rigid base. Each list has one entry a layer, from the surface down."""
 
-    width_mm: float = parameter(32.0, 'along x', minimum=1.0)
-    height_mm: float = parameter(32.0, 'along y', minimum=1.0)
+    width_mm: float = parameter(32.0, 'size along x', minimum=1.0)
+    height_mm: float = parameter(32.0, 'size along y', minimum=1.0)
     layers_mm: tuple[float, ...] = parameter((1.5, 4.5), 'thickness of each layer')
     moduli_mpa: tuple[float, ...] = parameter((0.111, 0.111), 'shear modulus of each layer')
-    poisson_ratios: tuple[float, ...] = parameter((0.5, 0.5), 'of each layer, at most 0.5 (incompressible)')
-    markers_mm: tuple[float, ...] = parameter((1.5, 6.0), 'depths between which what is visible lies')
+    poisson_ratios: tuple[float, ...] = parameter((0.5, 0.5), 'ratio of each layer, at most 0.5 (incompressible)')
+    markers_mm: tuple[float, ...] = parameter((1.5, 6.0), 'depths between which the visible pattern lies')
     moduli_off: float = parameter(
-        0.6, 'share by which the moduli may be off, as a standard deviation: 0.6 if nobody measured them', minimum=0.0
+        0.6, 'relative standard deviation of the moduli: 0.6 if they were not measured', minimum=0.0
     )
-    outline_mm: str = parameter('', "what of the rectangle is gel: empty (all), ellipse, or corners 'x,y x,y x,y'")
-    dome_radius_mm: float = parameter(0.0, 'of the sphere that the surface is a part of; 0: it is flat', minimum=0.0)
+    outline_mm: str = parameter('', "part of the rectangle that is gel: empty (all), ellipse, or corners 'x,y x,y x,y'")
+    dome_radius_mm: float = parameter(0.0, 'radius of a spherical surface; 0: it is flat', minimum=0.0)
 
     def __post_init__(self) -> None:
         count = len(self.layers_mm)
@@ -175,31 +175,31 @@ class GelDescription:
         self._require_shallow()
 
     def _require_real(self) -> None:
-        """Refuse what comes of a slip in a unit or a digit. Raises ValueError."""
+        """Refuse values that suggest a wrong unit or digit. Raises ValueError."""
         for name, value in (('width_mm', self.width_mm), ('height_mm', self.height_mm), ('layers_mm', self.depth_mm)):
             if not value <= MOST_MM:
                 raise ValueError(
-                    f'gel.{name} has {value:g} mm, and no gel has more than {MOST_MM:g}: lengths are in millimetres'
+                    f'gel.{name} has {value:g} mm, but at most {MOST_MM:g} is allowed: lengths are in millimetres'
                 )
         for value in self.moduli_mpa:
             if not SOFTEST_MPA <= value <= HARDEST_MPA:
                 raise ValueError(
-                    f'gel.moduli_mpa holds {value:g}, and shear moduli of gels lie between {SOFTEST_MPA:g} and '
+                    f'gel.moduli_mpa holds {value:g}, but shear moduli of gels lie between {SOFTEST_MPA:g} and '
                     f'{HARDEST_MPA:g} MPa: 100 kPa are 0.1'
                 )
         if not self.moduli_off <= MOST_OFF:
             raise ValueError(
-                f'gel.moduli_off is {self.moduli_off:g}, and it is a share of {MOST_OFF:g} at most: 0.6 is 60 %'
+                f'gel.moduli_off is {self.moduli_off:g}, but must be at most {MOST_OFF:g}: it is a share, 0.6 is 60 %'
             )
 
     def _require_shallow(self) -> None:
-        """Refuse a dome that is steep, or that is thin at its rim. Raises ValueError."""
+        """Refuse a dome that is steep, or too thin at its rim. Raises ValueError."""
         self.dome.require_shallow(self.outline.farthest_mm)
         left_mm = min(self.layers_mm[-1], self.depth_mm - self.markers_mm[1])
         if self.dome_radius_mm and self.sag_mm > left_mm - LEAST_BELOW_MM:
             raise ValueError(
-                f'gel.dome_radius_mm has the surface {self.sag_mm:.2f} mm lower at its rim than in the middle, where '
-                f'gel.markers_mm and the lowest of gel.layers_mm leave less than that and {LEAST_BELOW_MM} mm'
+                f'gel.dome_radius_mm makes the surface {self.sag_mm:.2f} mm lower at its rim than in the middle; below '
+                f'gel.markers_mm, and in the lowest of gel.layers_mm, there must be {LEAST_BELOW_MM} mm more than that'
             )
 
     @property
@@ -209,12 +209,12 @@ class GelDescription:
 
     @property
     def dome(self) -> Dome:
-        """How high the surface is."""
+        """The shape of the surface."""
         return Dome(self.dome_radius_mm)
 
     @property
     def sag_mm(self) -> float:
-        """By how much the surface is lower where its rim is farthest from the middle; 0 of a flat one."""
+        """How much lower the surface is at the point of the rim farthest from the middle; 0 for a flat surface."""
         return -float(self.dome.height_mm(self.outline.corners_mm).min())
 
     @property
@@ -225,14 +225,14 @@ class GelDescription:
 
 @dataclass(frozen=True)
 class PatternDescription:
-    """What is seen to move between the depths `gel.markers_mm`."""
+    """The visible pattern between the depths `gel.markers_mm`."""
 
-    kind: str = parameter('spheres', 'at random, or printed in rows and columns', choices=('spheres', 'dots'))
-    count: int = parameter(10_000, 'of spheres in the whole gel', minimum=1)
-    diameter_mm: tuple[float, ...] = parameter((0.15, 0.18), 'least and greatest')
-    pitch_mm: float = parameter(2.0, 'of dots, from one to the next along x and along y', minimum=0.1)
-    dark: bool = parameter(False, 'whether they are darker than what is around them')
-    dot_mm: tuple[float, ...] = parameter((0.0, 0.0), 'of dots: where one of them is on the surface (x, y)')
+    kind: str = parameter('spheres', 'random spheres, or dots in rows and columns', choices=('spheres', 'dots'))
+    count: int = parameter(10_000, 'number of spheres in the whole gel', minimum=1)
+    diameter_mm: tuple[float, ...] = parameter((0.15, 0.18), 'least and greatest diameter')
+    pitch_mm: float = parameter(2.0, 'distance between dots along x and along y', minimum=0.1)
+    dark: bool = parameter(False, 'whether the pattern is darker than its surroundings')
+    dot_mm: tuple[float, ...] = parameter((0.0, 0.0), 'position of one of the dots on the surface (x, y)')
 
     def __post_init__(self) -> None:
         if len(self.dot_mm) != 2:
@@ -241,17 +241,17 @@ class PatternDescription:
             raise ValueError('pattern.diameter_mm must hold two numbers above 0, the least one first')
         if self.kind == 'dots' and self.diameter_mm[1] >= self.pitch_mm:
             raise ValueError(
-                f'pattern.diameter_mm is {self.diameter_mm[1]:g}, and dots that are pattern.pitch_mm, '
-                f'{self.pitch_mm:g} mm, apart would touch'
+                f'pattern.diameter_mm is {self.diameter_mm[1]:g}, so dots at a distance of pattern.pitch_mm, '
+                f'{self.pitch_mm:g} mm, would touch'
             )
 
     def require_within(self, gel: GelDescription) -> None:
-        """Refuse dots of which a gel has less than a row. Raises ValueError."""
+        """Refuse a gel that holds less than a row of dots. Raises ValueError."""
         side = min(gel.width_mm, gel.height_mm)
         if self.kind == 'dots' and self.pitch_mm > side:
             raise ValueError(
-                f'pattern.pitch_mm is {self.pitch_mm:g}, and the gel has {side:g} mm along its shorter side: it is the '
-                'way from one dot to the next'
+                f'pattern.pitch_mm is {self.pitch_mm:g}, but the shorter side of the gel is {side:g} mm: the pitch is '
+                'the distance from one dot to the next'
             )
 
 
@@ -259,14 +259,14 @@ class PatternDescription:
 class BinSettings:
     """The bins on the surface that forces are reported on."""
 
-    rows: int = parameter(9, 'along y', minimum=1, maximum=64)
-    cols: int = parameter(9, 'along x', minimum=1, maximum=64)
-    width_mm: float = parameter(0.0, 'of all of them, along x; 0: of the gel', minimum=0.0)
-    height_mm: float = parameter(0.0, 'of all of them, along y; 0: of the gel', minimum=0.0)
-    centre_mm: tuple[float, ...] = parameter((0.0, 0.0), 'where their middle is on the surface')
+    rows: int = parameter(9, 'number of bins along y', minimum=1, maximum=64)
+    cols: int = parameter(9, 'number of bins along x', minimum=1, maximum=64)
+    width_mm: float = parameter(0.0, 'width of the grid along x; 0: that of the gel', minimum=0.0)
+    height_mm: float = parameter(0.0, 'height of the grid along y; 0: that of the gel', minimum=0.0)
+    centre_mm: tuple[float, ...] = parameter((0.0, 0.0), 'centre of the grid on the surface')
 
     def require_within(self, gel: GelDescription) -> None:
-        """Refuse bins beside the gel. Raises ValueError."""
+        """Refuse bins outside the gel. Raises ValueError."""
         if len(self.centre_mm) != 2:
             raise ValueError(f'bins.centre_mm must hold 2 numbers, got {len(self.centre_mm)}')
         for at, own, side in zip(
@@ -274,16 +274,16 @@ class BinSettings:
         ):
             if not abs(at) + (own or side) / 2 <= side / 2 + 1e-6:
                 raise ValueError(
-                    f'bins lie up to {abs(at) + (own or side) / 2:g} mm from the middle, and the gel ends at '
+                    f'bins reach {abs(at) + (own or side) / 2:g} mm from the middle, but the gel ends at '
                     f'{side / 2:g} mm; change bins.width_mm, bins.height_mm or bins.centre_mm'
                 )
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """All that has to be known of a sensor before anything is pressed."""
+    """All that must be known of a sensor before the first press."""
 
-    name: str = parameter('', 'what it is called')
+    name: str = parameter('', 'name of the sensor')
     image: ImageSettings = field(default_factory=ImageSettings)
     camera: CameraDescription = field(default_factory=CameraDescription)
     gel: GelDescription = field(default_factory=GelDescription)
@@ -294,7 +294,7 @@ class Sensor:
 
     @property
     def covered(self) -> Bool[np.ndarray, 'h w']:
-        """Which pixels of what is cut from a picture show no gel, as the mask says."""
+        """Which pixels of the crop show no gel, according to the mask."""
         (width, height), image = self.image.crop_px, self.image
         x, y = (image.width - width) // 2, (image.height - height) // 2
         return self.mask.covers(image.width, image.height)[y : y + height, x : x + width]
@@ -304,28 +304,28 @@ class Sensor:
         lowest = -self.gel.markers_mm[1]
         if self.camera.position_mm[2] > lowest - LEAST_CLEARANCE_MM:
             raise ValueError(
-                f'camera.position_mm is {self.camera.position_mm[2]:g} mm high, which is not below the markers, '
-                f'whose lowest lie at {lowest:g} mm'
+                f'camera.position_mm has the height {self.camera.position_mm[2]:g} mm, which is not below the markers; '
+                f'the lowest marker is at {lowest:g} mm'
             )
         u, v = self.camera.centre_px
         width, height = self.image.crop_px
         if not self.camera.shows(math.hypot(width / 2, height / 2)):
             raise ValueError(
-                f'camera.distortion {list(self.camera.distortion)} folds the picture back before its corner; check it, '
+                f'camera.distortion {list(self.camera.distortion)} folds the image over before its corner; check it, '
                 'or calibrate the camera again'
             )
         if not (0 <= u < self.image.width and 0 <= v < self.image.height):
             raise ValueError(
-                f'camera.centre_px ({u:g}, {v:g}) lies outside of pictures of {self.image.width}x{self.image.height}'
+                f'camera.centre_px ({u:g}, {v:g}) lies outside the {self.image.width}x{self.image.height} image'
             )
         if self.mask.polygons_px and self.covered.all():
-            raise ValueError('mask covers all of the picture; black, or within a polygon, is what to leave out')
+            raise ValueError('mask covers the whole image; black parts and polygons mark what to leave out')
         self.mask.require_within(self.image.width, self.image.height)
         self.pattern.require_within(self.gel)
         self._require_seen()
 
     def _require_seen(self) -> None:
-        """Refuse a gel of which the picture shows hardly any, or that is a speck in it. Raises ValueError."""
+        """Refuse a gel that is far larger or far smaller than the image. Raises ValueError."""
         wide, high = self.camera.extent_px(self.gel.width_mm, self.gel.height_mm)
         width, height = self.image.crop_px
         times = wide / width, high / height
@@ -333,6 +333,6 @@ class Sensor:
             return
         focal = 'camera.focal_px_per_rad' if self.camera.model == 'fisheye' else 'camera.focal_px'
         raise ValueError(
-            f'{focal} and camera.position_mm make the gel {wide:.0f}x{high:.0f} pixels large, and {width}x{height} are '
-            'used; check them, gel.width_mm and gel.height_mm'
+            f'{focal} and camera.position_mm make the gel {wide:.0f}x{high:.0f} pixels large, but the crop has '
+            f'{width}x{height}; check them, gel.width_mm and gel.height_mm'
         )

@@ -1,4 +1,4 @@
-"""A hand as data: which sensors it has, where each gets its pictures, and where it is mounted. One YAML file."""
+"""A hand as data, in one YAML file: its sensors, their image sources, and where each is mounted."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 
 @dataclass(frozen=True)
 class HandSensor:
-    """One sensor of a hand; all but `frame` are arguments of the live launch, which says what they may be.
+    """One sensor of a hand. All entries except `frame` are arguments of the live launch, which lists their values.
 
     Raises:
-        ValueError: a name that no namespace can have.
+        ValueError: the name cannot be a namespace.
     """
 
-    name: str = parameter('', 'its namespace, and what its surface frame is called unless frame.id says otherwise')
-    source: str = parameter('simulated', 'where its pictures come from')
+    name: str = parameter('', 'namespace of the sensor, and name of its surface frame unless frame.id is given')
+    source: str = parameter('simulated', 'image source')
     sensor: str = parameter('', 'description of the sensor')
-    model: str = parameter('field', 'its force model')
-    contact: str = parameter('mixed', 'what touches it where it is simulated')
-    config: str = parameter('', 'parameter file of its nodes; empty: config/live.yaml')
+    model: str = parameter('field', 'force model')
+    contact: str = parameter('mixed', 'what touches a simulated sensor')
+    config: str = parameter('', 'parameter file of the nodes; empty: config/live.yaml')
     frame: Mounting = field(default_factory=Mounting)
 
     def __post_init__(self) -> None:
@@ -39,12 +39,12 @@ class HandSensor:
 
     @property
     def frames(self) -> tuple[str, str]:
-        """That of the surface, and that of the pictures."""
+        """The frame of the surface, and the frame of the images."""
         return self.frame.id, f'{self.frame.id}_camera_optical_frame'
 
     @property
     def camera(self) -> str:
-        """What only one sensor can have: its camera; empty for pictures that several may take, files and simulated."""
+        """The camera, which only one sensor can use; empty for files and simulated images, which several may use."""
         path = f'/dev/video{self.source}' if self.source.isdigit() else self.source
         if self.source == 'simulated' or Path(path).is_file() or Path(path).is_dir():
             return ''
@@ -55,41 +55,41 @@ class HandSensor:
 class HandSettings:
     """What a hand file says besides its sensors."""
 
-    frame: str = parameter('hand', 'frame that all sensors are fixed to, and that the sum of their forces is told in')
-    fps: float = parameter(60.0, 'frames a second of every sensor', minimum=1.0, maximum=1000.0)
+    frame: str = parameter('hand', 'frame that all sensors are fixed to; the sum of their forces is given in it')
+    fps: float = parameter(60.0, 'frame rate of every sensor [Hz]', minimum=1.0, maximum=1000.0)
     friction: float = parameter(
-        0.0, 'coefficient of friction between the surfaces and what they hold; 0: not known', minimum=0.0, maximum=10.0
+        0.0, 'coefficient of friction between the surfaces and the object; 0: unknown', minimum=0.0, maximum=10.0
     )
 
 
 @dataclass(frozen=True)
 class Hand(HandSettings):
-    """Sensors fixed to one frame. `refused` are sentences on those that the file holds and that cannot be used."""
+    """Sensors fixed to one frame. `refused` holds a sentence for each sensor of the file that cannot be used."""
 
     sensors: tuple[HandSensor, ...] = ()
     refused: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Those of the sensors, in the order of the file."""
+        """The names of the sensors, in the order of the file."""
         return tuple(each.name for each in self.sensors)
 
 
 def load_hand(name: Path | str) -> Hand:
-    """A hand by the name of one that ships ('two_fingers'), or its file.
+    """A hand by the name of a shipped one ('two_fingers'), or by its file.
 
-    A sensor that cannot be used is left out, with a sentence in `refused`: its values are none, or its name, frame or
-    camera is taken by one before it.
+    A sensor that cannot be used is left out, with a sentence in `refused`: its values are invalid, or an earlier sensor
+    has the same name, frame or camera.
 
     Raises:
-        ConfigurationError: there is no such file, it is no hand, or none of its sensors can be used.
+        ConfigurationError: there is no such file, it does not describe a hand, or none of its sensors can be used.
     """
     folder = share_directory() / 'config' / 'hands'
     shipped = folder / f'{name}.yaml'
     file = shipped if shipped.is_file() else Path(name)
     if not file.is_file():
         known = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
-        raise ConfigurationError(f'there is no hand {str(name)!r}; give a YAML file, or one that ships: {known}')
+        raise ConfigurationError(f'there is no hand {str(name)!r}; give a YAML file, or a shipped one: {known}')
     rest, entries = load_listed(file, SENSORS)
     told = from_mapping(HandSettings, rest, source=str(file), exact=False)
     sensors: list[HandSensor] = []
@@ -102,12 +102,12 @@ def load_hand(name: Path | str) -> Hand:
         except ConfigurationError as error:
             refused.append(str(error))
     if not sensors:
-        raise ConfigurationError(f'{file}: no sensor of it can be used: {"; ".join(refused)}')
+        raise ConfigurationError(f'{file}: none of its sensors can be used: {"; ".join(refused)}')
     return Hand(told.frame, told.fps, told.friction, tuple(sensors), tuple(refused))
 
 
 def _added(others: Sequence[HandSensor], entry: Mapping[str, Located], parent: str, file: Path) -> HandSensor:
-    """A sensor beside others. Raises ConfigurationError: it cannot be used."""
+    """Check a sensor against those before it. Raises ConfigurationError: it cannot be used."""
     place = next(iter(entry.values()))
     written = entry.get('name', place)
     values = {'frame.id': written, 'frame.parent': parent, **entry}
@@ -122,17 +122,17 @@ def _added(others: Sequence[HandSensor], entry: Mapping[str, Located], parent: s
 def _check(made: HandSensor, others: Sequence[HandSensor], parent: str) -> None:
     if made.frame.parent != parent:
         raise ValueError(
-            f'{made.name!r} is mounted in {made.frame.parent!r}, and forces are summed in {parent!r}, '
-            'the frame of the hand: say where it is in that'
+            f'{made.name!r} is mounted in {made.frame.parent!r}, but forces are summed in {parent!r}, '
+            'the frame of the hand: give its pose in that frame'
         )
     if parent in made.frames:
-        raise ValueError(f'{made.name!r} has a frame {parent!r}, which is that of the hand; rename one')
+        raise ValueError(f'{made.name!r} has a frame {parent!r}, which is the frame of the hand; rename one')
     for other in others:
         if made.name == other.name:
-            raise ValueError(f'there are two sensors with the name {made.name!r}; the first has it, rename this one')
+            raise ValueError(f'there are two sensors with the name {made.name!r}; rename the second one')
         if made.frame.id == other.frame.id:
-            raise ValueError(f'{made.name!r} and {other.name!r} have one frame.id, {made.frame.id!r}; rename one')
+            raise ValueError(f'{made.name!r} and {other.name!r} have the same frame.id {made.frame.id!r}; rename one')
         if shared := set(made.frames) & set(other.frames):
-            raise ValueError(f'{made.name!r} and {other.name!r} have one frame, {shared.pop()!r}; rename one')
+            raise ValueError(f'{made.name!r} and {other.name!r} have the same frame {shared.pop()!r}; rename one')
         if made.camera and made.camera == other.camera:
-            raise ValueError(f'{made.name!r} takes the camera {made.source}, which is that of {other.name!r}')
+            raise ValueError(f'{made.name!r} uses the camera {made.source}, which {other.name!r} already uses')

@@ -1,4 +1,4 @@
-"""Descriptions read from their files, with the files that they name."""
+"""Loads descriptions from their files, with the files that they name."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from tactile_nodes.sensors.description import Sensor
 from tactile_nodes.sensors.mounting import Mounting
 
 CALIBRATION, MASK = 'camera.calibration', 'mask.file'
-"""Name files; what these say stands in the description instead."""
+"""Entries that name files; the contents of these files replace them in the description."""
 
 
 def load_sensor(name: Path | str) -> Sensor:
-    """A description by the name of one that ships ('simulated'), or its file.
+    """A description by the name of a shipped one ('simulated'), or by its file.
 
     Raises:
-        ConfigurationError: there is none, it is empty, an unknown key, or numbers that contradict each other.
+        ConfigurationError: there is no such description, it is empty, has an unknown key, or its values contradict.
     """
     folder = share_directory() / 'config' / 'sensors'
     shipped = folder / f'{name}.yaml'
     file = shipped if shipped.is_file() else Path(name)
     if not file.is_file():
         known = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
-        raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or one that ships: {known}')
+        raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or a shipped one: {known}')
     written = load_mapping(file)
     if not written:
-        raise ConfigurationError(f'{file} describes nothing: write one by `tactile sensor new` (docs/sensors.md)')
+        raise ConfigurationError(f'{file} is empty: write a description with `tactile sensor new` (docs/sensors.md)')
     values = _calibrated(written, file)
     values.pop(MASK, None)
     sensor = from_mapping(Sensor, values, source=str(file), exact=False)
     if MASK not in written:
         return sensor
     if sensor.mask.polygons_px:
-        raise ConfigurationError(f'{file}: it has mask.file and mask.polygons_px; remove one')
+        raise ConfigurationError(f'{file}: it has both mask.file and mask.polygons_px; remove one')
     return masked(sensor, mask_of(_beside(file, MASK, written), sensor.image.width, sensor.image.height), str(file))
 
 
 def mounting_of(name: Path | str) -> Mounting:
-    """Where the surface of a described sensor is; no name: as where nobody described one.
+    """The mounting of a described sensor; the default mounting if no name is given.
 
     Raises:
         ConfigurationError: as `load_sensor`.
@@ -61,7 +61,7 @@ def masked(sensor: Sensor, mask: MaskSettings, source: str) -> Sensor:
 
 
 def _beside(file: Path, key: str, written: Mapping[str, Located]) -> Path:
-    """A file that a description names, beside its own."""
+    """A file that a description names, relative to the description."""
     named = written[key]
     if not isinstance(named.value, str):
         raise ConfigurationError.at(named.source, named.line, f'{key!r} must name a file, got {named.value!r}')
@@ -69,7 +69,7 @@ def _beside(file: Path, key: str, written: Mapping[str, Located]) -> Path:
 
 
 def _calibrated(written: Mapping[str, Located], file: Path) -> dict[str, object]:
-    """What is written, with what a calibration says in place of its name."""
+    """The entries of a description, with the values of the camera calibration in place of its name."""
     values: dict[str, object] = dict(written)
     if CALIBRATION not in written:
         return values
@@ -78,6 +78,6 @@ def _calibrated(written: Mapping[str, Located], file: Path) -> dict[str, object]
     told = read_camera_file(_beside(file, CALIBRATION, written), str(model))
     for key, value in told.items():
         if key in written and written[key].value != value:
-            text = f'{key!r} is {written[key].value!r}, and the calibration says {value!r}; remove one'
+            text = f'{key!r} is {written[key].value!r}, but the calibration says {value!r}; remove one'
             raise ConfigurationError.at(written[key].source, written[key].line, text)
     return values | told

@@ -1,4 +1,4 @@
-"""Where the gel's surface is on a robot, and what its frame is called in messages."""
+"""Where the gel's surface is on a robot, and the name of its frame in messages."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class Mounting:
     """The surface frame in its parent frame. Roll, pitch and yaw turn about the parent's fixed axes, as in URDF.
 
     Raises:
-        ValueError: a name that is none in ROS, a frame that is its own parent, or no three finite numbers.
+        ValueError: a name is not valid in ROS, a frame is its own parent, or three finite numbers are missing.
     """
 
-    id: str = parameter('gel_surface', 'what the surface frame is called in messages')
+    id: str = parameter('gel_surface', 'name of the surface frame in messages')
     parent: str = parameter(
-        'tactile_sensor', 'frame that it is fixed to; empty: the transform is told elsewhere, by a URDF say'
+        'tactile_sensor', 'parent frame; empty: the transform is published elsewhere, for example by a URDF'
     )
     position_mm: tuple[float, ...] = parameter((0.0, 0.0, 0.0), "the surface's origin in the parent frame")
     rpy_deg: tuple[float, ...] = parameter((0.0, 0.0, 0.0), "roll, pitch and yaw about the parent's fixed axes x, y, z")
@@ -33,23 +33,23 @@ class Mounting:
                 raise ValueError(f'frame.{name} must hold 3 finite numbers, got {list(given)}')
         for name, told in (('id', self.id), ('parent', self.parent)):
             if told.startswith('/') or any(map(str.isspace, told)):
-                raise ValueError(f'frame.{name} is {told!r}; names of frames have no spaces and no slash before them')
+                raise ValueError(f'frame.{name} is {told!r}; names of frames have no spaces and no leading slash')
         if not self.id or self.id == self.parent:
-            raise ValueError(f'frame.id is {self.id!r}, and must be a name other than that of frame.parent')
+            raise ValueError(f'frame.id is {self.id!r}, but must be given and differ from frame.parent')
 
     @property
     def xyz_m(self) -> tuple[float, ...]:
-        """The position in m."""
+        """The position [m]."""
         return tuple(each / 1000 for each in self.position_mm)
 
     @property
     def rpy_rad(self) -> tuple[float, ...]:
-        """The turns in radians."""
+        """Roll, pitch and yaw [rad]."""
         return tuple(map(math.radians, self.rpy_deg))
 
     @property
     def parent_from_surface(self) -> Float[np.ndarray, '4 4']:
-        """Takes points (x, y, z, 1) [m] of the surface to the parent frame: Rz(yaw) Ry(pitch) Rx(roll), then a shift.
+        """Transforms points (x, y, z, 1) [m] from surface to parent frame: Rz(yaw) Ry(pitch) Rx(roll), then a shift.
 
         Mounted at (0, 0, 12) mm and turned by (0, 90, 0) degrees the surface's z axis is the parent's x axis, and
         (0, 0, 0.001, 1) is at (0.001, 0, 0.012, 1).
@@ -65,11 +65,11 @@ class Mounting:
         return made
 
     def __str__(self) -> str:
-        """In a sentence, for people."""
+        """The mounting as readable text."""
         place, turn = (', '.join(f'{each:g}' for each in given) for given in (self.position_mm, self.rpy_deg))
         at = (
             f'at ({place}) mm in {self.parent}, turned by ({turn}) degrees'
             if self.parent
-            else 'mounted as told elsewhere'
+            else 'mounted as another node publishes'
         )
         return f'{self.id}, {at}'

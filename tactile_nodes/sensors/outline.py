@@ -14,7 +14,7 @@ from tactile_nodes.sensors.covering import corners_of
 
 ELLIPSE = 'ellipse'
 ROUND_CORNERS = 180
-"""An ellipse is drawn with so many: a circle's rim is then off by a seven-thousandth of its radius."""
+"""Corners of an ellipse: a circle's rim is then off by a seven-thousandth of its radius."""
 
 MOST_CORNERS = 500
 
@@ -23,13 +23,13 @@ _SQUARE = (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Outline:
-    """What of a rectangle of `width_mm` by `height_mm` about the origin is gel.
+    """The part of a rectangle of `width_mm` by `height_mm` about the origin that is gel.
 
-    `told` is empty where all of it is, 'ellipse' where the ellipse in it is (a circle where the sides are alike), or
-    corners 'x,y x,y x,y' in mm in the surface frame.
+    `told` is empty (all of it), 'ellipse' (the inscribed ellipse, a circle if the sides are equal), or corners
+    'x,y x,y x,y' [mm] in the surface frame.
 
     Raises:
-        ValueError: it is none of these, goes beyond the rectangle, or does not hold the origin.
+        ValueError: `told` is invalid, goes beyond the rectangle, or does not contain the origin.
     """
 
     width_mm: float
@@ -43,18 +43,18 @@ class Outline:
             corners = corners_of(self.told)
         except ValueError as error:
             raise ValueError(
-                f'gel.outline_mm is {self.told[:60]!r}, and must be empty (a rectangle), {ELLIPSE}, or three corners '
-                "or more, as '-9,-6 9,-6 9,6 -9,6'"
+                f'gel.outline_mm is {self.told[:60]!r}, but must be empty (a rectangle), {ELLIPSE}, or three corners '
+                "or more, such as '-9,-6 9,-6 9,6 -9,6'"
             ) from error
         if len(corners) > MOST_CORNERS:
-            raise ValueError(f'gel.outline_mm has {len(corners)} corners, and {MOST_CORNERS} are read at most')
+            raise ValueError(f'gel.outline_mm has {len(corners)} corners, at most {MOST_CORNERS} are allowed')
         if (np.abs(corners) > self._half_mm + 1e-6).any():
             raise ValueError(
                 f'gel.outline_mm goes beyond gel.width_mm by gel.height_mm, {self.width_mm:g}x{self.height_mm:g} mm '
-                'about (0, 0); move its corners, or make these larger'
+                'about (0, 0); move its corners, or make the rectangle larger'
             )
         if not self.holds(np.zeros(2)):
-            raise ValueError('gel.outline_mm does not hold (0, 0), the middle of the surface; move its corners')
+            raise ValueError('gel.outline_mm does not contain (0, 0), the middle of the surface; move its corners')
 
     @property
     def _half_mm(self) -> Float[np.ndarray, ' 2']:
@@ -76,12 +76,12 @@ class Outline:
 
     @property
     def farthest_mm(self) -> float:
-        """How far the rim is from the middle, at most."""
+        """Greatest distance of the rim from the middle."""
         return float(np.hypot(*self.corners_mm.T).max())
 
     @property
     def inner_mm(self) -> float:
-        """Half the side of the largest square about the origin that is all gel: 16 of the paper's gel."""
+        """Half the side of the largest square about the origin that lies within the gel: 16 for the paper's gel."""
         if not self.told:
             return float(self._half_mm.min())
         return float(np.abs(self.rim_mm()).max(axis=1).min())
@@ -96,12 +96,12 @@ class Outline:
         x, y = places_mm[..., 0], places_mm[..., 1]
         for (left, high), (right, low) in zip(self.corners_mm, np.roll(self.corners_mm, -1, axis=0), strict=True):
             if high != low:
-                # Of a line from the place to the right: it leaves or enters at each edge that it crosses.
+                # Ray casting: a ray from the place to the right enters or leaves at each edge that it crosses.
                 inside ^= ((high > y) != (low > y)) & (x < left + (y - high) * (right - left) / (low - high))
         return inside
 
     def lattice_mm(self, pitch_mm: float, through_mm: Sequence[float]) -> Float[np.ndarray, 'places 2']:
-        """Places on the gel in rows and columns through one of them, row by row: each `pitch_mm` from the next."""
+        """Places on the gel on a square lattice of `pitch_mm` through one given place, row by row."""
         x, y = (
             at + pitch_mm * np.arange(np.ceil((-half - at) / pitch_mm), np.floor((half - at) / pitch_mm) + 1)
             for at, half in zip(through_mm, self._half_mm, strict=True)

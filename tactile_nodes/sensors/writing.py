@@ -1,4 +1,4 @@
-"""Descriptions as the YAML that people read and change, each entry with where it comes from."""
+"""Writes descriptions as YAML for people to read and change, with the source of each value."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ OF_OTHERS = {
     'pinhole': ('camera.focal_px_per_rad', 'camera.focal_ratio'), 'fisheye': ('camera.focal_px',),
     'dots': ('pattern.count',), 'spheres': ('pattern.pitch_mm', 'pattern.dot_mm'),
 }  # fmt: skip
-"""Entries that mean nothing of a kind of camera or pattern."""
+"""Entries without meaning for a lens model or a kind of pattern."""
 HEAD = """\
 # What is known of this sensor: docs/sensors.md says what each entry means. Change what you know better, and look at it
 # with: tactile sensor check
@@ -23,11 +23,11 @@ MOUNTING = 'frame.'
 UNLESS_TOLD = (
     'gel.outline_mm', 'gel.dome_radius_mm', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm', 'pattern.dot_mm',
 )  # fmt: skip
-"""Entries that stand nowhere while they say nothing: descriptions did not have them at first."""
+"""Entries that are written only if they differ from the default: older descriptions do not have them."""
 
 
 def values_of(sensor: Sensor) -> dict[str, Value]:
-    """The dotted names and values of what a model is made of: all but where the sensor is mounted."""
+    """The dotted names and values that a model depends on: all except the mounting."""
     return {name: value for name, value in _told(sensor).items() if not name.startswith(MOUNTING)}
 
 
@@ -38,7 +38,7 @@ def _told(sensor: Sensor) -> dict[str, Value]:
 
 
 def text_of(sensor: Sensor, sources: Mapping[str, str]) -> str:
-    """A description; `sources` says of dotted names where their values come from."""
+    """The text of a description; `sources` gives the source of values, by dotted name."""
     lines, block = [HEAD.rstrip()], ''
     unused = OF_OTHERS[sensor.camera.model] + OF_OTHERS[sensor.pattern.kind]
     for name, value in _told(sensor).items():
@@ -60,7 +60,7 @@ def _entry(indent: str, key: str, value: object, source: str) -> list[str]:
 
 
 def _written(value: object) -> str:
-    """As YAML and rcl read it back to six digits."""
+    """A value with six digits, in a form that YAML and rcl read back."""
     if isinstance(value, list):
         return f'[{", ".join(map(_written, value))}]'
     if isinstance(value, bool):

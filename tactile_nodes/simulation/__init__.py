@@ -1,1 +1,1 @@
-"""The physical world as computation: gel, mechanics, optics, and the scene that they make in time."""
+"""Simulation of the physical world: gel, mechanics, optics, and scenes over time."""

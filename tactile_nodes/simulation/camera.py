@@ -1,4 +1,4 @@
-"""The camera under the gel and the light in it: where it looks, how bright the image is, how it is compressed."""
+"""The camera under the gel: its pose, the brightness of its image, and image compression."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def shade(gel: Gel) -> Float32[np.ndarray, 'h w']:
 
 
 def camera_turn(gel: Gel) -> Float32[np.ndarray, '3 3'] | None:
-    """The matrix that points in the surface's axes are multiplied with from the right to be in the camera's.
+    """The rotation from the surface's axes to the camera's; multiply row vectors with it from the right.
 
-    The camera is tilted about its x and then its y axis, then rolled about z; none if it looks straight up.
+    The camera is tilted about its x and then its y axis, then rolled about z. None if it looks straight up.
     Rolled by 90 degrees it sees what is right of the middle (x > 0) above it (v < 0).
     """
     angles = (*gel.camera_tilt_deg, gel.camera_roll_deg)
@@ -47,7 +47,7 @@ def camera_turn(gel: Gel) -> Float32[np.ndarray, '3 3'] | None:
 
 
 def pupil(gel: Gel) -> Float32[np.ndarray, ' 3']:
-    """Where the camera's pupil is in the surface frame."""
+    """The camera's pupil in the surface frame."""
     return np.array([*gel.camera_shift_mm, gel.pupil_z_mm], np.float32)
 
 

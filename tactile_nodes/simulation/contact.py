@@ -1,8 +1,8 @@
 """Contact between a surface of elements and a rigid indenter: a stiff penalty, with or without friction.
 
-The normal pressure is `stiffness` times the penetration. Friction is Coulomb's: a tangential spring from where
-a point stuck to the indenter, that slips at the friction coefficient times the pressure of the increment before,
-which keeps the equations symmetric and, since increments are small, changes nothing. An infinite coefficient
+The normal pressure is `stiffness` times the penetration. Friction is Coulomb's: a tangential spring starts where a
+point stuck to the indenter, and slips at the friction coefficient times the pressure of the previous increment. This
+keeps the equations symmetric and, since increments are small, does not change the result. An infinite coefficient
 sticks, zero is smooth. Stresses are over the shear modulus, and per area at rest.
 """
 
@@ -21,14 +21,14 @@ VALUES = shapes(POINTS)[0]
 
 
 class Where(NamedTuple):
-    """Where the indenter's lowest point is: sideways, and down from the surface at rest (mm)."""
+    """Position of the indenter's lowest point: sideways, and down from the surface at rest [mm]."""
 
     across_mm: float
     depth_mm: float
 
 
 class Touch(NamedTuple):
-    """What the indenter does to the surface, edge by edge of the elements."""
+    """Forces of the indenter on the surface, edge by edge of the elements."""
 
     force: Float[np.ndarray, 'edges 6']
     stiffness: Float[np.ndarray, 'edges 6 6']
@@ -40,7 +40,7 @@ class Touch(NamedTuple):
 
 
 class Contact:
-    """The upper side of a mesh against one indenter; remembers where its points stuck."""
+    """The upper side of a mesh against one indenter. It stores where its points stuck."""
 
     def __init__(self, mesh: Mesh, indenter: Indenter, friction: float, stiffness: float = 2e4) -> None:
         rows = mesh.nodes[1]
@@ -50,17 +50,17 @@ class Contact:
         self.rest_mm = mesh.across_mm[:-1, None] + half * (1 + POINTS)
         self._weight = POINT_WEIGHT * half * (1.0 if mesh.plane else 2 * np.pi * self.rest_mm)
         self._indenter, self._friction = indenter, friction
-        # Where points may slip, a softer spring lets Newton's method find which do.
+        # If points may slip, a softer spring lets Newton's method find which ones do.
         self._stiffness, self._hold = stiffness, stiffness / (5 if np.isinf(friction) else 20)
         self._anchor = np.zeros((*self.rest_mm.shape, 2))
         self._tangent = np.zeros_like(self._anchor)
         self._limit = np.zeros(self.rest_mm.shape)
 
     def touch(self, u: Float[np.ndarray, ' unknowns'], where: Where) -> Touch:
-        """Forces and stiffness at displacements u with the indenter at a place.
+        """Forces and stiffness at displacements `u` and indenter position `where`.
 
-        `pushes` is the force on the gel (across, down) over the shear modulus, the derivative of the energy by
-        the indenter's place.
+        `pushes` is the force on the gel (across, down) over the shear modulus: the derivative of the energy with
+        respect to the indenter's position.
         """
         place = self._place(u)
         gap, normal, curvature = self._indenter.touch(*self._relative(place, where))
@@ -89,7 +89,7 @@ class Contact:
         )
 
     def hold(self, u: Float[np.ndarray, ' unknowns'], where: Where) -> None:
-        """Take the present state as the one from which the next increment's friction counts."""
+        """Store the present state as the reference for the friction of the next increment."""
         touched = self.touch(u, where)
         _, normal, _ = self._indenter.touch(*self._relative(touched.place_mm, where))
         here = self._from_tip(touched.place_mm, where)

@@ -1,4 +1,4 @@
-"""The simulated gel of a described sensor: what it looks like, and how it yields."""
+"""The simulated gel of a described sensor."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ DARK = {'background_grey': 140.0, 'marker_grey': -100.0}
 
 
 def gel_of(sensor: Sensor) -> Gel:
-    """A gel as a description says; of the simulated sensor that ships, the gel that is simulated by default.
+    """The gel of a description; for the shipped simulated sensor this is the default gel.
 
     Raises:
-        ConfigurationError: its layers differ; the simulator has one modulus.
+        ConfigurationError: its layers differ; the simulator supports one modulus only.
     """
     camera, gel, image, pattern = sensor.camera, sensor.gel, sensor.image, sensor.pattern
     if len({*zip(gel.moduli_mpa, gel.poisson_ratios, strict=True)}) > 1:
-        raise ConfigurationError(f'{sensor.name} has layers that differ, and the simulator knows one modulus for all')
+        raise ConfigurationError(f'{sensor.name} has different layers, but the simulator supports one modulus only')
     focal_px, down_px = camera.focal_lengths_px
     high, low = gel.markers_mm
     right, up, away = camera.position_mm

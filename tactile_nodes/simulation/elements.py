@@ -4,9 +4,9 @@ The material is neo-Hookean. Per volume at rest its energy over the shear modulu
 
     W = (I1 - 3) / 2 - ln J + p (J - 1) - p² / (2 lambda)
 
-with the pressure-like p a field of its own, linear and discontinuous between elements (Q2/P1, which does not
-lock); `lambda` is Lamé's constant over the shear modulus. All is written for the deformation gradient's five
-entries (rr, rz, zr, zz, and the hoop), so axial symmetry and plane strain differ in two lines.
+with the pressure-like p as a separate field, linear and discontinuous between elements (Q2/P1, which does not
+lock). `lambda` is Lamé's constant over the shear modulus. The code uses the deformation gradient's five entries
+(rr, rz, zr, zz, and the hoop), so that axial symmetry and plane strain differ in two lines only.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from jaxtyping import Float, Int
 GAUSS, GAUSS_WEIGHT = np.polynomial.legendre.leggauss(3)
 HOOP = 4
 INCOMPRESSIBLE = 1e5
-"""Lamé's constant over the shear modulus where Poisson's ratio is a half: volume then changes by 1e-4 at 10 G."""
+"""Lamé's constant over the shear modulus for a Poisson's ratio of 0.5: the volume changes by 1e-4 at 10 G."""
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """A rectangle cut by lines across (r or x) and by lines up (z, from the base to the surface at 0)."""
+    """A rectangle divided by lines across (r or x) and by lines up (z, from the base to the surface at 0)."""
 
     across_mm: Float[np.ndarray, ' columns']
     z_mm: Float[np.ndarray, ' rows']
@@ -33,7 +33,8 @@ class Mesh:
 
     @property
     def nodes(self) -> tuple[int, int]:
-        """Nodes across and up: two a cell and one more. A node's number is i * up + j, its first unknown twice that."""
+        """Nodes across and up: two per cell and one more. A node's index is i * up + j, that of its first unknown twice
+        that."""
         return 2 * len(self.across_mm) - 1, 2 * len(self.z_mm) - 1
 
     @property
@@ -42,14 +43,14 @@ class Mesh:
 
 
 def with_middles(lines: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' m']:
-    """The lines and the middles between them, in order."""
+    """The lines and the midpoints between them, in order."""
     places = np.empty(2 * len(lines) - 1)
     places[::2], places[1::2] = lines, (lines[1:] + lines[:-1]) / 2
     return places
 
 
 def graded(length_mm: float, first_mm: float, growth: float, even_mm: float = 0.0) -> Float[np.ndarray, ' n']:
-    """Lines from 0 to a length: steps of `first_mm` as far as `even_mm`, then growing by a factor each."""
+    """Lines from 0 to `length_mm`: steps of `first_mm` up to `even_mm`, then each larger by the factor `growth`."""
     steps = [first_mm] * round(even_mm / first_mm)
     tail = [first_mm * growth]
     while sum(steps) + sum(tail) < length_mm:
@@ -59,12 +60,12 @@ def graded(length_mm: float, first_mm: float, growth: float, even_mm: float = 0.
 
 
 def shapes(x: Float[np.ndarray, ' n']) -> tuple[Float[np.ndarray, 'n 3'], Float[np.ndarray, 'n 3']]:
-    """The three parabolas of a line element and their slopes, at places in -1 to 1."""
+    """The three quadratic shape functions of a line element and their derivatives, at places from -1 to 1."""
     return np.stack([x * (x - 1) / 2, 1 - x * x, x * (x + 1) / 2], -1), np.stack([x - 0.5, -2 * x, x + 0.5], -1)
 
 
 class Linearised(NamedTuple):
-    """A body's forces and stiffness about a state, element by element."""
+    """Forces and stiffness of a body, linearised about a state, element by element."""
 
     volume: Float[np.ndarray, 'elements 9']
     force: Float[np.ndarray, 'elements 18']
@@ -92,7 +93,7 @@ class Body:
         self.stiff_pressure = -lame * np.linalg.inv(softness)
 
     def deformation(self, u: Float[np.ndarray, ' unknowns']) -> Float[np.ndarray, 'elements 9 5']:
-        """The deformation gradient rr, rz, zr, zz and hoop at the points of integration."""
+        """The deformation gradient rr, rz, zr, zz and hoop at the integration points."""
         deformed: np.ndarray = np.einsum('eqka,ea->eqk', self.gradient, u[self.unknowns])
         deformed[..., [0, 3, HOOP]] += 1
         return deformed
@@ -110,7 +111,7 @@ class Body:
         return float((self.weight * density).sum())
 
     def linearise(self, u: Float[np.ndarray, ' unknowns'], p: Float[np.ndarray, 'elements 3']) -> Linearised:
-        """Forces and stiffness of every element at displacements u and pressures p."""
+        """Forces and stiffness of every element at displacements `u` and pressures `p`."""
         f, pressure = self.deformation(u), p @ self.modes.T
         volume = self.volume(u)
         cofactor = _cofactor(f)

@@ -1,7 +1,7 @@
 """An indenter pressed step by step into a bonded layer of rubber, at finite strain.
 
-Each increment is solved by Newton's method with the pressures eliminated element by element; an increment that
-does not converge is cut. Moduli are relative: the shear modulus is 1, and displacements do not depend on it.
+Each increment is solved by Newton's method, with the pressures eliminated element by element. An increment that does
+not converge is divided. Moduli are relative: the shear modulus is 1, and displacements do not depend on it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LEAST_VOLUME = 0.05  # no iteration may flatten an element further
 
 @dataclass(frozen=True)
 class State:
-    """Displacements and pressures in equilibrium with an indenter at a place."""
+    """Displacements and pressures in equilibrium with an indenter at a position."""
 
     where: Where
     u: Float[np.ndarray, ' unknowns']
@@ -34,7 +34,7 @@ class State:
 
 
 class Indentation:
-    """A layer and an indenter, from the first touch on; `advance` moves the indenter, `state` is where things stand."""
+    """A layer and an indenter, from the first touch on. `advance` moves the indenter; `state` is the present state."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class Indentation:
         """Move the indenter in a straight line, in increments of `step_mm` or less.
 
         Raises:
-            ConfigurationError: no equilibrium was found; the gel or the indenter asks for too much strain.
+            ConfigurationError: no equilibrium was found because the strain is too large.
         """
         step = step_mm
         while (way := np.subtract(where, self.state.where)).any():
@@ -69,25 +69,25 @@ class Indentation:
                 step /= 2
             else:
                 raise ConfigurationError(
-                    f'the press found no equilibrium beyond {self.state.where.depth_mm:.2f} mm; '
-                    'let the contact stick, press less deep, or take a rounder indenter'
+                    f'no equilibrium was found beyond a depth of {self.state.where.depth_mm:.2f} mm; '
+                    'let the contact stick, press less deep, or use a rounder indenter'
                 )
 
     @property
     def touch(self) -> Touch:
-        """What the indenter does to the surface now."""
+        """The present forces of the indenter on the surface."""
         return self.contact.touch(self.state.u, self.state.where)
 
     @property
     def support_n(self) -> float:
-        """The downward force of the layer on what it is bonded to, over the shear modulus, from its stresses."""
+        """The downward force of the layer on its base, over the shear modulus, from its stresses."""
         force = self._gather(self.body.linearise(self.state.u, self.state.p).force, self.body.unknowns)
         down = force.reshape(*self.body.mesh.nodes, 2)[..., 1]
         return float(down[:, 0].sum() + down[-1, 1:].sum())
 
     @property
     def energy(self) -> float:
-        """What layer and contact have stored, over the shear modulus."""
+        """Energy stored in layer and contact, over the shear modulus."""
         return self.body.energy(self.state.u, self.state.p) + self.touch.energy
 
     def _increment(self, target: Where) -> bool:
@@ -99,7 +99,7 @@ class Indentation:
         return True
 
     def _guess(self, target: Where) -> tuple[np.ndarray, np.ndarray]:
-        """Where the last increment points to, unless that turns an element inside out."""
+        """Extrapolation of the last increment, unless that inverts an element."""
         now, before = self.state, self._before
         last = np.subtract(now.where, before.where)
         if not last.any():
@@ -140,7 +140,7 @@ class Indentation:
         return np.bincount(unknowns.ravel(), values.ravel(), self.body.mesh.unknowns)
 
     def _pattern(self) -> None:
-        """Where each entry of each element's stiffness goes in the matrix of the free unknowns."""
+        """Position of each entry of each element's stiffness in the matrix of the free unknowns."""
         number = np.full(self.body.mesh.unknowns, -1)
         number[self._free] = np.arange(len(self._free))
         parts = [number[self.body.unknowns], number[self.contact.unknowns]]
@@ -159,7 +159,7 @@ class Indentation:
 
 
 def _free(mesh: Mesh, symmetric: bool) -> np.ndarray:
-    """Unknowns that may move: the base and the far side are bonded, the near side too unless it is an axis."""
+    """Unknowns that may move: the base and the far side are bonded, and so is the near side unless it is an axis."""
     bonded: Bool[np.ndarray, 'i j 2'] = np.zeros((*mesh.nodes, 2), bool)
     bonded[:, 0] = bonded[-1] = True
     bonded[0, :, 0] = True

@@ -1,4 +1,4 @@
-"""A gel as data: what has to be said to make one sensor, as one small mapping (a YAML file's content)."""
+"""A gel as data: all properties of one simulated sensor, as a small mapping (the content of a YAML file)."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ LATER = (
     'height_mm', 'camera', 'distortion', 'focal_ratio', 'centre_shift_px', 'pattern', 'pitch_mm',
     'markers_thickness_mm', 'outline', 'dome_radius_mm', 'dot_mm',
 )  # fmt: skip
-"""Properties that gels did not have at first: one that has them as they were then keeps its id."""
+"""Properties that were added later: a gel with their default values keeps its old id."""
 UNSAID = 'outline', 'dome_radius_mm', 'dot_mm'
-"""Those that cards do not name of a flat rectangle, so that they are as they were before."""
+"""Properties that the card of a flat rectangle leaves out, so that it stays as before."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What presses: round bodies on a shaft, as a signed distance that contact can be computed from."""
+"""Indenters: round bodies on a shaft, as signed distance functions for the contact."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from jaxtyping import Float
 
 @dataclass(frozen=True)
 class Indenter:
-    """A cylinder of `radius_mm` whose lower edge is rounded by `edge_mm`; one rounded as much as it is wide ends in
-    half a sphere.
+    """A cylinder of `radius_mm` whose lower edge is rounded by `edge_mm`. If both are equal it ends in half a sphere.
 
     The paper's tip is Indenter(0.6, 0.6); a flat punch has a small edge, which keeps its pressure finite.
     """
@@ -25,8 +24,8 @@ class Indenter:
     ) -> tuple[Float[np.ndarray, '*points'], Float[np.ndarray, '*points 2'], Float[np.ndarray, '*points']]:
         """Signed distance of points from the body (negative inside), outward normal, curvature of the distance.
 
-        Points are given from the lowest point on the axis, across and upwards; both signs of `across_mm` count,
-        so that the same body serves in plane strain. The tip of 0.6 mm is 0.4 mm from (1.0, 0.6).
+        Points are relative to the lowest point on the axis, across and upwards. Both signs of `across_mm` are valid,
+        so that the same body can be used in plane strain. The tip of 0.6 mm is 0.4 mm from (1.0, 0.6).
         """
         flat = self.radius_mm - self.edge_mm
         side = np.where(across_mm < 0, -1.0, 1.0) * np.maximum(np.abs(across_mm) - flat, 0)
@@ -40,17 +39,17 @@ PAPER_TIP = Indenter()
 
 BALL, PUNCH = 'ball', 'punch'
 INDENTERS = {BALL: Indenter(3.0, 3.0), PUNCH: Indenter(1.5, 0.15)}
-"""Bodies beside the gel's own 'tip': a sphere of 6 mm and a flat punch of 3 mm diameter."""
+"""Indenters besides the gel's own 'tip': a sphere of 6 mm and a flat punch of 3 mm diameter."""
 
 RECORDED = {BALL: 'sphere', PUNCH: 'flat punch'}
-"""What records call a ball and a punch, before their diameter: 'sphere 1.2 mm'."""
+"""Names of a ball and a punch in records, followed by their diameter: 'sphere 1.2 mm'."""
 
 EDGE_SHARE = 0.1
-"""Of its radius a punch is rounded at its edge."""
+"""Edge radius of a punch, as a share of its radius."""
 
 
 def indenter_of(name: str) -> Indenter | None:
-    """Of a name as 'ball:5' or 'punch:1.5' (radius in mm); None of one that is neither."""
+    """The indenter of a name such as 'ball:5' or 'punch:1.5' (radius in mm); None for any other name."""
     shape, _, size = name.partition(':')
     radius_mm = number(size)
     if shape not in INDENTERS or not (0 < radius_mm < math.inf):
@@ -59,14 +58,14 @@ def indenter_of(name: str) -> Indenter | None:
 
 
 def indenter_name(tip_radius_mm: float, indenter: str) -> str:
-    """What records call an indenter: 'sphere 1.2 mm' is the paper's tip, 'flat punch 3 mm' the punch."""
+    """The name of an indenter in records: 'sphere 1.2 mm' is the paper's tip, 'flat punch 3 mm' the punch."""
     body = INDENTERS.get(indenter, Indenter(tip_radius_mm, tip_radius_mm))
     shape = BALL if body.edge_mm == body.radius_mm else PUNCH
     return f'{RECORDED[shape]} {2 * body.radius_mm:g} mm'
 
 
 def name_of_record(told: str) -> str:
-    """'ball:0.6' of 'sphere 1.2 mm', 'punch:1.5' of 'flat punch 3 mm'; anything else as it is."""
+    """'ball:0.6' for 'sphere 1.2 mm', 'punch:1.5' for 'flat punch 3 mm'; any other text unchanged."""
     for shape, words in RECORDED.items():
         size = told.removeprefix(words).removesuffix('mm')
         if told == f'{words}{size}mm' and not math.isnan(number(size)):
@@ -75,7 +74,7 @@ def name_of_record(told: str) -> str:
 
 
 def number(text: str) -> float:
-    """The number that a text is; NaN of one that is none."""
+    """The text as a number; NaN if it is not a number."""
     try:
         return float(text)
     except ValueError:

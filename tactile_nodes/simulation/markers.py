@@ -1,4 +1,4 @@
-"""Where the markers of a gel are: at random or printed, within its rim, below its surface."""
+"""Positions of a gel's markers: random or printed, within its rim, below its surface."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from jaxtyping import Float, Float32
 from tactile_nodes.simulation.gel import Gel
 
 RINGS = 6
-"""Rings of small discs that fill a printed dot about one in its middle, six more in each than in the one before."""
+"""Rings of small discs that fill a printed dot, around one disc in its middle; each has six more than the last."""
 
 
 def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
-    """Places of the markers in the surface frame, at random through the soft gel or printed, and their diameters."""
+    """Positions of the markers in the surface frame, random in the soft gel or printed, and their diameters."""
     random = np.random.default_rng(gel.seed)
     right, down = (side / 2 for side in gel.sides_mm)
     lowest = -gel.skin_mm - (gel.markers_thickness_mm or gel.soft_mm)
@@ -30,7 +30,10 @@ def place_markers(gel: Gel) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[n
 def domed(
     gel: Gel, flat_mm: Float32[np.ndarray, 'markers 3']
 ) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, 'markers 3 3'] | None]:
-    """Markers of a flat gel where a dome has them, and axes along which they move there; the base stays flat."""
+    """Move the markers of a flat gel to their places in a dome; also returns the axes along which they move there.
+
+    The base stays flat.
+    """
     if not gel.dome_radius_mm:
         return flat_mm, None
     places, height = flat_mm[:, :2].astype(float), gel.dome.height_mm(flat_mm[:, :2].astype(float))
@@ -40,7 +43,7 @@ def domed(
 
 
 def _printed(gel: Gel, z_mm: float) -> tuple[Float32[np.ndarray, 'markers 3'], Float32[np.ndarray, ' markers']]:
-    """Dots in rows and columns, each filled with small discs that have its area together."""
+    """Dots in rows and columns, each filled with small discs of the same total area."""
     diameter_mm = sum(gel.marker_diameter_mm) / 2
     within = diameter_mm / 2 * _filling()
     flat = (gel.rim.lattice_mm(gel.pitch_mm, gel.dot_mm)[:, None] + within).reshape(-1, 2)
@@ -49,7 +52,7 @@ def _printed(gel: Gel, z_mm: float) -> tuple[Float32[np.ndarray, 'markers 3'], F
 
 
 def _filling() -> Float[np.ndarray, 'discs 2']:
-    """Where discs of one size fill a circle of radius 1, with a rim that is as round as it."""
+    """Positions of discs of equal size that fill a circle of radius 1."""
     count = 6 * np.arange(RINGS + 1)
     count[0] = 1
     rim = np.sqrt(np.cumsum(count) / count.sum())  # of each ring: all discs have the same area

@@ -1,4 +1,4 @@
-"""An elastic layer bonded to a rigid base, pressed by a round tip: solved once, tabulated, looked up.
+"""An elastic layer bonded to a rigid base and pressed by a round tip: solved once, then looked up in a table.
 
 The layer is linear, isotropic and (by default) incompressible; the tip presses without friction and its
 pressure is Hertz's. Under an axisymmetric pressure p(r) every field is a Hankel transform: for each wave
@@ -6,8 +6,8 @@ number k Love's stress function is (A + B k s) exp(-k s) + (C + D k s') exp(-k s
 surface and s' = H - s the height above the base, and four linear equations (shear and pressure at the
 surface, no displacement at the base) give A to D. Summing over k gives the displacements.
 
-What this leaves out: large strain (at 2 mm the tip is a third of the layer deep, where a linear layer folds
-over near the axis), friction, viscoelasticity and the sides of the gel. All callers see is `ContactTable`.
+Not modelled are large strain (at 2 mm the tip is a third of the layer deep, where a linear layer folds over near the
+axis), friction, viscoelasticity and the sides of the gel. Callers use `ContactTable` only.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from tactile_nodes.simulation.gel import Gel
 
 @dataclass(frozen=True)
 class ContactTable:
-    """What one tip does to one layer: force and displacements on a grid of indentation depth, radius and height.
+    """Force and displacements of one layer under one tip, on a grid of indentation depth, radius and height.
 
     `force_n[i]`, and `radial_mm[i, j, l]` (outwards) and `vertical_mm[i, j, l]` (out of the gel, so mostly
     negative) at depth_mm[i] of the material that rests at a distance radius_mm[j] from the axis and a height
-    z_mm[l] (0 is the surface, negative below it). All three grids are even, so that finding a cell is one
-    multiplication. `contact_mm` is the contact's radius.
+    z_mm[l] (0 is the surface, negative below it). All three grids have equal steps, so that finding a cell takes one
+    multiplication. `contact_mm` is the contact radius.
 
-    Between the depths the force is a power of the depth, the one with which the table begins (Hertz's 1.5 for a
-    round tip), so that a light touch has the force that theory gives it; and displacements follow the force, to which
+    Between depths the force is a power of the depth, with the exponent at the beginning of the table (Hertz's 1.5 for
+    a round tip), so that a light touch has its theoretical force. Displacements are interpolated by force, to which
     they are proportional far from the contact.
     """
 
@@ -44,24 +44,24 @@ class ContactTable:
     contact_mm: Float[np.ndarray, ' depths']
 
     def force_at(self, depth_mm: float) -> float:
-        """Normal force in newtons at an indentation; none above the surface, and no more than at the last depth."""
+        """Normal force [N] at an indentation: 0 above the surface, and at most that at the last depth."""
         low, part = self._cell(depth_mm)
         roots = self._roots
         return float((roots[low] + part * (roots[low + 1] - roots[low])) ** self._power)
 
     def depth_at(self, force_n: float) -> float:
-        """The indentation that takes a force, the reverse of `force_at`."""
+        """The indentation for a force: the inverse of `force_at`."""
         root = max(force_n, 0.0) ** (1 / self._power)
         return float(np.interp(root, self._roots, self.depth_mm))
 
     def contact_at(self, depth_mm: float) -> float:
-        """The radius of the contact at an indentation."""
+        """Contact radius at an indentation."""
         return float(np.interp(depth_mm, self.depth_mm, self.contact_mm))
 
     def displacement_at(
         self, depth_mm: float
     ) -> tuple[Float32[np.ndarray, 'radii heights'], Float32[np.ndarray, 'radii heights']]:
-        """Radial and vertical displacement at one indentation; between the depths they grow as the force does."""
+        """Radial and vertical displacement at one indentation; between depths they grow in proportion to the force."""
         low, _ = self._cell(depth_mm)
         step_n = float(self.force_n[low + 1] - self.force_n[low])
         part = np.float32((self.force_at(depth_mm) - float(self.force_n[low])) / step_n if step_n > 0 else 0.0)
@@ -70,7 +70,7 @@ class ContactTable:
         return radial, vertical
 
     def _cell(self, depth_mm: float) -> tuple[int, float]:
-        """The tabulated depth below, and how far it is to the next, from 0 to 1."""
+        """Index of the tabulated depth below, and the position between it and the next, from 0 to 1."""
         last = len(self._roots) - 1
         place = min(max(depth_mm * self._per_mm, 0.0), float(last))
         low = min(int(place), last - 1)
@@ -82,14 +82,14 @@ class ContactTable:
 
     @cached_property
     def _power(self) -> float:
-        """With which the force begins to grow: 1.5 for a sphere, 1 for a flat punch."""
+        """Exponent of the force at small depths: 1.5 for a sphere, 1 for a flat punch."""
         if len(self.force_n) < 3 or self.force_n[1] <= 0:
             return 1.0
         return float(np.clip(np.log2(self.force_n[2] / self.force_n[1]), 1.0, 2.0))
 
     @cached_property
     def _roots(self) -> list[float]:
-        """In which the force is linear in the depth to begin with."""
+        """The forces to the power 1 / `_power`, in which small depths are linear."""
         roots: list[float] = (self.force_n ** (1 / self._power)).tolist()
         return roots
 
@@ -106,7 +106,7 @@ class Layer:
         self, contact_radius_mm: float, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
     ) -> tuple[Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z']]:
         """Radial and vertical displacement under 1 N spread as Hertz's pressure over a contact radius."""
-        from scipy.special import j0, j1  # here, for a camera of a gel that was solved before starts without it
+        from scipy.special import j0, j1  # imported here: a camera of a solved gel starts without it
 
         k, weight = wave_numbers(self.thickness_mm, contact_radius_mm)
         radial_k, vertical_k = self.transforms(k, z_mm)
@@ -119,7 +119,7 @@ class Layer:
     ) -> tuple[np.ndarray, np.ndarray]:
         """k times the transforms of u_r and u_z for a load (outward shear, pressure) at each wave number, both (k, z).
 
-        A unit pressure unless told otherwise.
+        The default load is a unit pressure.
         """
         nu, height = self.poisson_ratio, self.thickness_mm
         coefficients = self._coefficients(k, load)
@@ -186,9 +186,9 @@ def contact_radius_mm(depth_mm: float, tip_radius_mm: float) -> float:
 
 
 def solve(gel: Gel, deepest_mm: float = 2.5, steps: int = 20) -> ContactTable:
-    """The table for a gel's own tip, from the surface down to the base of the soft layer.
+    """The table of a gel's own tip, from the surface down to the base of the soft layer.
 
-    The force at a depth is the one under which the middle of the contact sinks by that depth.
+    The force at a depth is the one that moves the middle of the contact down by that depth.
     """
     layer = Layer(gel.layer_mm, gel.shear_modulus_mpa, gel.poisson_ratio)
     depth = np.linspace(0.0, deepest_mm, steps + 1)

@@ -1,7 +1,7 @@
-"""What a settling gel remembers of a schedule, as a function of time alone.
+"""The state of a settling gel under a schedule, as a function of time alone.
 
-The past is replayed from a beginning some settling times before, on a grid of instants that does not depend on who
-asks when; so the same time gives the same answer in every process and in any order.
+The past is replayed from some settling times before, on a time grid that does not depend on the calls. So the same
+time gives the same answer in every process and in any order.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.settling import NO_DENT_MM, NS_PER_S, Settled, Settling
 
 STEP_NS = 5_000_000
-STEPS_PER_BLOCK = 200  # a beginning serves for one second
+STEPS_PER_BLOCK = 200  # a starting state is used for one second
 BLOCKS_KEPT = 3
-TIMES_REMEMBERED = 8  # settling times; what was before is forgotten to one part in 3000
+TIMES_REMEMBERED = 8  # settling times; earlier touches have decayed to one part in 3000
 SAME_PLACE_MM = 0.01
 
 Place = tuple[float, float, str]
 
 
 class Shape(NamedTuple):
-    """What shapes the gel, and the force of the tip."""
+    """The presses that shape the gel, and the force of the tip."""
 
     presses: tuple[Press, ...]
     force_n: float
 
 
 class Memory:
-    """The state of a settling gel under a schedule, at any time; the near past costs no more than now."""
+    """The state of a settling gel under a schedule, at any time; the near past costs no more than the present."""
 
     def __init__(self, gel: Gel, press_at: Callable[[int], Press], tables: Mapping[str, ContactTable]) -> None:
         self._gel, self._press_at, self._tables = gel, press_at, tables
@@ -51,7 +51,7 @@ class Memory:
         return tracks[step].copy().feed(time_ns, self._press_at(time_ns))
 
     def _begin(self, block: int) -> list[_Track]:
-        """The first state of a block, for which the past is replayed."""
+        """The state at the start of a block, computed by replaying the past."""
         track, first = _Track(self._gel, self._tables), block * STEPS_PER_BLOCK
         for step in range(first - self._steps_remembered, first + 1):
             self._feed(track, step)
@@ -65,7 +65,7 @@ class Memory:
 
 
 class _Track:
-    """The places that were pressed lately, each settling for itself."""
+    """Recently pressed places, each settling independently."""
 
     def __init__(self, gel: Gel, tables: Mapping[str, ContactTable]) -> None:
         self._gel, self._tables = gel, tables
@@ -91,7 +91,7 @@ class _Track:
         return Shape(_presses(press, here, dents), dents[here].force_n if here in dents else 0.0)
 
     def _place_of(self, press: Press) -> Place:
-        """Where it presses; a machine's rounding makes no new place."""
+        """The place of a press; rounding by the machine does not make a new place."""
         x_mm, y_mm, tip = here = press.x_mm, press.y_mm, press.indenter
         if here in self._places:
             return here

@@ -1,7 +1,7 @@
-"""Cubics between samples that rise where the samples rise and overshoot nowhere (Fritsch and Butland, 1984).
+"""Monotone cubic interpolation without overshoot (Fritsch and Butland, 1984).
 
-What scipy's PchipInterpolator finds, for the one place that needs it: to load scipy.interpolate takes as long as all
-the rest of a simulated camera's start.
+Gives the same as SciPy's PchipInterpolator. Loading scipy.interpolate would take as long as the rest of a simulated
+camera's start.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from jaxtyping import Float
 
 
 def monotone_cubic(x: Float[np.ndarray, ' samples'], y: np.ndarray, at: Float[np.ndarray, ' points']) -> np.ndarray:
-    """Values at some points of the cubics through three samples or more.
+    """Values of the cubics through three or more samples, at given points.
 
     Args:
-        x: where they were taken; it rises.
-        y: the samples along the first axis, whatever is behind it.
-        at: the points; those outside of `x` are on the first or the last cubic.
+        x: positions of the samples, increasing.
+        y: the samples along the first axis; further axes are kept.
+        at: the points; outside `x` the first or the last cubic is extrapolated.
     """
     across = (-1,) + (1,) * (y.ndim - 1)
     step = np.diff(x).reshape(across)
@@ -35,7 +35,7 @@ def monotone_cubic(x: Float[np.ndarray, ' samples'], y: np.ndarray, at: Float[np
 
 
 def _slopes(step: np.ndarray, rise: np.ndarray) -> np.ndarray:
-    """At each sample: the weighted harmonic mean of the rises beside it, 0 at an extremum."""
+    """Slope at each inner sample: the weighted harmonic mean of the adjacent slopes, 0 at an extremum."""
     before, after = rise[:-1], rise[1:]
     weight, other = 2 * step[1:] + step[:-1], step[1:] + 2 * step[:-1]
     alike = before * after > 0
@@ -47,7 +47,7 @@ def _slopes(step: np.ndarray, rise: np.ndarray) -> np.ndarray:
 
 
 def _end(step: np.ndarray, next_step: np.ndarray, rise: np.ndarray, next_rise: np.ndarray) -> np.ndarray:
-    """At an end: by three points, held within what keeps the cubic monotone."""
+    """Slope at an end: from three points, limited so that the cubic stays monotone."""
     slope = ((2 * step + next_step) * rise - step * next_rise) / (step + next_step)
     steep = (np.sign(rise) != np.sign(next_rise)) & (np.abs(slope) > 3 * np.abs(rise))
     return np.where(np.sign(slope) != np.sign(rise), 0.0, np.where(steep, 3 * rise, slope))

@@ -1,10 +1,10 @@
-"""What the camera sees: markers in the gel, moved by the contact, through a fisheye, with noise.
+"""The camera image: markers in the gel, moved by the contact, seen through a lens, with noise.
 
-A marker is a disc of light blurred by lens and pixel, drawn as a Gaussian of the same variance at its exact
-sub-pixel place and normalised, so that its centroid moves exactly as the marker does. Markers add up where
-they overlap. Refraction, shadows and the skin's own grey are left out.
+A marker is a disc of light blurred by lens and pixel. It is drawn as a normalised Gaussian of the same variance at
+its exact sub-pixel position, so that its centroid moves exactly as the marker does. Overlapping markers add up.
+Refraction, shadows and the skin's own grey are not modelled.
 
-What moves during the exposure is drawn at two moments of it, which gives a smear its true middle and spread.
+Markers that move during the exposure are drawn at two moments, which gives the motion blur its true mean and spread.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from tactile_nodes.simulation.shear import ShearTable, shear_of
 from tactile_nodes.simulation.touch.table import Placed, Touch, TouchTable
 
 TAPS = np.arange(-3, 5)
-"""Pixels around a marker that receive its light: from three left of the pixel it is in to four right of it."""
+"""Pixels that receive the light of a marker: from three left of its pixel to four right of it."""
 
 LEAST_SMEAR_PX = 0.01
-"""Markers that stay this close to their mean place during an exposure are drawn there: a smear of this size widens
-a dot's variance of 0.6 px² by 1e-4 px²."""
+"""Markers that stay this close to their mean position during an exposure are drawn there: a motion of this size
+increases a dot's variance of 0.6 px² by 1e-4 px²."""
 
 
 @dataclass(frozen=True)
 class Press:
-    """One indenter at a place on the surface, pressed in by a depth (negative: that far above the gel).
+    """One indenter at a place on the surface, pressed in by a depth (negative: height above the gel).
 
-    `x_mm`, `y_mm` is where it touched down; `shift_mm` is how far it was dragged since, sticking to the gel.
+    `x_mm`, `y_mm` is where it first touched; `shift_mm` is how far it was dragged since, sticking to the gel.
     """
 
     x_mm: float
@@ -46,17 +46,17 @@ class Press:
 
     @property
     def touching(self) -> bool:
-        """Whether it is on the gel."""
+        """Whether it touches the gel."""
         return self.depth_mm > 0
 
 
 Shaping = Press | Touch
-"""What shapes a gel: a round tip whose table is axially symmetric, or a body of any shape on its way."""
+"""What deforms a gel: a round tip with an axisymmetric table, or a body of any shape on its path."""
 
 PLACES_KEPT = 4
 
 LARGEST_VARIANCE_PX2 = 1.0
-"""Of a marker's own disc: what is wider does not fit into the pixels that receive its light."""
+"""Largest variance of a marker's disc: a wider one does not fit into the pixels that receive its light."""
 
 
 class Optics:
@@ -69,7 +69,7 @@ class Optics:
         others: Mapping[str, ContactTable] | None = None,
         bodies: Mapping[str, TouchTable] | None = None,
     ) -> None:
-        """Tables of the gel's own tip, of other indenters that presses may name, and of bodies that touches may."""
+        """Takes tables of the gel's own tip, of other indenters that presses name, and of bodies that touches name."""
         self._gel = gel
         self._tables = {'tip': table, **(others or {})}
         self._bodies, self._placed = dict(bodies or {}), dict[Touch, Placed]()
@@ -100,14 +100,14 @@ class Optics:
         return moved if self._leaning is None else np.einsum('mab,mb->ma', self._leaning, moved)
 
     def _touched(self, touch: Touch) -> Float32[np.ndarray, 'markers 3']:
-        """What a body does."""
+        """Displacement of the markers by a body."""
         return self._placed_at(touch).moved_mm(touch.stage)
 
     def _placed_at(self, touch: Touch) -> Placed:
-        """How a body sees the markers from its place, remembered for the last few places."""
+        """The table of a body evaluated at the markers, cached for the last few places."""
         if touch.body not in self._bodies:
             known = ', '.join(self._bodies) or 'none'
-            raise ConfigurationError(f'no table was given for the body {touch.body!r}; there are: {known}')
+            raise ConfigurationError(f'no contact table was given for the body {touch.body!r}; there are: {known}')
         place = replace(touch, stage=0.0)
         if place not in self._placed:
             while len(self._placed) >= PLACES_KEPT:
@@ -116,7 +116,7 @@ class Optics:
         return self._placed[place]
 
     def _come_near(self, presses: tuple[Shaping, ...]) -> None:
-        """A body that stays over a place will touch there; what that takes is found now, in idle frames."""
+        """Prepare the table of a body that stays above a place, before it touches there."""
         for touch in presses:
             if isinstance(touch, Touch):
                 if touch == self._over:
@@ -133,25 +133,25 @@ class Optics:
         return field + self._drag(press) if any(press.shift_mm) else field
 
     def _drag(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
-        """What sticking and being dragged adds."""
+        """Displacement added by dragging a sticking tip."""
         table, contact_mm = self._dragged(press)
         offset = self._flat_mm - np.array([press.x_mm, press.y_mm, 0], np.float32)
         return table.displacement_mm(contact_mm, offset, press.shift_mm)
 
     def drag_n(self, press: Press) -> tuple[float, float]:
-        """The force along x and y on the gel of a tip that sticks and was dragged."""
+        """Force of a dragged, sticking tip on the gel along x and y."""
         table, contact_mm = self._dragged(press)
         return table.force_n(contact_mm, press.shift_mm)
 
     def _dragged(self, press: Press) -> tuple[ShearTable, float]:
-        """What dragging the contact of a press does, and its radius."""
+        """The shear table of a press, and its contact radius."""
         table = self._tables[press.indenter]
         if press.indenter not in self._shear:
             self._shear[press.indenter] = shear_of(self._gel, table)
         return self._shear[press.indenter], table.contact_at(press.depth_mm)
 
     def project(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'markers 2']:
-        """Pixel of each marker in the camera image."""
+        """Pixel position of each marker in the camera image."""
         seen = self.markers_mm + self.displacement_mm(presses) - pupil(self._gel)
         return self.camera.project(seen if self._turn is None else seen @ self._turn)
 
@@ -171,20 +171,20 @@ class Optics:
         return self.expose((presses,), noise_seed)
 
     def expose(self, moments: Sequence[tuple[Shaping, ...]], noise_seed: int) -> UInt8[np.ndarray, 'h w']:
-        """The image as the camera delivers it after an exposure, of which some moments are given."""
+        """The image as the camera delivers it, exposed over the given moments."""
         different = tuple(dict.fromkeys(moments))
         radiance = self.radiance(different[0]) if len(different) == 1 else self._smeared(different)
         image = self._noise.expose(radiance, noise_seed)
         return through_jpeg(image, self._gel.jpeg_quality) if self._gel.jpeg_quality else image
 
     def _smeared(self, moments: tuple[tuple[Shaping, ...], ...]) -> Float32[np.ndarray, 'h w']:
-        """The mean over some moments; only markers that move to speak of are drawn at each of them."""
+        """The mean over some moments; only markers with noticeable motion are drawn at each of them."""
         pixels = np.stack([self.project(each) for each in moments])
         middle = pixels.mean(axis=0)
         moving = np.flatnonzero((np.abs(pixels - middle) > LEAST_SMEAR_PX).any(axis=(0, 2)))
         light = self._light.copy()
         light[moving] = 0
-        # What moves is drawn at each moment with its share of the light, beside all that stays.
+        # Moving markers are drawn at each moment with its share of the light, in addition to all others.
         which = np.concatenate([np.flatnonzero(light), np.tile(moving, len(moments))])
         places = np.concatenate([middle[light > 0], pixels[:, moving].reshape(-1, 2)])
         share = np.where(light[which] > 0, 1, 1 / len(moments)).astype(np.float32)
@@ -193,7 +193,7 @@ class Optics:
     def _draw(
         self, pixels: np.ndarray, which: np.ndarray | slice = slice(None), light: np.ndarray | None = None
     ) -> np.ndarray:
-        """Markers at places (all of them, or those named, perhaps with another light), as radiance."""
+        """Radiance of markers at positions: of all markers, or of those given, optionally with another brightness."""
         height, width = self._shade.shape
         corner = np.floor(pixels)
         part = pixels - corner
@@ -209,7 +209,7 @@ class Optics:
         drawn: np.ndarray = sums.astype(np.float32).reshape(height, width)
         drawn += np.float32(self._gel.background_grey)
         drawn *= self._shade
-        if self._gel.marker_grey < 0:  # where dark markers overlap there is no less than no light
+        if self._gel.marker_grey < 0:  # overlapping dark markers cannot make the light negative
             np.maximum(drawn, 0, out=drawn)
         return drawn
 
@@ -232,7 +232,7 @@ class TableLookup:
         self._part = (place - self._low).astype(np.float32)
 
     def __call__(self, points_mm: Float32[np.ndarray, 'points 3'], press: Press) -> Float32[np.ndarray, 'points 3']:
-        """Displacement of the points, whose heights must be those given at the start; zero beyond the table."""
+        """Displacement of the points; their heights must be those given at construction. Zero beyond the table."""
         centre = np.array([press.x_mm, press.y_mm], np.float32)
         offset = points_mm[:, :2] - centre
         distance = np.sqrt(np.square(offset).sum(axis=1))
@@ -255,10 +255,10 @@ class TableLookup:
 
 
 class NoiseBank:
-    """Read and shot noise: one large field of normal deviates, a different cut of it for every seed.
+    """Read and shot noise: one large field of normal deviates, with a different crop for every seed.
 
-    Drawing 307200 normal deviates takes longer than rendering; a cut at one of 256x256 places of a prepared
-    field costs nothing, and two frames share a cut once in 65536.
+    Drawing 307200 normal deviates takes longer than rendering. A crop at one of 256x256 places of a prepared field
+    costs nothing, and two frames share a crop once in 65536.
     """
 
     ROOM = 256
@@ -281,13 +281,13 @@ class NoiseBank:
         np.sqrt(spread, out=spread)
         spread *= noise
         spread += radiance
-        spread += np.float32(0.5)  # the conversion to integers cuts off
+        spread += np.float32(0.5)  # the conversion to integers truncates
         np.clip(spread, 0, 255, out=spread)
         image: np.ndarray = spread.astype(np.uint8)
         return image
 
     def variance(self, radiance: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
-        """Of the grey levels that `expose` makes: of noise and, a twelfth, of rounding."""
+        """Variance of the grey levels from `expose`: that of the noise, and 1/12 for rounding."""
         variance: np.ndarray = self._spread(radiance) + np.float32(1 / 12)
         return variance
 

@@ -1,4 +1,4 @@
-"""Other gels than a known one, as makes of one sensor differ."""
+"""Variations of a gel, as units of one sensor differ."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from tactile_nodes.simulation.gel import Gel
 
 TESTED_SEED, LEARNED_SEED = 77, 1077
-"""Of the gels that calibrations are tested on, and of those that something is learned from; none is both."""
+"""Seeds of the gels that calibrations are tested on, and of those that something is learned from; they differ."""
 
 
 def other_gel(gel: Gel, number: int, seed: int = TESTED_SEED) -> Gel:
-    """A gel that differs from another as makes of one sensor do; thickness in three steps."""
+    """A gel that differs from another as units of one sensor do; thickness in three steps."""
     random = np.random.default_rng([seed, number])
     stiffer = _within(random, 0.3)
     thicker = 0.3 * float(random.integers(-1, 2))

@@ -1,7 +1,7 @@
 """A sensor and what happens to it, as a function of time alone.
 
-Two processes that build the same scene see the same world at the same time without talking to each other:
-one renders what the camera sees, the other says what the truth is.
+Two processes that build the same scene see the same world at the same time without communicating: one renders the
+camera image, the other computes the ground truth.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from tactile_nodes.simulation.worlds import SharedWorld
 
 NS_PER_S = 1_000_000_000
 GAUSS_POINT = 0.5 / 3**0.5
-"""Two moments at this share of an exposure before and after its middle have an even exposure's mean and variance."""
+"""Two moments this share of an exposure before and after its middle have the mean and variance of the exposure."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What a perfect sensor would say; bins are those of the surface as it is at rest, all zero without contact.
+    """The ground truth. Bins are those of the surface at rest; all values are zero without contact.
 
-    Of a round tip the whole force is in the bin of its centre, the paper's label; of other bodies each bin has what
-    acts on it. `shear_force_n` is the force along x and y, `position_mm` the centre of the normal force, and
-    `torsion_n_mm` the moment about z there.
+    For a round tip the whole force is in the bin of its centre, as the paper labels it. For other bodies each bin has
+    the force that acts on it. `shear_force_n` is the force along x and y, `position_mm` the centre of the normal force,
+    and `torsion_n_mm` the moment about z there.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
@@ -53,7 +53,7 @@ class Truth:
 
 @runtime_checkable
 class Schedule(Protocol):
-    """Where the tip, or a body, is at a time."""
+    """The position of the tip, or of a body, over time."""
 
     def press_at(self, time_ns: int) -> Shaping: ...
 
@@ -62,9 +62,9 @@ class Schedule(Protocol):
 class PressSchedule:
     """A tip that presses the gel at one random place after another, forever.
 
-    Every `period_s` it rests above the gel, comes down, dwells, goes up and moves on, with smooth motion. Place
-    and depth of press number n follow from the seed and n, so that any time can be asked for. Before `start_ns`
-    nothing touches the gel.
+    In every `period_s` it rests above the gel, comes down, dwells, goes up and moves on, with smooth motion. Place
+    and depth of press number n follow from the seed and n, so that any time can be queried. Before `start_ns` nothing
+    touches the gel.
     """
 
     seed: int = 1
@@ -94,7 +94,7 @@ class PressSchedule:
         return -self.clearance_mm + pressed * (deepest_mm + self.clearance_mm)
 
     def _travel(self, number: int, here: tuple[float, float], share: float) -> tuple[float, float]:
-        """From this place to the next while the tip is up; the journey ends with the period."""
+        """The path from this place to the next while the tip is up; it ends with the period."""
         ahead, _ = self._target(number + 1)
         done = smooth((share - self.phases[3]) / (1 - self.phases[3]))
         return here[0] + done * (ahead[0] - here[0]), here[1] + done * (ahead[1] - here[1])
@@ -108,10 +108,10 @@ class PressSchedule:
 
 @dataclass(frozen=True)
 class TouchSchedule(PressSchedule):
-    """Presses of the tip among which every so many visits a body touches: pressed, dragged, held and lifted.
+    """Presses of the tip; at every n-th visit (`every`) a body is pressed, dragged, held and lifted instead.
 
-    `bodies` are named with the number of their stages, of which the first `press_stages` press; `every` 1 is bodies
-    alone. A body is lifted on the way that it came.
+    `bodies` give name, number of stages that press, and number of all stages. With `every` 1 there are bodies only. A
+    body is lifted along the path that it came.
     """
 
     bodies: tuple[tuple[str, int, int], ...] = ()
@@ -120,7 +120,7 @@ class TouchSchedule(PressSchedule):
     touch_reach_mm: float = 8.0
 
     def press_at(self, time_ns: int) -> Shaping:
-        """As a press; in the visit of a body that body, above the gel while its stage is not above 0."""
+        """The press, or the touch during the visit of a body; it is above the gel while its stage is not above 0."""
         since_ns = time_ns - self.start_ns
         number, within_ns = divmod(since_ns, round(self.period_s * NS_PER_S))
         if since_ns < 0 or not self._is_touch(number):
@@ -136,7 +136,7 @@ class TouchSchedule(PressSchedule):
         return bool(self.bodies) and number % self.every == self.every - 1
 
     def _stage(self, share: float, presses: int, stages: int) -> float:
-        """Pressed, after a moment dragged, held, and lifted."""
+        """The stage of a body that is pressed, then dragged, held, and lifted."""
         down, bottom, lift, up = self.phases
         pressed = presses * smooth((share - down) / (0.5 * (bottom - down)))
         dragged = (stages - 1 - presses) * smooth((share - 0.5 * (down + bottom)) / (0.6 * (lift - down)))
@@ -158,10 +158,10 @@ def smooth(share: float) -> float:
 
 
 class Scene:
-    """One gel under one schedule, at any time: the image that the camera takes, and the truth.
+    """One gel under one schedule, at any time: the camera image and the ground truth.
 
-    A gel that settles remembers: then the presses before a time count too, and the gel is taken to have been at
-    rest some settling times before. Of bodies other than tips it remembers nothing.
+    In a gel that settles, earlier presses count too; the gel is assumed at rest some settling times before. Bodies
+    other than tips leave no dents.
     """
 
     def __init__(
@@ -183,24 +183,24 @@ class Scene:
 
     @property
     def optics(self) -> Optics:
-        """The renderer, made when the first image is asked for: whoever wants only the truth needs none."""
+        """The renderer, made with the first image: the ground truth does not need it."""
         if self._optics is None:
             self._optics = Optics(self.gel, self._table, self._others, self.bodies)
         return self._optics
 
     def _tip_at(self, time_ns: int) -> Press:
-        """Where the schedule has the tip; above the gel while another body is there."""
+        """The tip in the schedule; it is above the gel while another body touches."""
         here = self.schedule.press_at(time_ns)
         return Press(here.x_mm, here.y_mm, -1.0) if isinstance(here, Touch) else here
 
     def render(self, time_ns: int) -> UInt8[np.ndarray, 'h w']:
-        """The camera image whose exposure has its middle at a time."""
+        """The camera image whose exposure has its middle at `time_ns`."""
         off_ns = round(self.gel.exposure_s * NS_PER_S * GAUSS_POINT)
         moments = (time_ns,) if off_ns == 0 else (time_ns - off_ns, time_ns + off_ns)
         return self.optics.expose([self.presses_at(each) for each in moments], noise_seed=time_ns)
 
     def presses_at(self, time_ns: int) -> tuple[Shaping, ...]:
-        """What shapes the gel at a time: the tip or a body, and the dents that tips left in a gel that settles."""
+        """What deforms the gel at a time: the tip or a body, and the dents that tips left in a gel that settles."""
         here = self.schedule.press_at(time_ns)
         if self.gel.settling_share == 0:
             return (here,)
@@ -217,18 +217,18 @@ class Scene:
 
 
 class WorldScene(Scene):
-    """A scene that shows a world which something moves: what shapes the gel there, and the force there."""
+    """A scene of a shared world that other code moves."""
 
     def __init__(self, world: SharedWorld, bins: BinGrid | None = None) -> None:
         super().__init__(world.gel, world, bins, table=next(iter(world.tables.values())), others=world.tables)
         self._world = world
 
     def presses_at(self, time_ns: int) -> tuple[Shaping, ...]:
-        """What shapes the world's gel."""
+        """What deforms the world's gel."""
         return self._world.presses_at(time_ns)
 
     def truth(self, time_ns: int) -> Truth:
-        """The force on the world's gel; a tip beside it or above it is told as over its middle."""
+        """The force on the world's gel; a tip beside or above it is reported over its middle."""
         press, force_n = self._world.press_at(time_ns), self._world.force_at(time_ns)
         if press.depth_mm <= 0 or force_n <= 0:
             press = Press(0.0, 0.0, min(press.depth_mm, 0.0), press.indenter)
@@ -243,7 +243,7 @@ def truth_of(
     force_n: float | None = None,
     drag_n: tuple[float, float] = (0.0, 0.0),
 ) -> Truth:
-    """The paper's label for one press: its force (the table's unless given) in the bin of its centre, its drag too."""
+    """The paper's label of one press: its force (from the table unless given) and its drag in the bin of its centre."""
     forces = np.zeros((bins.count, 3), np.float32)
     total_n = table.force_at(press.depth_mm) if force_n is None else force_n
     forces[bins.bin_of(press.x_mm, press.y_mm)] = *drag_n, total_n
@@ -252,7 +252,7 @@ def truth_of(
 
 
 def truth_of_touch(touch: Touch, table: TouchTable, shear_modulus_mpa: float, bins: BinGrid) -> Truth:
-    """What acts where under a body on its way."""
+    """The forces under a body on its path, by place."""
     if not touch.touching:
         nothing = np.zeros((bins.rows, bins.cols, 3), np.float32)
         return Truth(nothing[..., 2], 0.0, (touch.x_mm, touch.y_mm), False, nothing[..., :2])

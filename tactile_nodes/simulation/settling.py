@@ -1,11 +1,11 @@
-"""How a viscoelastic gel settles under a tip and recovers behind it: a standard linear solid.
+"""A viscoelastic gel that settles under a tip and recovers after it: a standard linear solid.
 
-The settled force at a depth is the contact table's. Beside it stands one Maxwell element: the force is
-F + share (F - q), with F the settled force at the present depth and q following F in the time `settling_s`. A
-sudden press so takes 1 + share times the settled force; held, it settles as exp(-t / settling_s). By the
-correspondence principle the displacements of a homogeneous gel under a tip at a given depth do not settle. A tip
-that leaves faster than the gel recovers leaves a dent, the depth at which the gel alone is in balance,
-F = share q / (1 + share), which heals as exp(-t / (settling_s (1 + share))).
+The settled force at a depth is that of the contact table. One Maxwell element acts in parallel: the force is
+F + share (F - q), with F the settled force at the present depth and q following F with the time constant
+`settling_s`. So a sudden press takes 1 + share times the settled force, and settles as exp(-t / settling_s) while it
+is held. By the correspondence principle the displacements of a homogeneous gel under a tip at a given depth do not
+settle. A tip that leaves faster than the gel recovers leaves a dent: the depth at which the gel alone is in
+equilibrium, F = share q / (1 + share), which heals as exp(-t / (settling_s (1 + share))).
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ NO_DENT_MM = 1e-3
 
 @dataclass(frozen=True)
 class Settled:
-    """The dent in the gel, which is the tip's depth while they touch, and the force on the tip (0 when not)."""
+    """The dent in the gel (the tip's depth during contact) and the force on the tip (0 without contact)."""
 
     depth_mm: float
     force_n: float
 
 
 class Settling:
-    """The gel under one place of contact; feed it with times and depths in order of time."""
+    """The gel at one place of contact; feed it with times and depths in order of time."""
 
     def __init__(self, table: ContactTable, share: float, settling_s: float, time_ns: int) -> None:
         self._table = table
@@ -38,11 +38,11 @@ class Settling:
         self._follows_n = self._settled_n = 0.0
 
     def copy(self) -> Settling:
-        """The same gel, to be fed on its own."""
+        """An independent copy."""
         return copy.copy(self)
 
     def advance(self, time_ns: int, depth_mm: float) -> Settled:
-        """The gel at a time with the tip at a depth; the depth was reached evenly since the time before."""
+        """The gel at a time with the tip at a depth; the depth changed linearly since the previous time."""
         settled_n, dent = self._present(depth_mm, self._follows_n)
         self._follows_n = self._follow(time_ns, settled_n)
         self._settled_n, self._time_ns = settled_n, time_ns
@@ -51,7 +51,7 @@ class Settling:
         return Settled(depth_mm, max(settled_n + self._share * (settled_n - self._follows_n), 0.0))
 
     def _present(self, depth_mm: float, follows_n: float) -> tuple[float, float | None]:
-        """The settled force at the present shape, and the dent where the tip does not touch."""
+        """The settled force at the present shape, and the dent if the tip does not touch."""
         settled_n = self._table.force_at(depth_mm)
         free_n = self._share * follows_n / (1 + self._share)
         if settled_n >= free_n:
@@ -59,7 +59,7 @@ class Settling:
         return free_n, self._table.depth_at(free_n)
 
     def _follow(self, time_ns: int, settled_n: float) -> float:
-        """The Maxwell element's state, exact for a force that changed evenly."""
+        """The state of the Maxwell element, exact for a force that changed linearly."""
         passed = (time_ns - self._time_ns) / NS_PER_S / self._settling_s
         if passed <= 0:
             return self._follows_n

@@ -1,12 +1,12 @@
-"""A bonded layer dragged sideways by a disc that sticks to its surface: linear, solved by Fourier transform.
+"""A bonded layer dragged sideways by a disc that sticks to its surface: linear elasticity, by Fourier transform.
 
-A tangential traction along x splits at every wave vector into a part along it, which Love's function answers, and
-a part across it, which shears the layer as a deck of cards, sinh k(H + z) / (G k cosh kH). Over all directions
+At every wave vector a tangential traction along x splits into two parts. Love's function solves the part along the
+wave vector. The part across it shears the layer like a deck of cards, sinh k(H + z) / (G k cosh kH). In total
 
-    u_x = even + twin cos 2t,   u_y = twin sin 2t,   u_z = lift cos t,   t the angle from the direction of the drag.
+    u_x = even + twin cos 2t,   u_y = twin sin 2t,   u_z = lift cos t,   with t the angle from the drag's direction.
 
-The fields are those of the undeformed layer under the traction that moves a disc of the contact's radius as a
-whole on a half-space (Mindlin). What that costs when the tip is deep in the gel is in docs/simulation.md.
+The fields are those of the undeformed layer under the traction that moves a rigid disc of the contact's radius on a
+half-space (Mindlin). docs/simulation.md gives the error of this for a tip deep in the gel.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from tactile_nodes.simulation.mechanics import ContactTable, Layer, wave_numbers
 
 @dataclass(frozen=True)
 class ShearTable:
-    """Displacements of the layer for one mm of sideways motion of the contact, by contact radius, radius and height.
+    """Displacements of the layer per mm of sideways motion of the contact, by contact radius, radius and height.
 
-    `stiffness_n_mm[i]` is the drag it takes at contact radius contact_mm[i]; the grids are even.
+    `stiffness_n_mm[i]` is the drag per mm at contact radius contact_mm[i]. The grids have equal steps.
     """
 
     contact_mm: Float[np.ndarray, ' contacts']
@@ -43,7 +43,7 @@ class ShearTable:
         return mixed
 
     def force_n(self, contact_mm: float, shift_mm: tuple[float, float]) -> tuple[float, float]:
-        """The drag on the gel (x, y) under a sideways motion of the contact; none without contact."""
+        """The drag on the gel (x, y) under a sideways motion of the contact; 0 without contact."""
         if contact_mm <= 0:
             return 0.0, 0.0
         stiffness = float(np.interp(contact_mm, self.contact_mm, self.stiffness_n_mm))
@@ -52,8 +52,8 @@ class ShearTable:
     def displacement_mm(
         self, contact_mm: float, points_mm: Float32[np.ndarray, 'points 3'], shift_mm: tuple[float, float]
     ) -> Float32[np.ndarray, 'points 3']:
-        """Displacement of points (seen from the contact) by its sideways motion, linear between the grid's points."""
-        from scipy.ndimage import map_coordinates  # here, for only a tip that goes sideways needs it
+        """Displacement of points (relative to the contact) under its sideways motion, linear between grid points."""
+        from scipy.ndimage import map_coordinates  # imported here: only a tip that moves sideways needs it
 
         size, distance = float(np.hypot(*shift_mm)), np.hypot(points_mm[:, 0], points_mm[:, 1])
         way = np.array(shift_mm, np.float32) / size
@@ -71,7 +71,7 @@ class ShearTable:
 def shear_per_newton(
     layer: Layer, contact_mm: float, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
 ) -> tuple[Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z'], Float[np.ndarray, 'r z']]:
-    """even, twin and lift under 1 N along x over a disc."""
+    """The fields even, twin and lift under 1 N along x on a disc."""
     from scipy.special import j0, j1, jv  # as above
 
     k, weight = wave_numbers(layer.thickness_mm, contact_mm)
@@ -91,7 +91,7 @@ def shear_of(gel: Gel, table: ContactTable) -> ShearTable:
 
 
 def solve_shear(layer: Layer, table: ContactTable, steps: int = 6) -> ShearTable:
-    """The table for every contact radius that a contact table knows, on a grid twice as coarse."""
+    """The table for all contact radii of a contact table, on a grid twice as coarse."""
     contact = np.linspace(table.contact_mm.max() / steps, table.contact_mm.max(), steps)
     radius, z = table.radius_mm[::2], np.linspace(table.z_mm[0], 0.0, len(table.z_mm) // 2 + 1)
     stiffness, fields = np.zeros(steps), []

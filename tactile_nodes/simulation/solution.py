@@ -1,7 +1,7 @@
-"""A layer's finite-strain answer to one indenter at a ladder of depths, and the table that a scene looks up.
+"""The finite-strain solution of a layer under one indenter at a series of depths, and its lookup table.
 
-The solution is relative (forces over the shear modulus, displacements in mm), so gels of every modulus share it.
-It is small arrays, which a caller may keep; `key` says what it is the solution of.
+The solution is relative (forces over the shear modulus, displacements in mm), so that gels of every modulus share
+it. It consists of small arrays that a caller may store; `key` identifies the problem.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ RECIPE = 1
 FIRST_DEPTHS = (0.0, 0.0125, 0.025, 0.05, 0.075, 0.1)  # of the deepest: light touches change fastest
 
 SMALL_MM, DEEPEST_SHARE = 1.0, 0.6
-"""Indenters up to this radius are solved 2.5 mm deep, larger ones 1.5 mm, and none deeper than this share of the
-layer."""
+"""Indenters up to this radius are solved 2.5 mm deep, larger ones 1.5 mm, but at most to this share of the layer."""
 
 
 @dataclass(frozen=True)
@@ -48,19 +47,19 @@ class Problem:
 
     @property
     def key(self) -> str:
-        """Sixteen hexadecimal digits that change with the problem and with the way in which it is solved."""
+        """Sixteen hexadecimal digits that change with the problem and with the method of solution."""
         text = json.dumps([RECIPE, asdict(self)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
     def depths_mm(self) -> Float[np.ndarray, ' rungs']:
-        """Where the solution is kept: `rungs` even steps, the first two of them cut finer."""
+        """Depths of the solution: `rungs` equal steps, the first two of them divided more finely."""
         even = np.arange(3, self.rungs + 1) / self.rungs
         first = np.array(FIRST_DEPTHS) * 20 / self.rungs
         return self.deepest_mm * np.concatenate([first, even])
 
     def mesh(self) -> Mesh:
-        """Even under the indenter, growing outwards and down."""
+        """Equal elements under the indenter, growing outwards and down."""
         even = min(1.7 * self.indenter.radius_mm, self.reach_mm / 2)
         across = graded(self.reach_mm, self.finest_mm, self.growth, even)
         return Mesh(across, -graded(self.layer_mm, self.finest_mm, self.growth + 0.03)[::-1])
@@ -99,20 +98,20 @@ class Solution:
         if missing or str(arrays['key']) != key:
             found = f'lack {", ".join(missing)}' if missing else f'are of {arrays["key"]}'
             raise ConfigurationError(
-                f'a contact solution {key} was looked for, but the arrays {found}; remove the file'
+                f'the contact solution {key} was expected, but the arrays {found}; remove the file'
             )
         return cls(**{each.name: arrays[each.name] for each in fields(cls) if each.name != 'key'}, key=key)
 
     def at(
         self, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
     ) -> Float[np.ndarray, 'depths r z 2']:
-        """Displacement of material points on a grid, by the elements' own parabolas."""
+        """Displacement of material points on a grid, by the elements' quadratic shape functions."""
         across, up = _values(self.across_mm, radius_mm), _values(self.z_mm, z_mm)
         found: np.ndarray = np.einsum('ri,dijc,zj->drzc', across, self.moved_mm, up, optimize=True)
         return found
 
     def table(self, shear_modulus_mpa: float, spacing_mm: float = 0.1, steps: int = 40) -> ContactTable:
-        """The even table that is looked up: monotone cubics between the depths."""
+        """The lookup table with equal steps: monotone cubics between the depths."""
         depth = np.linspace(0.0, self.depth_mm[-1], steps + 1)
         layer = float(-self.z_mm[0])
         radius = np.arange(0.0, 3.5 * layer, spacing_mm)
@@ -124,7 +123,7 @@ class Solution:
 
 
 def problem_of(gel: Gel, indenter: str = 'tip') -> Problem:
-    """What is to be solved for a gel under its own tip or under another of the indenters.
+    """The problem to solve for a gel under its own tip or another indenter.
 
     Raises:
         ConfigurationError: no such indenter.
@@ -147,15 +146,15 @@ def problem_of(gel: Gel, indenter: str = 'tip') -> Problem:
 
 
 def solve_gel(gel: Gel) -> ContactTable:
-    """The table for a gel's own tip by the mechanics that the gel names, solved here and now."""
+    """The table of a gel's own tip, solved now with the mechanics that the gel names."""
     if gel.mechanics == 'linear':
         return solve(gel)
     return solve_problem(problem_of(gel)).table(gel.shear_modulus_mpa)
 
 
 def solve_problem(problem: Problem) -> Solution:
-    """Press down the ladder; takes ten to thirty seconds for the default."""
-    from tactile_nodes.simulation.finite_strain import Indentation  # scipy's solvers, for a gel that is not known yet
+    """Press to all depths in turn; takes ten to thirty seconds with the defaults."""
+    from tactile_nodes.simulation.finite_strain import Indentation  # SciPy's solvers, for a new gel
 
     press = Indentation(
         problem.mesh(), problem.indenter, friction=np.inf if problem.sticking else 0.0, lame=problem.lame
@@ -175,7 +174,7 @@ def solve_problem(problem: Problem) -> Solution:
 
 
 def _values(lines: Float[np.ndarray, ' n'], places: Float[np.ndarray, ' p']) -> Float[np.ndarray, 'p nodes']:
-    """What each node of a line of elements counts at each place."""
+    """Weight of each node of a line of elements at each place."""
     cell = np.clip(np.searchsorted(lines, places, side='right') - 1, 0, len(lines) - 2)
     local = 2 * (places - lines[cell]) / (lines[cell + 1] - lines[cell]) - 1
     values = np.zeros((len(places), len(with_middles(lines))))

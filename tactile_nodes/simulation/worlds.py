@@ -1,8 +1,8 @@
-"""Worlds of this process by name, so that whoever moves a tip and whoever looks at the gel see the same one; and a
-world that another process tells.
+"""Simulated worlds of this process by name, so that the code that moves a tip and the camera share one world; and a
+world that another process drives.
 
 The rig node shares the world of its simulated devices; a camera node composed with it (``composed_node camera rig``)
-asks for it by name. Who comes first does not matter: until a world is shared, nothing touches the gel.
+gets it by name, in either order: until a world is shared, nothing touches the gel.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ _KEPT = 1000
 
 @runtime_checkable
 class SharedWorld(Protocol):
-    """A gel and all that happens to it, at any time that has come."""
+    """A gel and all that touches it, at any time up to now."""
 
     @property
     def gel(self) -> Gel:
-        """What is pressed."""
+        """The gel that is pressed."""
         ...
 
     @property
     def tables(self) -> Mapping[str, ContactTable]:
-        """What each indenter that may press it does to it; at least one."""
+        """Contact tables of the indenters that may press it; at least one."""
         ...
 
     def press_at(self, time_ns: int) -> Press:
-        """Where the tip is; the depth is negative above the gel, and beside it the tip may be anywhere."""
+        """Position of the tip; its depth is negative above the gel, and it may also be beside the gel."""
         ...
 
     def presses_at(self, time_ns: int) -> tuple[Press, ...]:
-        """What shapes the gel: the tip where it touches, and dents that heal."""
+        """What deforms the gel: the tip during contact, and dents that heal."""
         ...
 
     def force_at(self, time_ns: int) -> float:
-        """Force of the tip in N."""
+        """Force of the tip [N]."""
         ...
 
 
 class ToldWorld:
-    """A gel whose touch is told moment by moment: between two moments in between, after the last as then.
+    """A gel whose touch is given at single moments: interpolated between them, and held after the last one.
 
-    `put` may be called from another thread than the rest.
+    `put` may be called from another thread than the other methods.
     """
 
     def __init__(self, gel: Gel, table: ContactTable) -> None:
@@ -66,7 +66,7 @@ class ToldWorld:
         return {'tip': self._table}
 
     def put(self, time_ns: int, press: Press) -> None:
-        """What touches at a time; one that is not after the last is passed over."""
+        """Set what touches at a time; it is ignored unless the time is after the last one."""
         if time_ns > self._told[-1][0]:
             self._told.append((time_ns, press))
 
@@ -98,10 +98,10 @@ _worlds: dict[str, SharedWorld] = {}
 
 
 def share(name: str, world: SharedWorld) -> None:
-    """Let others of this process find a world; a later one of that name takes its place."""
+    """Share a world within this process; a later one of the same name replaces it."""
     _worlds[name] = world
 
 
 def find(name: str) -> SharedWorld | None:
-    """The world that has this name now."""
+    """The world of this name, if one is shared."""
     return _worlds.get(name)

@@ -86,16 +86,16 @@ def test_a_patch_beyond_the_last_cannot_be_covered() -> None:
 @pytest.mark.parametrize(
     ('mask', 'said'),
     [
-        ('{polygons_px: ["0,0 319,0 319,239 0,239"]}', 'mask covers all of the picture'),
+        ('{polygons_px: ["0,0 319,0 319,239 0,239"]}', 'mask covers the whole image'),
         ('{polygons_px: ["0,0 319,0 319,239", "0,0 9"]}', "polygon 2 of mask.polygons_px is '0,0 9'"),
         ('{polygons_px: ["0,0 nan,0 319,239"]}', 'polygon 1 of mask.polygons_px'),
         ('{polygons_px: "0,0 3,0 3,3"}', "mine.yaml:3: 'mask.polygons_px' must be a list"),
         ('{file: none.png}', r'cannot read the mask .*none\.png'),
         ('{file: mine.yaml}', 'is no picture that can be read; name a PNG file'),
-        ('{file: white.png}', 'has 640x480 pixels, and image says 320x240'),
-        ('{file: black.png}', 'mask covers all of the picture'),
-        ('{file: spotted.png}', 'separate parts, at most 100 are read'),
-        ('{file: black.png, polygons_px: ["0,0 9,0 9,9"]}', 'has mask.file and mask.polygons_px; remove one'),
+        ('{file: white.png}', 'has 640x480 pixels, but image says 320x240'),
+        ('{file: black.png}', 'mask covers the whole image'),
+        ('{file: spotted.png}', 'separate parts, at most 100 are allowed'),
+        ('{file: black.png, polygons_px: ["0,0 9,0 9,9"]}', 'has both mask.file and mask.polygons_px; remove one'),
     ],
 )
 def test_a_mask_that_cannot_be_used_is_refused_with_its_key(tmp_path: Path, mask: str, said: str) -> None:

@@ -35,9 +35,9 @@ def test_every_mounting_is_a_rigid_motion() -> None:
         ('{position_mm: [1.0, 2.0]}', 'frame.position_mm must hold 3 finite numbers'),
         ('{rpy_deg: [0.0, .inf, 0.0]}', 'frame.rpy_deg must hold 3 finite numbers'),
         ('{id: left finger}', 'names of frames have no spaces'),
-        ('{parent: /hand}', 'no slash before them'),
-        ("{id: ''}", 'must be a name other than'),
-        ('{id: hand, parent: hand}', 'must be a name other than'),
+        ('{parent: /hand}', 'no leading slash'),
+        ("{id: ''}", 'must be given and differ from'),
+        ('{id: hand, parent: hand}', 'must be given and differ from'),
     ],
 )
 def test_what_is_no_mounting_is_refused(tmp_path: Path, frame: str, said: str) -> None:

@@ -61,5 +61,5 @@ def test_where_dark_dots_lie_over_each_other_it_is_black():
 
 def test_layers_that_differ_cannot_be_simulated():
     sensor = Sensor('two', gel=GelDescription(layers_mm=(1.5, 4.5), moduli_mpa=(0.2, 0.1)))
-    with pytest.raises(ConfigurationError, match='layers that differ'):
+    with pytest.raises(ConfigurationError, match='has different layers'):
         gel_of(sensor)

@@ -120,7 +120,7 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
         ConfigurationError: answers contradict each other or the picture.
     """
     if seen.covered.all():
-        raise ConfigurationError('the mask covers all of the picture; black is what to leave out')
+        raise ConfigurationError('the mask covers the whole image; black parts mark what to leave out')
     px_per_mm = _scale(seen, answers)
     middle_mm = sum(answers.markers_mm) / 2
     (height, width), camera = seen.picture.shape, answers.camera

@@ -1,4 +1,4 @@
-"""A rigid body as the height of its lower side: all that a gel under it can feel.
+"""A rigid body as a height map of its lower side, which is all that matters to a gel under it.
 
 Lengths in mm. A body's frame has x and y as the gel's surface and z away from the gel; its lowest point is at height 0.
 """
@@ -16,15 +16,15 @@ from tactile_nodes.errors import ConfigurationError
 
 SPACING_MM = 0.1
 NO_BODY_MM = 4.0
-"""Height beside a body, which no gel reaches."""
+"""Height outside a body; no gel reaches it."""
 
 STEEPEST = 1.5
-"""Walls are told as slopes of this: the surface of the gel is followed on a grid of 0.4 mm, and no steeper there."""
+"""Steepest slope of a wall: the gel's surface is computed on a grid of 0.4 mm, which cannot follow steeper walls."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """Height of the lower side on an even square grid whose middle is the body's origin; `NO_BODY_MM` beside it."""
+    """Height of the lower side on a square grid whose middle is the body's origin; `NO_BODY_MM` outside the body."""
 
     name: str
     height_mm: Float[np.ndarray, 'n n']
@@ -34,27 +34,27 @@ class Body:
     def of_heights(
         cls, name: str, height_mm: Float[np.ndarray, 'rows columns'], spacing_mm: float = SPACING_MM
     ) -> Body:
-        """A body from any heights: the lowest becomes 0, NaN and infinity mean that there is none, walls become slopes.
+        """A body from any heights: the lowest becomes 0, NaN and infinity mean no body, walls become slopes.
 
         Raises:
-            ConfigurationError: there is no body at all, or the heights are no square.
+            ConfigurationError: no point belongs to the body, or the heights are not a square.
         """
         if height_mm.ndim != 2 or height_mm.shape[0] != height_mm.shape[1] or len(height_mm) < 2:
             raise ConfigurationError(f'the body {name!r} needs a square of heights, got the shape {height_mm.shape}')
         there = np.isfinite(height_mm)
         if not there.any():
-            raise ConfigurationError(f'the body {name!r} has no point at all')
+            raise ConfigurationError(f'the body {name!r} is empty: it has no finite height')
         above = np.where(there, height_mm - height_mm[there].min(), NO_BODY_MM)
         return cls(name, _sloped(np.minimum(above, NO_BODY_MM), STEEPEST * spacing_mm), spacing_mm)
 
     @property
     def half_mm(self) -> float:
-        """From the middle of the grid to its rim."""
+        """Distance from the middle of the grid to its rim."""
         return (len(self.height_mm) - 1) / 2 * self.spacing_mm
 
     @property
     def reach_mm(self) -> float:
-        """How far from its origin the body goes, along x or y."""
+        """How far the body extends from its origin, along x or y."""
         there = np.argwhere(self.height_mm < NO_BODY_MM)
         return float(np.abs(there * self.spacing_mm - self.half_mm).max())
 
@@ -68,7 +68,7 @@ class Body:
 
     @classmethod
     def joined(cls, name: str, parts: Iterable[tuple[Body, tuple[float, float, float]]]) -> Body:
-        """Several bodies as one, each shifted along x and y and raised (mm): what a hand or a rig moves together."""
+        """Several bodies as one, each shifted along x and y and raised [mm], so that they move together."""
         placed = list(parts)
         half_mm = max(body.half_mm + max(abs(x), abs(y)) for body, (x, y, _) in placed)
         x, y = grid(half_mm)
@@ -78,7 +78,7 @@ class Body:
         return cls.of_heights(name, np.where(heights < NO_BODY_MM, heights, np.inf))
 
     def renamed(self, name: str) -> Body:
-        """The same under another name."""
+        """The same body with another name."""
         return replace(self, name=name)
 
     def under(
@@ -110,7 +110,7 @@ class Body:
 
 
 def grid(half_mm: float, spacing_mm: float = SPACING_MM) -> tuple[np.ndarray, np.ndarray]:
-    """The places x and y of a square of heights that reaches at least so far."""
+    """The coordinates x and y of a square of heights that extends at least `half_mm` from its middle."""
     cells = int(np.ceil(half_mm / spacing_mm))
     line = np.arange(-cells, cells + 1) * spacing_mm
     x, y = np.meshgrid(line, line)
@@ -118,7 +118,7 @@ def grid(half_mm: float, spacing_mm: float = SPACING_MM) -> tuple[np.ndarray, np
 
 
 def _sloped(height_mm: np.ndarray, step_mm: float) -> np.ndarray:
-    """The lowest heights below these that change by no more than a step from cell to cell (and its root 2 askew)."""
+    """Lower the heights so that they change by at most a step from cell to cell (root 2 steps on diagonals)."""
     sloped = np.pad(height_mm, 1, constant_values=NO_BODY_MM)
     while True:
         before = sloped.copy()

@@ -1,14 +1,16 @@
-"""A layer of rubber in bricks, bonded below, free above, periodic sideways: its forces at finite strain, and its exact
-linear answer.
+"""A layer of rubber in brick elements: its forces at finite strain, and its exact linear response.
+
+It is bonded below, free above and periodic sideways.
 
 The material is incompressible neo-Hookean, with one pressure a brick (Q1/P0). Per volume at rest its energy over the
 shear modulus is
 
     W = (I1 - 3) / 2 - ln J + p (J - 1) - p² / (2 k)
 
-averaged over a brick's eight points of integration, k being `volume_stiffness`. About the layer at rest the forces are
-those of the linear layer, which is a matrix of its own for each pair of wave numbers: inverted once, it answers any
-load by one transform there and one back. Lengths are in mm, stresses over the shear modulus `UNIT`, forces in mm².
+averaged over a brick's eight integration points, with k the `volume_stiffness`. About the layer at rest the forces are
+those of the linear layer, which is a separate matrix for each pair of wave numbers. Inverted once, it gives the
+response to any load with one forward and one inverse transform. Lengths are in mm, stresses over the shear modulus
+`UNIT`, forces in mm².
 """
 
 from __future__ import annotations
@@ -22,16 +24,16 @@ from jaxtyping import Complex64, Float, Float32
 
 POINTS = np.array([-1.0, 1.0]) / 3**0.5
 SHARES = np.stack([(1 - POINTS) / 2, (1 + POINTS) / 2], -1)
-"""What each of the two nodes of a line counts at each of its two points of integration."""
+"""Weight of each of the two nodes of a line at each of its two integration points."""
 
 LEAST_VOLUME = 0.05
 
 
 @dataclass(frozen=True)
 class Layer:
-    """How the layer is cut: `cells` x `cells` bricks sideways, `rows` of them down, `growth` thicker from row to row.
+    """Division of the layer: `cells` x `cells` bricks sideways, `rows` down, each thicker by the factor `growth`.
 
-    `moduli` are those of the rows from the base up, over the unit; empty means that all are 1.
+    `moduli` are the rows' moduli from the base up, over the unit; empty means that all are 1.
     """
 
     cells: int = 96
@@ -44,7 +46,7 @@ class Layer:
 
     @property
     def width_mm(self) -> float:
-        """After which the layer repeats: 40 mm."""
+        """Period of the layer: 40 mm."""
         return self.cells * self.spacing_mm
 
     @property
@@ -56,7 +58,7 @@ class Layer:
 
     @property
     def line_mm(self) -> Float[np.ndarray, ' cells']:
-        """Where the nodes are along x or y; 0 is one of them."""
+        """Positions of the nodes along x or y; 0 is one of them."""
         return (np.arange(self.cells) - self.cells // 2) * self.spacing_mm
 
 
@@ -68,12 +70,12 @@ class State:
     pressure: Float32[np.ndarray, 'rows y x']
 
     def copy(self) -> State:
-        """A copy that shares nothing."""
+        """An independent copy."""
         return State(self.moved.copy(), self.pressure.copy())
 
 
 class Bricks:
-    """The forces of a layer, and its linear answer."""
+    """The forces of a layer, and its linear response."""
 
     def __init__(self, layer: Layer) -> None:
         self.layer = layer
@@ -83,14 +85,14 @@ class Bricks:
         self._moduli = np.array(moduli, np.float32)[:, None, None]
 
     def at_rest(self) -> State:
-        """The layer as nothing touches it."""
+        """The untouched layer."""
         shape = self.layer.cells, self.layer.cells
         return State(
             np.zeros((self.layer.rows + 1, 3, *shape), np.float32), np.zeros((self.layer.rows, *shape), np.float32)
         )
 
     def forces(self, state: State) -> tuple[Float32[np.ndarray, 'rows 3 y x'], Float32[np.ndarray, 'rows y x'], float]:
-        """Forces of the layer on its nodes above the base, by how much volume each brick lacks, least volume ratio."""
+        """Forces of the layer on its nodes above the base, volume that each brick lacks, and least volume ratio."""
         slopes = self._slopes(state.moved)
         sums: list[dict[tuple[int, int], np.ndarray]] = [{}, {}, {}]
         volume, least = np.zeros_like(state.pressure), np.inf
@@ -106,7 +108,7 @@ class Bricks:
         return self._on_nodes(sums)[1:], lacking, least
 
     def _slopes(self, moved: np.ndarray) -> list[dict[tuple[int, int], np.ndarray]]:
-        """Slopes of displacement along x, y and z, each at its 2x2 points of integration of the other two axes."""
+        """Derivatives of displacement along x, y and z, each at the 2x2 integration points of the other two axes."""
         h = np.float32(self.layer.spacing_mm)
         right, down = (np.roll(moved, -1, axis) - moved for axis in (-1, -2))
         up = (moved[1:] - moved[:-1]) / self._thick[:, None, None, None]
@@ -120,7 +122,7 @@ class Bricks:
     def _stress(
         self, slopes: list[np.ndarray], pressure: np.ndarray
     ) -> tuple[list[np.ndarray], Float32[np.ndarray, 'rows y x']]:
-        """Columns of the first Piola-Kirchhoff stress, and the volume ratio, from the slopes along x, y and z."""
+        """Columns of the first Piola-Kirchhoff stress, and the volume ratio, from the derivatives along x, y and z."""
         one = np.float32(1)
         (a, d, g), (b, e, h), (c, f, i) = ((each[:, 0], each[:, 1], each[:, 2]) for each in slopes)
         a, e, i = a + one, e + one, i + one
@@ -134,7 +136,7 @@ class Bricks:
         return stress, ratio
 
     def _on_nodes(self, sums: list[dict[tuple[int, int], np.ndarray]]) -> Float32[np.ndarray, 'nodes 3 y x']:
-        """Forces on nodes from stresses at points: what `_slopes` does, the other way round."""
+        """Forces on nodes from stresses at integration points: the transpose of `_slopes`."""
         h = np.float32(self.layer.spacing_mm)
         weight = (self._volume / 8)[:, None]
         shape = (self.layer.rows + 1, 3, self.layer.cells, self.layer.cells)
@@ -153,11 +155,11 @@ class Bricks:
     def answer(
         self, force: Float32[np.ndarray, 'rows 3 y x'], lacking: Float32[np.ndarray, 'rows y x']
     ) -> tuple[Float32[np.ndarray, 'rows 3 y x'], Float32[np.ndarray, 'rows y x']]:
-        """Displacements and pressures by which the layer at rest would bear forces on its nodes and lacking volumes."""
+        """Displacements and pressures with which the layer at rest balances forces on its nodes and lacking volumes."""
         return self.from_spectrum(self.spectrum(force, lacking))
 
     def spectrum(self, force: np.ndarray, lacking: np.ndarray) -> Complex64[np.ndarray, 'unknowns waves']:
-        """Transforms of loads, one row a node's axis or a brick, which `from_spectrum` answers."""
+        """Transforms of loads for `from_spectrum`; each row is one axis of a node, or a brick."""
         cells = self.layer.cells
         both = np.concatenate([force.reshape(-1, cells, cells), lacking])
         waves: np.ndarray = scipy.fft.rfft2(both).reshape(len(both), -1).astype(np.complex64)
@@ -166,7 +168,7 @@ class Bricks:
     def from_spectrum(
         self, waves: Complex64[np.ndarray, 'unknowns waves']
     ) -> tuple[Float32[np.ndarray, 'rows 3 y x'], Float32[np.ndarray, 'rows y x']]:
-        """The answer to loads whose transforms are given."""
+        """The response to loads whose transforms are given."""
         cells, rows = self.layer.cells, self.layer.rows
         solved = np.matmul(self.inverse, waves.T[:, :, None])[:, :, 0].T
         both = scipy.fft.irfft2(solved.reshape(4 * rows, cells, -1), s=(cells, cells)).astype(np.float32)
@@ -179,7 +181,7 @@ class Bricks:
 
     @cached_property
     def inverse(self) -> Complex64[np.ndarray, 'waves unknowns unknowns']:
-        """Of the linear layer, for each pair of wave numbers: the nodes' axes from below, then the bricks."""
+        """Inverse of the linear layer for each pair of wave numbers: the nodes' axes from below, then the bricks."""
         cells, rows = self.layer.cells, self.layer.rows
         x, y = np.meshgrid(2 * np.pi * np.fft.rfftfreq(cells), 2 * np.pi * np.fft.fftfreq(cells))
         phase = np.exp(1j * np.stack([a * x + b * y for a in (0, 1) for b in (0, 1)])).reshape(4, -1)
@@ -217,14 +219,14 @@ class Bricks:
 
 
 def _across(values: np.ndarray, axis: int, point: int) -> np.ndarray:
-    """Between each node and the next, at a point of integration."""
+    """Interpolate between each node and the next, at an integration point."""
     near, far = SHARES[point].astype(np.float32)
     blended: np.ndarray = near * values + far * np.roll(values, -1, axis)
     return blended
 
 
 def _back(values: np.ndarray, axis: int, point: int) -> np.ndarray:
-    """`_across` the other way round."""
+    """The transpose of `_across`."""
     near, far = SHARES[point].astype(np.float32)
     gathered: np.ndarray = near * values + far * np.roll(values, 1, axis)
     return gathered

@@ -1,6 +1,6 @@
-"""Bodies by name: the ten families of contacts that the force field is judged by, each in many variants.
+"""Bodies by name: the ten families of contacts that the force field is evaluated on, each in many variants.
 
-`make_body('ring')` is the usual one; with a generator of random numbers sizes vary, so that no two are alike.
+`make_body('ring')` is the usual ring; with a random generator its sizes vary.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ Random = np.random.Generator | None
 
 
 def ball(radius_mm: float, x: Heights, y: Heights) -> Heights:
-    """A sphere that rests on the origin, up to its widest."""
+    """The lower half of a sphere that rests on the origin."""
     away = x * x + y * y
     inside = away < radius_mm**2
     return np.where(inside, radius_mm - np.sqrt(np.where(inside, radius_mm**2 - away, 0.0)), np.inf)
 
 
 def rounded(outside: Heights, edge_mm: float = EDGE_MM) -> Heights:
-    """A flat side with a rounded edge, from the distance outside of the flat part (negative within)."""
+    """A flat side with a rounded edge, from the distance to the flat part (negative within it)."""
     beyond = np.clip(outside, 0.0, edge_mm)
     return np.where(outside < edge_mm, edge_mm - np.sqrt(edge_mm**2 - beyond**2), np.inf)
 
 
 def rod(length_mm: float, radius_mm: float, x: Heights, y: Heights) -> Heights:
-    """A rod with round ends, lying along x."""
+    """A rod with round ends along x."""
     return ball(radius_mm, np.maximum(np.abs(x) - length_mm / 2, 0.0), y)
 
 
@@ -45,7 +45,7 @@ def rectangle(width_mm: float, length_mm: float, x: Heights, y: Heights) -> Heig
 
 
 def torus(radius_mm: float, thickness_mm: float, x: Heights, y: Heights) -> Heights:
-    """A ring of round wire: its radius to the middle of the wire, and the wire's own."""
+    """A ring of round wire: radius to the middle of the wire, and thickness of the wire."""
     return ball(thickness_mm, np.hypot(x, y) - radius_mm, np.zeros_like(x))
 
 
@@ -57,17 +57,17 @@ def teeth(length_mm: float, width_mm: float, pitch_mm: float, deep_mm: float, x:
 
 
 def thread(length_mm: float, radius_mm: float, pitch_mm: float, deep_mm: float, x: Heights, y: Heights) -> Heights:
-    """A screw lying along x."""
+    """A screw along x."""
     return rod(length_mm, radius_mm, x, y) + deep_mm / 2 * (1 + np.sin(2 * np.pi * x / pitch_mm))
 
 
 def _vary(random: Random, usual: float) -> float:
-    """A size, up to a quarter larger or smaller."""
+    """A size varied by up to a quarter."""
     return usual if random is None else usual * float(random.uniform(0.75, 1.25))
 
 
 def _several(count: int, radius_mm: float, apart_mm: float, random: Random) -> Callable[[Heights, Heights], Heights]:
-    """Balls evenly on a circle, one a little higher than another."""
+    """Balls evenly spaced on a circle, at slightly different heights."""
     turn = np.arange(count) * 2 * np.pi / count
     radii = [_vary(random, radius_mm) for _ in turn]
     raised = [0.0 if random is None else float(random.uniform(0.0, 0.1)) for _ in turn]
@@ -152,7 +152,7 @@ FAMILIES: dict[str, Callable[[Random], Body]] = {
 
 
 def make_body(name: str, random: Random = None) -> Body:
-    """The usual body of a family, or a random one of it.
+    """The usual body of a family, or a random variant.
 
     Raises:
         ConfigurationError: there is no such family.

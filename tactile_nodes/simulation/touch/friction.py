@@ -1,10 +1,10 @@
-"""Contact of a surface with a rigid body under Coulomb's friction, on the surface's linear compliance.
+"""Contact of a surface with a rigid body under Coulomb friction, with the surface's linear compliance.
 
-What is sought are forces on the surface's nodes such that, with w the motion of the surface relative to the body that
-they leave, each node either has no force and a gap, or has no gap and a pressing force with a tangential part that is
-within the friction coefficient times it; at that limit it opposes the slip, below it there is none. The fixed point of
-the alternating direction method of multipliers has just these properties when the cone is projected on normal force
-first and then tangential force; its linear half is one transform there and one back.
+The solution are forces on the surface's nodes with these properties. A node either has a gap and no force, or no gap
+and a pressing force. The tangential force is at most the friction coefficient times the pressing force; at that limit
+it opposes the slip, below it there is no slip. The fixed point of the alternating direction method of multipliers has
+these properties if the projection on the cone treats the normal force first and then the tangential force. Its linear
+half takes one forward and one inverse transform.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Vectors = Float[np.ndarray, '3 y x']
 
 @dataclass(frozen=True)
 class Gap:
-    """The surface relative to the body were forces to stay as they are.
+    """The surface relative to the body if the forces stayed as they are.
 
-    `normal` points out of the body, into the gel; `apart` is the gap along it (negative: the gel lies in the body);
-    `slip` is how far each node has moved over the body, in the plane that touches it (0 where it did not touch before).
+    `normal` points out of the body, into the gel. `apart` is the gap along it (negative: penetration). `slip` is how
+    far each node has moved over the body, in the tangent plane (0 for nodes that did not touch before).
     """
 
     normal: Vectors
@@ -35,7 +35,7 @@ class Gap:
 
 
 class Surface:
-    """Forces for gaps, by the compliance of the surface's nodes to forces on them."""
+    """Computes contact forces from gaps, with the compliance of the surface's nodes."""
 
     def __init__(self, compliance: Complex[np.ndarray, 'ky kx 3 3']) -> None:
         self._compliance = compliance
@@ -45,10 +45,10 @@ class Surface:
         self._prepared = np.linalg.inv(compliance + self._step * np.eye(3))
 
     def forces(self, before: Vectors, gap: Gap, friction: float, total: float | None = None) -> tuple[Vectors, Vectors]:
-        """Forces on the nodes, a few iterations nearer to the answer, and the motion over the body that they leave.
+        """Forces on the nodes after a few more iterations, and the motion over the body that they leave.
 
-        `before` are the forces at which the gap was taken. With `total`, the wanted sum of forces into the gel, the
-        body may move up or down, which is in no gap; that works where it touches already.
+        `before` are the forces at which the gap was computed. With `total`, the wanted sum of forces into the gel, the
+        body may also move up or down; this needs an existing contact.
         """
         gaps = gap.normal * gap.apart + gap.slip
         free = self._there(gaps) - self._times(self._compliance, self._there(before))
@@ -78,7 +78,7 @@ class Surface:
 
 
 def within_cone(force: Vectors, normal: Vectors, friction: float) -> Vectors:
-    """The pressing part of forces, and of their tangential part as much as friction lets them have.
+    """Project forces on the friction cone: their pressing part, and as much of the tangential part as friction allows.
 
     (3, 0, 1) on a body whose normal is z, with a friction coefficient of 0.5, becomes (0.5, 0, 1).
     """

@@ -1,7 +1,7 @@
-"""An object between two gels that face each other: how deep its round ends are in them, and when it slips.
+"""An object between two facing gels: how deep its round ends press into them, and when it slips.
 
-The fingers are stiff and move slowly, so forces balance at every moment: both gels press with the same force, and bear
-a pull by their stiffnesses. An end sticks to its gel up to the friction that its force allows (Coulomb); beyond, the
+The fingers are stiff and move slowly, so forces balance at every moment: both gels press with the same force, and share
+a pull by their stiffnesses. An end sticks to its gel up to the friction limit of its force (Coulomb). Beyond it the
 object slides until it is lost.
 """
 
@@ -18,38 +18,38 @@ from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.shear import shear_of
 
 SLIDES_MM_S = 10.0
-"""How fast an object slides that is pulled harder than it is held."""
+"""Speed at which an object slides when it is pulled harder than it is held."""
 LOST_MM = 6.0
-"""How far it slides until it is out of the grip."""
+"""Distance it slides until it leaves the grip."""
 _FORCES = 400
 
 
 class Finger:
-    """One gel, and what a round end does to it."""
+    """One gel under a round end."""
 
     def __init__(self, gel: Gel, table: ContactTable) -> None:
         self.table = table
         self._shear = shear_of(gel, table)
 
     def stiffness_n_mm(self, depth_mm: float) -> float:
-        """Drag for one mm of sideways motion at a depth."""
+        """Drag per mm of sideways motion at a depth."""
         return self._shear.force_n(self.table.contact_at(depth_mm), (1.0, 0.0))[0]
 
     def drag_n(self, depth_mm: float, drag_mm: float) -> float:
-        """The drag on the gel of an end that was dragged so far at a depth."""
+        """The drag on the gel of an end that was dragged by `drag_mm` at a depth."""
         return self.stiffness_n_mm(depth_mm) * drag_mm if depth_mm > 0 else 0.0
 
 
 @dataclass(frozen=True)
 class Gripped:
-    """What is gripped: its width at rest, and the friction between its ends and the gels."""
+    """The gripped object: its width at rest, and the friction between its ends and the gels."""
 
     width_mm: float = 30.0
     friction: float = 0.9
 
 
 class Hold(NamedTuple):
-    """How an object is held: the force on each gel, depths in them, the drag that sticks, and how far it has slid."""
+    """How an object is held: force on each gel, depths in them, sticking drag, and distance it has slid."""
 
     normal_n: float
     depth_mm: tuple[float, float]
@@ -59,7 +59,7 @@ class Hold(NamedTuple):
 
 
 class Grip:
-    """Two fingers about an object; `hold` follows it from moment to moment."""
+    """Two fingers around an object; `hold` follows it from moment to moment."""
 
     def __init__(self, fingers: Sequence[Finger], gripped: Gripped) -> None:
         first, second = fingers
@@ -75,7 +75,7 @@ class Grip:
         return self._slid_mm >= LOST_MM
 
     def hold(self, opening_mm: float, pull_n: float, since_s: float) -> Hold:
-        """How it is held at an opening and a pull, `since_s` after the last time that this was asked."""
+        """How it is held at an opening and a pull, `since_s` after the last call."""
         squeezed_mm = self._gripped.width_mm - opening_mm
         if self.lost or squeezed_mm <= 0:
             gap_mm = -1.0 if self.lost else squeezed_mm / 2

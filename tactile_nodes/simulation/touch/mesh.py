@@ -1,4 +1,4 @@
-"""The lower side of a triangle mesh as heights, by rays from below."""
+"""Height map of the lower side of a triangle mesh, by rays from below."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tactile_nodes.simulation.touch.body import SPACING_MM, Body, grid
 
 MOST_FACES = 500_000
 SMALLEST_MM, LARGEST_MM = 0.4, 40.0
-"""How wide a mesh is at least and at most, along x or y; the gel's surface is followed on a grid of 0.4 mm."""
+"""Least and greatest width of a mesh, along x or y; the gel's surface is computed on a grid of 0.4 mm."""
 
 
 def body_of_mesh(
@@ -19,14 +19,14 @@ def body_of_mesh(
     faces: Int[np.ndarray, 'faces 3'],
     tilt_deg: tuple[float, float] = (0.0, 0.0),
 ) -> Body:
-    """What a gel under a closed mesh feels of it; z of the mesh points away from the gel.
+    """The lower side of a closed mesh as a body; z of the mesh points away from the gel.
 
     The middle of its bounding box becomes the body's origin. `tilt_deg` turns it about x, then about y.
 
     Raises:
         ConfigurationError: the mesh is empty or not closed, is too small or too large, or has too many faces.
     """
-    import trimesh  # only where somebody gives a mesh
+    import trimesh  # imported here: only meshes need it
     from scipy.spatial.transform import Rotation
 
     if len(faces) > MOST_FACES:
@@ -45,7 +45,7 @@ def body_of_mesh(
 
 
 def _require_closed(name: str, edges: Int[np.ndarray, 'edges 2']) -> None:
-    """Two triangles meet at each edge of a closed mesh; `edges` has each as often as triangles have it."""
+    """Check that two triangles meet at each edge; `edges` holds each edge once per triangle."""
     if not len(edges):
         raise ConfigurationError(f'the mesh {name!r} holds no triangles; export it again')
     sides = np.unique(edges, axis=0, return_counts=True)[1]

@@ -1,8 +1,8 @@
-"""A rigid body pressed into a layer, dragged over it and twisted: equilibrium at finite strain, contact solved with it.
+"""A rigid body pressed into a layer, dragged and twisted: equilibrium at finite strain, solved with its contact.
 
-Each step looks at the layer's forces as they are, asks its linear answer where the surface would go, finds the contact
-forces on that surface, and lets the layer follow both. The steps are those of Newton's method with the stiffness of the
-layer at rest, so they take the more the more the layer is strained; where that leads nowhere the way is cut finer.
+Each step computes the layer's forces, predicts the surface with the linear response, finds the contact forces on that
+surface, and moves the layer by both. These are Newton steps with the stiffness of the layer at rest, so larger strain
+takes more steps. If they do not converge, the path is divided more finely.
 """
 
 from __future__ import annotations
@@ -19,34 +19,34 @@ from tactile_nodes.simulation.touch.bricks import Bricks, State
 from tactile_nodes.simulation.touch.friction import Gap, Surface
 
 TOLERANCE = 1e-3
-"""Of the layer's forces on inner nodes, and of the change of contact forces, over all contact forces."""
+"""Tolerance of the forces on inner nodes, and of the change of contact forces, over all contact forces."""
 MOST_STEPS = 60
 LEAST_FORCE = 0.1
-"""Forces (mm²) smaller than this are as good as none."""
+"""Forces [mm²] below this count as zero."""
 SOME_NODES = 12
 NEAR = 0.9
-"""Share of the wanted force that may be lacking for the body's height to follow from it."""
+"""Share of the wanted force that may be missing for the force to determine the body's height."""
 FIRST = 1 / 8
-"""Share of a way that is gone first where nothing touches yet."""
+"""Share of the path taken first while nothing touches yet."""
 FIRST_MM = 0.02
-"""What is so near to the lowest point of a body touches with it, as a first guess."""
+"""First guess of the contact: points this near to the lowest point of a body touch."""
 FAR_MM = 0.3
-"""Gaps are told no larger: further away nothing is felt."""
+"""Gaps are limited to this: a body further away has no effect."""
 FINEST = 1 / 16
-"""Share of a way below which it is cut no finer."""
+"""Finest division of a path, as a share."""
 _REMEMBERED = 5
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a body is: its origin on the surface, and how far it has turned (counter-clockwise seen along z, rad)."""
+    """Pose of a body: its origin on the surface, and its rotation (counter-clockwise seen along z, rad)."""
 
     x_mm: float = 0.0
     y_mm: float = 0.0
     turn_rad: float = 0.0
 
     def towards(self, other: Pose, share: float) -> Pose:
-        """A share of the way to another."""
+        """The pose at a share of the path to another."""
         here, there = (np.array([each.x_mm, each.y_mm, each.turn_rad]) for each in (self, other))
         return Pose(*(here + share * (there - here)).tolist())
 
@@ -55,8 +55,8 @@ class Pose:
 class Standing:
     """A layer under a body in equilibrium.
 
-    `force` is that on each node of the surface (over the unit; z out of the gel). `stuck_at` is where on the body each
-    node was when it last slipped or was free (body's frame), `slips` which nodes do.
+    `force` is the force on each node of the surface (over the unit; z out of the gel). `stuck_at` is the position of
+    each node on the body when it last slipped or was free (body's frame), and `slips` marks slipping nodes.
     """
 
     pose: Pose
@@ -73,13 +73,13 @@ class Standing:
 
 
 class Pressing:
-    """A body on a layer, from the first touch on; `standing` is where things stand."""
+    """A body on a layer, from the first touch on; `standing` is the present state."""
 
     def __init__(self, bricks: Bricks, body: Body, friction: float = 0.6) -> None:
         layer = bricks.layer
         if body.reach_mm > layer.width_mm / 2:
             raise ConfigurationError(
-                f'the body {body.name!r} reaches {body.reach_mm:.1f} mm from its middle, and the gel ends at '
+                f'the body {body.name!r} reaches {body.reach_mm:.1f} mm from its middle, but the gel ends at '
                 f'{layer.width_mm / 2:.1f} mm; give a smaller body'
             )
         self._bricks, self._body, self._friction = bricks, body, friction
@@ -92,10 +92,10 @@ class Pressing:
         )
 
     def advance(self, pose: Pose, force: float | None = None, depth_mm: float | None = None) -> Standing:
-        """Go to a pose while the normal force (mm²), or the depth, goes to another; cut finer where that is needed.
+        """Move to a pose and to a normal force [mm²] or a depth, in finer steps where needed.
 
         Raises:
-            ConfigurationError: no equilibrium was found; the gel is asked for too much strain.
+            ConfigurationError: no equilibrium was found because the strain is too large.
         """
         start, done = self.standing, 0.0
         by_depth = force is None
@@ -112,12 +112,12 @@ class Pressing:
             else:
                 told = f'{wanted:.2f} mm deep' if by_depth else f'at {wanted:.2f} mm² of force over the shear modulus'
                 raise ConfigurationError(
-                    f'the body {self._body.name!r} finds no equilibrium {told}; press it less, or give a rounder one'
+                    f'no equilibrium found for the body {self._body.name!r} {told}; press less, or use a rounder body'
                 )
         return self.standing
 
     def _equilibrium(self, pose: Pose, wanted: float, by_depth: bool = False) -> Standing | None:
-        """The layer under the body at a pose, with a normal force or a depth, beginning from where it stands."""
+        """The layer under the body at a pose, with a normal force or a depth, starting from the present state."""
         now = self.standing
         at, remembered = self._vector(now.state, now.force, wanted if by_depth else now.depth_mm), _Anderson()
         for _ in range(MOST_STEPS):
@@ -145,7 +145,7 @@ class Pressing:
         return None
 
     def _vector(self, state: State, force: np.ndarray, depth_mm: float) -> Float32[np.ndarray, ' unknowns']:
-        """All unknowns in a row, each about as large as the strain that it makes."""
+        """All unknowns as one vector, each scaled to about the size of its strain."""
         h = self._bricks.layer.spacing_mm
         parts = state.moved[1:] / h, state.pressure, force / h**2, np.array([depth_mm / h])
         return np.concatenate([each.ravel() for each in parts]).astype(np.float32)
@@ -163,12 +163,12 @@ class Pressing:
 
     @staticmethod
     def _holds(force: np.ndarray, wanted: float) -> bool:
-        """Whether so many nodes bear so much of the wanted force that the body's height can follow from it."""
+        """Whether enough nodes bear enough of the wanted force for the force to determine the body's height."""
         some = np.count_nonzero(force[2] < 0) >= SOME_NODES
         return bool(some and abs(wanted + float(force[2].sum())) < NEAR * wanted)
 
     def _deeper(self, missing: float, found: np.ndarray, gap: Gap) -> float:
-        """How much lower the body has to be for a missing force: as a disc of its contact's area on a half-space."""
+        """How much lower the body must go for a missing force, as for a disc of the contact's area on a half-space."""
         touching = found[2] < 0
         there = touching if touching.any() else gap.apart < gap.apart.min() + FIRST_MM
         radius_mm = self._bricks.layer.spacing_mm * np.sqrt(np.count_nonzero(there) / np.pi)
@@ -176,14 +176,14 @@ class Pressing:
         return float(missing / (8 * radius_mm) + apart)
 
     def _surface_of(self, waves: np.ndarray) -> np.ndarray:
-        """How the surface moves in the linear answer to loads."""
+        """Motion of the surface in the linear response to loads."""
         cells = self._bricks.layer.cells
         moved = np.einsum('mij,jm->im', self._bricks.inverse[:, self._bricks.surface], waves)
         answer: np.ndarray = np.fft.irfft2(moved.reshape(3, cells, -1), s=(cells, cells))
         return answer
 
     def _gap(self, pose: Pose, depth_mm: float, moved: np.ndarray, before: Standing) -> Gap:
-        """The surface, moved, beside the body."""
+        """The gap between the moved surface and the body."""
         on_body = self._on_body(pose, moved)
         height, along_x, along_y = self._body.under(*on_body)
         slopes = _turned(np.stack([along_x, along_y]), pose.turn_rad)
@@ -196,7 +196,7 @@ class Pressing:
         return Gap(normal, apart, slip * (height < NO_BODY_MM) * (apart < FAR_MM))
 
     def _on_body(self, pose: Pose, moved: np.ndarray) -> np.ndarray:
-        """Where the surface's nodes are in the body's frame."""
+        """The surface's nodes in the body's frame."""
         away = np.stack([self._x + moved[0] - pose.x_mm, self._y + moved[1] - pose.y_mm])
         return _turned(away, -pose.turn_rad)
 
@@ -213,7 +213,7 @@ class Pressing:
 
 
 def _closing(left: np.ndarray, gap: Gap, force: np.ndarray) -> float:
-    """How much lower the body has to be for its contact to have no gap, on the mean of its force."""
+    """How much lower the body must go so that the force-weighted mean gap of its contact is zero."""
     pressing = np.maximum((force * gap.normal).sum(axis=0), 0.0)
     if not pressing.any():
         return float(gap.apart.min())
@@ -231,10 +231,10 @@ def _size(values: np.ndarray) -> float:
 
 
 class _Anderson:
-    """Remembers a few places and steps; `next` says where to go from a place whose plain step is known.
+    """Anderson acceleration: stores a few positions and steps; `next` gives the position after one with a known step.
 
-    The next place is that combination of the last steps whose own step would be the least (D. G. Anderson, J. ACM 12,
-    1965; Walker and Ni, SIAM J. Numer. Anal. 49, 2011).
+    The next position is the combination of the last ones whose step would be smallest (D. G. Anderson, J. ACM 12, 1965;
+    Walker and Ni, SIAM J. Numer. Anal. 49, 2011).
     """
 
     def __init__(self) -> None:
@@ -243,7 +243,7 @@ class _Anderson:
         self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def next(self, at: Float[np.ndarray, ' n'], step: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
-        """The next place; the first time it is `at + step`."""
+        """The next position; the first time it is `at + step`."""
         if self._last is not None:
             self._places.append(at - self._last[0])
             self._steps.append(step - self._last[1])

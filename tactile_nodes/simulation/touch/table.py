@@ -1,4 +1,4 @@
-"""A solved track as a scene looks it up: how markers move, and which force is where, at any place and stage."""
+"""Lookup table of a solved track: motion of markers and forces, at any place and stage."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
 from tactile_nodes.sensing.geometry import BinGrid
 
 SPACING_MM, ROW_MM = 0.625, 0.75
-"""Of the table, sideways and down, where the markers begin 1.5 mm below the surface: no motion changes faster there.
-Nearer to it they are as much smaller, down to what the track itself tells apart."""
+"""Steps of the table, sideways and down, for markers from 1.5 mm below the surface on: no motion changes faster there.
+For markers nearer to the surface the steps are smaller in proportion, down to those of the track itself."""
 
 FINEST_MM, FINEST_ROW_MM = 0.4, 0.15
 
 REACH_MM = 20.0
-"""How far from its middle a touch is tabulated; further away motion is as at the rim, next to nothing."""
+"""Extent of the table from its middle; further away the motion is that at the rim, almost zero."""
 
 
 def table_steps_mm(highest_mm: float) -> tuple[float, float]:
-    """Steps of a table (sideways, down) of what lies no higher: 0.625 and 0.75 below -1.5 mm."""
+    """Steps of a table (sideways, down) for points up to `highest_mm`: 0.625 and 0.75 below -1.5 mm."""
     nearer = min(-highest_mm / 1.5, 1.0)
     return max(SPACING_MM * nearer, FINEST_MM), max(ROW_MM * nearer, FINEST_ROW_MM)
 
 
 @dataclass(frozen=True)
 class Touch:
-    """A body over a place on the surface, turned about z, so far on its way; up to stage 0 it is above the gel."""
+    """A body over a place on the surface, turned about z, at a stage of its path; up to stage 0 it is above the gel."""
 
     body: str
     x_mm: float
@@ -45,13 +45,13 @@ class Touch:
 
     @property
     def touching(self) -> bool:
-        """Whether it is on the gel."""
+        """Whether it touches the gel."""
         return self.stage > 0
 
 
 @dataclass(frozen=True)
 class TouchTable:
-    """Coefficients of cubic B-splines on an even grid, stage by stage, and forces on points of the surface.
+    """Coefficients of cubic B-splines on a regular grid, stage by stage, and forces on points of the surface.
 
     Forces are over the shear modulus, x and y along the surface, z into the gel.
     """
@@ -70,12 +70,12 @@ class TouchTable:
 
     @classmethod
     def of_track(cls, track: Track, highest_mm: float) -> TouchTable:
-        """Of what lies no higher than `highest_mm`: the markers under the skin."""
-        from scipy.interpolate import CubicSpline  # here and below: a table that was made before is looked up without
+        """The table for points up to `highest_mm`: the markers under the skin."""
+        from scipy.interpolate import CubicSpline  # imported here and below: looking up needs no SciPy
         from scipy.ndimage import spline_filter
 
         spacing_mm, row_mm = table_steps_mm(highest_mm)
-        top_mm = min(0.0, highest_mm + 2 * row_mm)  # splines are less exact next to the rim of a table
+        top_mm = min(0.0, highest_mm + 2 * row_mm)  # splines are less accurate near the rim of a table
         z_mm = np.linspace(track.z_mm[0], top_mm, max(4, round((top_mm - track.z_mm[0]) / row_mm) + 1))
         moved = CubicSpline(track.z_mm, track.moved_mm, axis=1)(z_mm)
         width = len(track.line_mm) * (track.line_mm[1] - track.line_mm[0])
@@ -93,13 +93,13 @@ class TouchTable:
         )  # fmt: skip
 
     def to_arrays(self) -> dict[str, np.ndarray]:
-        """As plain arrays, for a file; motions as 16 bit floats."""
+        """As plain arrays, for a file; displacements as 16-bit floats."""
         arrays = {each.name: np.asarray(getattr(self, each.name)) for each in fields(self)}
         return {**arrays, 'coefficients': self.coefficients.astype(np.float16)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> TouchTable:
-        """Back from plain arrays.
+        """The table from plain arrays.
 
         Raises:
             KeyError, TypeError, ValueError: these are not the arrays of a table.
@@ -121,7 +121,7 @@ class TouchTable:
 
     @cached_property
     def node_moved_mm(self) -> Float32[np.ndarray, 'stages nodes 2']:
-        """How far the surface has moved along x and y at each point on which forces act."""
+        """Displacement of the surface along x and y at each point on which forces act."""
         points = np.column_stack([self.node_mm, np.zeros(len(self.node_mm))]).astype(np.float32)
         placed = Placed(self, points, Touch('', 0.0, 0.0))
         return np.stack([placed.moved_mm(float(stage))[:, :2] for stage in range(self.stages)])
@@ -133,7 +133,7 @@ class TouchTable:
         return int(np.flatnonzero(still)[-1])
 
     def between(self, values: np.ndarray, stage: float) -> np.ndarray:
-        """Something that is known of every stage, at a stage in between."""
+        """Interpolate values given for every stage."""
         low = min(max(int(stage), 0), self.stages - 2)
         part = min(max(stage - low, 0.0), 1.0)
         blended: np.ndarray = (1 - part) * values[low] + part * values[low + 1]
@@ -141,7 +141,7 @@ class TouchTable:
 
 
 class Placed:
-    """A table at a place: how much of each coefficient each marker takes, found once for as long as the body stays."""
+    """A table at a place: the weights of the coefficients for each marker, computed once while the body stays there."""
 
     def __init__(self, table: TouchTable, points_mm: Float32[np.ndarray, 'points 3'], touch: Touch) -> None:
         self._table, self._turn_rad = table, touch.turn_rad
@@ -160,10 +160,10 @@ class Placed:
 
 
 def node_forces(table: TouchTable, touch: Touch) -> tuple[Float[np.ndarray, 'nodes 2'], Float[np.ndarray, 'nodes 3']]:
-    """Where forces act now (mm), and those forces over the shear modulus: x, y, into the gel.
+    """Places where forces act now [mm], and these forces over the shear modulus: x, y, into the gel.
 
-    What was dragged along with a body acts where the body is: of a tip that stuck and was dragged by 0.5 mm, 0.5 mm
-    beside the place where it touched down.
+    Forces move with a dragged body: those of a tip that stuck and was dragged by 0.5 mm act 0.5 mm from the place where
+    it touched down.
     """
     force = table.between(table.node_force, touch.stage).astype(float)
     force[:, :2] = _turned(force[:, :2], touch.turn_rad)
@@ -176,8 +176,8 @@ def over_bins(
 ) -> Float[np.ndarray, 'rows cols 3']:
     """Forces summed over bins, each spread evenly over a square of `size_mm` about its place.
 
-    What lies off the surface counts to its outermost bins, so that the sum is kept: a square of 1 mm at the middle of a
-    border between two bins gives each a half.
+    Force outside the surface counts towards the outermost bins, so that the sum is kept. A square of 1 mm centred on
+    the border between two bins gives each a half.
     """
     shares = []
     for axis, count, length in ((0, bins.cols, bins.width_mm), (1, bins.rows, bins.height_mm)):
@@ -196,7 +196,7 @@ def _turned(vectors: np.ndarray, angle_rad: float) -> np.ndarray:
 
 
 def _resampled(values: np.ndarray, cells: int) -> np.ndarray:
-    """A periodic grid with fewer cells, the middle one staying where it is: its transform cut short."""
+    """A periodic grid resampled to fewer cells by truncating its transform; the middle cell keeps its place."""
     have = values.shape[-1]
     waves = np.fft.fft2(np.roll(values, (-(have // 2),) * 2, (-2, -1)))
     keep = np.r_[0 : cells // 2, have - cells + cells // 2 : have]

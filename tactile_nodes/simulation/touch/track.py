@@ -1,8 +1,8 @@
-"""A body's way on the gel, solved stage by stage: pressed to a force, then dragged and twisted under it.
+"""The path of a body on the gel, solved stage by stage: pressed to a force, then dragged and twisted under it.
 
-Solved once in the middle of a layer of modulus 1, a track serves every place on the surface and gels of every modulus,
-since how a layer deforms under forces in proportion to its modulus does not depend on it. What comes back when the body
-is lifted is the same way backwards: friction is not followed there.
+A track is solved once, in the middle of a layer of modulus 1. It holds for every place on the surface and for gels of
+every modulus, since the deformation under forces in proportion to the modulus does not depend on it. Lifting the body
+is the same path backwards: friction is not computed there.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Way:
 
     @property
     def poses(self) -> Iterator[tuple[Pose, float]]:
-        """Where the body is at each stage, and how far it is pressed (0 to 1); it does not touch at the first."""
+        """Pose of the body at each stage, and how far it is pressed (0 to 1); it does not touch at the first stage."""
         for number in range(self.press_stages + 1):
             yield Pose(), (number / self.press_stages) ** (1.0 if self.depth_mm else 1.5)
         if not (self.drag_mm or self.twist_rad):
@@ -54,10 +54,10 @@ class Way:
 
 @dataclass(frozen=True)
 class Track:
-    """What each stage does to the layer, in the body's frame as it touched down; forces are over the shear modulus.
+    """The layer at each stage, in the body's frame at first contact; forces are over the shear modulus.
 
-    `moved_mm[stage, z, axis, y, x]` is on the layer's own grid. `node_mm` are the surface's nodes that are ever touched
-    (where they rest), `node_force[stage, node]` what acts on them: x, y, z out of the gel, so a press is negative.
+    `moved_mm[stage, z, axis, y, x]` is on the layer's own grid. `node_mm` are the rest positions of all surface nodes
+    that are ever touched. `node_force[stage, node]` is the force on them: x, y, z out of the gel, so presses are < 0.
     """
 
     line_mm: Float[np.ndarray, ' cells']
@@ -79,17 +79,17 @@ class Track:
 
 
 def track_key(layer: Layer, body: Body, way: Way) -> str:
-    """Sixteen hexadecimal digits that change with the layer, the body, its way, or how it is solved."""
+    """Sixteen hexadecimal digits that change with the layer, the body, its path, or the method of solution."""
     text = json.dumps([RECIPE, asdict(layer), asdict(way), body.spacing_mm], sort_keys=True)
     shape = np.round(body.height_mm, 6).astype(np.float32).tobytes()
     return hashlib.sha256(text.encode() + shape).hexdigest()[:16]
 
 
 def solve_track(bricks: Bricks, body: Body, way: Way, tell: Callable[[int, int], None] | None = None) -> Track:
-    """All stages of a way, about a second each; `tell` hears how many of how many are done.
+    """Solve all stages of a path, about a second each; `tell` is called with the number done and the number of all.
 
     Raises:
-        ConfigurationError: the gel is asked for too much strain, or the body is larger than the layer.
+        ConfigurationError: the strain is too large, or the body is larger than the layer.
     """
     pressing, found = Pressing(bricks, body, way.friction), []
     wanted = list(way.poses)

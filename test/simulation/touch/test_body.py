@@ -58,7 +58,7 @@ def test_an_unknown_body_is_told_the_known_ones():
 
 
 def test_heights_without_any_body_are_refused():
-    with pytest.raises(ConfigurationError, match='has no point at all'):
+    with pytest.raises(ConfigurationError, match='has no finite height'):
         Body.of_heights('void', np.full((5, 5), np.inf))
     with pytest.raises(ConfigurationError, match='needs a square of heights'):
         Body.of_heights('strip', np.zeros((5, 7)))

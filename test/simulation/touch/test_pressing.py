@@ -103,13 +103,13 @@ def test_a_finer_mesh_changes_little():
 
 def test_a_body_wider_than_the_gel_is_refused():
     bricks = Bricks(Layer(cells=24, spacing_mm=0.5, rows=4))
-    with pytest.raises(ConfigurationError, match=r'reaches 10\.0 mm from its middle, and the gel ends at 6\.0 mm'):
+    with pytest.raises(ConfigurationError, match=r'reaches 10\.0 mm from its middle, but the gel ends at 6\.0 mm'):
         Pressing(bricks, make_body('edge'))
 
 
 def test_what_no_gel_bears_is_refused_in_a_sentence():
     bricks = Bricks(Layer(cells=32, spacing_mm=0.5, rows=5))
-    with pytest.raises(ConfigurationError, match=r'finds no equilibrium at .* press it less'):
+    with pytest.raises(ConfigurationError, match=r'no equilibrium found for the body .* at .* press less'):
         Pressing(bricks, make_body('punch')).advance(Pose(), 400.0)
 
 
