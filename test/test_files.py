@@ -156,7 +156,7 @@ def test_a_data_set_whose_list_of_entries_takes_gigabytes_is_refused_before_it_i
         file.write(struct.pack('<4sHHHHLLH', b'PK\5\6', 0, 0, 0xFFFF, 0xFFFF, 0xFFFFFFFF, 0xFFFFFFFF, 0))
     tracemalloc.start()
     try:
-        assert 'is damaged or no data set' in refusal(load_dataset, tmp_path / 'a.npz')
+        assert 'is damaged or not a data set' in refusal(load_dataset, tmp_path / 'a.npz')
         assert tracemalloc.get_traced_memory()[1] < 32 << 20
     finally:
         tracemalloc.stop()

@@ -325,7 +325,7 @@ def test_numbers_that_no_gel_has_are_refused(part: str, name: str, value: float,
     readout = shipped.model.readout
     absurd = replace(readout, **{part: replace(getattr(readout, part), **{name: value})})
     save_model(tmp_path / 'absurd.safetensors', replace(shipped.model, readout=absurd), shipped.card)
-    with pytest.raises(ModelError, match=f'{name} is .*, and not from'):
+    with pytest.raises(ModelError, match=f'{name} is .*, but must be from'):
         load_model(tmp_path / 'absurd.safetensors')
 
 

@@ -42,10 +42,10 @@ class DataConfig:
     what a calibration presses. Those are split as recorded presses are.
     """
 
-    plan: str = parameter('random', 'where presses lie', choices=('random', 'paper', 'jittered', 'coarse', 'spread'))
-    presses: int = parameter(20000, 'presses of a random plan; the most of another one, drawn by the seed', minimum=1)
+    plan: str = parameter('random', 'kind of plan', choices=('random', 'paper', 'jittered', 'coarse', 'spread'))
+    presses: int = parameter(20000, 'presses of a random plan; most presses of another', minimum=1)
     seed: int = parameter(1, 'seed of places, depths and noise')
-    reach_mm: float = parameter(14.0, 'random presses lie within plus and minus this, along x and y', minimum=0.0)
+    reach_mm: float = parameter(14.0, 'random presses lie within plus and minus this along x and y', minimum=0.0)
     shallowest_mm: float = parameter(0.0, 'smallest depth of a random press', minimum=0.0)
     deepest_mm: float = parameter(2.1, 'largest depth of a random press', minimum=0.0, maximum=2.5)
     without_contact: float = parameter(0.05, 'share of frames in which nothing touches', minimum=0.0, maximum=0.9)
@@ -53,10 +53,10 @@ class DataConfig:
     frames_per_rest_image: int = parameter(16, 'frames averaged into a rest image', minimum=1)
     processes: int = parameter(2, 'processes that render at the same time', minimum=1)
     crop: int = parameter(440, 'side of the square cut from the middle of the image, px', minimum=32)
-    file: str = parameter('', 'a data set of recorded presses, instead of simulated ones; see tactile dataset build')
-    split: str = parameter('sample', 'what is put aside for the test', choices=('sample', 'position'))
-    split_seed: int = parameter(1, 'seed of what is put aside')
-    test: float = parameter(0.2, 'share that is put aside for the test', minimum=0.01, maximum=0.9)
+    file: str = parameter('', 'data set of recorded presses, instead of simulated ones; see tactile dataset build')
+    split: str = parameter('sample', 'how the test set is split off', choices=('sample', 'position'))
+    split_seed: int = parameter(1, 'seed of the split')
+    test: float = parameter(0.2, 'share of the test set', minimum=0.01, maximum=0.9)
 
     def simulated(self) -> dict[str, object]:
         """What simulated presses depend on, and how many there are."""
@@ -66,7 +66,7 @@ class DataConfig:
 
 INPUT_SCALINGS = 'features as they are, or minus mean and over spread, of each channel or of each feature'
 INITIAL_WEIGHTS = "Glorot's, or four times those with biases that balance each logistic unit"
-OUTPUT_UNITS = 'what an output of 1 means: 1 N, or the root mean square of all labels'
+OUTPUT_UNITS = 'unit of the outputs: 1 N, or the root mean square of all labels'
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,11 @@ class NetworkConfig:
     """Layers between features and bins, how features enter, and in which unit forces leave."""
 
     hidden: tuple[int, ...] = parameter((800, 400, 400), 'units of the hidden layers')
-    activation: str = parameter('logistic', 'what a hidden unit does', choices=('logistic', 'relu'))
+    activation: str = parameter('logistic', 'activation of the hidden units', choices=('logistic', 'relu'))
     dropout: float = parameter(0.15, 'share of hidden units left out in training', minimum=0.0, maximum=0.9)
     input_scaling: str = parameter('feature', INPUT_SCALINGS, choices=('none', 'channel', 'feature'))
-    confidence_floor: float = parameter(0.5, 'regions less certain than this are silenced', minimum=0.0, maximum=1.0)
-    channel_gains: tuple[float, ...] = parameter((), 'factor on each channel once it is scaled; none means 1')
+    confidence_floor: float = parameter(0.5, 'regions of lower confidence are set to zero', minimum=0.0, maximum=1.0)
+    channel_gains: tuple[float, ...] = parameter((), 'factor on each channel after scaling; empty: 1')
     initial_weights: str = parameter('balanced', INITIAL_WEIGHTS, choices=('glorot', 'balanced'))
     output_unit: str = parameter('rms', OUTPUT_UNITS, choices=('newton', 'rms'))
     rows: int = parameter(9, 'bins along y', minimum=1)
@@ -91,19 +91,19 @@ class TrainingConfig:
 
     batch: int = parameter(200, 'samples per step', minimum=1)
     learning_rate: float = parameter(0.001, "Nadam's step size", minimum=0.0)
-    loss: str = parameter('armse', 'what is minimised after the warm-up', choices=('armse', 'mse'))
-    warm_up_epochs: int = parameter(10, 'epochs with squared error before the loss', minimum=0)
+    loss: str = parameter('armse', 'loss after the warm-up', choices=('armse', 'mse'))
+    warm_up_epochs: int = parameter(10, 'epochs with squared error before that loss', minimum=0)
     decay: float = parameter(1.0, 'factor on the step size per epoch', minimum=0.5, maximum=1.0)
     rest_repeats: int = parameter(1, 'how often an epoch shows each frame without contact; 0: never', minimum=0)
     epochs: int = parameter(1000, 'most epochs', minimum=1)
     patience: int = parameter(50, 'epochs without a better validation loss before stopping', minimum=1)
     validation: float = parameter(0.1, 'share of the presses held back for validation', minimum=0.01, maximum=0.5)
-    plateau: str = parameter('restart', 'what to do with a network that predicts nothing', choices=('restart', 'wait'))
+    plateau: str = parameter('restart', 'what to do if the network only predicts zero', choices=('restart', 'wait'))
     plateau_epochs: int = parameter(40, 'epochs on the all-zero answer before a restart', minimum=1)
     seed: int = parameter(1, 'seed of initial weights, order and dropout')
     threads: int = parameter(2, 'processor threads; the result depends on it in the last digits', minimum=1)
     device: str = parameter('auto', 'where to train; auto: CUDA when there is one', choices=('auto', 'cpu', 'cuda'))
-    checkpoint_s: float = parameter(20.0, 'seconds of training that a kill may cost', minimum=0.0)
+    checkpoint_s: float = parameter(20.0, 'seconds between checkpoints', minimum=0.0)
 
 
 @dataclass(frozen=True)
@@ -114,17 +114,17 @@ class ResponseConfig:
     spacing_mm: float = parameter(2.0, 'distance between the knots along x and y', minimum=0.25)
     levels: int = parameter(6, 'intervals between the knots along the force', minimum=1)
     smoothing: tuple[float, ...] = parameter(
-        (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 'weights of the penalty on curvature, of which the best is taken'
+        (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 'weights of the curvature penalty; the best one is used'
     )
     trusted_floor: float = parameter(
-        0.5, 'regions that are less certain than this in most frames are silenced', minimum=0.0, maximum=1.0
+        0.5, 'regions below this confidence in most frames are not used', minimum=0.0, maximum=1.0
     )
     confidence_floor: float = parameter(
-        0.1, 'regions that are less certain than this in a frame have no say in it', minimum=0.0, maximum=1.0
+        0.1, 'regions below this confidence in a frame are not used for it', minimum=0.0, maximum=1.0
     )
-    most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
-    contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
-    seed: int = parameter(1, 'seed of the presses that smoothing and uncertainty are judged by')
+    most_contacts: int = parameter(3, 'most contacts used to explain one frame', minimum=1, maximum=8)
+    contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
+    seed: int = parameter(1, 'seed of the presses held out to choose smoothing and uncertainty')
 
 
 @dataclass(frozen=True)
@@ -134,31 +134,29 @@ class AxisymmetricConfig:
     lateral: int = parameter(2, 'profiles of motion away from the press', minimum=1, maximum=4)
     vertical: int = parameter(2, 'profiles of vertical motion', minimum=1, maximum=4)
     levels: int = parameter(3, 'intervals between the knots along the force', minimum=1)
-    turns: int = parameter(10, 'how often regions and profiles are fitted in turn', minimum=4)
-    presses_per_turn: int = parameter(600, 'presses that a turn looks at', minimum=50)
-    most_presses: int = parameter(3000, 'presses that the last turn looks at', minimum=50)
+    turns: int = parameter(10, 'number of alternating fits of regions and profiles', minimum=4)
+    presses_per_turn: int = parameter(600, 'presses used in each turn', minimum=50)
+    most_presses: int = parameter(3000, 'most presses used in the last turn', minimum=50)
     trusted_floor: float = parameter(
-        0.5, 'regions that are less certain than this in most frames are silenced', minimum=0.0, maximum=1.0
+        0.5, 'regions below this confidence in most frames are not used', minimum=0.0, maximum=1.0
     )
     confidence_floor: float = parameter(
-        0.1, 'regions that are less certain than this in a frame have no say in it', minimum=0.0, maximum=1.0
+        0.1, 'regions below this confidence in a frame are not used for it', minimum=0.0, maximum=1.0
     )
-    most_contacts: int = parameter(3, 'contacts that one frame may be explained by', minimum=1, maximum=8)
-    contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
-    seed: int = parameter(1, 'seed of which presses each turn takes, and of those that judge')
-    other_gels: int = parameter(
-        0, 'other gels, simulated, that tell what calibrations from this one get wrong alike', minimum=0
-    )
+    most_contacts: int = parameter(3, 'most contacts used to explain one frame', minimum=1, maximum=8)
+    contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
+    seed: int = parameter(1, 'seed of the presses used in each turn, and of those held out')
+    other_gels: int = parameter(0, 'simulated gels for the prior of calibration errors', minimum=0)
 
 
 @dataclass(frozen=True)
 class FieldConfig:
     """What a readout of any contact begins with."""
 
-    sensor: str = parameter('simulated', 'the description of the sensor: one that ships, or a YAML file')
-    tips: str = parameter('portable', 'the axisymmetric model that reads frames in which only tips press')
-    body: str = parameter('ball:0.6', 'the body that presses, as tactile calibrate --body takes it')
-    contact_threshold_n: float = parameter(0.015, 'force from which something is said to touch', minimum=0.0)
+    sensor: str = parameter('simulated', 'description of the sensor: a shipped one, or a YAML file')
+    tips: str = parameter('portable', 'axisymmetric model for frames in which only tips press')
+    body: str = parameter('ball:0.6', 'body that presses, as for tactile calibrate --body')
+    contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
 
 
 READOUTS = 'network', 'response', 'axisymmetric', 'field'
@@ -166,8 +164,8 @@ READOUTS = 'network', 'response', 'axisymmetric', 'field'
 
 @dataclass(frozen=True)
 class _Blocks:
-    output: str = parameter('model.safetensors', 'the file to write')
-    readout: str = parameter('network', 'what turns features into forces', choices=READOUTS)
+    output: str = parameter('model.safetensors', 'file to write')
+    readout: str = parameter('network', 'readout that turns features into forces', choices=READOUTS)
     data: DataConfig = field(default_factory=DataConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     response: ResponseConfig = field(default_factory=ResponseConfig)

@@ -31,7 +31,7 @@ def save(drawn: Any, file: Path, dpi: int = 120) -> None:
         DatasetError: the file cannot be written.
     """
     if not file.suffix:
-        raise ConfigurationError(f'cannot draw {file}: its ending says which kind of picture: .png, .pdf or .svg')
+        raise ConfigurationError(f'cannot draw {file}: its name must end in .png, .pdf or .svg')
     check_output(file)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -39,4 +39,4 @@ def save(drawn: Any, file: Path, dpi: int = 120) -> None:
     except ValueError as error:
         raise ConfigurationError(f'cannot draw {file}: {error}') from error
     except OSError as error:
-        raise DatasetError(f'cannot write the picture {file} ({error.strerror}); choose another place') from error
+        raise DatasetError(f'cannot write the figure {file} ({error.strerror}); choose another place') from error

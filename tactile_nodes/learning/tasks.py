@@ -35,7 +35,7 @@ LOOK_S = 2.0
 RETRIES = 3
 """How often a task is given to another worker after its worker was killed."""
 
-_GOES_ON = 'what was finished is kept, and the same command goes on from there'
+_GOES_ON = 'finished work is kept, and the same command continues from there'
 _START = 'dask worker {} --no-nanny --nthreads 1'
 _SCHEDULER: ContextVar[str] = ContextVar('scheduler', default='')
 
@@ -151,7 +151,7 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
             ) from error
         except (KilledWorker, CancelledError) as error:
             raise ConfigurationError(
-                f'the scheduler {scheduler} ended, or workers did so again and again in one task ({in_a_line(error)}); '
+                f'the scheduler {scheduler} ended, or workers ended repeatedly in one task ({in_a_line(error)}); '
                 f'{_GOES_ON}'
             ) from error
 

@@ -18,7 +18,7 @@ from tactile_nodes.errors import ConfigurationError, in_a_line
 PARTS = ('response', 'field', 'patches', 'told', 'stillness', 'weights', 'axisymmetric', 'pictures')
 """What is compiled, each by itself, the longest first."""
 
-NOTICE = 'compiling the inner loops, once on this machine: about half a minute; tactile compile does it ahead'
+NOTICE = 'compiling the inner loops, once per machine: about half a minute; tactile compile does it in advance'
 
 
 @cache

@@ -140,7 +140,7 @@ def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
     save_dataset(same, recorded(pressed(28, 5, 1.0, 0.0), 'same'))  # as the gel of the model itself
     words = ['calibrate', '--model', str(model), '--dataset', str(same), '-o', str(output)]
     assert main(words) == 1
-    assert 'the calibration would not pay: held-out presses are read' in capsys.readouterr().err
+    assert 'the calibration would not help: held-out presses are read' in capsys.readouterr().err
     assert not output.exists()
     assert main([*words, '--force']) == 0
     assert 'written by --force: the calibration would not pay' in capsys.readouterr().out
@@ -152,7 +152,7 @@ def test_a_calibration_for_this_gel_is_not_calibrated_again(
 ) -> None:
     words = ['--model', str(calibrated), '--dataset', str(presses), '-o', str(tmp_path / 'none')]
     assert main(['calibrate', *words]) == 1
-    said = 'is already calibrated for gel second; to calibrate again begin with the model that it came from, first.s'
+    said = 'is already calibrated for gel second; to calibrate again start from its source model, first.s'
     assert said in capsys.readouterr().err
 
 
@@ -164,18 +164,18 @@ def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (['--dataset', 'gel.npz', '--model', 'portable', '--body', 'ball:5'], 'go with a model of any contact'),
+        (['--dataset', 'gel.npz', '--model', 'portable', '--body', 'ball:5'], 'need a model of any contact'),
         (
             ['--dataset', 'gel.npz', '--model', 'field', '--body', 'ball:-5'],
-            'ball:-5 is no body: after ball: comes its',
+            'ball:-5 is not a body: ball: must be followed by a',
         ),
         (['--dataset', 'gel.npz', '--model', 'field', '--body', 'flat.stl'], 'cannot read the body flat.stl (No such'),
         (
             ['--dataset', 'gel.npz', '--model', 'field', '--body', 'cube'],
             "there is no contact 'cube'; give one of: tip",
         ),
-        (['--dataset', 'gel.npz', '--model', 'field', '--body', 'punch:16'], 'mm wide, and the gel 32 mm'),
-        (['--model', 'portable', '--sensor', 'simulated'], 'a description makes a field'),
+        (['--dataset', 'gel.npz', '--model', 'field', '--body', 'punch:16'], 'mm wide, but the gel only 32 mm'),
+        (['--model', 'portable', '--sensor', 'simulated'], 'a description gives a field'),
         (['--model', 'field', '--sensor', 'nowhere.yaml'], "there is no sensor 'nowhere.yaml'"),
     ],
 )
@@ -205,7 +205,7 @@ def test_presses_of_a_square_calibrate_the_field_alone(
     words = ['--model', 'field', '--gel', 'gel-7', '--body', 'square', '--curve', '-o', str(output)]
     assert main(['calibrate', str(bag), *words]) == 0
     told = capsys.readouterr().out
-    assert 'force field alone: presses of square tell nothing of tips' in told
+    assert 'force field alone: presses of square contain no information on tips' in told
     none, ten, all_but_a_fifth = (line for line in told.splitlines() if ' presses: force RMSE' in line)
     assert none.strip().startswith('0 presses') and none.endswith('description')
     assert ten.strip().startswith('10 presses')
@@ -244,7 +244,9 @@ def test_bags_of_presses_of_the_tip_calibrate_tips_and_field_without_a_data_set(
 
 
 def test_a_source_that_was_pressed_by_a_mesh_asks_what_presses_now(model: Path) -> None:
-    with pytest.raises(ModelError, match=r'was made by presses of part\.stl; say what presses now: --body ball:0\.6'):
+    with pytest.raises(
+        ModelError, match=r'with presses of part\.stl; give the body that presses now: --body ball:0\.6'
+    ):
         body_of_card({'body': 'part.stl'}, load_model(model).model_id)
 
 
@@ -271,7 +273,7 @@ def test_a_layer_is_refused_for_an_axisymmetric_model(
     letter = Path(__file__).parents[2] / 'config' / 'transfer' / 'paper_letter.yaml'
     words = ['--model', str(model), '--dataset', str(presses), '--layer', str(letter), '-o', 'none']
     assert main(['calibrate', *words]) == 1
-    assert "is no network, and the paper's layer stands before one" in capsys.readouterr().err
+    assert "is not a network, but the paper's layer needs one" in capsys.readouterr().err
 
 
 def test_a_network_gets_the_papers_layer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -344,7 +346,7 @@ def test_presses_measured_otherwise_are_told_by_what_differs_alone(
 ) -> None:
     # Other flows are told by their names; options that both have alike are left out.
     main(['calibrate', '--model', 'portable', '--dataset', str(presses), '-o', str(tmp_path / 'none')])
-    said = 'was trained with flow inverse_compositional, the data set was measured with dis; build'
+    said = 'was trained with flow inverse_compositional, but the data set was made with dis; build'
     assert said in capsys.readouterr().err
 
 

@@ -25,4 +25,4 @@ def test_the_way_is_drawn(tmp_path: Path) -> None:
 def test_a_drawing_without_an_ending_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip('matplotlib')
     assert main(['collect', 'quick', '--draw', str(tmp_path / 'way')]) == 1
-    assert 'its ending says which kind of picture' in capsys.readouterr().err
+    assert 'its name must end in .png, .pdf or .svg' in capsys.readouterr().err

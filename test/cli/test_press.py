@@ -49,7 +49,7 @@ class Aside(SimulatedPerson):
         super().press(Target(10.0, 0.0, target.force_n), picture, done)
 
     def say(self, text: str) -> None:
-        if 'tell the place' not in text:
+        if 'type the place' not in text:
             self._now = AWAY
         self._tell(text)
 
@@ -160,7 +160,7 @@ def test_a_press_that_moves_while_it_is_read_is_not_kept_and_ctrl_c_loses_none(t
     ('place_mm', 'grams', 'said'),
     [
         ((99.0, 0.0), 50.0, 'x is read as 99 mm'),
-        (NO_PLACE, 5e5, 'the reading is read as 4905 N: forces lie below 200 N'),
+        (NO_PLACE, 5e5, 'the reading is read as 4905 N: forces must be below 200 N'),
     ],
 )
 def test_an_answer_that_no_press_can_be_is_asked_again_and_never_written(
@@ -180,7 +180,7 @@ def test_a_press_beside_its_mark_is_asked_for_its_place(tmp_path: Path) -> None:
     person = Aside(said)
     camera = open_camera(CameraSettings(scene=SceneSettings(world='aside')), JumpingClock())
     Guide(camera, person, folder_of(tmp_path), Wish(1, (0.3,), Outline(*SIDES)), Sensor()).run()
-    assert any('mm away: tell the place' in line for line in said)
+    assert any('mm away: type the place' in line for line in said)
     assert folder_of(tmp_path).done[0][:2] == (10.0, 0.0)
 
 
@@ -190,7 +190,7 @@ def test_a_folder_of_another_gel_is_not_gone_on_with(tmp_path: Path) -> None:
     folder = folder_of(tmp_path)
     folder.add_rest(Optics(other, contact_table(other)).render((), 1))
     camera = open_camera(CameraSettings(scene=SceneSettings(world='another')), JumpingClock())
-    with pytest.raises(DatasetError, match=r'the camera sees another gel beside the pictures .* begin another folder'):
+    with pytest.raises(DatasetError, match=r'untouched images .* it sees another gel, .* start another folder'):
         Guide(camera, person, folder, Wish(2, (0.3,), Outline(*SIDES)), Sensor()).run()
     assert len(folder_of(tmp_path).rows) == 1
 
@@ -229,13 +229,13 @@ def test_a_recording_that_ends_is_told(tmp_path: Path) -> None:
     cv2.imwrite(str(pictures / '1.png'), Optics(Gel(), contact_table(Gel())).render((), 1))
     camera = open_camera(CameraSettings(source=str(pictures), rate=0.0), JumpingClock())
     person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
-    with pytest.raises(DeviceError, match='the recording has come to its end'):
+    with pytest.raises(DeviceError, match='the recording has ended'):
         Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Outline(*SIDES)), Sensor()).run()
 
 
 def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:
     folder_of(tmp_path).add_rest(np.full((480, 640), 90, np.uint8))
-    with pytest.raises(DatasetError, match='begins otherwise than picture,x_mm,y_mm,force_n,indenter'):
+    with pytest.raises(DatasetError, match='does not begin with picture,x_mm,y_mm,force_n,indenter'):
         folder_of(tmp_path, 'n')
 
 

@@ -66,7 +66,7 @@ def test_a_number_of_presses_that_cannot_be_is_refused(grid: str, words: tuple[s
 
 def test_runs_that_are_none_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(['train', '--compare', str(tmp_path)]) == 1
-    assert 'holds no training run' in capsys.readouterr().err
+    assert 'does not hold a training run' in capsys.readouterr().err
 
 
 def test_the_help_has_examples(capsys: pytest.CaptureFixture[str]):
@@ -129,14 +129,14 @@ def few(folder: Path, presses: int, untouched: int) -> str:
         # Of 64 samples a fifth, 13, is put aside for the test and a tenth of the others, 6, for validation.
         (
             'readout: response\nresponse: {components: 12, spacing_mm: 3.0, levels: 3}\n', 64, 0,
-            'beside those put aside there are 0 and 45: 12 images of the untouched gel are missing; record more, or '
+            'but without the test set there are 0 and 45: 12 images of the untouched gel are missing; record more, or '
             'take more of the untouched gel from the same bags (tactile dataset build … --without-contact 0.2); or ',
         ),
         (
             'readout: axisymmetric\n', 64, 0,
             'there are 0 and 45: 12 images of the untouched gel and 55 presses are missing; record more',
         ),
-        ('readout: response\n', 2, 0, '2 presses or positions are too few to test on 0.2 and validate on 0.1 of them'),
+        ('readout: response\n', 2, 0, '2 presses or positions are too few for a test share of 0.2 and'),
     ],
 )  # fmt: skip
 def test_what_is_missing_to_train_is_told_and_that_a_calibration_needs_less(
@@ -154,9 +154,9 @@ def test_what_is_missing_to_train_is_told_and_that_a_calibration_needs_less(
 @pytest.mark.parametrize(
     ('presses', 'untouched', 'said'),
     [
-        (0, 20, 'a network needs presses with a force to train on, and there is none; record some; or calibrate'),
+        (0, 20, 'a network needs presses with a force to train on, but there is none; record some; or calibrate'),
         # Of 12 samples 3 are put aside for the test and of the others one for validation, whose mean is itself.
-        (12, 0, 'nothing tells how good the model is: presses held out are 1, too few'),
+        (12, 0, 'the quality of the model is unknown: the 1 held-out presses are too few'),
     ],
 )
 def test_a_network_that_no_press_could_judge_is_not_written(
@@ -185,7 +185,7 @@ def test_a_model_that_is_no_better_than_the_mean_is_written_only_if_forced(
     words = words_of(tmp_path, noise_px=5.0)
     assert main(words) == 1
     said = capsys.readouterr().err
-    assert 'the model would not pay: held-out presses are read' in said
+    assert 'the model would not help: held-out presses are read' in said
     assert 'tactile train … --force writes it all the same' in said
     assert not (tmp_path / 'mine.safetensors').exists()
     assert main([*words, '--force']) == 0

@@ -37,8 +37,8 @@ def test_a_bag_becomes_a_calibration_and_the_launch_ends_by_itself(
 ) -> None:
     ended = launched(tmp_path, other_bag, first_model, first=6, most=6)
     assert ended.returncode == 0, ended.stdout
-    assert 'no more presses: 6 presses are as many as were asked for' in ended.stdout
-    assert 'no force estimator runs here; to sense with it: tactile launch live model:=' in ended.stdout
+    assert 'no more presses: the greatest number of 6 presses is reached' in ended.stdout
+    assert 'no force estimator is running; to use it: tactile launch live model:=' in ended.stdout
     calibrated = load_model(tmp_path / 'made' / 'gel-7_01.safetensors')
     assert (calibrated.gel, calibrated.card['source']['gel']) == ('gel-7', 'first')
 

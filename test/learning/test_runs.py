@@ -96,7 +96,7 @@ def test_a_run_without_epochs_is_a_point(tmp_path: Path):
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path):
-    with pytest.raises(ConfigurationError, match='holds no training run'):
+    with pytest.raises(ConfigurationError, match='does not hold a training run'):
         read_run(tmp_path)
 
 
@@ -121,7 +121,7 @@ def test_gigabytes_in_a_run_are_not_read(name: str, tmp_path: Path):
 def test_settings_that_refer_to_themselves_are_not_unfolded(tmp_path: Path):
     path = some_run(tmp_path)
     (path / 'run.yaml').write_text('a: &a {b: 1}\nc: {d: *a, e: *a}\n')
-    with pytest.raises(ConfigurationError, match=r'holds no training run .*aliases'):
+    with pytest.raises(ConfigurationError, match=r'does not hold a training run .*aliases'):
         read_run(path)
 
 
@@ -143,7 +143,7 @@ def test_what_a_run_cannot_have_written_is_refused_in_a_sentence(name: str, text
     path = some_run(tmp_path)
     (path / name).write_text(text, encoding='latin-1')
     with pytest.raises(
-        ConfigurationError, match=rf'{name} is damaged \(.*\); name another run, or train this one anew'
+        ConfigurationError, match=rf'{name} is damaged \(.*\); name another run, or train this one again'
     ):
         read_run(path)
 

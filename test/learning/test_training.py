@@ -149,13 +149,13 @@ def test_a_grid_of_presses_is_split_in_three_and_the_test_found_again(tmp_path: 
     assert words.endswith('put aside by sample of the paper plan')
     loaded.card['data']['fingerprint'] = '0' * 16  # as on a processor that adds in another order
     again, words = simulated_test(loaded, Progress())
-    assert 'not to the bit' in words
+    assert 'not bit-identical' in words
     np.testing.assert_array_equal(again.presses, test.presses)
 
 
 def test_no_test_is_found_where_nothing_was_put_aside(data: Dataset, tmp_path: Path):
     loaded = load_model(training.train(small_config(tmp_path)))
-    with pytest.raises(ModelError, match='put no simulated presses aside'):
+    with pytest.raises(ModelError, match='has no simulated test set'):
         simulated_test(loaded, Progress())
 
 

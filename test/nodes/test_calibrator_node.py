@@ -161,7 +161,7 @@ def test_a_rig_that_is_gone_after_too_few_presses_is_told_as_such(
     clock.set_ns(clock.now_ns() + NS_PER_S)
     node.spin_once()
     ended(node)
-    assert 'needs presses at 5 places at least, and there are 4' in str(node.failure)
+    assert 'needs presses at least at 5 places, but there are 4' in str(node.failure)
 
 
 def test_a_sensor_with_other_features_is_refused_before_anything_is_pressed(
@@ -170,7 +170,7 @@ def test_a_sensor_with_other_features_is_refused_before_anything_is_pressed(
     node, source = make(), publisher(topics.FLOW_FEATURES)
     source.publish(dataclasses.replace(features(first_model), method='dis(preset=medium)'))
     run(node)
-    assert 'than the running sensor measures: the flow inverse_comp' in str(node.failure)
+    assert 'than the running sensor publishes: the flow inverse_comp' in str(node.failure)
     assert ' and not dis(preset=medium);' in str(node.failure)
 
 
@@ -213,7 +213,7 @@ def test_presses_of_a_bag_on_another_gel_than_the_running_one_are_refused(
 
 
 def test_a_model_that_cannot_be_transferred_ends_the_node_before_it_begins(make: Callable[..., CalibratorNode]) -> None:
-    with pytest.raises(ModelError, match='only what a press does around it can be transferred'):
+    with pytest.raises(ModelError, match='only an axisymmetric response can be transferred'):
         make(model='paper')
 
 

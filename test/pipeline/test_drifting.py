@@ -40,7 +40,7 @@ def test_a_network_that_nobody_contradicts_may_lose_less_light_than_one_with_a_w
 
 def test_of_a_model_from_a_description_no_calibration_is_said_to_be_valid() -> None:
     described, calibrated = replace(WELL, calibrated=False), WELL
-    assert described.text.startswith('not calibrated: the model follows from a description')
+    assert described.text.startswith('not calibrated: the model was made from a description')
     assert calibration_fields(described)['level'] == types.CalibrationState.LEVEL_UNCALIBRATED
     assert calibration_fields(calibrated)['level'] == types.CalibrationState.LEVEL_VALID
 

@@ -79,7 +79,7 @@ def test_patches_that_are_covered_are_not_believed_and_not_watched() -> None:
 
 
 def test_a_patch_beyond_the_last_cannot_be_covered() -> None:
-    with pytest.raises(ConfigurationError, match='names region 48, and there are 6x8'):
+    with pytest.raises(ConfigurationError, match='names region 48, but there are only 6x8'):
         make_flow('inverse_compositional', {'rows': 6, 'cols': 8, 'covered': [48]})
 
 

@@ -90,12 +90,12 @@ class Known:
             return ''
         times = float(np.median(told / expected))
         if not 1 / self.force_times <= times <= self.force_times:
-            return f'forces are about {_round(times)} times what the description lets expect: check the unit'
+            return f'forces are about {_round(times)} times those expected from the description: check the unit'
         least, most = np.quantile(expected, (0.1, 0.9)).tolist()
         if told.max() <= ALIKE * told.min() and most > DIFFER * least:
             return (
-                f'forces of {told.min():.3g} to {told.max():.3g} N are told, all alike, and by the description of the '
-                f'sensor the pictures show forces that differ by {most / least:.1f} times'
+                f'the given forces of {told.min():.3g} to {told.max():.3g} N are nearly equal, but according to the '
+                f'description the images show forces that differ by a factor of {most / least:.1f}'
             )
         return ''
 

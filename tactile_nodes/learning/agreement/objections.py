@@ -42,16 +42,16 @@ def places_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray,
     if min(own) >= FOLLOWS:
         return ''
     if min(abs(_correlation(place_mm[:, axis], seen[:, 1 - axis])) for axis in (0, 1)) >= CLEARLY:
-        return 'the pictures move along y where x is told, and along x where y is: x and y are exchanged'
+        return 'the images move along y when the given x changes, and along x when y changes: x and y are swapped'
     turned = [name for name, share in zip('xy', own, strict=True) if share <= -CLEARLY]
     if turned:
         return (
-            f'the pictures move the other way along {" and ".join(turned)} than is told: x counts to the right of the '
-            'picture and y down; change the sign'
+            f'the images move along {" and ".join(turned)} in the opposite direction to the given places: x points '
+            'right in the image and y down; change the sign'
         )
     return (
-        'the pictures do not move where the table says that was pressed: rows are beside the wrong pictures, or places '
-        'are told from elsewhere than the middle of the gel'
+        'the images do not move at the places given in the table: rows belong to other images, or places are not '
+        'measured from the middle of the gel'
     )
 
 
@@ -66,8 +66,8 @@ def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.nda
         )
         if not told / SCALE <= found <= told * SCALE:
             return (
-                f'from press to press what moves lies {found:.0f} pixels further for each mm along {"xy"[axis]}, and '
-                f'by the description of the sensor {told:.0f}: one of them is of another camera or gel'
+                f'the moving spot shifts by {found:.0f} pixels per mm along {"xy"[axis]} between presses, but the '
+                f'description of the sensor gives {told:.0f}: one of them is of another camera or gel'
             )
     return ''
 
@@ -78,7 +78,7 @@ def force_objection(force_n: Float[np.ndarray, ' n'], strength: Float[np.ndarray
         return ''
     if _correlation(_ranks(force_n), _ranks(strength.sum(axis=(1, 2)))) >= FOLLOWS:
         return ''
-    return 'the pictures do not move more where more force is told: rows or columns are mixed up'
+    return 'the images do not move more when the given force is larger: rows or columns are mixed up'
 
 
 def aside(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) -> list[int]:

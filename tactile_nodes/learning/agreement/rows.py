@@ -53,7 +53,7 @@ def require_seen(rows: Iterable[TablePress], sensor: Sensor | None, faults: RowF
             place = np.array([[row.x_mm, row.y_mm]])
             if np.isfinite(place).all() and not (np.abs(view.shares_of(place) - 0.5) <= 0.5).all():
                 raise DatasetError(
-                    f'{row.x_mm:g}, {row.y_mm:g} mm lies outside of what the camera sees by the description of the '
+                    f'{row.x_mm:g}, {row.y_mm:g} mm lies outside the view of the camera in the description of the '
                     'sensor; check the unit, or press further in'
                 )
 
@@ -72,17 +72,17 @@ def require_single(rows: Iterable[Row], progress: Progress, *, forced: bool = Fa
         before = first.setdefault(row.picture, row)
         if before is row or (row.table is not before.table and not (row.press.touches or before.press.touches)):
             continue
-        said = f'{row.table.file}, {row.table.counted} {row.press.line} has the picture of {before.beside(row)}'
+        said = f'{row.table.file}, {row.table.counted} {row.press.line} has the image of {before.beside(row)}'
         if row.contradicts(before):
-            wrong.append(f'{said}, and tells {row.told()} where that tells {before.told()}')
+            wrong.append(f'{said}, but gives {row.told()} instead of {before.told()}')
         else:
             twice.append(f'{said} again')
     if twice:
         progress.say(_first_of(twice))
     if wrong and not forced:
-        raise DatasetError(f'{_first_of(wrong)} (--force takes the table as it is)')
+        raise DatasetError(f'{_first_of(wrong)} (--force uses the table as it is)')
     if wrong:
-        progress.say(f'taken by --force: {_first_of(wrong)}')
+        progress.say(f'used because of --force: {_first_of(wrong)}')
 
 
 def _first_of(said: list[str]) -> str:

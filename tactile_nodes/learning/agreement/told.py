@@ -61,16 +61,16 @@ def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, 
     for table in tables:
         if lines := _rests_pressed(table):
             progress.say(
-                f'{table.table}: look at line {", ".join(map(str, lines))}: the gel untouched is told, and the picture '
-                'moves as under a press'
+                f'{table.table}: check line {", ".join(map(str, lines))}: it says that the gel is untouched, but the '
+                'image moves as under a press'
             )
         if said := _objection(table, known):
             if not forced:
-                raise DatasetError(f'{table.table}: {said} (--force takes the table as it is)')
-            progress.say(f'{table.table}: taken by --force: {said}')
+                raise DatasetError(f'{table.table}: {said} (--force uses the table as it is)')
+            progress.say(f'{table.table}: used because of --force: {said}')
         elif lines := _lines_aside(table):
             progress.say(
-                f'{table.table}: look at line {", ".join(map(str, lines))}: the picture moves elsewhere than is told'
+                f'{table.table}: check line {", ".join(map(str, lines))}: the image does not move at the given place'
             )
 
 

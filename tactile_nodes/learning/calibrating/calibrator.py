@@ -40,26 +40,26 @@ GROWTH = 1.25
 class StopRule:
     """When more presses no longer pay: when twice as many are expected to lower the held-out errors by little."""
 
-    least: int = parameter(30, 'presses before which the calibration goes on anyway', minimum=5)
-    most: int = parameter(100, 'presses after which it ends anyway', minimum=5)
+    least: int = parameter(30, 'least number of presses', minimum=5)
+    most: int = parameter(100, 'greatest number of presses', minimum=5)
     worth: float = parameter(
-        0.1, 'share by which twice as many presses must be expected to lower the error of force or place', minimum=0.0
+        0.1, 'go on while twice the presses are expected to lower an error by this share', minimum=0.0
     )
-    agree: int = parameter(3, 'fits in a row that must expect less', minimum=1)
+    agree: int = parameter(3, 'fits in a row that must expect less, to end', minimum=1)
     first: int = parameter(5, 'presses after which the first fit is tried', minimum=5)
 
     def reason(self, presses: int, fits: Sequence[Fitted]) -> str:
         """Why so many presses are enough, by the fits so far; empty where they are not."""
         if presses >= self.most:
-            return f'{presses} presses are as many as were asked for'
+            return f'the greatest number of {presses} presses is reached'
         if presses < self.least or len(fits) < self.agree:
             return ''
         gains = [expected_gain(fits[: len(fits) - back]) for back in range(self.agree)]
         if max(gains) >= self.worth:
             return ''
         return (
-            f'twice as many presses are expected to lower the errors by {100 * gains[0]:.0f} % at most, less than '
-            f'the {100 * self.worth:.0f} % that they would have to'
+            f'twice the presses are expected to lower the errors by at most {100 * gains[0]:.0f} %, less than the '
+            f'required {100 * self.worth:.0f} %'
         )
 
 
@@ -198,8 +198,8 @@ class Calibrator:
         """
         if self._rest is not None and not self._rest.of(picture).same:
             raise DatasetError(
-                f'{what} shows other markers than the rest image of the first press: it is another gel, or its camera '
-                'was moved far; calibrate each gel by presses of its own'
+                f'{what} shows other markers than the rest image of the first press: it is another gel, or the camera '
+                'was moved far; calibrate each gel with its own presses'
             )
 
     @property
@@ -251,7 +251,7 @@ class Calibrator:
         came, needed = (f'{width}x{height}' for width, height in (self._measurer.size, self.loaded.image_size))
         if came != needed:
             raise ModelError(
-                f'the images of the presses give {came} pixels, and model {self.loaded.model_id} needs {needed}; set '
+                f'the images of the presses have {came} pixels, but model {self.loaded.model_id} needs {needed}; set '
                 'the camera as the model needs it'
             )
         if reference in self._rests:

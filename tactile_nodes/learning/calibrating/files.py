@@ -159,8 +159,8 @@ def require_source(loaded: LoadedModel, gel: str) -> None:
     if loaded.card.get('data', {}).get('origin') == CALIBRATION and gel and gel == loaded.gel:
         source = loaded.card['source']
         raise ModelError(
-            f'model {loaded.model_id} is already calibrated for gel {gel}; to calibrate again begin with the model '
-            f'that it came from, {source.get("model", source["model_id"])}'
+            f'model {loaded.model_id} is already calibrated for gel {gel}; to calibrate again start from its source '
+            f'model, {source.get("model", source["model_id"])}'
         )
 
 

@@ -55,7 +55,7 @@ def presses_by_hand(
     left, top = (abs(each) for each in options.bins.centre_mm)
     read = read_table(table, (left + options.bins.width_mm / 2, top + options.bins.height_mm / 2), untouched_n)
     if read.of_video:
-        raise DatasetError(f'{table} names no pictures; make a data set of a video: tactile dataset import')
+        raise DatasetError(f'{table} names no images; make a data set from a video: tactile dataset import')
     if isinstance(loaded.model.readout, FieldReadout):
         _require_bodies(read, loaded, pressed)
     source = Imported(read, FolderPictures(folder_of(read)))
@@ -98,9 +98,9 @@ def _require_pattern(loaded: LoadedModel, untouched: Picture, *, forced: bool) -
     """
     if loaded.flow[0] != DotsFlow.name and not forced and (dots := find_dots(untouched)) is not None:
         raise DatasetError(
-            f'the pictures show {len(dots.centres_px)} printed dots, and model {loaded.model_id} follows a texture; '
-            'describe the sensor (tactile sensor new) and begin with a model of its description (docs/sensors.md); '
-            '--force begins with this one all the same'
+            f'the images show {len(dots.centres_px)} printed dots, but model {loaded.model_id} tracks a texture; '
+            'describe the sensor (tactile sensor new) and start from a model of its description (docs/sensors.md); '
+            '--force starts from this one all the same'
         )
 
 
@@ -111,10 +111,10 @@ def _cut_told(loaded: LoadedModel, untouched: Picture, known: Known) -> str:
     if (width, height) in (loaded.image_size, (image.width, image.height) if image else None):
         return ''
     across, down = loaded.image_size
-    own = f', which is made for pictures of {image.width}x{image.height}' if image else ''
+    own = f', which is made for images of {image.width}x{image.height}' if image else ''
     return (
-        f'the pictures have {width}x{height} pixels: the middle {min(across, width)}x{min(down, height)} of each '
-        f'counts, by model {loaded.model_id}{own}'
+        f'the images have {width}x{height} pixels: model {loaded.model_id}{own} uses the middle '
+        f'{min(across, width)}x{min(down, height)} of each'
     )
 
 
@@ -131,6 +131,6 @@ def _tips_told(loaded: LoadedModel, table: PressTable, pressed: Pressed) -> str:
     if not (others := sorted({name for name in names if name.startswith('ball:')} - {own})):
         return ''
     return (
-        f'{", ".join(others)} pressed, and model {loaded.model_id} knows tips as {own}: a blunter one reads as a '
-        'softer and wider gel'
+        f'{", ".join(others)} pressed, but model {loaded.model_id} was trained with {own}: a blunter tip reads as '
+        'a softer and wider gel'
     )

@@ -21,7 +21,7 @@ def calibration_of(file: Path, *, sensor: str = '', made_ns: int = 0) -> Calibra
     """
     loaded = load_model(file)
     if _mapping(loaded.card.get('data')).get('origin') not in {CALIBRATION, 'recorded'}:
-        raise ModelError(f'{file} is made of no press on a gel of this lab; make a calibration: tactile calibrate')
+        raise ModelError(f'{file} was not calibrated with presses on a gel of this lab; use: tactile calibrate')
     made = _mapping(_mapping(loaded.card.get('training')).get('calibration'))
     error_n = _mapping(made.get('after')).get('force_rmse_n')
     presses = made.get('presses', loaded.card['data'].get('samples'))
@@ -40,8 +40,8 @@ def listed(file: Path, sensor: str = '') -> str:
     try:
         known.add(calibration_of(file, sensor=sensor, made_ns=wall_ns()))
     except (ConfigurationError, ModelError) as error:
-        return f'not on the list of gels: {error}'
-    return f'on the list of gels ({known.file}); see: tactile gels'
+        return f'not in the list of gels: {error}'
+    return f'in the list of gels ({known.file}); see: tactile gels'
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

@@ -42,9 +42,9 @@ class LiveModel:
         try:
             self._client().set('model', str(file.resolve()))
         except ConfigurationError as error:
-            raise ModelError(f'{self._estimator} keeps its model: {error}') from error
+            raise ModelError(f'{self._estimator} did not change its model: {error}') from error
 
     def _client(self) -> ParameterClient:
         if not self.present:
-            raise BusError(f'{self._estimator} does not run, so nothing takes the calibration over')
+            raise BusError(f'{self._estimator} is not running, so no node uses the calibration')
         return ParameterClient(self._bus, self._estimator, TIMEOUT_S)

@@ -69,7 +69,7 @@ class BagPresses:
             for problem in bag.problems:
                 tell(problem)  # type: ignore[misc]
             for warning in bag.clocks.warnings:
-                tell(f'{bag.path}: {warning}; its stamps are taken as they are')  # type: ignore[misc]
+                tell(f'{bag.path}: {warning}; its stamps are used as they are')  # type: ignore[misc]
         self._stream = ((number, press) for number, bag in enumerate(self._opened) for press in bag.presses())
 
     def __iter__(self) -> Iterator[tuple[int, RecordedPress]]:
@@ -182,7 +182,7 @@ def fit_line(calibrator: Calibrator) -> str:
     made = calibrator.made
     if made is None:
         return f'{calibrator.presses} presses: no calibration yet: {calibrator.objection}'
-    text = f'{calibrator.presses} presses: {_medians(made.after)} off where held out, without calibration '
+    text = f'{calibrator.presses} presses: {_medians(made.after)} off on held-out presses, without calibration '
     text += f'{_medians(made.before)} (medians); form {made.form}'
     if found := curves(calibrator.fits):
         twice = 2 * calibrator.presses

@@ -29,16 +29,16 @@ class CalibrationSettings:
 
     READ_ONLY: ClassVar[bool] = True
 
-    model: str = parameter('portable', 'the model to begin with: name of one that ships, or a file', read_only=True)
+    model: str = parameter('portable', 'source model: name of a shipped one, or a file', read_only=True)
     gel: str = parameter('', 'name of the new gel, or the YAML file of a simulated one', read_only=True)
-    body: str = parameter('', 'of a model of any contact: what presses, like punch:1.5; empty: as the model says')
-    folder: str = parameter('calibration', 'where calibrations are written, each into a file of its own')
-    output: str = parameter('', 'file to write instead; one that is there already is replaced')
-    bag: str = parameter('', 'take the presses of this bag; empty: of the running rig', read_only=True)
+    body: str = parameter('', 'body that presses, like punch:1.5, for a model of any contact; empty: as in the model')
+    folder: str = parameter('calibration', 'folder for calibrations, each in a separate file')
+    output: str = parameter('', 'file to write instead; an existing one is replaced')
+    bag: str = parameter('', 'bag to take presses from; empty: the running rig', read_only=True)
     rig: str = parameter('rig', 'node that presses', read_only=True)
-    rig_end: str = parameter('stop', 'what it is asked to do then', choices=('stop', 'pause'), read_only=True)
-    estimator: str = parameter('force_estimator', 'node that takes the calibration over; empty: none', read_only=True)
-    stay: bool = parameter(False, 'go on after that, and let the launch go on with it', read_only=False)
+    rig_end: str = parameter('stop', 'command to the rig at the end', choices=('stop', 'pause'), read_only=True)
+    estimator: str = parameter('force_estimator', 'node that uses the calibration; empty: none', read_only=True)
+    stay: bool = parameter(False, 'keep node and launch running after the end', read_only=False)
     rule: StopRule = field(default_factory=StopRule)
 
 
@@ -86,9 +86,9 @@ class CalibrationSession:
         self._tell(listed(file))
         if live is not None and live.present:
             live.use(file)
-            self._tell('the force estimator uses it now; back to the one before: its service ~/undo_calibration')
+            self._tell('the force estimator uses it now; to return to the model before: its service ~/undo_calibration')
         else:
-            self._tell(f'no force estimator runs here; to sense with it: tactile launch live model:={file}')
+            self._tell(f'no force estimator is running; to use it: tactile launch live model:={file}')
         return file
 
     @property
@@ -110,7 +110,7 @@ class CalibrationSession:
         needed, found = Inputs.of_model(self._source.loaded), Inputs.of_message(message)
         if needed != found:
             raise ModelError(
-                f'model {self._settings.model} needs other features than the running sensor measures: '
+                f'model {self._settings.model} needs other features than the running sensor publishes: '
                 f'{needed.unlike(found)}; start the sensor with that model, or calibrate one that reads its features'
             )
 
@@ -121,7 +121,7 @@ class CalibrationSession:
         try:
             return live.in_use(file)
         except TactileError as error:
-            self._tell(f'the calibration does not name the model whose place it takes: {error}')
+            self._tell(f'the calibration does not name the model that it replaces: {error}')
             return None
 
     def _file(self) -> Path:

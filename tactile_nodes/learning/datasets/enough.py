@@ -27,6 +27,6 @@ def require_enough(what: str, untouched: int, presses: int, least_presses: int, 
         ]
         raise TooFewPressesError(
             f'{what} needs at least {LEAST_UNTOUCHED} images of the untouched gel and {least_presses} presses to train '
-            f'on, and beside those put aside there are {untouched} and {presses}: {missing} are missing; '
+            f'on, but without the test set there are {untouched} and {presses}: {missing} are missing; '
             + ', or '.join(filter(None, mends))
         )

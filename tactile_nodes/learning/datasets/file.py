@@ -85,7 +85,7 @@ def load_dataset(path: Path | str) -> RecordedPresses:
     entries = _entries(path)
     if 'card' not in entries or 'fingerprint' not in entries:
         raise DatasetError(
-            f'{path} is no data set of tactile_nodes; make one with: tactile dataset build BAG -o {path}'
+            f'{path} is not a data set of tactile_nodes; make one with: tactile dataset build BAG -o {path}'
         )
     try:
         card = json.loads(str(entries.pop('card')))
@@ -95,7 +95,7 @@ def load_dataset(path: Path | str) -> RecordedPresses:
         raise DatasetError(_damaged(path)) from error
     if version not in range(OLDEST_VERSION, FORMAT_VERSION + 1):
         raise DatasetError(
-            f'the format of {path} has version {version}, this release reads {OLDEST_VERSION} to {FORMAT_VERSION}; '
+            f'the format of {path} has version {version}, but this release reads {OLDEST_VERSION} to {FORMAT_VERSION}; '
             'use the release that made it, or build the data set again'
         )
     known = set(entries) - {*OPTIONAL, TEXTURE_GAINS} == set(array_names())
@@ -125,17 +125,17 @@ def _entries(path: Path) -> dict[str, Any]:
 def _check_entries(path: Path, opened: BinaryIO) -> None:
     """Names and sizes, before anything is unpacked: a file of 6 MB may unpack to 6 GB."""
     if opened.read(len(_ARRAY)) == _ARRAY:
-        raise DatasetError(f'{path} is no data set of tactile_nodes, but a single array of numbers')
+        raise DatasetError(f'{path} is not a data set of tactile_nodes, but a single array of numbers')
     with zipfile.ZipFile(_Sparing(opened)) as archive:
         entries = archive.infolist()
     opened.seek(0)
     if foreign := {entry.filename for entry in entries} - {f'{name}.npy' for name in _NAMES}:
-        raise DatasetError(f'{path} is no data set of tactile_nodes: it holds {sorted(foreign)[0]!r:.60}')
+        raise DatasetError(f'{path} is not a data set of tactile_nodes: it holds {sorted(foreign)[0]!r:.60}')
     unpacked, packed = sum(entry.file_size for entry in entries), sum(entry.compress_size for entry in entries)
     stored = min(packed, bytes_there(opened, packed))  # entries may say what they like, and a sparse file have holes
     if unpacked > _LARGEST_RATIO * stored:
         raise DatasetError(
-            f'{path} would unpack from {stored} to {unpacked} bytes, as no data set does; fetch it again'
+            f'{path} would unpack from {stored} to {unpacked} bytes, more than any data set; download it again'
         )
 
 
@@ -193,4 +193,4 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
 
 
 def _damaged(path: Path) -> str:
-    return f'{path} is damaged or no data set: its content does not match its fingerprint; build it again from the bags'
+    return f'{path} is damaged or not a data set: its fingerprint is wrong; build it again from the bags'

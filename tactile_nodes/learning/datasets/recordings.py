@@ -112,7 +112,7 @@ class RecordedPresses:
         known = self.card['indenters']
         listed = ', '.join(each or 'one without a name' for each in known)
         if not name and len(known) > 1:
-            raise DatasetError(f'the data set holds presses of {listed}, and one is taken: choose it with --indenter')
+            raise DatasetError(f'the data set holds presses of {listed}, but one must be chosen: use --indenter')
         if name and name not in known:
             raise DatasetError(f'no press of the data set was made with {name!r}; it holds presses of {listed}')
         if len(known) == 1:

@@ -126,7 +126,7 @@ def clock_line(clock: Mapping[str, Any]) -> str:
 
 def _quality(presses: RecordedPresses) -> str:
     counted = {text: int(((presses.quality & flag) > 0).sum()) for flag, text in QUALITY.items()}
-    return ', '.join(f'{count} {text}' for text, count in counted.items() if count) or 'nothing to remark'
+    return ', '.join(f'{count} {text}' for text, count in counted.items() if count) or 'no remarks'
 
 
 def _split(presses: RecordedPresses, kind: str) -> str:

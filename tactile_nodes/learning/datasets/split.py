@@ -104,7 +104,8 @@ def _split(
     trained = math.floor((groups - tested) * (1 - validation) + 1e-9)
     if min(tested, trained, groups - tested - trained) < 1:
         raise TooFewPressesError(
-            f'{groups} presses or positions are too few to test on {test:g} and validate on {validation:g} of them; '
+            f'{groups} presses or positions are too few for a test share of {test:g} and a validation share of '
+            f'{validation:g}; '
             'record more'
         )
     random = np.random.default_rng(seed)

@@ -120,11 +120,11 @@ def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -
     """What another model's training put aside, with the flow and the features of this one."""
     theirs, ours = other.card['data'], loaded.card['data']
     if theirs.get('origin') != 'simulated' or 'split_id' not in theirs:
-        raise ModelError(f'the training of model {other.model_id} put no simulated presses aside; name another model')
+        raise ModelError(f'the training of model {other.model_id} has no simulated test set; name another model')
     if ours.get('plan') == theirs['plan'] and ours.get('split_id') != theirs['split_id']:
         raise ModelError(
             f'model {loaded.model_id} was trained on another part of the {theirs["plan"]} plan than model '
-            f'{other.model_id}, so it may have seen what that put aside; train it with the same split'
+            f'{other.model_id}, so it may have seen the test set of that one; train it with the same split'
         )
     known = {each.name for each in dataclasses.fields(DataConfig)}
     data = DataConfig(**{name: value for name, value in theirs.items() if name in known})
@@ -132,8 +132,8 @@ def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -
     split = simulated_split(dataset, data, theirs['validation'])
     if split.split_id != theirs['split_id']:
         raise ModelError(
-            f'what the training of model {other.model_id} put aside comes out differently here (another release of '
-            'numpy or tactile_nodes); train it again'
+            f'the test set of model {other.model_id} cannot be reproduced here (another release of NumPy or '
+            'tactile_nodes); train it again'
         )
     words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan of model {other.model_id}'
     return dataset.take(split.test), words
@@ -171,8 +171,8 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
         )
     if seed <= card['data']['seed'] <= seed + 1:
         raise ModelError(
-            f'model {loaded.model_id} was trained on presses of seed {card["data"]["seed"]}, and the evaluation takes '
-            f'those of {seed} and {seed + 1}; choose another --seed'
+            f'model {loaded.model_id} was trained on presses of seed {card["data"]["seed"]}, but the evaluation uses '
+            f'seeds {seed} and {seed + 1}; choose another --seed'
         )
     data = DataConfig(
         presses=presses * 5 // 4, seed=seed, reach_mm=13.5, shallowest_mm=LIGHTEST_MM, deepest_mm=2.0,

@@ -37,7 +37,7 @@ def draw(found: Predictions, title: str, file: Path) -> None:
     _coverage(axes[1, 0], force, place)
     _curve(axes[1, 1], force, place)
     axes[1, 2].remove()
-    drawn.suptitle(f'{title}: {len(presses)} presses that the training never saw')
+    drawn.suptitle(f'{title}: {len(presses)} presses not used in training')
     save(drawn, file, EVALUATION_DPI)
 
 
@@ -111,7 +111,7 @@ def _coverage(axis: Any, force: Uncertainty | None, place: Uncertainty | None) -
         levels = [float(level.rstrip('%')) for level in stated.levels]
         axis.plot(levels, [100 * share for share in stated.levels.values()], style, label=name)
     axis.legend(loc='lower right')
-    axis.set(title='does an interval hold what it says?', xlabel='stated [%]', ylabel='true values in it [%]')
+    axis.set(title='coverage of the intervals', xlabel='stated [%]', ylabel='true values inside [%]')
     _tell_if_none(axis, force, place)
 
 
@@ -127,7 +127,7 @@ def _curve(axis: Any, force: Uncertainty | None, place: Uncertainty | None) -> N
         low, high = max(float(ends.min()), 1e-3), float(ends.max())
         axis.loglog([low, high], [low, high], 'k-', linewidth=0.6)
         axis.legend(loc='upper left')
-    axis.set(title='larger uncertainty, larger error? (tenths)', xlabel='stated, 1 sigma', ylabel='actual, RMS')
+    axis.set(title='error over stated uncertainty (tenths)', xlabel='stated, 1 sigma', ylabel='actual, RMS')
     _tell_if_none(axis, force, place)
 
 

@@ -117,9 +117,9 @@ def transfer_alone(
     said = fit.objection or objection('calibration', fit.errors, None if confirmed else before, of_the_mean(contacts))
     require_worth(said, ADVICE, forced=forced)
     why = (
-        f'presses of {bodies.card_name} tell nothing of tips'
+        f'presses of {bodies.card_name} contain no information on tips'
         if source.tips
-        else 'the model has nothing that reads tips'
+        else 'the model has no readout for tips'
     )
     told = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}'
     told += in_words(fit.looks) + fit.deep

@@ -76,8 +76,8 @@ class KnownBody:
         narrow_mm = min(sensor.gel.width_mm, sensor.gel.height_mm)
         if 2 * self.body.reach_mm > narrow_mm:
             raise ConfigurationError(
-                f'the body {self.told} is {2 * self.body.reach_mm:.0f} mm wide, and the gel {narrow_mm:g} mm; press '
-                'with a smaller one'
+                f'the body {self.told} is {2 * self.body.reach_mm:.0f} mm wide, but the gel only {narrow_mm:g} mm; '
+                'press with a smaller one'
             )
 
 
@@ -113,16 +113,16 @@ def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
     told = str(card[BODY]) if BODY in card else f'{BALL}:{card[BALL_MM]:g}' if BALL_MM in card else ''
     if told and BETWEEN not in told and not Path(told).suffix[1:].isalpha():
         return KnownBody.named(told)
-    pressed = f'was made by presses of {told}' if told else 'does not say what pressed'
-    raise ModelError(f'model {model_id} {pressed}; say what presses now: --body ball:0.6')
+    pressed = f'was made with presses of {told}' if told else 'does not say which body pressed'
+    raise ModelError(f'model {model_id} {pressed}; give the body that presses now: --body ball:0.6')
 
 
 def _round(told: str, shape: str, size: str) -> Body:
     radius_mm = number(size)
     if not 0 < radius_mm <= FARTHEST_MM / 2:
         raise ConfigurationError(
-            f'{told} is no body: after {shape}: comes its radius in mm, above 0 and up to {FARTHEST_MM / 2:g}, like '
-            f'{shape}:1.5'
+            f'{told} is not a body: {shape}: must be followed by a radius in mm above 0 and up to {FARTHEST_MM / 2:g}, '
+            f'like {shape}:1.5'
         )
     x, y = grid(radius_mm + 1.0)
     flat = np.where(np.hypot(x, y) <= radius_mm, 0.0, np.inf)

@@ -105,8 +105,8 @@ class Pressed:
         try:
             return KnownBody.named(indenter)
         except ConfigurationError as error:
-            hint = '; or say with --body what it is' if alone else ''
-            raise DatasetError(f'the indenter {indenter!r} is no body that is known: {error}{hint}') from error
+            hint = '; or name it with --body' if alone else ''
+            raise DatasetError(f'the indenter {indenter!r} is not a known body: {error}{hint}') from error
 
     def known_body(self, loaded: LoadedModel) -> KnownBody:
         """What pressed.
@@ -139,7 +139,7 @@ def pressed_by(loaded: LoadedModel, sensor: str = '', body: str = '') -> Pressed
         return Pressed()
     if not isinstance(loaded.model.readout, FieldReadout):
         raise ConfigurationError(
-            f'a sensor and a body go with a model of any contact, such as field, and {loaded.model_id} is '
+            f'a sensor and a body need a model of any contact, such as field, but {loaded.model_id} is '
             f'{loaded.model.readout.kind}'
         )
     pressed = Pressed(load_sensor(sensor) if sensor else None, KnownBody.named(body) if body else None)
@@ -181,7 +181,7 @@ def with_field(
     sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
     fit = _fitted(sensor, made.readout, dataset, bodies, progress or Progress(), curve=curve)
     require_worth(fit.objection, ADVICE, forced=forced)
-    told = f'{fit.reason}; it reads held-out presses {told_errors(fit.errors)} off by itself (medians)'
+    told = f'{fit.reason}; alone it reads held-out presses {told_errors(fit.errors)} off (medians)'
     readout = replace(fit.readout, tips=made.readout)
     return replace(made, readout=readout, field=told, curve=fit.curve, objection=made.objection or fit.objection)
 
@@ -210,7 +210,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     """
     readout, model = loaded.model.readout, loaded.model
     if not isinstance(readout, FieldReadout):
-        raise ModelError(f'model {loaded.model_id} is a {readout.kind}, and a description makes a field: --model field')
+        raise ModelError(f'model {loaded.model_id} is a {readout.kind}, but a description gives a field: --model field')
     source = loaded.card
     dots = sensor.pattern.kind == 'dots'
     if model.bins == BinGrid.of_sensor(sensor) and not dots and _sees_alike(sensor, sensor_of(source, loaded.model_id)):
@@ -262,8 +262,8 @@ def require_bins(sensor: Sensor, bins: BinGrid) -> None:
     """
     if (own := BinGrid.of_sensor(sensor)) != bins:
         raise ConfigurationError(
-            f'the sensor {sensor.name} has {_bins(own)}, and forces are told on {_bins(bins)}; change one of them, or '
-            'begin with a model of its description: tactile calibrate --sensor YAML --model field '
+            f'the sensor {sensor.name} has {_bins(own)}, but the model reports forces on {_bins(bins)}; change one of '
+            'them, or start from a model of its description: tactile calibrate --sensor YAML --model field '
             '-o described.safetensors'
         )
 
@@ -284,5 +284,5 @@ def sensor_of(card: Mapping[str, Any], model_id: str) -> Sensor:
         ModelError: it describes none.
     """
     if SENSOR not in card:
-        raise ModelError(f'model {model_id} does not say of which sensor it is; fetch it again or train it again')
+        raise ModelError(f'model {model_id} does not name its sensor; download it again or train it again')
     return from_mapping(Sensor, card[SENSOR], source=f'the card of model {model_id}', exact=False)

@@ -100,8 +100,9 @@ def in_words(by: Float[np.ndarray, ' 6']) -> str:
         return ''
     x, y, about_x, about_y, roll, larger = by.tolist()
     return (
-        f'; beside its description the camera is {x:+.2f} mm along x and {y:+.2f} mm along y, tilted by {about_x:+.1f} '
-        f'and {about_y:+.1f} degrees, turned by {roll:+.1f}, its focal length {100 * math.expm1(larger):+.1f} %'
+        f'; relative to its description the camera is {x:+.2f} mm along x and {y:+.2f} mm along y, tilted by '
+        f'{about_x:+.1f} and {about_y:+.1f} degrees, turned by {roll:+.1f}, its focal length '
+        f'{100 * math.expm1(larger):+.1f} %'
     )
 
 
@@ -111,8 +112,8 @@ def focal_objection(by: Float[np.ndarray, ' 6']) -> str:
     if abs(share) <= FARTHEST:
         return ''
     return (
-        f'by the presses the focal length of the camera is {100 * share:+.0f} % of the described one off: places are '
-        'told in another unit, or the description is of another camera'
+        f'according to the presses the focal length of the camera differs by {100 * share:+.0f} % from the described '
+        'one: places have another unit, or the description is of another camera'
     )
 
 

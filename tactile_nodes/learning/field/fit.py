@@ -70,10 +70,10 @@ class FieldFit:
     def reason(self) -> str:
         """Why this form, in a sentence."""
         if not self.misfits:
-            return f'{self.form}: no press says more'
+            return f'{self.form}: no press gives more information'
         left = ', '.join(f'{name} {value:.2f}' for name, value in self.misfits.items())
         return (
-            f'{self.form}: what held-out presses leave unexplained is {left} times what is expected'
+            f'{self.form}: the residual of held-out presses is {left} times the expected one'
             f'{in_words(self.looks)}{self.deep}'
         )
 
@@ -85,7 +85,7 @@ class FieldFit:
     @property
     def deep(self) -> str:
         """How many presses do not count, in words."""
-        return f'; {self.left_out} presses, too deep for a linear layer, are left out' if self.left_out else ''
+        return f'; {self.left_out} presses are left out: too deep for a linear layer' if self.left_out else ''
 
 
 def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> InputScaling:
@@ -100,7 +100,7 @@ def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> Inpu
     trusted = regions.usable.reshape(regions.rows, regions.cols)
     if trusted.mean() < LEAST_SEEN:
         raise ConfigurationError(
-            f'{trusted.sum()} of the {trusted.size} regions of the picture of {sensor.name} see its gel; check '
+            f'{trusted.sum()} of the {trusted.size} regions of the image of {sensor.name} see its gel; check '
             'camera.position_mm, camera.tilt_deg and its focal length, gel.width_mm, gel.height_mm and mask'
         )
     axes = (*trusted.shape, 2)
@@ -122,8 +122,8 @@ def uncovered(sensor: Sensor, scaling: InputScaling) -> InputScaling:
     trusted = np.where(covered, np.float32(0), scaling.trusted)
     if (trusted > 0).mean() < LEAST_SEEN:
         raise ConfigurationError(
-            f'mask and rim of {sensor.name} leave {(trusted > 0).sum()} of {trusted.size} regions of its picture, too '
-            'few to read a force by; cover less'
+            f'mask and rim of {sensor.name} leave {(trusted > 0).sum()} of {trusted.size} regions of its image, too '
+            'few to estimate a force; cover less'
         )
     return replace(scaling, trusted=trusted)
 

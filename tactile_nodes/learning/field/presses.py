@@ -173,9 +173,7 @@ class AllPressures:
         """
         known = np.flatnonzero(np.isfinite(force_n) & (force_n > 0))
         if not known.size:
-            raise DatasetError(
-                'no press has a force that is known, which the force field needs; check the force sensor'
-            )
+            raise DatasetError('no press has a known force, which the force field needs; check the force sensor')
         which = self.bodies.of[rows[known]]
         heavy = force_n[known] / np.array([each.most_n for each in self.each])[which]
         order = np.argsort(heavy, kind='stable')[: max(int((heavy <= 1).sum()), min(LEAST_LINEAR, len(known)))]

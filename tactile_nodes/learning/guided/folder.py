@@ -38,7 +38,7 @@ class PressFolder:
         self._newton, self._indenter, self._reach_mm = NEWTONS[unit], indenter, reach_mm
         if set(indenter) & set(',;"\t\r\n'):
             raise DatasetError(
-                f'the indenter {indenter!r} holds a comma or the like, which parts cells; name it otherwise'
+                f'the indenter {indenter!r} holds a comma or another separator of cells; use another name'
             )
         self._header = f'picture,x_mm,y_mm,force_{unit},indenter\n'
         self.rows: list[TablePress] = []
@@ -53,8 +53,8 @@ class PressFolder:
             ended = opened.read() == b'\n'
         if not text.startswith(self._header.encode()) or not ended:
             raise DatasetError(
-                f'{self.table} begins otherwise than {self._header.strip()}, or its last line has no end; go on with '
-                'the unit that it has, or in another folder'
+                f'{self.table} does not begin with {self._header.strip()}, or its last line is incomplete; use the '
+                'unit that it has, or another folder'
             )
 
     @property

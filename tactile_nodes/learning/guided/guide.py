@@ -92,7 +92,7 @@ class Guide:
         done = self._folder.done
         unit = zip(self._wish.forces_n, self._wish.counts(done), strict=True)
         forces = ', '.join(f'{count} of about {force:.2g} N' for force, count in unit)
-        gap = f', no place farther than {self._wish.gap_mm(done):.1f} mm from one' if done else ''
+        gap = f', largest distance to a press {self._wish.gap_mm(done):.1f} mm' if done else ''
         return f'{len(done)} of {self._wish.presses} presses ({forces}){gap}'
 
     def _rest(self) -> list[Picture]:
@@ -112,13 +112,13 @@ class Guide:
 
     def _require_same(self, before: Picture, now: Picture) -> None:
         if before.shape != now.shape:
-            raise DatasetError(f'pictures of {self._folder.folder} have another size than the camera gives now')
+            raise DatasetError(f'the images in {self._folder.folder} have another size than the camera delivers now')
         change = PictureComparison(before).of(now)
         if not change.same or not change.apart_px <= MOVED_PX:
-            what = f'the camera has moved by {change.apart_px:.1f} px' if change.same else 'another gel'
+            what = f'the camera has moved by {change.apart_px:.1f} px' if change.same else 'it sees another gel'
             raise DatasetError(
-                f'the camera sees {what} beside the pictures of the untouched gel in {self._folder.folder}, or '
-                'something touches it; begin another folder, and give both tables to tactile dataset import'
+                f'compared with the untouched images in {self._folder.folder}, {what}, or something touches '
+                'the gel; start another folder, and give both tables to tactile dataset import'
             )
 
     def _press(self, watch: Watch, target: Target) -> None:
@@ -128,7 +128,7 @@ class Guide:
         if told is None:
             self._person.say('passed over')
         elif not watch.holds(picture, self._picture()):
-            self._person.say('the press moved while you read the scale, so it was not kept: hold it until it is')
+            self._person.say('the press moved while you read the scale, so it was not kept: hold it until it is kept')
         else:
             reading, place_mm = told
             self._folder.add_press(picture, place_mm, reading)
@@ -145,7 +145,7 @@ class Guide:
             elif off_mm > ASIDE_MM and not asked_for_place:
                 asked_for_place, (x, y) = True, watch.place_mm
                 self._person.say(
-                    f'the camera sees it about x {x:.0f}, y {y:.0f} mm, {off_mm:.0f} mm away: tell the place'
+                    f'the camera sees it at about x {x:.0f}, y {y:.0f} mm, {off_mm:.0f} mm away: type the place'
                 )
             else:
                 break
@@ -168,7 +168,7 @@ class Guide:
         if picture.shape != (image.height, image.width):
             height, width = picture.shape
             raise ImageError(
-                f'the camera gives pictures of {width}x{height} pixels, and the description of the sensor says '
+                f'the camera delivers images of {width}x{height} pixels, but the description of the sensor says '
                 f'{image.width}x{image.height}; set the camera, or correct the description'
             )
         return picture
@@ -178,9 +178,9 @@ def _frame(camera: Camera) -> Frame:
     try:
         frame = camera.read(PATIENCE_S)
     except DeviceTimeoutError as error:
-        raise DeviceError(f'{error}; see that the camera runs, and start again: presses are kept') from error
+        raise DeviceError(f'{error}; check the camera and start again: the presses are kept') from error
     if frame is None:
-        raise DeviceError('the recording has come to its end; what was pressed is kept')
+        raise DeviceError('the recording has ended; the presses are kept')
     return frame
 
 

@@ -56,7 +56,7 @@ class SimulatedPerson:
         told = body.told if body else TIP
         if indenter_of(told) is None:
             raise ConfigurationError(
-                f'a simulated hand presses with a ball or a punch, as ball:5 or punch:1.5, and not with {told}; name '
+                f'a simulated hand presses with a ball or a punch, such as ball:5 or punch:1.5, not with {told}; name '
                 'one of these, or give a camera with --source'
             )
         self._table = contact_table(self._gel, told)

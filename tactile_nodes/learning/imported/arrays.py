@@ -73,7 +73,7 @@ def import_arrays(
         'depth_mm': _given(depth_mm, count), 'indenter': [indenter] * count if isinstance(indenter, str) else indenter,
     }  # fmt: skip
     if wrong := [each for each, values in columns.items() if len(values) != count]:
-        raise DatasetError(f'{name}: {wrong[0]} has {len(columns[wrong[0]])} rows, and there are {count} images')
+        raise DatasetError(f'{name}: {wrong[0]} has {len(columns[wrong[0]])} rows, but there are {count} images')
     reach_mm = options.bins.width_mm / 2, options.bins.height_mm / 2
     rows = tuple(_row(line, columns) for line in range(count))
     table = PressTable(Path(name), 'rows of arrays', rows, 'row')

@@ -119,12 +119,10 @@ def require_rows(source: Imported, sensor: Sensor | None = None) -> None:
     faults.require_none()
     forces = {row.force_n for row in table.rows if row.touches}
     if all(row.touches for row in table.rows):
-        raise DatasetError(
-            f'{table.file} has no picture of the gel untouched; add one with a force of 0, better twelve'
-        )
+        raise DatasetError(f'{table.file} has no image of the untouched gel; add one with a force of 0, better twelve')
     if len(forces) < 2:
-        tells = f'tells one force for all presses, {min(forces):g} N' if forces else 'tells no press, all forces are 0'
-        raise DatasetError(f'{table.file} {tells}: press with two weights at least')
+        tells = f'has one force for all presses, {min(forces):g} N' if forces else 'has no press, all forces are 0'
+        raise DatasetError(f'{table.file} {tells}: press with at least two weights')
 
 
 def _presses(rows: Sequence[TablePress]) -> list[list[TablePress]]:

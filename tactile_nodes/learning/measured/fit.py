@@ -49,13 +49,13 @@ def fit_response(
         DatasetError: too few presses or images of the untouched gel, or presses from which no response follows.
     """
     if not config.smoothing or min(config.smoothing) < 0:
-        raise ConfigurationError('response.smoothing must name weights to try, none below zero, such as [0.001, 0.1]')
+        raise ConfigurationError('response.smoothing must list weights to try, none below zero, such as [0.001, 0.1]')
     used = np.flatnonzero(~held_out)
     subspace = Subspace.of(dataset, used, config)
     inner = inner_held_out(dataset, used, config.seed)
     first, rest = used[~inner], used[inner]
     if not (subspace.touched[first].any() and subspace.touched[rest].any()):
-        raise DatasetError('a response needs presses at many places, of which some can be kept to judge it by')
+        raise DatasetError('a response needs presses at many places, so that some can be held out for validation')
     steps = len(config.smoothing) + 2
     with progress.bar('measuring the response', steps) as bar:
         normal = subspace.normal(first)
@@ -66,7 +66,7 @@ def fit_response(
             bar.advance(1, f'smoothing {smoothing:g}: misfit {tried[-1][0]:.4g}')
         _, smoothing, coefficients = min(tried, key=lambda each: each[:2])
         calibration, likeness = calibrated(subspace.readout(first, coefficients, bins), dataset, rest)
-        bar.advance(1, f'smoothing {smoothing:g}; uncertainty judged by {len(rest)} samples')
+        bar.advance(1, f'smoothing {smoothing:g}; uncertainty from {len(rest)} samples')
         final = subspace.readout(used, subspace.normal(used).solve(smoothing), bins)
         final = replace(final, calibration=calibration, likeness=likeness, most_contacts=config.most_contacts)
         final = replace(final, calibration=rescaled(final, dataset, at_new_places(dataset, held_out)))

@@ -51,13 +51,13 @@ def fit_network(
     """
     import_torch()
     if not ((dataset.presses[:, 2] > 0) & (dataset.presses[:, 3] > 0))[~held_out].any():
-        raise TooFewPressesError('a network needs presses with a force to train on, and there is none; record some')
+        raise TooFewPressesError('a network needs presses with a force to train on, but there is none; record some')
     device = prepare_torch(config)
     training = Training.resumed(dataset, held_out, config, device, run or Run(), progress)
     try:
         training.run()
     except KeyboardInterrupt:
-        training.say('stopped; keeping the best network so far (the same command goes on)')
+        training.say('stopped; keeping the best network so far (the same command continues)')
         training.counters.ended = 'interrupted'
     readout = training.readout()
     learned, judges = shown_samples(dataset, held_out, config), judging_samples(dataset, held_out, config)
@@ -76,7 +76,7 @@ def prepare_torch(config: TrainConfig) -> torch.device:
     wanted, found = config.training.device, torch.cuda.is_available()
     if wanted == 'cuda' and not found:
         raise ConfigurationError(
-            'training.device is cuda, and torch finds no CUDA device; use auto or cpu, or install a torch with CUDA'
+            'training.device is cuda, but torch finds no CUDA device; use auto or cpu, or install a torch with CUDA'
         )
     os.environ.setdefault('CUBLAS_WORKSPACE_CONFIG', ':4096:8')  # without it cuBLAS sums in any order
     torch.set_num_threads(config.training.threads)
@@ -126,8 +126,8 @@ class Training:
         more = self.counters.ended == 'most epochs' and self.counters.epoch < self.config.training.epochs
         if more:
             self.counters.ended = ''
-        what = f'was over ({self.counters.ended})' if self.counters.ended else 'goes on'
-        self.say(f'the run {what} after epoch {self.counters.epoch}; --fresh trains it anew')
+        what = f'had ended ({self.counters.ended})' if self.counters.ended else 'continues'
+        self.say(f'the run {what} after epoch {self.counters.epoch}; --fresh trains it again')
 
     def say(self, text: str) -> None:
         """To the person who waits, and into the run's log."""
@@ -151,7 +151,7 @@ class Training:
         counters.ended = ended
         self.run_log.keep(self._snapshot())
         if not counters.spoke_epoch:
-            self.say('the network predicts nothing: look at the data (tactile dataset info), or let it run longer')
+            self.say('the network predicts only zero: check the data (tactile dataset info), or let it run longer')
 
     def _ended(self) -> str:
         """Why no epoch follows; empty as long as one does."""
@@ -187,7 +187,7 @@ class Training:
         counters.best_epoch, counters.best_armse_n = counters.epoch, float('inf')
         self.attempt = Attempt.begin(self.dataset, self.held_out, restarted(self.config, counters.attempt), self.device)
         self.say(
-            f'epoch {counters.epoch}: {silent} epochs of the all-zero answer that sparse labels reward; beginning anew '
+            f'epoch {counters.epoch}: {silent} epochs of the all-zero answer that sparse labels reward; starting again '
             '(features over their spread, balanced weights, squared error first)'
         )
 

@@ -49,6 +49,6 @@ def with_witness(
         response = fit_response(motion, held_out, config or config_for(dataset.presses), readout.bins, progress)
     except (DatasetError, KeyboardInterrupt) as error:
         why = str(error) or 'stopped'
-        progress.say(f'the network has no witness, so contacts that it does not know may pass for known ones: {why}')
+        progress.say(f'the network has no novelty check, so unknown contacts may be mistaken for known ones: {why}')
         return replace(readout, witness=None)
     return replace(readout, witness=Witness(response, encoding))

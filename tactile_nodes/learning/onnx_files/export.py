@@ -34,8 +34,8 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
     writer, readout = Writer(), loaded.model.readout
     if isinstance(readout, FieldReadout):
         raise ModelError(
-            f'model {loaded.model_id} is a force field, which is solved for frame by frame, and no export holds that '
-            'solver: its first, linear answer alone smears force over the surface; run it with tactile_nodes itself '
+            f'model {loaded.model_id} is a force field, which is solved frame by frame, and ONNX cannot hold that '
+            'solver: its first, linear estimate alone smears force over the surface; run it with tactile_nodes '
             '(tactile launch live, without torch), or export fast, which reads tips'
         )
     if not isinstance(readout, NetworkReadout | ResponseReadout):

@@ -47,7 +47,7 @@ def write_inputs(
     grid = layout.rows, layout.cols
     meaning = f'{layout.encoding} of each region, row by row'
     features = writer.input('features', np.float32, (1, *grid, layout.channels), meaning)
-    confidence = writer.input('confidence', np.float32, grid, 'how far each region can be believed, 0 to 1')
+    confidence = writer.input('confidence', np.float32, grid, 'confidence of each region, 0 to 1')
     adjusted = _adjusted(features, layer).reshape(1, *grid, layout.channels) if layer else features
     return replace(scale(adjusted, confidence, scaling), features=features)
 
@@ -76,10 +76,10 @@ def write_answer(writer: Writer, answer: Answer, inputs: Inputs, bins: BinGrid) 
     writer.output('normal_force', answer.normal_force.cast(np.float32), shape, 'N on each bin, positive into the gel')
     writer.output('contact', answer.contact.cast(np.float32), (3,), 'x and y in mm, surface frame; force in N')
     for name, value, meaning in (
-        ('position_sigma', answer.position_sigma, 'standard deviation of x and of y in mm; NaN: not known'),
-        ('total_sigma', answer.total_sigma, 'standard deviation of the force in N; NaN: not known'),
-        ('unlikeness', answer.unlikeness, 'above 1 the frame is unlike what the model knows; NaN: not known'),
-        ('seen', inputs.seen, 'share of the regions that the model knows in which there are markers now'),
+        ('position_sigma', answer.position_sigma, 'standard deviation of x and of y in mm; NaN: unknown'),
+        ('total_sigma', answer.total_sigma, 'standard deviation of the force in N; NaN: unknown'),
+        ('unlikeness', answer.unlikeness, 'novelty; above 1 the frame is unlike the training; NaN: unknown'),
+        ('seen', inputs.seen, 'share of the known regions that show markers now'),
     ):
         writer.output(name, value.cast(np.float32), (), meaning)
 

@@ -236,7 +236,7 @@ class CollectionBag:
         """A sentence for each thing in the bag that is not as it should be."""
         odd = [f'{count} {what}' for what, count in self.aligner.odd.items()]
         if self.malformed:
-            odd.append(f'{self.malformed} messages that are none of their type')
+            odd.append(f'{self.malformed} messages that do not match their type')
         if self.aligner.left_over:
             odd.append(f'{self.aligner.left_over} images after the last press')
         return [*self._reader.problems, *odd]

@@ -29,9 +29,9 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.simulation.gel import Gel
 
 FRAMES = {
-    'mean': 'the mean of the images of a window, measured once: least noise, less than live images have',
+    'mean': 'the mean of the images of a window, measured once: less noise than live images have',
     'first': 'the first image of a window: the noise of a live image',
-    'each': 'every image of a window: the noise of live images, and a sample for each; calibrations take their mean',
+    'each': 'every image of a window: the noise of live images, a sample for each; calibrations use their mean',
 }
 
 
@@ -84,7 +84,7 @@ def build(
         opened = [stack.enter_context(CollectionBag(path, options.namespace, options.reference_clock)) for path in bags]
         for bag in opened:
             for warning in bag.clocks.warnings:
-                progress.say(f'{bag.path}: {warning}; its stamps are taken as they are')
+                progress.say(f'{bag.path}: {warning}; its stamps are used as they are')
         measurer = stack.enter_context(Measurer(options.flow, options.encoding, options.crop))
         bar = stack.enter_context(progress.bar('reading presses', sum(bag.press_count for bag in opened)))
         builder = Builder(options, measurer, bar)

@@ -26,7 +26,7 @@ def draw(clocks: Clocks, file: Path) -> None:
     for axis, clock in zip(axes, clocks.others, strict=False):
         _strip(axis, clock, clocks)
     axes[-1].set_xlabel(f'time by {clocks.reference} since its first edge [s]')
-    drawn.suptitle(f"what the fits to the clock of {clocks.reference} leave of each edge's time")
+    drawn.suptitle(f"residuals of the edges' times after the fit to the clock of {clocks.reference}")
     save(drawn, file)
 
 

@@ -35,12 +35,12 @@ class Limits:
     """What a press must keep to, beyond what the rig demanded while it pressed."""
 
     force_rate_n_per_s: float = parameter(
-        0.2, 'most change of the force within the window, beyond what noise makes of it', minimum=0.0
+        0.2, 'largest change of the force within the window, beyond that from noise', minimum=0.0
     )
     force_deviation_n: float = parameter(0.1, 'largest standard deviation of the force in the window', minimum=0.0)
-    depth_error_mm: float = parameter(0.05, 'most that reported and commanded depth may differ', minimum=0.0)
+    depth_error_mm: float = parameter(0.05, 'largest difference between reported and commanded depth', minimum=0.0)
     largest_force_n: float = parameter(math.inf, 'most force', minimum=0.0)
-    pull_n: float = parameter(0.05, 'most force away from the gel, for what tare and noise leave', minimum=0.0)
+    pull_n: float = parameter(0.05, 'largest force away from the gel, allowed for tare and noise', minimum=0.0)
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,11 @@ def _numbers(press: RecordedPress) -> Verdict | None:
     told = press.told
     # The other parts of the wrench are NaN where a sensor does not measure them.
     if not all(map(math.isfinite, (told.position.x, told.position.y, told.wrench.force.z))):
-        return BAD_NUMBERS, 'position or normal force is no number'
+        return BAD_NUMBERS, 'position or normal force is not a number'
     if math.isinf(told.depth):  # NaN: nobody knows it, as of presses by hand
-        return BAD_NUMBERS, 'the depth is no number'
+        return BAD_NUMBERS, 'the depth is not a number'
     if told.depth <= 0:
-        return BAD_NUMBERS, f'a depth of {told.depth * 1e3:g} mm is no press'
+        return BAD_NUMBERS, f'a depth of {told.depth * 1e3:g} mm is not a press'
     start_ns, end_ns = press.window_ns
     if end_ns <= start_ns:
         return BAD_NUMBERS, 'the window ends before it begins'
@@ -102,7 +102,7 @@ def _numbers(press: RecordedPress) -> Verdict | None:
 def _place(told: types.Press, bins: BinGrid) -> Verdict | None:
     x_mm, y_mm = told.position.x * 1e3, told.position.y * 1e3
     if outside(x_mm, y_mm, bins):
-        return OUTSIDE, f'({x_mm:g}, {y_mm:g}) mm is off {bins.width_mm:g}x{bins.height_mm:g} mm'
+        return OUTSIDE, f'({x_mm:g}, {y_mm:g}) mm is outside {bins.width_mm:g}x{bins.height_mm:g} mm'
     return None
 
 
@@ -143,11 +143,11 @@ def _limits(told: types.Press, limits: Limits) -> Verdict | None:
 def _frames(press: RecordedPress) -> Verdict | None:
     found, announced = len(press.frames), press.told.frames
     if not found and announced and press.held == announced:
-        return OTHER_TIME, 'by its corrected clock the camera took none of the images within the window'
+        return OTHER_TIME, 'with its clock corrected, the camera took no image within the window'
     if found == 0 or announced not in (found, press.held):
-        return LOST_FRAMES, f'{found} images are in the bag, {announced} were taken'
+        return LOST_FRAMES, f'{found} images are in the bag, but {announced} were taken'
     if press.reference is None:
-        return NO_REFERENCE, 'the bag holds none from before the window'
+        return NO_REFERENCE, 'the bag holds no rest image from before the window'
     sizes = {frame.image.shape for frame in (*press.frames, press.reference)}
     if len(sizes) > 1:
         return BAD_IMAGE, 'images of the window and rest image differ in size'

@@ -77,5 +77,5 @@ class FeatureCache:
             yield
         except sqlite3.Error as error:
             raise DatasetError(
-                f'cannot use the cache of features {self._file} ({error}); delete it, it is made again'
+                f'cannot use the cache of features {self._file} ({error}); delete it, it will be made again'
             ) from error

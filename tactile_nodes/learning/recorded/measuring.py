@@ -100,7 +100,7 @@ class Measurer:
             self.found += 1
             return kept
         if self._rest is None:
-            raise ImageError('there is no rest image yet; leave the gel alone while one is captured')
+            raise ImageError('there is no rest image yet; leave the gel untouched while one is captured')
         features = self._rest.features(cut)
         measured = Measured(features.values.astype(np.float16), features.confidence)
         self._cache.put(key, measured)
@@ -126,7 +126,7 @@ class Measurer:
         size = self._size(image)
         if self.size not in ((0, 0), size):
             came, gave = (f'{width}x{height}' for width, height in (image.shape[::-1], self.size))
-            raise ImageError(f'{came} pixels after images that gave {gave}')
+            raise ImageError(f'the image has {came} pixels, earlier ones had {gave}')
         self.size = size
         return np.ascontiguousarray(centre_crop(image, *size))
 

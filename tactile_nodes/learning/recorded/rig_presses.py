@@ -98,7 +98,7 @@ class RigPresses:
             self.end()
             if self._seen:
                 return 'has ended'
-            return f'has not come within {ABSENT_NS // NS_PER_S} s; see why it did not start'
+            return f'did not appear within {ABSENT_NS // NS_PER_S} s; check why it did not start'
 
     def end(self) -> None:
         """The rig is no more, or has stopped: no press will come. Saying so twice is harmless."""

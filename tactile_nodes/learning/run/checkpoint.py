@@ -87,7 +87,7 @@ def read(path: Path) -> Snapshot | None:
             tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118  (no mapping)
         return Snapshot(Counters(**counters), tensors)  # type: ignore[arg-type]
     except (SafetensorError, KeyError, TypeError, ValueError, OSError) as error:
-        raise ModelError(f'the checkpoint {path} is damaged; train anew with: tactile train … --fresh') from error
+        raise ModelError(f'the checkpoint {path} is damaged; train again with: tactile train … --fresh') from error
 
 
 def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, torch.Tensor]:

@@ -104,7 +104,7 @@ class RunFolder(Run):
         except OSError as error:
             opened.close()
             raise ConfigurationError(
-                f'another process is training {path} right now; wait for it, or change the run, say its seed'
+                f'another process is training {path} right now; wait for it, or change the run, for example its seed'
             ) from error
         return opened
 
@@ -164,7 +164,7 @@ def _text(file: Path, largest: int = TEXT_BYTES) -> str:
     except OSError as error:
         raise _damaged(file, str(error.strerror)) from error
     except UnicodeDecodeError as error:
-        raise _damaged(file, 'it is no text') from error
+        raise _damaged(file, 'it is not text') from error
 
 
 def _json(text: str, file: Path, fits: Callable[[Mapping[str, Any]], bool]) -> Mapping[str, Any]:
@@ -172,9 +172,9 @@ def _json(text: str, file: Path, fits: Callable[[Mapping[str, Any]], bool]) -> M
     try:
         told = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise _damaged(file, 'it is no JSON') from error
+        raise _damaged(file, 'it is not JSON') from error
     if not isinstance(told, dict) or not fits(told):
-        raise _damaged(file, 'numbers are missing in it')
+        raise _damaged(file, 'numbers are missing')
     return told
 
 
@@ -195,7 +195,7 @@ def _is_number(value: object) -> bool:
 
 
 def _damaged(file: Path, why: str) -> ConfigurationError:
-    return ConfigurationError(f'{file} is damaged ({why}); name another run, or train this one anew with --fresh')
+    return ConfigurationError(f'{file} is damaged ({why}); name another run, or train this one again with --fresh')
 
 
 def _event_writer(folder: Path, epoch: int) -> Callable[[int, Mapping[str, float]], None] | None:
@@ -234,7 +234,7 @@ def read_run(path: Path) -> Told:
         settings = load_mapping(path / 'run.yaml')
     except ConfigurationError as error:
         raise ConfigurationError(
-            f'{path} holds no training run ({error}); give a folder that tactile train has made'
+            f'{path} does not hold a training run ({error}); give a folder that tactile train made'
         ) from error
     metrics, result = path / 'metrics.jsonl', path / 'result.json'
     epochs = [_json(line, metrics, _is_epoch) for line in _whole_lines(metrics)]

@@ -38,7 +38,7 @@ def read_cells(table: Path) -> Cells:
     try:
         return _parquet(table) if table.suffix.lower() == PARQUET else _csv(table)
     except OSError as error:
-        raise DatasetError(f'cannot read {table} ({error.strerror or error}); give a table of pictures') from error
+        raise DatasetError(f'cannot read {table} ({error.strerror or error}); give a table of images') from error
 
 
 def _csv(table: Path) -> Cells:
@@ -47,13 +47,13 @@ def _csv(table: Path) -> Cells:
         text = read_text(table, encoding='utf-8-sig')
     except UnicodeDecodeError as error:
         raise DatasetError(
-            f'{table} is no table of pictures; its first line names columns, as {EXAMPLE}, in UTF-8'
+            f'{table} is not a table of images; its first line must name columns, as in {EXAMPLE}, in UTF-8'
         ) from error
     delimiter = max(DELIMITERS, key=next(iter(text.splitlines()), '').count)
     try:
         rows = list(_rows(text, table, delimiter))
     except csv.Error as error:
-        raise DatasetError(f'{table} is no table of pictures ({error}); begin it with {EXAMPLE}') from error
+        raise DatasetError(f'{table} is not a table of images ({error}); begin it with {EXAMPLE}') from error
     return Cells(rows[0][1] if rows else [], rows[1:], delimiter != ',')
 
 
@@ -65,7 +65,7 @@ def _rows(text: str, table: Path, delimiter: str) -> Iterator[tuple[int, list[st
             continue
         width = width or len(row)
         if len(row) != width:
-            raise DatasetError(f'{table}, line {reader.line_num} has {len(row)} cells, and the first line has {width}')
+            raise DatasetError(f'{table}, line {reader.line_num} has {len(row)} cells, but the first line has {width}')
         yield reader.line_num, row
 
 
@@ -78,11 +78,13 @@ def _parquet(table: Path) -> Cells:
             told = file.metadata
             unpacked = sum(told.row_group(number).total_byte_size for number in range(told.num_row_groups))
             if told.num_rows > _MOST_ROWS or unpacked > 16 * TEXT_BYTES:
-                raise DatasetError(f'{table} holds {told.num_rows} rows of {unpacked} bytes, as no table of pictures')
+                raise DatasetError(
+                    f'{table} is too large for a table of images: {told.num_rows} rows of {unpacked} bytes'
+                )
             plain = [each.name for each in file.schema_arrow if _is_plain(arrow, each.type)]
             columns = file.read(columns=plain).to_pydict()
         except arrow.ArrowException as error:
-            raise DatasetError(f'{table} is no Parquet file that can be read; write it again, or as CSV') from error
+            raise DatasetError(f'{table} is not a readable Parquet file; write it again, or as CSV') from error
     rows = zip(*(map(_text, columns[name]) for name in plain), strict=True)
     return Cells(plain, [(line, list(row)) for line, row in enumerate(rows, start=2)])
 

@@ -78,7 +78,7 @@ def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
         what, column = known
         if what in found:
             raise DatasetError(
-                f'{table}: {found[what].name!r} and {each!r} may both be the {what}; rename the one that is not'
+                f'{table}: both {found[what].name!r} and {each!r} may be the {what}; rename the one that is not'
             )
         found[what] = column
     if 'picture' in found:
@@ -89,7 +89,7 @@ def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
     if lacking:
         raise DatasetError(
             f'{table} has no column for {" and ".join(lacking)}; {_seen(header)}; '
-            f'needed are picture (or time), x, y and force with its unit, as in {EXAMPLE}'
+            f'it needs picture (or time), x, y and force with its unit, as in {EXAMPLE}'
         )
     return {what: found[what] for what in NAMES if what in found}
 
@@ -116,8 +116,8 @@ def column_of(name: str, table: Path) -> tuple[str, Column] | None:
     units, unit = UNITS[what], unit or USUAL.get(what, '')
     if unit not in units:
         allowed = ', '.join(SHOWN.get(each, each) for each in units)
-        fault = f'is in {unit!r}' if unit else 'does not say its unit'
-        raise DatasetError(f'{table}: column {name!r} {fault}; write one of {allowed} behind its name, as in {EXAMPLE}')
+        fault = f'is in {unit!r}' if unit else 'has no unit'
+        raise DatasetError(f'{table}: column {name!r} {fault}; write one of {allowed} after its name, as in {EXAMPLE}')
     return what, Column(name, units[unit], f'{name!r} in {SHOWN.get(unit, unit)}')
 
 

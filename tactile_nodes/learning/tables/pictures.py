@@ -48,11 +48,11 @@ class FolderPictures:
 
     def _require_file(self, name: str) -> None:
         if not name:
-            raise DatasetError('names no picture; times go with a video, which --pictures names')
+            raise DatasetError('names no image; times need a video, given with --pictures')
         try:
             check_size(self.folder / name, PICTURE_BYTES)
         except OSError as error:
-            raise DatasetError(f'cannot read the picture {self.folder / name} ({error.strerror})') from error
+            raise DatasetError(f'cannot read the image {self.folder / name} ({error.strerror})') from error
 
     def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
         for row in rows:
@@ -71,7 +71,7 @@ class VideoPictures:
             with faults.row(row.line):
                 if row.picture:
                     raise DatasetError(
-                        f'names the picture {row.picture}, and {self.file} is a video; write a column time_s'
+                        f'names the image {row.picture}, but {self.file} is a video; write a column time_s'
                     )
 
     def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
@@ -129,7 +129,7 @@ def pictures_of(table: PressTable, source: Path | None) -> Pictures:
         DatasetError: rows name times, and no video is given.
     """
     if source is None and table.of_video:
-        raise DatasetError(f'{table.file} tells times and no pictures; name the video with --pictures')
+        raise DatasetError(f'{table.file} has times and no images; name the video with --pictures')
     if source is None or source.is_dir():
         return FolderPictures(source or folder_of(table))
     return VideoPictures(source)
@@ -151,11 +151,11 @@ class OneSize:
         """Refuse a picture of another size. Raises DatasetError."""
         height, width = picture.shape
         if self.size is None:
-            self.size, self.said_by = (width, height), f'the one of line {row.line}'
+            self.size, self.said_by = (width, height), f'that of line {row.line}'
         if (width, height) != self.size:
             wanted = 'x'.join(map(str, self.size))
-            name = f'picture {row.picture}' if row.picture else f'the picture at {row.time_s:g} s'
+            name = f'image {row.picture}' if row.picture else f'the image at {row.time_s:g} s'
             raise DatasetError(
-                f'{name} has {width}x{height} pixels, and {self.said_by} {wanted}; '
-                'take all with one setting of the camera, and describe that one'
+                f'{name} has {width}x{height} pixels, but {self.said_by} has {wanted}; '
+                'use one camera setting for all, and describe that one'
             )

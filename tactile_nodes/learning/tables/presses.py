@@ -99,7 +99,7 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
     noise_n = noise_at_rest_n(rows)
     if noise_n:
         rows = [replace(row, force_n=0.0) if _is_noise(row, noise_n) else row for row in rows]
-        told += f'; rows without a place, or below 0, of up to {noise_n:.2g} N are the gel untouched, by their noise'
+        told += f'; rows up to {noise_n:.2g} N without a place, or below 0, count as the untouched gel, by their noise'
     names = {what: column.name for what, column in columns.items()}
     for press in rows:
         with faults.row(press.line):
@@ -137,13 +137,13 @@ def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Ma
         raise DatasetError(f'{names["time"]} must not be negative: a video begins at 0')
     if press.force_n < 0:
         raise DatasetError(
-            f'{names["force"]} must not be negative: into the gel counts positive; what a gauge shows of the gel '
-            'untouched is taken for 0 by --untouched-below N'
+            f'{names["force"]} must not be negative: force into the gel is positive; if a gauge shows noise on the '
+            'untouched gel, use --untouched-below N'
         )
     for name, value, most, said in (
-        ('force', press.force_n, MOST_N, f'forces lie below {MOST_N:g} N'),
-        ('x', press.x_mm, reach_mm[0], f'places lie within {reach_mm[0]:g} mm of the middle'),
-        ('y', press.y_mm, reach_mm[1], f'places lie within {reach_mm[1]:g} mm of the middle'),
+        ('force', press.force_n, MOST_N, f'forces must be below {MOST_N:g} N'),
+        ('x', press.x_mm, reach_mm[0], f'places must be within {reach_mm[0]:g} mm of the middle'),
+        ('y', press.y_mm, reach_mm[1], f'places must be within {reach_mm[1]:g} mm of the middle'),
     ):
         if abs(value) > most + 1e-9:
             unit = 'N' if name == 'force' else 'mm'
@@ -163,7 +163,7 @@ class _Row:
     def press(self, line: int, untouched_n: float) -> TablePress:
         picture, time_s, force_n = self.text('picture'), self.number('time'), self.number('force')
         if not picture and math.isnan(time_s):
-            raise DatasetError('no picture is named' if 'picture' in self.columns else 'no time in the video is told')
+            raise DatasetError('no image is named' if 'picture' in self.columns else 'no time in the video is given')
         if abs(force_n) <= untouched_n:
             force_n = 0.0
         return TablePress(
@@ -186,5 +186,5 @@ class _Row:
             number = math.nan
         column = self.columns[name]
         if not math.isfinite(number):
-            raise DatasetError(f'{column.name} is {text!r}, and must be a number, or empty where nobody knows it')
+            raise DatasetError(f'{column.name} is {text!r}, but must be a number, or empty if unknown')
         return number * column.times

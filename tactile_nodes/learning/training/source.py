@@ -92,7 +92,7 @@ def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, st
     origin = card['data']
     if 'split_id' not in origin or origin['origin'] != 'simulated':
         raise ModelError(
-            f'the training of model {loaded.model_id} put no simulated presses aside; evaluate it on random ones'
+            f'the training of model {loaded.model_id} has no simulated test set; evaluate it on random presses'
         )
     known = {field.name for field in dataclasses.fields(DataConfig)}
     data = DataConfig(**{name: value for name, value in origin.items() if name in known})
@@ -102,12 +102,12 @@ def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, st
     split = simulated_split(dataset, data, origin['validation'])
     if split.split_id != origin['split_id']:
         raise ModelError(
-            f'the presses that model {loaded.model_id} was trained on come out differently here (other releases of '
-            'numpy or tactile_nodes); evaluate it on random ones, or train it again'
+            f'the presses that model {loaded.model_id} was trained on cannot be reproduced here (other releases of '
+            'NumPy or tactile_nodes); evaluate it on random ones, or train it again'
         )
     words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan'
     if dataset.fingerprint != origin['fingerprint']:  # a processor of another kind adds in another order
-        words += ', measured anew: not to the bit what training measured'
+        words += ', measured again: not bit-identical to the training'
     return dataset.take(split.test), words
 
 
@@ -180,8 +180,8 @@ def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:
     for name, value in said.items():
         if value != theirs[name]:
             raise ConfigurationError(
-                f'the run asks for {name} {value}, and {config.data.file} was made with {theirs[name]}; take {name} '
-                'out of the run, or build the data set anew'
+                f'the run asks for {name} {value}, but {config.data.file} was made with {theirs[name]}; remove {name} '
+                'from the run, or build the data set again'
             )
     return dataclasses.replace(
         config,
@@ -213,17 +213,17 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
     ours = {bag['id'] for bag in recordings.card['bags']}
     if ours & set(origin.get('bags', ())):
         raise ModelError(
-            f'model {loaded.model_id} was trained on presses of the same bags in another data set, so that it may have '
-            'seen these; evaluate it on the file that it was trained on, or on other bags'
+            f'model {loaded.model_id} was trained on presses of the same bags in another data set, so it may have seen '
+            'these; evaluate it on the file that it was trained on, or on other bags'
         )
     pictures = [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())]
     if known := len(set(origin.get('pictures', ())) & set(pictures)):
         raise ModelError(
-            f'model {loaded.model_id} was calibrated with {known} of the {len(pictures)} pictures of presses in this '
-            'data set; evaluate it on presses that were put aside, in a table of their own'
+            f'model {loaded.model_id} was calibrated with {known} of the {len(pictures)} images of presses in this '
+            'data set; evaluate it on held-out presses, in a separate table'
         )
     if kind is None:
-        return recordings.as_samples(), f'all {len(recordings)} samples, none of which the model was trained on'
+        return recordings.as_samples(), f'all {len(recordings)} samples, none of them used in training'
     chosen = recordings.split(kind, 1).test
     return recordings.as_samples(chosen), f'{len(chosen)} samples, the test set by {kind}'
 
@@ -240,8 +240,8 @@ def _put_aside(loaded: LoadedModel, recordings: RecordedPresses, kind: str | Non
     )
     if split.split_id != origin['split_id']:
         raise ModelError(
-            f'the split that model {loaded.model_id} was trained with cannot be made again with this release of numpy; '
-            'evaluate it with the one that it was trained with'
+            f'the split that model {loaded.model_id} was trained with cannot be reproduced with this release of NumPy; '
+            'evaluate it with the release that it was trained with'
         )
     return recordings.as_samples(split.test), f'{len(split.test)} samples put aside by {origin["split"]}'
 
@@ -260,7 +260,7 @@ def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> N
     ):
         if theirs != ours:
             raise ModelError(
-                f'model {loaded.model_id} was trained with {what} {_unlike(theirs, ours)}, the data set was measured '
+                f'model {loaded.model_id} was trained with {what} {_unlike(theirs, ours)}, but the data set was made '
                 f'with {_unlike(ours, theirs)}; build the data set with the options of the model'
             )
 

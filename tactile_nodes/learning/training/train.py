@@ -39,7 +39,7 @@ from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 USUAL_PRESSES = 300
 """So many lead to a model that is worth having (docs/training.md)."""
 CALIBRATE = (
-    'calibrate a model of another gel, which takes ten to a hundred presses that are measured as it measures: tactile '
+    'calibrate a model of another gel, which takes ten to a hundred presses with the features of that model: tactile '
     'dataset … --model portable -o presses.npz, then tactile calibrate --dataset presses.npz --model portable -o FILE'
 )
 NETWORK_THRESHOLD_N = 0.05
@@ -131,7 +131,7 @@ def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = F
 def _advice(presses: int) -> str:
     """What leads to a model, where so many presses to learn from did not."""
     enough = presses >= USUAL_PRESSES
-    few = f'{presses} presses to train on are {"too unlike one another" if enough else "too few"}'
+    few = f'{presses} presses to train on are {"inconsistent" if enough else "too few"}'
     more = 'check places and forces' if enough else f'record {USUAL_PRESSES} or more'
     return f'{few}: {more}, or {CALIBRATE}'
 

@@ -28,26 +28,26 @@ def source_readout(loaded: LoadedModel) -> AxisymmetricReadout:
     readout, layout = loaded.model.readout, loaded.model.layout
     if isinstance(readout, NetworkReadout):
         raise ModelError(
-            f'model {loaded.model_id} is a network, and only what a press does around it can be transferred to '
-            'another gel; choose an axisymmetric model, such as portable, or give a network its layer: '
+            f'model {loaded.model_id} is a network, but only an axisymmetric response can be transferred to another '
+            'gel; choose an axisymmetric model, such as portable, or give a network its layer: '
             'tactile calibrate --dataset FILE'
         )
     if isinstance(readout, ResponseReadout):
         raise ModelError(
-            f'model {loaded.model_id} is a response measured place by place, of which another gel keeps nothing; '
-            'begin with an axisymmetric model, such as portable'
+            f'model {loaded.model_id} is a response measured place by place, which does not hold for another gel; '
+            'start from an axisymmetric model, such as portable'
         )
     if layout.encoding != 'cartesian_mean':
         raise ModelError(
-            f'model {loaded.model_id} reads {layout.encoding}, and only motion along x and y can be transferred; '
+            f'model {loaded.model_id} reads {layout.encoding}, but only motion along x and y can be transferred; '
             'choose a model with encoding: cartesian_mean, such as portable'
         )
     if not isinstance(readout, FieldReadout):
         return readout
     if readout.tips is None:
         raise ModelError(
-            f'model {loaded.model_id} is a field alone, without what reads tips, by which presses are checked; begin '
-            'with one that has both, such as field'
+            f'model {loaded.model_id} is a field without a readout for tips, which checks the presses; start from '
+            'one that has both, such as field'
         )
     return readout.tips
 
@@ -61,19 +61,19 @@ def require_presses(dataset: Dataset, known_mm: tuple[float, float]) -> None:
     presses = dataset.presses[:, 2] > 0
     touched = dataset.presses[presses]
     if wrong := int((presses & ~dataset.known).sum()):
-        raise DatasetError(f'place or force of {wrong} pictures of presses is no number; leave these out')
+        raise DatasetError(f'place or force of {wrong} images of presses is not a number; leave these out')
     places = np.unique(touched[:, :2], axis=0)
     if len(places) < LEAST_PRESSES:
         raise DatasetError(
-            f'a calibration needs presses at {LEAST_PRESSES} places at least, and there are {len(places)}; record more'
+            f'a calibration needs presses at least at {LEAST_PRESSES} places, but there are {len(places)}; record more'
         )
     if not (touched[:, 3] > 0).any():
-        raise DatasetError('a calibration needs presses with a force, and none has one; check the force sensor')
+        raise DatasetError('a calibration needs presses with a force, but none has one; check the force sensor')
     for name, along, known in zip('xy', places.T, known_mm, strict=True):
         if np.ptp(along) < LEAST_SPREAD * known:
             raise DatasetError(
-                f'the presses span {np.ptp(along):.1f} mm along {name} of the {known:.1f} mm that the '
-                'model knows, too little to tell how the gels differ elsewhere; press all over the surface'
+                f'the presses span {np.ptp(along):.1f} mm along {name} of the {known:.1f} mm that the model '
+                'covers, too little to know how the gels differ elsewhere; press all over the surface'
             )
 
 
@@ -86,13 +86,13 @@ def require_motion(dataset: Dataset, scaling: InputScaling) -> None:
     regions = int((scaling.trusted > 0).sum())
     if regions < LEAST_REGIONS:
         raise DatasetError(
-            f'markers show in nine of ten pictures in {regions} regions alone, and a place is read from '
-            f'{LEAST_REGIONS} at least; check the camera and the light'
+            f'only {regions} regions show markers in nine of ten images, but a place needs at least '
+            f'{LEAST_REGIONS}; check the camera and the light'
         )
     shown = (scaling.trusted > 0) & (dataset.confidence >= scaling.confidence_floor)[dataset.rest]
     wrong = int((shown & ~np.isfinite(dataset.features).all(axis=-1)).any(axis=(1, 2)).sum())
     if wrong:
-        raise DatasetError(f'regions of {wrong} pictures moved by what is no number; leave these pictures out')
+        raise DatasetError(f'the motion in {wrong} images is not a number; leave these images out')
 
 
 def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
@@ -105,6 +105,6 @@ def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
     """
     if abs(offset_n) > MOST_OFFSET_N + spread_n:
         raise DatasetError(
-            f'the forces seem to be {offset_n:+.2f} N where the gel shows none; tare the force sensor and '
-            'press again, or check the forces that are told, and their unit'
+            f'the forces seem to be {offset_n:+.2f} N when the gel shows none; tare the force sensor and '
+            'press again, or check the given forces and their unit'
         )

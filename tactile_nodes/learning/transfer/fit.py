@@ -131,7 +131,7 @@ def transfer(
         bar.advance()
     held = [each for each in held if each.fits]
     if not held:
-        raise DatasetError('no press shows enough regions to be read; check the camera and the light')
+        raise DatasetError('no press shows enough regions; check the camera and the light')
     read = live_errors(known, dataset, other.rows)
     before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
@@ -310,10 +310,10 @@ def told_reason(form: str, misfits: Mapping[str, float]) -> str:
         return f'{form}: too few presses to try another' if misfits else form
     best = min(misfits, key=lambda name: misfits[name])
     if best == form:
-        return f'{form}: no other form leaves less of held-out presses unexplained'
+        return f'{form}: no other form has a smaller residual on held-out presses'
     if misfits[form] > WORTH * misfits[best]:
-        return f'{form}: held-out presses are read so best or nearly, though {best} leaves less of them unexplained'
-    return f'{form}: {best} leaves no more than {100 * (WORTH - 1):.0f} % less of held-out presses unexplained'
+        return f'{form}: its errors on held-out presses are (nearly) the smallest, though {best} has a smaller residual'
+    return f'{form}: the residual of {best} on held-out presses is at most {100 * (WORTH - 1):.0f} % smaller'
 
 
 def folds_of(presses: Float[np.ndarray, 'n 3']) -> np.ndarray:

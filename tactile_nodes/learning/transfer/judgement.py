@@ -20,7 +20,7 @@ CHANCE = 1.25
 """By how many times a root mean square may be larger than that of answering the mean: of twelve presses it is known to
 a fifth (one over the root of twice as many). Beside the model before the presses are the same, and none may be
 larger."""
-ADVICE = 'keep the model, check the places and forces that are told, or press at more places'
+ADVICE = 'keep the model, check the given places and forces, or press at more places'
 POOR = 0.1
 """Of the errors of answering the mean: models of enough presses are at a fiftieth of them."""
 
@@ -50,18 +50,18 @@ def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> 
     than before, or by more than chance than by answering the mean.
     """
     for other, words, share, most in (
-        (before, 'without', share_of, 1.0), (mean, 'by answering the mean of all presses', worst_share_of, CHANCE)
+        (before, 'without', share_of, 1.0), (mean, 'when predicting the mean of all presses', worst_share_of, CHANCE)
     ):  # fmt: skip
         if other is None:
             continue
         if share(after, other) >= 1:
             return (
-                f'the {what} would not pay: held-out presses are read {told(after)} off with it, '
+                f'the {what} would not help: held-out presses are read {told(after)} off with it, '
                 f'{told(other)} {words} (medians)'
             )
         if after.force_rmse_n > most * other.force_rmse_n:
             return (
-                f'the {what} would not pay: the force RMSE of held-out presses is {after.force_rmse_n:.4f} N with it, '
+                f'the {what} would not help: the force RMSE of held-out presses is {after.force_rmse_n:.4f} N with it, '
                 f'{other.force_rmse_n:.4f} N {words}'
             )
     return ''
@@ -99,7 +99,7 @@ def told(errors: Errors) -> str:
         parts.append(f'{errors.force_median_n:.4f} N')
     if math.isfinite(errors.place_median_mm):
         parts.append(f'{errors.place_median_mm:.3f} mm')
-    return ' and '.join(parts) or 'by nobody knows what'
+    return ' and '.join(parts) or 'an unknown amount'
 
 
 def require_worth(said: str, advice: str, *, forced: bool, command: str = 'tactile calibrate') -> None:
@@ -116,7 +116,7 @@ def unjudged(presses: int, mean: Errors) -> str:
     """Why so many presses cannot judge a model, by the errors of answering their mean; empty where they can."""
     if math.isfinite(mean.force_median_n) or math.isfinite(mean.place_median_mm):
         return ''
-    return f'nothing tells how good the model is: presses held out are {presses}, too few or too much alike to judge it'
+    return f'the quality of the model is unknown: the {presses} held-out presses are too few or too similar'
 
 
 def poor(after: Errors, mean: Errors) -> str:
@@ -124,5 +124,5 @@ def poor(after: Errors, mean: Errors) -> str:
     if worst_share_of(after, mean) <= POOR:
         return ''
     return (
-        f'held-out presses are read {told(after)} off, and by answering the mean of all presses {told(mean)} (medians)'
+        f'held-out presses are read {told(after)} off, when predicting the mean of all presses {told(mean)} (medians)'
     )

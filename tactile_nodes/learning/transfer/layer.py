@@ -44,12 +44,12 @@ class LayerConfig:
     learning_rate: float = parameter(3e-5, "Nadam's step size", minimum=0.0)
     patience: int = parameter(40, 'epochs without a better validation loss before stopping', minimum=1)
     dropout: float = parameter(0.05, "share of the layer's units left out in training", minimum=0.0, maximum=0.9)
-    centred: bool = parameter(True, 'weights act on features minus their mean, which the bias makes up for')
+    centred: bool = parameter(True, 'weights act on features minus their mean; the bias compensates')
     keep_start: bool = parameter(True, 'the identity counts as the best so far when training begins')
     epochs: int = parameter(1000, 'most epochs', minimum=1)
     validation: float = parameter(0.1, 'share of the presses that stop the training', minimum=0.01, maximum=0.5)
-    judged: float = parameter(0.2, 'share of the places held out to judge by', minimum=0.05, maximum=0.5)
-    seed: int = parameter(1, 'seed of order, dropout and of what is held out')
+    judged: float = parameter(0.2, 'share of the places held out for evaluation', minimum=0.05, maximum=0.5)
+    seed: int = parameter(1, 'seed of order, dropout and held-out presses')
     threads: int = parameter(1, 'processor threads; the result depends on it in the last digits', minimum=1)
 
 

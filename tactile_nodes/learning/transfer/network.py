@@ -125,18 +125,18 @@ def network_readout(loaded: LoadedModel) -> NetworkReadout:
     readout, layout = loaded.model.readout, loaded.model.layout
     if not isinstance(readout, NetworkReadout):
         raise ModelError(
-            f"model {loaded.model_id} is no network, and the paper's layer stands before one; calibrate it "
+            f"model {loaded.model_id} is not a network, but the paper's layer needs one; calibrate it "
             'without settings of a layer, or choose a network, such as paper'
         )
     if layout.encoding != ENCODING:
         raise ModelError(
-            f'model {loaded.model_id} reads {layout.encoding}, of which the rectified units of the layer would cut off '
-            f'what is negative, half of all motion; choose a network with encoding: {ENCODING}, such as paper, or '
-            'begin with portable'
+            f'model {loaded.model_id} reads {layout.encoding}, but the rectified units of the layer would cut off '
+            f'negative values, half of all motion; choose a network with encoding: {ENCODING}, such as paper, or '
+            'start from portable'
         )
     if readout.layer is not None:
         raise ModelError(
-            f'model {loaded.model_id} has a calibration layer already; calibrate the model that it was made from, '
+            f'model {loaded.model_id} already has a calibration layer; calibrate the model that it was made from, '
             f'{loaded.card.get("source", {}).get("model_id", "named in its card")}'
         )
     return readout
@@ -150,7 +150,7 @@ def require_presses(presses: Dataset, source: NetworkReadout) -> None:
     """
     if len(presses.presses) < LEAST_PRESSES:
         raise DatasetError(
-            f"the paper's layer needs {LEAST_PRESSES} presses at least (the paper took 800), and there are "
+            f"the paper's layer needs at least {LEAST_PRESSES} presses (the paper used 800), but there are "
             f'{len(presses.presses)}; record more, or calibrate a response model, such as fast, which needs ten'
         )
     bins = source.bins
@@ -158,7 +158,7 @@ def require_presses(presses: Dataset, source: NetworkReadout) -> None:
         if np.ptp(along) < LEAST_SPREAD * width_mm:
             raise DatasetError(
                 f'the presses span {np.ptp(along):.1f} mm along {name} of the {width_mm:.1f} mm of the surface, too '
-                'little to tell how the gels differ elsewhere; press all over the surface'
+                'little to know how the gels differ elsewhere; press all over the surface'
             )
 
 
@@ -207,7 +207,7 @@ def _objection(before: _Scores, after: _Scores, mean: Errors) -> str:
     """Against the network without a layer by the paper's metric, which is what the layer was fitted to."""
     if after.paper.armse_n >= before.paper.armse_n:
         return (
-            f'the calibration would not pay: at places held out the aRMSE is {after.paper.armse_n:.4f} N with it, '
+            f'the calibration would not help: at held-out places the aRMSE is {after.paper.armse_n:.4f} N with it, '
             f'{before.paper.armse_n:.4f} N without'
         )
     return objection('calibration', after.errors, None, mean)

@@ -23,7 +23,7 @@ def write_profile(chosen: Tried, output: Path, command: str, presses: RecordedPr
         DatasetError: the data set cannot be written.
     """
     if output.suffix != '.safetensors':
-        raise ConfigurationError(f'a model file ends in .safetensors, got {output}')
+        raise ConfigurationError(f'the name of a model file must end in .safetensors, got {output}')
     config = replace(chosen.config, output=output)
     files = [output, output.with_suffix('.yaml')]
     if presses is not None:

@@ -94,7 +94,7 @@ class Wish:
 
     def __post_init__(self) -> None:
         if self.max_error is None and self.max_ms is None:
-            raise ConfigurationError('say what is wished for: --max-error, --max-ms, or both')
+            raise ConfigurationError('give a limit: --max-error, --max-ms, or both')
         if any(each is not None and not each > 0 for each in (self.max_error, self.max_ms)):
             raise ConfigurationError('--max-error and --max-ms must be above 0')
         if self.metric not in METRICS:
@@ -142,7 +142,7 @@ class SimulatedSource:
     def __init__(self, base: TrainConfig) -> None:
         if base.data.file:
             raise ConfigurationError(
-                'a data set holds features of one flow and one grid, not images, so nothing can be tuned with it; name '
+                'a data set holds features of one flow and one grid, not images, so it cannot be used for tuning; name '
                 'the bags that it was built from, or a run of simulated presses'
             )
         self._base = base
@@ -230,8 +230,8 @@ def chosen_place(front: Sequence[Tried], wish: Wish) -> int:
             return fast[-1]
         best = front[0]
     raise ConfigurationError(
-        f'no candidate meets the wish; the closest is {best.candidate.name}, with {wish.metric} '
-        f'{best.error(wish.metric):.4f} at {best.ms:.2f} ms a frame: wish for less, or give more presses to learn from'
+        f'no candidate meets the limits; the closest is {best.candidate.name}, with {wish.metric} '
+        f'{best.error(wish.metric):.4f} at {best.ms:.2f} ms a frame: relax them, or give more presses to train on'
     )
 
 

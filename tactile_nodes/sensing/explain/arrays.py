@@ -157,7 +157,7 @@ def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: B
     if likeness is None:
         raise KeyError('likeness.directions')
     if said.get('power', 1) != 1:
-        raise ValueError('a response over another power of the force is read no longer; train it again')
+        raise ValueError('a response over another power of the force is no longer supported; train it again')
     return ResponseReadout(
         _scaling(arrays, said),
         likeness,
@@ -254,7 +254,7 @@ def _require_within(said: Mapping[str, Any]) -> None:
     for name in RANGES.keys() & said.keys():
         low, high = RANGES[name]
         if not low <= said[name] <= high:
-            raise ValueError(f'{name} is {said[name]!r:.40}, and not from {low:g} to {high:g}')
+            raise ValueError(f'{name} is {said[name]!r:.40}, but must be from {low:g} to {high:g}')
 
 
 def _calibration(said: Mapping[str, Any]) -> Calibration:

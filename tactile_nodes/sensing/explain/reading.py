@@ -137,8 +137,8 @@ def require_central(bins: BinGrid) -> None:
     """Refuse bins that a readout of tips cannot tell forces on. Raises ModelError."""
     if bins.centre_mm != (0.0, 0.0):
         raise ModelError(
-            f'what reads tips alone tells forces on bins about the middle of the surface, and these are about '
-            f'{bins.centre_mm} mm; set bins.centre_mm to 0, or use a model of any contact (field)'
+            f'a model for tips only supports bins centred on the surface, but these are centred at {bins.centre_mm} '
+            'mm; set bins.centre_mm to 0, or use a model for any contact (field)'
         )
 
 

@@ -31,7 +31,7 @@ class SplineAxis:
 
     def __post_init__(self) -> None:
         if not (-math.inf < self.low < self.high < math.inf and self.intervals >= 1):
-            raise ValueError(f'no axis goes from {self.low} to {self.high} in {self.intervals} intervals')
+            raise ValueError(f'an axis cannot go from {self.low} to {self.high} in {self.intervals} intervals')
 
     @property
     def count(self) -> int:

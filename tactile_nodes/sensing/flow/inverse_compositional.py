@@ -117,7 +117,7 @@ class InverseCompositionalFlow:
         if min(height, width) < SMALLEST_PX:
             raise ImageError(
                 f'finest_scale {options.finest_scale} leaves {width}x{height} of {image.shape[1]}x{image.shape[0]} '
-                'pixels, too few to measure motion by; choose a smaller finest_scale'
+                'pixels, too few to measure motion; choose a smaller finest_scale'
             )
         side = round(options.window * max(height / options.rows, width / options.cols))
         self._templates = Templates(

@@ -182,7 +182,7 @@ def require_like(reference: np.ndarray | None, image: np.ndarray) -> np.ndarray:
         raise ImageError('optical flow has no rest image to compare with; capture one with nothing touching the gel')
     if image.shape != reference.shape:
         raise ImageError(
-            f'the image has {image.shape[1]}x{image.shape[0]} pixels and the rest image '
+            f'the image has {image.shape[1]}x{image.shape[0]} pixels but the rest image '
             f'{reference.shape[1]}x{reference.shape[0]}; capture the rest image again with the present camera settings'
         )
     return reference
@@ -215,7 +215,7 @@ def require_covered(method: str, covered: tuple[int, ...], rows: int, cols: int)
     """Raise ConfigurationError if one of the regions that are covered is none of rows x cols."""
     if beyond := [each for each in covered if not 0 <= each < rows * cols]:
         raise ConfigurationError(
-            f"option 'covered' of {method!r} names region {beyond[0]}, and there are {rows}x{cols}"
+            f"option 'covered' of {method!r} names region {beyond[0]}, but there are only {rows}x{cols}"
         )
 
 

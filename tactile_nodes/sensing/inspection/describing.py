@@ -79,7 +79,7 @@ class Understood:
     @property
     def told(self) -> str:
         """In words."""
-        share = f'{100 * self.covered.mean():.0f} % of the picture look covered'
+        share = f'{100 * self.covered.mean():.0f} % of the image look covered'
         if self.dots is None:
             return f'texture, no dots in rows and columns; {share}'
         tone = 'dark' if self.dots.dark else 'bright'
@@ -98,13 +98,13 @@ def understood(picture: UInt8[np.ndarray, 'h w'], pattern: str = 'auto') -> Unde
     dots = None if pattern == 'spheres' else find_dots(picture)
     if pattern == 'dots' and dots is None:
         raise ConfigurationError(
-            'the picture shows no dots in rows and columns; check light and focus, or leave the pattern to be found'
+            'the image shows no dots in rows and columns; check light and focus, or do not give a pattern'
         )
     covered = looks_covered(picture, dots)
     if covered.mean() < LEAST_COVERED:
         covered = np.zeros_like(covered)
     if covered.all():
-        raise ConfigurationError('the whole picture looks covered; check light and focus, or give the mask yourself')
+        raise ConfigurationError('the whole image looks covered; check light and focus, or give a mask')
     return Understood(picture, dots, covered)
 
 
@@ -159,13 +159,13 @@ def _scale(seen: Understood, answers: Answers) -> float:
     by_width = seen.picture.shape[1] / answers.width_mm if answers.width_mm else 0.0
     by_pitch = seen.dots.pitch_px / answers.pitch_mm if seen.dots and answers.pitch_mm else 0.0
     if answers.pitch_mm and not by_pitch:
-        raise ConfigurationError('the picture shows no dots in rows and columns, whose pitch was given; leave it out')
+        raise ConfigurationError('a pitch was given, but the image shows no dots in rows and columns; leave it out')
     if not (by_width or by_pitch):
-        raise ConfigurationError('nothing says how large the gel is in the picture; give the width that is seen')
+        raise ConfigurationError('the size of the gel in the image is unknown; give the width that is seen')
     if by_width and by_pitch and abs(by_width / by_pitch - 1) > SAME:
         raise ConfigurationError(
-            f'{answers.width_mm:g} mm across the picture are {by_width:.1f} px a millimetre, and dots '
-            f'{answers.pitch_mm:g} mm apart {by_pitch:.1f}; check both, or leave one out'
+            f'the given width of {answers.width_mm:g} mm means {by_width:.1f} px per mm, but the given pitch of '
+            f'{answers.pitch_mm:g} mm means {by_pitch:.1f}; check both, or leave one out'
         )
     return by_pitch or by_width
 
@@ -202,7 +202,7 @@ def _distance(answers: Answers, px_per_mm: float, middle_mm: float, width_px: in
     found = focal_px / px_per_mm + middle_mm
     if answers.distance_mm and abs(answers.distance_mm / found - 1) > 2 * SAME:
         raise ConfigurationError(
-            f'by its calibration and the width that is seen the lens is {found:.1f} mm away, and '
+            f'from its calibration and the width that is seen, the lens is {found:.1f} mm away, but '
             f'{answers.distance_mm:g} mm were given; check both, or leave one out'
         )
     return found

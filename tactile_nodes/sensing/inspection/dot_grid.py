@@ -30,8 +30,8 @@ NEAR = 0.2
 
 PITCH_HELP = 'check pattern.pitch_mm, camera.position_mm and its focal length'
 NO_GRID = (
-    '; a description holds rows and columns at right angles alone, as far apart along one as along the other, and '
-    'nearly along the sides of the picture'
+    '; a description supports rows and columns at right angles only, with equal distances, and nearly parallel to '
+    'the sides of the image'
 )
 
 
@@ -45,9 +45,9 @@ def dot_findings(view: View, dots: Dots | None, wanted: int) -> Sequence[Finding
         )
         return (Finding('dots', BAD, told),)
     if dots.dark != pattern.dark:
-        told = f'dots are {tone(dots.dark)}, and the description says {tone(pattern.dark)}: set pattern.dark'
+        told = f'dots are {tone(dots.dark)}, but the description says {tone(pattern.dark)}: set pattern.dark'
         return (Finding('dots', BAD, told),)
-    found = f'{len(dots)} {tone(pattern.dark)} dots found, {wanted} described within the picture'
+    found = f'{len(dots)} {tone(pattern.dark)} dots found, {wanted} described within the image'
     if fault := _no_grid(view, dots):
         return (Finding('dots', BAD, f'{found}: {fault}{NO_GRID}'),)
     return _count(found, len(dots), wanted), _pitch(view, dots), _place(view, dots)
@@ -64,16 +64,14 @@ def _no_grid(view: View, dots: Dots) -> str:
     """Why dots are in no rows and columns at right angles with one pitch; empty if they are."""
     between = _between(dots)
     if between > BETWEEN:
-        return (
-            f'{100 * between:.0f} % of them lie in the middle of four others, so they are staggered or in diagonal rows'
-        )
+        return f'{100 * between:.0f} % of them lie in the middle of four others: they are staggered or in diagonal rows'
     across, down = (np.hypot(*each) for each in _steps_mm(view, dots))
     if not 1 / (1 + UNLIKE) < across / down < 1 + UNLIKE:
         return f'they are {across:.2f} mm apart along rows and {down:.2f} mm along columns'
     (x, y), (u, v) = _steps_mm(view, dots)
     askew = math.degrees(math.asin(float((x * u + y * v) / (across * down))))
     if abs(askew) > ASKEW_DEG:
-        return f'their columns lean by {abs(askew):.0f} degrees beside their rows'
+        return f'their columns are {abs(askew):.0f} degrees off a right angle to their rows'
     return ''
 
 
@@ -112,8 +110,8 @@ def _place(view: View, dots: Dots) -> Finding:
     x, y = dot_place_mm(view, dots.centres_px)
     aside = np.array([x, y]) - pattern.dot_mm
     away = float(np.hypot(*(aside - pattern.pitch_mm * np.rint(aside / pattern.pitch_mm))))
-    told = f'dots lie {away:.1f} mm beside those described'
+    told = f'dots are {away:.1f} mm off the described positions'
     if away <= ASIDE * pattern.pitch_mm:
         return Finding('place', OK, told)
-    told += f', so forces are told in the wrong places: set pattern.dot_mm to [{x:.1f}, {y:.1f}]'
+    told += f', so forces are reported at the wrong places: set pattern.dot_mm to [{x:.1f}, {y:.1f}]'
     return Finding('place', LOOK, told)

@@ -65,7 +65,7 @@ class Inspection:
         for name, picture in pictures.items():
             if picture.shape != (image.height, image.width):
                 raise ConfigurationError(
-                    f'{name} has {picture.shape[1]}x{picture.shape[0]} pixels, and image of {sensor.name} says '
+                    f'{name} has {picture.shape[1]}x{picture.shape[0]} pixels, but image of {sensor.name} says '
                     f'{image.width}x{image.height}; set the camera to that size, or change image.width and image.height'
                 )
         crop = Crop.centred(image.width, image.height, *image.crop_px)
@@ -128,7 +128,7 @@ class Inspection:
     def _size(self) -> Finding:
         image, (width, height) = self.sensor.image, self.sensor.image.crop_px
         count = len(self.pictures)
-        told = f'{count} picture{"s" * (count > 1)} of {image.width}x{image.height}, of which {width}x{height} are used'
+        told = f'{count} image{"s" * (count > 1)} of {image.width}x{image.height}, of which {width}x{height} are used'
         return Finding('size', OK, told)
 
     def _frame(self) -> Finding:
@@ -140,17 +140,17 @@ class Inspection:
         burnt = float((self.rest[self.gel] == 255).mean()) if self.gel.any() else 0.0
         levels = [each.level for each in faults]
         flicker = max(levels) / max(min(levels), 1.0) - 1
-        told = f'brightest parts at {bright:.0f} of 255, {percent(burnt)} of the gel burnt out'
+        told = f'brightest parts at {bright:.0f} of 255, {percent(burnt)} of the gel overexposed'
         if any(each.dark for each in faults):
-            return Finding('light', BAD, f'{told}; a picture is black: switch on the light or uncover the lens')
+            return Finding('light', BAD, f'{told}; an image is black: switch on the light or uncover the lens')
         if any(each.saturated for each in faults):
             return Finding('light', BAD, f'{told}; lower the exposure, the gain or the light')
         if bright < DIM_GREY:
             return Finding('light', LOOK, f'{told}; raise the exposure or the light')
         if burnt > BURNT_SHARE:
-            return Finding('light', LOOK, f'{told}; lower the exposure, or mask what reflects')
+            return Finding('light', LOOK, f'{told}; lower the exposure, or mask reflecting parts')
         if flicker > FLICKER:
-            told += f'; it differs by {percent(flicker)} between pictures: fix exposure and gain'
+            told += f'; it differs by {percent(flicker)} between images: set exposure and gain to fixed values'
             return Finding('light', LOOK, told)
         return Finding('light', OK, told)
 
@@ -158,7 +158,7 @@ class Inspection:
         if self.sensor.pattern.kind == 'dots':
             return dot_findings(self.regions.view, self.dots, len(self.expected_dots))
         if self.dots is not None:
-            told = f'{len(self.dots)} dots in rows and columns, and the description says spheres: set pattern.kind'
+            told = f'{len(self.dots)} dots in rows and columns, but the description says spheres: set pattern.kind'
             return (Finding('pattern', BAD, told),)
         inside = self._per_region(self._markers.peaks)[self.regions.usable]
         return (self._markers.pattern(int(np.median(inside)) if inside.size else 0),)
@@ -177,15 +177,15 @@ class Inspection:
             return self._markers.focus() if self.gel.any() else None
         if self.dots is None:
             return None
-        told = f'edges of dots are blurred by {self.dots.edge_px:.1f} px (standard deviation)'
+        told = f'edges of dots have a blur of {self.dots.edge_px:.1f} px (standard deviation)'
         if self.dots.edge_px < LEAST_EDGE_PX:
             return Finding('focus', OK, told)
-        return Finding('focus', LOOK, f'{told}; turn the lens until they are narrowest')
+        return Finding('focus', LOOK, f'{told}; turn the lens until the edges are sharpest')
 
     def _shown(self) -> Finding:
         """How much of the gel the picture shows, and whether it goes on beyond its rim."""
         share = self._shown_share
-        told = f'{percent(share)} of the described gel are seen'
+        told = f'{percent(share)} of the described gel are visible'
         if self.sensor.pattern.kind == 'spheres' and self.dots is None and (more := self._markers.beyond()):
             return Finding('gel', BAD if self._markers.much_beyond else LOOK, f'{told}, and {more}')
         if share < LITTLE_SEEN:
@@ -209,13 +209,13 @@ class Inspection:
         share = float(self.marked[usable].mean()) if usable.any() else 0.0
         sure = float(np.median(self._confidence[usable])) if usable.any() else 0.0
         told = (
-            f'{usable.sum()} of {usable.size} see the gel and nothing else, {percent(share)} of them a pattern to '
-            f'measure by (confidence {sure:.2f}, median)'
+            f'{usable.sum()} of {usable.size} see only the gel, {percent(share)} of them a pattern that can be '
+            f'measured (confidence {sure:.2f}, median)'
         )
         if share < MARKED or self._measured.mean() < LEAST_SEEN:
             told += (
-                '; that is too little to tell forces by: a gel without marks shows no motion, so print dots or spray '
-                'speckle on it; if it has marks, look at light, focus and mask'
+                '; that is too little to estimate forces: a gel without marks shows no motion, so print dots or spray '
+                'speckle on it; if it has marks, check light, focus and mask'
             )
             return Finding('regions', BAD, told)
         if refused := self._refused():
@@ -235,7 +235,7 @@ class Inspection:
 
     def _mask(self) -> Finding:
         covered, more = float(self.sensor.covered.mean()), float(self.unmasked.mean())
-        told = f'the mask covers {percent(covered)} of the picture'
+        told = f'the mask covers {percent(covered)} of the image'
         if more > UNMASKED:
             told += f', and {percent(more)} more look covered (red in the figure): mask them'
         return Finding('mask', LOOK if more > UNMASKED else OK, told)
@@ -248,8 +248,8 @@ class Inspection:
         noise_px = self.noise_px[usable]
         middle, most = float(np.median(noise_px)), float(np.percentile(noise_px, 95))
         told = (
-            f'regions seem to move by {middle:.3f} px (median; 95 % less than {most:.3f}) from picture to picture, '
-            f'which is {1000 * middle / self.regions.view.px_per_mm:.1f} um of the gel'
+            f'regions seem to move by {middle:.3f} px (median; 95 % less than {most:.3f}) from image to image, '
+            f'which is {1000 * middle / self.regions.view.px_per_mm:.1f} um on the gel'
         )
         first, still = self._alike
         if not still.all():
@@ -262,8 +262,8 @@ class Inspection:
         """What to do about pictures that differ; which of the two kinds is untouched no picture says."""
         others = np.flatnonzero(~still)
         return (
-            f'{len(others)} of {len(still)} pictures, as {self._names[others[0]]}, differ in places from the others, '
-            'whose noise this is: something touches in some; only untouched pictures serve, so give those alone'
+            f'{len(others)} of {len(still)} images, such as {self._names[others[0]]}, differ from the others by more '
+            'than noise: something touches the gel in some of them; give images of the untouched gel only'
         )
 
     @cached_property

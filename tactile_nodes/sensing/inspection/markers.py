@@ -57,16 +57,16 @@ class Markers:
         """Whether tone and number are as described, and enough for regions that have so many each."""
         pattern = self.view.sensor.pattern
         if not self.gel.any():
-            return Finding('pattern', BAD, f'no gel is seen: {CHECK}')
+            return Finding('pattern', BAD, f'no gel is visible: {CHECK}')
         skew = self._skewness
         if abs(skew) > CLEAR and (skew < 0) != pattern.dark:
-            told = f'markers are {tone(skew < 0)}, and the description says {tone(pattern.dark)}: set pattern.dark'
+            told = f'markers are {tone(skew < 0)}, but the description says {tone(pattern.dark)}: set pattern.dark'
             return Finding('pattern', BAD, told)
         per_mm2, found = self.view.px_per_mm**2, float(self.peaks[self.gel].mean())
         expected = self._expected
         told = (
-            f'{in_region} markers a region (median), {found * per_mm2:.3g} a mm² found and {expected * per_mm2:.3g} '
-            'expected of those described'
+            f'{in_region} markers per region (median), {found * per_mm2:.3g} per mm² found and '
+            f'{expected * per_mm2:.3g} expected from the description'
         )
         times = max(found, 1e-9) / expected
         if in_region < 1 or not 1 / WHOLLY_OTHER < times < WHOLLY_OTHER:
@@ -80,7 +80,7 @@ class Markers:
         wide, sharp = mark_px(self.rest, self.gel), self._sharp_px
         told = f'marks are {wide:.1f} px wide (standard deviation), {sharp:.1f} where they are sharp'
         if wide < NARROW * sharp:
-            return Finding('focus', LOOK, f'{told}; smaller ones are seen than are described: {CHECK}')
+            return Finding('focus', LOOK, f'{told}, smaller than described: {CHECK}')
         if wide > BLURRED * sharp:
             return Finding('focus', LOOK, f'{told}; turn the lens until they are narrowest, or {CHECK}')
         return Finding('focus', OK, told)
@@ -92,7 +92,7 @@ class Markers:
             return ''
         if self.peaks[self.beside].mean() < AS_MANY * self.peaks[self.gel].mean():
             return ''
-        return f'{percent(share)} of the picture show the pattern beside the described gel: {CHECK}'
+        return f'{percent(share)} of the image show the pattern outside the described gel: {CHECK}'
 
     @property
     def much_beyond(self) -> bool:

@@ -206,8 +206,8 @@ class DriftMonitor:
         """
         if (steady := self._scale.steady_n) is None:
             raise ConfigurationError(
-                'nothing has rested on the gel steadily for the last second, or the frames were not in order; put the '
-                'weight down gently, wait two seconds and ask again'
+                'the load on the gel was not steady for the last second, or the frames were not ok; put the '
+                'weight down gently, wait two seconds and try again'
             )
         (mean_n, spread_n), weight_n = steady, weight_g * 1e-3 * STANDARD_GRAVITY
         self._take(ForceRatio(mean_n / weight_n, spread_n / mean_n, 1))

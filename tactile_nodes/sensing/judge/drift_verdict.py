@@ -70,12 +70,12 @@ class Verdict:
     def text(self) -> str:
         """In one line, the level first."""
         if self.uncalibrated:
-            return 'not calibrated: the model follows from a description; calibrate it with a few known forces'
+            return 'not calibrated: the model was made from a description; calibrate it with a few known forces'
         return ': '.join(each for each in (self.level.name.lower(), '; '.join(self.sentences)) if each)
 
     def _picture_moved(self) -> str:
         return (
-            f'the picture moved by {self.moved_px:.2g} px since the rest image was captured; fasten the camera and '
+            f'the image moved by {self.moved_px:.2g} px since the rest image was captured; fasten the camera and '
             'capture the rest image again with nothing on the gel'
         )
 
@@ -84,21 +84,21 @@ class Verdict:
         assert change is not None
         right, down = change.shift_px
         return (
-            f'the rest image lies {change.size_px:.2g} px off that of the calibration (right {right:+.2f}, down '
+            f'the rest image is {change.size_px:.2g} px off that of the calibration (right {right:+.2f}, down '
             f'{down:+.2f} px, turned {change.turn_deg:+.2f} degrees, scaled by {1 + change.growth:.4f}); put the '
             'camera back or calibrate again'
         )
 
     def _light(self) -> str:
         contrast = math.nan if self.since_rest is None else self.since_rest.contrast
-        return f'markers have {contrast:.0%} of the contrast that they had in the rest image; mend the light'
+        return f'markers have {contrast:.0%} of the contrast that they had in the rest image; check the light'
 
     def _lost_regions(self) -> str:
-        return f'{self.lost:.0%} of the picture shows no markers any more; clean the lens, look at the gel for damage'
+        return f'{self.lost:.0%} of the image no longer shows markers; clean the lens, check the gel for damage'
 
     def _other_gel(self) -> str:
         against = 'calibration' if self.other_since_calibration else 'rest image'
-        return f'the markers are not those of the {against}; put the right gel in, or calibrate for this one'
+        return f'the markers differ from those of the {against}; put the right gel in, or calibrate this one'
 
     def _unlike_contacts(self) -> str:
         return (
@@ -109,13 +109,13 @@ class Verdict:
     def _force_ratio(self) -> str:
         assert self.ratio is not None
         return (
-            f'the gel reads {self.ratio.ratio:.3f} +- {self.ratio.sigma:.3f} of the independent force; it is harder or '
-            'softer than when it was calibrated, so calibrate again'
+            f'the gel reads {self.ratio.ratio:.3f} +- {self.ratio.sigma:.3f} of the independent force; its stiffness '
+            'changed since the calibration, so calibrate again'
         )
 
     def _dented_rest(self) -> str:
         assert self.since_calibration is not None
         return (
-            f'parts of the rest image lie {self.since_calibration.left_px:.2g} px from where the calibration had them; '
-            'capture it again with nothing on the gel, and if that does not help calibrate again'
+            f'parts of the rest image moved by {self.since_calibration.left_px:.2g} px since the calibration; capture '
+            'it again with nothing on the gel, and calibrate again if that does not help'
         )

@@ -104,9 +104,7 @@ class PictureComparison:
         assert itself is not None
         self._known = itself >= FOUND
         if self._known.mean() < LEAST_FOUND:
-            raise ImageError(
-                f'only {self._known.mean():.0%} of the rest image shows a pattern to compare by; check light and focus'
-            )
+            raise ImageError(f'only {self._known.mean():.0%} of the rest image shows a pattern; check light and focus')
         self._contrast, self._brightness = _contrast(earlier), max(float(earlier.mean()), 1.0)
         self._places = _places(earlier.shape)[self._known]
         self._fit = MotionFit(earlier.shape, PATCHES, PATCHES)
@@ -119,7 +117,7 @@ class PictureComparison:
         """
         if picture.shape != self._shape:
             raise ImageError(
-                f'a picture of {picture.shape[1]}x{picture.shape[0]} pixels cannot be compared with one of '
+                f'an image of {picture.shape[1]}x{picture.shape[0]} pixels cannot be compared with one of '
                 f'{self._shape[1]}x{self._shape[0]}; set camera and crop as they were'
             )
         field = self._flow.displacement(picture)

@@ -73,8 +73,8 @@ def require_rest_image(
     require_picture(image)
     if (share := float((confidence >= 0.5).mean())) < marked_share:
         raise ImageError(
-            f'the rest image shows markers in {share:.0%} of its regions, too few to measure by; '
-            'check focus, light and that the camera looks at the gel, then capture it again'
+            f'the rest image shows markers in only {share:.0%} of its regions, too few to measure motion; '
+            'check focus and light and that the camera sees the gel, then capture it again'
         )
 
 

@@ -325,5 +325,5 @@ def _averaging(count: int) -> Float32[np.ndarray, 'blocks blocks']:
 def _require_possible(options: StillnessOptions) -> None:
     if options.blocks < 1 or options.full_every < 1 or not options.limit > 0 or not options.most_noise_grey > 0:
         raise ConfigurationError(
-            f'a look for touches needs at least one block, full_every of at least 1, and limits above 0, got {options}'
+            f'the stillness check needs at least one block, full_every of at least 1, and limits above 0, got {options}'
         )

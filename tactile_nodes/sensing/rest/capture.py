@@ -42,17 +42,17 @@ class RestCapture:
             return ''
         return (
             f'no rest image yet: it takes {self._wanted} frames in a row of the untouched gel, '
-            f'and {self._longest} came; {self._why}. Leave the gel untouched, ask for fewer frames (reference_frames), '
-            'or give a picture of the gel at rest (reference:=file reference_file:=…)'
+            f'but only {self._longest} came; {self._why}. Leave the gel untouched, set fewer frames '
+            '(reference_frames), or give an image of the gel at rest (reference:=file reference_file:=…)'
         )
 
     @property
     def _why(self) -> str:
         if self.touched:
-            return 'something touches the gel now that did not before'
+            return 'something touches the gel now but did not before'
         if self._comes_and_goes:
-            return 'something touches the gel in some frames and not in others (or the camera changes its focus)'
-        return 'the picture goes on changing, as when the camera moves'
+            return 'something touches the gel in some frames but not in others (or the camera changes its focus)'
+        return 'the image keeps changing, as when the camera moves'
 
     def offer(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w'] | None:
         """Take one frame more; the rest image, once it is complete. The capture then begins anew.

@@ -44,7 +44,7 @@ class RestAccumulator:
         if frame.shape != self._sum.shape:
             raise ImageError(
                 f'the frames for the rest image differ in size, {frame.shape[::-1]} after {self._sum.shape[::-1]}; '
-                'leave the camera settings alone while the rest image is captured'
+                'do not change the camera settings while the rest image is captured'
             )
         self._sum += frame
         self.count += 1
@@ -56,7 +56,7 @@ class RestAccumulator:
             ImageError: there is no frame yet.
         """
         if self._sum is None:
-            raise ImageError('there is no frame to make a rest image of; check that the camera delivers images')
+            raise ImageError('there is no frame for a rest image; check that the camera delivers images')
         mean: np.ndarray = ((2 * self._sum + self.count) // (2 * self.count)).astype(np.uint8)
         return mean
 

@@ -99,7 +99,7 @@ class Reason(Enum):
     """Why there is no fit."""
 
     TOO_FEW_EDGES = 'too few edges'
-    AMBIGUOUS = 'several matches are as good as each other'
+    AMBIGUOUS = 'several matches are equally good'
     NO_MATCH = 'no consistent match'
     RESIDUALS = 'residuals too large'
 
@@ -184,8 +184,8 @@ def _laid(lines: Lines, match: Match, limits: SyncLimits, edges: tuple[int, int]
     if abs(line.slope) > limits.max_drift_ppm * 1e-6:
         return Refusal(
             Reason.NO_MATCH,
-            f'the best match of the edges makes the clocks drift by {line.slope * 1e6:+.0f} ppm, more than the '
-            f'{limits.max_drift_ppm:g} ppm that are allowed; check that both lists are of the same run',
+            f'the best match of the edges gives a clock drift of {line.slope * 1e6:+.0f} ppm, but at most '
+            f'{limits.max_drift_ppm:g} ppm are allowed; check that both lists are of the same run',
         )
     bound_s = line.bound(x, y, lines.device_s[[0, -1]], FINEST_S)
     if (trouble := _trouble(line, x, line.residual(x, y), bound_s, limits.required_s)) is not None:
@@ -215,19 +215,19 @@ def _trouble(
     if (share := float(line.inlier.mean())) < ENOUGH_INLIERS:
         return Refusal(
             Reason.RESIDUALS,
-            f'only {share:.0%} of the matched edges lie on one line; look for a recorder that stamps unevenly',
+            f'only {share:.0%} of the matched edges lie on one line; check for a recorder with irregular stamps',
         )
     if bound_s > required_s:
         return Refusal(
             Reason.RESIDUALS,
-            f'{int(line.inlier.sum())} edges give the time to {bound_s * 1e3:.2f} ms only, {required_s * 1e3:g} ms are '
-            'required; record more edges over the whole run, or with less jitter',
+            f'{int(line.inlier.sum())} edges give the time only to {bound_s * 1e3:.2f} ms, but {required_s * 1e3:g} ms '
+            'are required; record more edges over the whole run, or with less jitter',
         )
     bend_s = bend(x[line.inlier], residual[line.inlier])
     if bend_s > required_s:
         return Refusal(
             Reason.RESIDUALS,
-            f'one of the clocks did not run evenly: parts of the run are off the line by {bend_s * 1e3:.2f} ms; '
+            f'one of the clocks changed its rate: parts of the run are {bend_s * 1e3:.2f} ms off the line; '
             'synchronise shorter parts',
         )
     return None
@@ -243,7 +243,7 @@ def _too_few(count: int, fewest: int) -> Refusal:
 def _no_match(matched: int, device: int, host: int) -> Refusal:
     return Refusal(
         Reason.NO_MATCH,
-        f'only {matched} of {device} and {host} edges fit together; check that both recorders saw the same line in '
+        f'only {matched} of {device} and {host} edges match; check that both recorders saw the same line in '
         'the same run, and that the limits of offset, drift and jitter are right',
     )
 
@@ -251,6 +251,6 @@ def _no_match(matched: int, device: int, host: int) -> Refusal:
 def _ambiguous(best: Match, rival: Match, apart_s: float) -> Refusal:
     return Refusal(
         Reason.AMBIGUOUS,
-        f'the edges fit together in several ways ({len(best.device)} of them, or {len(rival.device)} shifted by '
+        f'the edges match in several ways ({len(best.device)} of them, or {len(rival.device)} shifted by '
         f'{apart_s:.3f} s); switch the line at irregular times, or limit the offset',
     )

@@ -125,7 +125,7 @@ def test_presses_that_are_told_rightly_calibrate_their_model(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert calibrated(folder / 'presses.csv', tmp_path / 'mine.safetensors') == 0
-    assert 'look at line' not in capsys.readouterr().out
+    assert 'check line' not in capsys.readouterr().out
     assert imported(folder / 'presses.csv', tmp_path / 'mine.npz') == 0
 
 
@@ -133,11 +133,11 @@ def test_presses_that_are_told_rightly_calibrate_their_model(
 @pytest.mark.parametrize(
     ('change', 'said'),
     [
-        (exchanged, 'x and y are exchanged'),
-        (turned(1), 'the pictures move the other way along x than is told'),
-        (turned(2), 'the pictures move the other way along y than is told'),
-        (slipped(0, 5), 'the pictures do not move where the table says'),
-        (slipped(3, 6), 'the pictures do not move more where more force is told'),
+        (exchanged, 'x and y are swapped'),
+        (turned(1), 'the images move along x in the opposite direction'),
+        (turned(2), 'the images move along y in the opposite direction'),
+        (slipped(0, 5), 'the images do not move at the places given in the table'),
+        (slipped(3, 6), 'the images do not move more when the given force is larger'),
     ],
 )
 def test_both_commands_refuse_a_table_that_contradicts_its_pictures(
@@ -146,7 +146,7 @@ def test_both_commands_refuse_a_table_that_contradicts_its_pictures(
 ) -> None:  # fmt: skip
     table, output = edited(folder, change), tmp_path / 'made'
     assert command(table, output) == 1
-    assert said in (told := capsys.readouterr().err) and '--force takes the table as it is' in told
+    assert said in (told := capsys.readouterr().err) and '--force uses the table as it is' in told
     assert not output.exists()
 
 
@@ -159,7 +159,7 @@ def test_forces_told_alike_of_presses_that_differ_calibrate_no_model(
 
     assert calibrated(edited(folder, change), tmp_path / 'mine.safetensors') == 1
     assert not (tmp_path / 'mine.safetensors').exists()
-    assert 'the pictures show forces that differ by' in capsys.readouterr().err
+    assert 'the images show forces that differ by' in capsys.readouterr().err
 
 
 def in_unit(rows: list[Row]) -> None:
@@ -176,7 +176,7 @@ def test_grams_under_a_header_of_another_unit_are_refused(
     table = edited(folder, in_unit, HEADER.replace('force_g', f'force_{unit}'))
     assert command(table, tmp_path / 'made') == 1
     told = capsys.readouterr().err
-    found = re.search(r'forces are about (\S+) times what the description lets expect: check the unit', told)
+    found = re.search(r'forces are about (\S+) times those expected from the description: check the unit', told)
     assert found and least < float(found[1]) < most
     if command is imported:
         assert command(table, tmp_path / 'made', '--force') == 0
@@ -188,7 +188,7 @@ def test_a_description_alone_tells_which_forces_to_expect(
     table = edited(folder, in_unit, HEADER.replace('force_g', 'force_mn'))
     words = ['dataset', 'import', str(table), '-o', str(tmp_path / 'x.npz'), '--sensor', str(folder / 'sensor.yaml')]
     assert main(words) == 1
-    assert 'times what the description lets expect' in capsys.readouterr().err
+    assert 'times those expected from the description' in capsys.readouterr().err
 
 
 def scaled(by: float) -> Change:
@@ -214,7 +214,7 @@ def test_a_calibration_that_makes_the_camera_another_one_is_no_calibration(
     """Places told 1 / 1.35 times as far out, which is within what pictures tell by themselves: a longer lens."""
     table, output = edited(folder, scaled(1 / 1.35)), tmp_path / 'mine.safetensors'
     assert calibrated(table, output) == 1
-    assert 'the focal length of the camera is +' in capsys.readouterr().err and not output.exists()
+    assert 'the focal length of the camera differs by +' in capsys.readouterr().err and not output.exists()
     assert calibrated(table, output, '--force') == 0
     assert 'written by --force: ' in capsys.readouterr().out
 
@@ -236,7 +236,7 @@ def test_one_picture_that_is_told_twice_is_refused_with_both_lines(
     table = edited(folder, appended(['press2.png', '3.0', '-6.5', '1', 'ball:0.6']))
     assert command(table, tmp_path / 'made') == 1
     told = capsys.readouterr().err
-    assert 'edited.csv, line 18 has the picture of line 8, and tells 0.00981 N at 3, -6.5 mm where that tells ' in told
+    assert 'edited.csv, line 18 has the image of line 8, but gives 0.00981 N at 3, -6.5 mm instead of ' in told
 
 
 @pytest.mark.parametrize('command', [calibrated, imported])
@@ -248,7 +248,7 @@ def test_a_press_that_is_told_to_be_the_untouched_gel_is_refused_with_both_lines
 
     assert command(edited(folder, change), tmp_path / 'made') == 1
     told = capsys.readouterr().err
-    assert re.search(r'line (6 has the picture of line 3|3 has the picture of line 6), and tells .*gel untouched', told)
+    assert re.search(r'line (6 has the image of line 3|3 has the image of line 6), but gives .*gel untouched', told)
 
 
 def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
@@ -259,8 +259,8 @@ def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
     words = ['--model', str(folder / 'described.safetensors'), '-o', str(tmp_path / 'both.npz')]
     assert main(['dataset', 'import', str(folder / 'presses.csv'), str(other), *words]) == 0
     told = ' '.join(capsys.readouterr().out.split())
-    assert f'other.csv, line 6 has the picture of line 9 of {folder / "presses.csv"} again; 2 more rows' in told
-    assert 'has the picture of line 2' not in told
+    assert f'other.csv, line 6 has the image of line 9 of {folder / "presses.csv"} again; 2 more rows' in told
+    assert 'has the image of line 2' not in told
 
 
 @pytest.mark.parametrize('command', [calibrated, imported])
@@ -276,9 +276,9 @@ def test_both_commands_name_rows_in_doubt_and_take_the_table(
 
     command(edited(folder, change), tmp_path / 'made')
     told = ' '.join(capsys.readouterr().out.split())
-    assert f'look at line {RESTS + 2}, {RESTS + 3}: the picture moves elsewhere than is told' in told
-    assert 'edited.csv, line 17 has the picture of line 8 again' in told
-    assert 'look at line 4: the gel untouched is told, and the picture moves as under a press' in told
+    assert f'check line {RESTS + 2}, {RESTS + 3}: the image does not move at the given place' in told
+    assert 'edited.csv, line 17 has the image of line 8 again' in told
+    assert 'check line 4: it says that the gel is untouched, but the image moves as under a press' in told
 
 
 def test_a_place_beside_what_the_camera_sees_is_a_fault_of_its_line(tmp_path: Path) -> None:
@@ -291,7 +291,7 @@ def test_a_place_beside_what_the_camera_sees_is_a_fault_of_its_line(tmp_path: Pa
     read = read_table(written(tmp_path / 'table.csv', [['a.png', x, '1', '5', ''] for x in ('6', '-9.5', '', '9.5')]))
     faults = read.faults
     require_seen(read.rows, sensor, faults)
-    with pytest.raises(DatasetError, match=r'line 3: -9.5, 1 mm lies outside of what the camera sees.*: line 5$'):
+    with pytest.raises(DatasetError, match=r'line 3: -9.5, 1 mm lies outside the view of the camera.*: line 5$'):
         faults.require_none()
 
 
@@ -305,7 +305,7 @@ def test_pictures_of_another_size_than_described_are_refused_with_their_line(
     for name in ('presses.csv', 'described.safetensors'):
         (half / name).write_bytes((folder / name).read_bytes())
     assert calibrated(half / 'presses.csv', tmp_path / 'mine.safetensors') == 1
-    said = 'line 2: picture rest0.png has 160x120 pixels, and the description of the sensor 320x240'
+    said = 'line 2: image rest0.png has 160x120 pixels, but the description of the sensor has 320x240'
     assert said in capsys.readouterr().err
 
 
@@ -323,5 +323,5 @@ def test_what_is_cut_and_another_tip_than_the_model_knows_are_told(
         cv2.imwrite(str(tmp_path / file.name), cv2.resize(cv2.imread(str(file)), None, fx=2, fy=2))
     main(['calibrate', '--pictures', str(table), '--model', 'portable', '--gel', 'x', '-o', str(tmp_path / 'mine')])
     told = ' '.join(capsys.readouterr().out.split())
-    assert 'the pictures have 640x480 pixels: the middle 440x440 of each counts' in told
-    assert 'ball:5 pressed, and model' in told and 'knows tips as ball:0.6: a blunter one reads' in told
+    assert 'the images have 640x480 pixels: model' in told and 'uses the middle 440x440 of each' in told
+    assert 'ball:5 pressed, but model' in told and 'was trained with ball:0.6: a blunter tip reads' in told

@@ -86,7 +86,7 @@ def test_pictures_that_calibrated_a_model_do_not_judge_it(folder: Path, capsys: 
     assert main(['dataset', 'import', str(folder / 'some.csv'), '-o', str(presses), *told]) == 0
     capsys.readouterr()
     assert main(['evaluate', str(model), '--dataset', str(presses)]) == 1
-    assert 'was calibrated with 3 of the 3 pictures of presses in this data set' in capsys.readouterr().err
+    assert 'was calibrated with 3 of the 3 images of presses in this data set' in capsys.readouterr().err
     assert main(['evaluate', 'portable', '--dataset', str(presses)]) == 0
 
 
@@ -100,7 +100,7 @@ def test_pictures_beside_numbers_of_others_make_no_model(folder: Path, capsys: p
     assert main(words) == 1
     said = capsys.readouterr()
     assert "force from 'Force [N]' in N" in ' '.join(said.out.split())
-    assert 'the calibration would not pay' in said.err and 'check the places and forces' in said.err
+    assert 'the calibration would not help' in said.err and 'check the given places and forces' in said.err
     assert not output.exists()
 
 
@@ -122,21 +122,21 @@ def test_rows_whose_indenter_is_no_body_are_named(folder: Path, capsys: pytest.C
     words = ['calibrate', '--pictures', str(folder / 'named.csv'), '--model', 'field', '-o', str(folder / 'n.x')]
     assert main(words) == 1
     said = capsys.readouterr().err
-    assert "named.csv, line 4: the indenter 'bal:5' is no body that is known: there is no contact 'bal:5'" in said
+    assert "named.csv, line 4: the indenter 'bal:5' is not a known body: there is no contact 'bal:5'" in said
     assert '1 more cannot be used either: line 5' in said
 
 
 @pytest.mark.parametrize(
     ('lines', 'said'),
     [
-        ([HEADER, 'press0.png,1,2,50'], 'no picture of the gel untouched'),
+        ([HEADER, 'press0.png,1,2,50'], 'no image of the untouched gel'),
         ([HEADER, 'rest0.png,,,none'], 'must be a number'),
         ([HEADER, 'rest0.png,,,-5'], 'must not be negative'),
         ([HEADER, 'rest0.png,40,0,'], 'within 16 mm'),
-        ([HEADER, ',,,0'], 'no picture is named'),
-        ([HEADER, 'rest0.png,,,0'], 'tells no press, all forces are 0'),
+        ([HEADER, ',,,0'], 'no image is named'),
+        ([HEADER, 'rest0.png,,,0'], 'has no press, all forces are 0'),
         ([HEADER, 'rest0.png,,,0', 'press0.png,,,50', 'press1.png,1,2,'], 'line 3: a press needs x, y and .* line 4'),
-        (['time_s,x_mm,y_mm,grams', '0,,,0'], 'names no pictures; make a data set of a video'),
+        (['time_s,x_mm,y_mm,grams', '0,,,0'], 'names no images; make a data set from a video'),
     ],
 )
 def test_a_table_that_cannot_be_meant_is_refused(folder: Path, lines: list[str], said: str) -> None:
@@ -155,14 +155,14 @@ def test_what_a_gauge_shows_of_nothing_is_no_press_where_that_is_said(
     assert main(words) == 1
     assert 'line 2: force_n must not be negative' in (told := capsys.readouterr().err) and '--untouched-below N' in told
     assert main([*words, '--untouched-below', '0.1']) == 1
-    assert 'a calibration needs presses at 5 places at least, and there are 2' in capsys.readouterr().err
+    assert 'a calibration needs presses at least at 5 places, but there are 2' in capsys.readouterr().err
 
 
 def test_a_file_that_is_no_table_is_refused_in_plain_words(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r'^cannot read .*none\.csv \(No such file or directory\); give a table'):
         read(tmp_path / 'none.csv')
     (tmp_path / 'binary.csv').write_bytes(b'\xfa\xfb')
-    with pytest.raises(DatasetError, match='is no table of pictures; its first line names columns, as picture,x_mm'):
+    with pytest.raises(DatasetError, match='not a table of images; its first line must name columns, as in picture'):
         read(tmp_path / 'binary.csv')
 
 
@@ -173,7 +173,7 @@ def test_pictures_may_lie_in_one_folder_beside_their_table(folder: Path, tmp_pat
     shutil.copytree(folder, tmp_path / 'pictures')
     np.testing.assert_array_equal(read(table).rest_image, read(folder / 'gel.csv').rest_image)
     shutil.copytree(folder, tmp_path / 'again')
-    with pytest.raises(DatasetError, match='cannot read the picture'):
+    with pytest.raises(DatasetError, match='cannot read the image'):
         read(table)
 
 
@@ -193,4 +193,4 @@ def test_a_sensor_with_other_bins_is_described_first(folder: Path, capsys: pytes
     words = ['--model', 'field', '--sensor', 'printed_dots', '--gel', 'dots', '-o', str(folder / 'dots.safetensors')]
     assert main(['calibrate', '--pictures', str(folder / 'gel.csv'), *words]) == 1
     said = capsys.readouterr().err
-    assert '5x7 bins over 19x14.6 mm, and forces are told on 9x9 bins over 32x32 mm' in said
+    assert '5x7 bins over 19x14.6 mm, but the model reports forces on 9x9 bins over 32x32 mm' in said

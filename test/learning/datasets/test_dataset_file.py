@@ -106,7 +106,7 @@ def test_what_is_no_data_set_is_refused_with_a_sentence(tmp_path: Path, content:
 def test_a_plain_array_is_refused(tmp_path: Path) -> None:
     with (tmp_path / 'array.npz').open('wb') as opened:
         np.save(opened, np.zeros(3))
-    with pytest.raises(DatasetError, match='no data set'):
+    with pytest.raises(DatasetError, match='not a data set'):
         load_dataset(tmp_path / 'array.npz')
 
 
@@ -120,7 +120,7 @@ def test_values_changed_by_hand_are_noticed(file: Path, tmp_path: Path) -> None:
     with np.load(file, allow_pickle=False) as opened:
         arrays = {name: opened[name] for name in opened.files}
     np.savez(tmp_path / 'better.npz', **{**arrays, 'force_n': arrays['force_n'] * 2})
-    with pytest.raises(DatasetError, match='does not match its fingerprint'):
+    with pytest.raises(DatasetError, match='its fingerprint is wrong'):
         load_dataset(tmp_path / 'better.npz')
 
 
@@ -132,7 +132,7 @@ def test_arrays_that_do_not_go_together_are_refused(presses: RecordedPresses, tm
 
 def test_a_newer_format_is_told(presses: RecordedPresses, tmp_path: Path) -> None:
     save_dataset(tmp_path / 'new.npz', dataclasses.replace(presses, card={**presses.card, 'format_version': 3}))
-    with pytest.raises(DatasetError, match='has version 3, this release reads 1 to 2'):
+    with pytest.raises(DatasetError, match='has version 3, but this release reads 1 to 2'):
         load_dataset(tmp_path / 'new.npz')
 
 

@@ -128,9 +128,9 @@ def test_what_training_put_aside_of_a_grid_is_scored_for_others_too(model: Path,
     assert 'put aside by sample of the paper plan' in own.data
     np.testing.assert_allclose(evaluate_put_aside(model, of=grid).answers.place_mm, own.answers.place_mm)
     other = save(tmp_path / 'other.safetensors', config, {**origin, 'split_id': 'another'}, seed=2)
-    with pytest.raises(ModelError, match='may have seen what that put aside'):
+    with pytest.raises(ModelError, match='may have seen the test set of that one'):
         evaluate_put_aside(other, of=grid)
-    with pytest.raises(ModelError, match='put no simulated presses aside'):
+    with pytest.raises(ModelError, match='has no simulated test set'):
         evaluate_put_aside(grid, of=model)
 
 

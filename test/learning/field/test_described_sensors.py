@@ -214,7 +214,7 @@ def test_a_ball_on_a_few_printed_dots_is_read(tmp_path: Path) -> None:
 )
 def test_a_camera_that_looks_beside_the_gel_is_refused(sensor: Sensor, camera: dict[str, tuple[float, ...]]) -> None:
     beside = dataclasses.replace(sensor, camera=dataclasses.replace(sensor.camera, **camera))
-    with pytest.raises(ConfigurationError, match=f'regions of the picture of {sensor.name} see its gel'):
+    with pytest.raises(ConfigurationError, match=f'regions of the image of {sensor.name} see its gel'):
         described_model(load_model(find_model('field')), beside, '', Path('never'), Progress())
 
 

@@ -111,10 +111,10 @@ def test_forces_that_begin_elsewhere_are_refused(
 
 @pytest.mark.parametrize('told', ['ball:0', 'punch:-1', 'ball:nan', 'punch:wide', 'punch:'])
 def test_a_radius_that_is_none_is_refused(told: str) -> None:
-    with pytest.raises(ConfigurationError, match=f'{told} is no body: after .* comes its radius in mm, above 0'):
+    with pytest.raises(ConfigurationError, match=f'{told} is not a body: .* followed by a radius in mm above 0'):
         KnownBody.named(told)
 
 
 def test_a_body_that_is_wider_than_the_gel_is_refused(model: LoadedModel) -> None:
-    with pytest.raises(ConfigurationError, match=r'the body punch:17 is \d+ mm wide, and the gel 32 mm'):
+    with pytest.raises(ConfigurationError, match=r'the body punch:17 is \d+ mm wide, but the gel only 32 mm'):
         KnownBody.named('punch:17').require_within(Pressed().known_sensor(model))

@@ -77,7 +77,7 @@ def test_a_camera_that_looks_otherwise_than_described_is_told_by_ten_presses(
     fit = fitted(pressed((places, made), nominal(), 10), scaling)
     true = np.einsum('rptu,rt->rpu', real.terms_of_patches(np.arange(real.count)), nominal())
     true = true.reshape(untold.response.shape)
-    assert 'beside its description the camera is' in fit.reason
+    assert 'relative to its description the camera is' in fit.reason
     off = np.abs(fit.looks - [0.7, -0.5, 1.5, -1.0, 2.0, np.log(1.05)])
     assert (off < [0.1, 0.1, 0.3, 0.3, 0.3, 0.005]).all()
     assert np.linalg.norm(fit.readout.response - true) < 0.35 * np.linalg.norm(untold.response - true)
@@ -96,7 +96,7 @@ def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: Terms
     dataset = pressed(terms, nominal(), 20)
     presses = dataset.presses.copy()
     presses[:, 3] = np.nan
-    with pytest.raises(DatasetError, match='no press has a force that is known'):
+    with pytest.raises(DatasetError, match='no press has a known force'):
         fitted(dataclasses.replace(dataset, presses=presses), scaling)
 
 

@@ -39,11 +39,11 @@ def test_a_closed_mesh_presses_where_it_is_lowest(tmp_path: Path) -> None:
 def test_a_model_of_before_tells_the_radius_of_its_ball() -> None:
     assert body_of_card({'ball_mm': 0.6}, 'x').told == 'ball:0.6'
     assert body_of_card({'body': 'punch:1.5', 'ball_mm': 0.6}, 'x').told == 'punch:1.5'
-    with pytest.raises(ModelError, match='model x does not say what pressed; say what presses now'):
+    with pytest.raises(ModelError, match='model x does not say which body pressed; give the body that presses now'):
         body_of_card({}, 'x')
 
 
 def test_beside_a_rig_a_body_goes_with_a_field_alone(tmp_path: Path) -> None:
     settings = CalibrationSettings(model='portable', gel='gel-7', body='punch:1.5', folder=str(tmp_path))
-    with pytest.raises(ConfigurationError, match='go with a model of any contact, such as field'):
+    with pytest.raises(ConfigurationError, match='need a model of any contact, such as field'):
         CalibrationSession(settings, lambda _: None)

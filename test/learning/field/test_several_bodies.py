@@ -91,7 +91,7 @@ def test_a_body_told_beside_fills_rows_that_name_none_and_one_name_of_all_rows(b
     assert [each.told for each in pressed.bodies(model, some).known] == ['ball:5', 'punch:4']
     probe = dataclasses.replace(both, indenter=np.full(2 * EACH, 'my probe'))
     assert pressed.bodies(model, probe).is_a_ball
-    with pytest.raises(DatasetError, match=r"the indenter 'my probe' is no body that is known: .*; or say with --body"):
+    with pytest.raises(DatasetError, match=r"the indenter 'my probe' is not a known body: .*; or name it with --body"):
         Pressed().bodies(model, probe)
 
 
@@ -99,7 +99,7 @@ def test_a_model_of_several_bodies_says_so_and_names_none_for_the_next() -> None
     bodies = Bodies((BALL, PUNCH), np.zeros(2, int))
     card = Pressed().told({}, bodies)
     assert card == {'body': 'ball:1, punch:4'}
-    with pytest.raises(Exception, match=r'was made by presses of ball:1, punch:4; say what presses now'):
+    with pytest.raises(Exception, match=r'was made with presses of ball:1, punch:4; give the body that presses now'):
         body_of_card(card, 'm')
 
 

@@ -88,7 +88,7 @@ def test_presses_of_one_of_several_indenters_are_chosen(folder: Path, tmp_path: 
     assert (~first.contact).sum() == RESTS
     assert len(first.as_samples().features) == len(rows) + RESTS
     assert first.fingerprint != presses.fingerprint
-    with pytest.raises(DatasetError, match='holds presses of first, second, and one is taken: choose it with --indent'):
+    with pytest.raises(DatasetError, match='holds presses of first, second, but one must be chosen: use --indent'):
         presses.of_indenter('')
     with pytest.raises(DatasetError, match="made with 'third'; it holds presses of first, second"):
         presses.of_indenter('third')
@@ -132,17 +132,17 @@ def shift(column: int, by: int) -> Callable[[Path], list[Row]]:
 @pytest.mark.parametrize(
     ('rows', 'said'),
     [
-        (each(exchange), 'x and y are exchanged'),
-        (each(put(2, lambda y: str(-float(y)))), 'the pictures move the other way along y than is told'),
-        (shift(0, 5), 'the pictures do not move where the table says'),
-        (shift(3, 6), 'the pictures do not move more where more force is told'),
-        (each(put(3, lambda _: '0.3')), 'tells one force for all presses, 0.3 N: press with two weights at least'),
-        (each(put(3, lambda n: str(1000 * float(n)))), 'N: forces lie below 200 N; check the unit'),
-        (each(put(1, lambda x: str(1000 * float(x)))), 'mm: places lie within 16 mm of the middle; check the unit'),
+        (each(exchange), 'x and y are swapped'),
+        (each(put(2, lambda y: str(-float(y)))), 'the images move along y in the opposite direction'),
+        (shift(0, 5), 'the images do not move at the places given in the table'),
+        (shift(3, 6), 'the images do not move more when the given force is larger'),
+        (each(put(3, lambda _: '0.3')), 'has one force for all presses, 0.3 N: press with at least two weights'),
+        (each(put(3, lambda n: str(1000 * float(n)))), 'N: forces must be below 200 N; check the unit'),
+        (each(put(1, lambda x: str(1000 * float(x)))), 'mm: places must be within 16 mm of the middle; check the unit'),
         (each(put(1, lambda _: '')), 'a press needs x, y and force'),
-        (edited(lambda rows: rows[6].__setitem__(0, 'gone.png')), 'line 8: cannot read the picture'),
-        (edited(lambda rows: rows.__delitem__(slice(RESTS))), 'has no picture of the gel untouched'),
-        (edited(lambda rows: rows.__delitem__(slice(RESTS, None))), 'tells no press, all forces are 0'),
+        (edited(lambda rows: rows[6].__setitem__(0, 'gone.png')), 'line 8: cannot read the image'),
+        (edited(lambda rows: rows.__delitem__(slice(RESTS))), 'has no image of the untouched gel'),
+        (edited(lambda rows: rows.__delitem__(slice(RESTS, None))), 'has no press, all forces are 0'),
     ],
 )  # fmt: skip
 def test_a_table_that_contradicts_its_pictures_makes_no_data_set(
@@ -163,7 +163,7 @@ def test_two_rows_that_were_exchanged_are_named(
     rows = rows_of(folder)
     rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
     assert imported(written(folder / 'exchanged.csv', rows), tmp_path / 'presses.npz') == 0
-    assert f'look at line {RESTS + 2}, {RESTS + 3}: the picture moves elsewhere' in capsys.readouterr().out
+    assert f'check line {RESTS + 2}, {RESTS + 3}: the image does not move at the given place' in capsys.readouterr().out
 
 
 def test_pictures_of_two_sizes_are_refused_with_their_line(
@@ -175,7 +175,7 @@ def test_pictures_of_two_sizes_are_refused_with_their_line(
     rows[RESTS + 3][0] = 'small.png'
     table = written(folder / 'sizes.csv', rows)
     assert imported(table, tmp_path / 'presses.npz') == 1
-    assert 'line 9: picture small.png has 640x400 pixels, and the description' in capsys.readouterr().err
+    assert 'line 9: image small.png has 640x400 pixels, but the description' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -195,7 +195,7 @@ def test_a_gel_without_markers_is_refused(folder: Path, tmp_path: Path, capsys: 
     for row in rows[:RESTS]:
         row[0] = 'blank.png'
     assert imported(written(folder / 'blank.csv', rows), tmp_path / 'presses.npz') == 1
-    assert 'the rest image shows markers in 0% of its regions' in capsys.readouterr().err
+    assert 'the rest image shows markers in only 0% of its regions' in capsys.readouterr().err
 
 
 def test_moments_of_a_video_are_read_as_its_pictures(folder: Path, tmp_path: Path) -> None:
@@ -244,7 +244,7 @@ def test_arrays_of_another_project_are_the_same_presses(folder: Path) -> None:
     with pytest.raises(DatasetError, match=r'^theirs, row 5: force_n must not be negative'):
         wrong = np.where(np.arange(len(rows)) == 5, -1.0, force)
         import_arrays(images, x, y, wrong, options=options_of('fast'), name='theirs')
-    with pytest.raises(DatasetError, match=r'x_mm has 3 rows, and there are 16 images'):
+    with pytest.raises(DatasetError, match=r'x_mm has 3 rows, but there are 16 images'):
         import_arrays(images, x[:3], y, force, options=options_of('fast'))
 
 

@@ -56,27 +56,27 @@ def test_the_mark_that_spreadsheets_write_first_is_no_part_of_a_name(tmp_path: P
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('picture,x,y,force\n', "column 'force' does not say its unit; write one of N, mN, g, kg behind its name"),
+        ('picture,x,y,force\n', "column 'force' has no unit; write one of N, mN, g, kg after its name"),
         ('picture,x,y,force_lbf\n', "column 'force_lbf' is in 'lbf'; write one of N, mN, g, kg"),
         ('picture,x_px,y_px,grams\n', "column 'x_px' is in 'px'; write one of um, mm, cm, m"),
-        ('picture,x,y,grams,force_n\n', "'grams' and 'force_n' may both be the force; rename the one that is not"),
+        ('picture,x,y,grams,force_n\n', "both 'grams' and 'force_n' may be the force; rename the one that is not"),
         (
             'picture,x_mm,grams\n',
-            "has no column for y; its columns are 'picture', 'x_mm', 'grams'; needed are picture (or time), x, y and "
+            "has no column for y; its columns are 'picture', 'x_mm', 'grams'; it needs picture (or time), x, y and "
             'force with its unit, as in picture,x_mm,y_mm,force_n',
         ),
-        ('', 'has no column for picture and x and y and force; it is empty; needed are picture'),
+        ('', 'has no column for picture and x and y and force; it is empty; it needs picture'),
         (
             ','.join(f'note {number}' for number in range(23)),
-            "'note 18', 'note 19' and 3 more; needed are",
+            "'note 18', 'note 19' and 3 more; it needs",
         ),
-        (f'{"a" * 50},b\n', f"its columns are '{'a' * 40}', 'b'; needed are"),
-        ('picture,x,y,grams\na.png,1,2\n', r'line 2 has 3 cells, and the first line has 4'),
-        ('picture,x,y,grams\na.png,1,2,0,5\n', r'line 2 has 5 cells, and the first line has 4'),
-        ('picture,x,y,grams\n\na.png,1,2,five\n', r"line 3: grams is 'five', and must be a number"),
+        (f'{"a" * 50},b\n', f"its columns are '{'a' * 40}', 'b'; it needs"),
+        ('picture,x,y,grams\na.png,1,2\n', r'line 2 has 3 cells, but the first line has 4'),
+        ('picture,x,y,grams\na.png,1,2,0,5\n', r'line 2 has 5 cells, but the first line has 4'),
+        ('picture,x,y,grams\n\na.png,1,2,five\n', r"line 3: grams is 'five', but must be a number"),
         (
             'picture,x_m,y_m,grams\na.png,1,2,5\n',
-            'line 2: x_m is read as 1000 mm: places lie within 16 mm of the middle; check the unit',
+            'line 2: x_m is read as 1000 mm: places must be within 16 mm of the middle; check the unit',
         ),
     ],
 )
@@ -97,7 +97,7 @@ def test_lines_may_end_as_on_old_machines(tmp_path: Path) -> None:
 
 def test_a_table_in_other_letters_than_utf_8_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'presses.csv').write_bytes('picture,x_µm,y_mm,force_n\n'.encode('latin-1'))
-    with pytest.raises(DatasetError, match=r'its first line names columns, as picture,x_mm,y_mm,force_n, in UTF-8$'):
+    with pytest.raises(DatasetError, match=r'first line must name columns, as in picture,x_mm,y_mm,force_n, in UTF-8$'):
         read_table(tmp_path / 'presses.csv')
 
 
@@ -128,7 +128,7 @@ def test_small_forces_below_nothing_say_what_a_gauge_shows_of_nothing(tmp_path: 
     """Of -0.01, -0.01 and -0.02 N the root mean square is 0.0141 N, and four times that are noise."""
     read = read_table(written(tmp_path, f'{GAUGE}a.png,1,2,0.03\nb.png,1,2,1\nc.png,,,0.9\nd.png,1,2,-0.02\n'))
     assert [each.force_n for each in read.rows] == [0.0] * 4 + [0.03, 1.0, 0.9, 0.0]
-    assert 'of up to 0.057 N are the gel untouched, by their noise' in read.told
+    assert 'rows up to 0.057 N without a place, or below 0, count as the untouched gel, by their noise' in read.told
 
 
 @pytest.mark.parametrize('presses', ['a.png,1,2,-1\nb.png,1,2,-0.9\n', 'a.png,1,2,0.3\n', ''])
@@ -150,5 +150,5 @@ def test_a_parquet_table_says_the_same_as_its_csv(tmp_path: Path) -> None:
 def test_a_parquet_file_that_is_none_is_one_sentence(tmp_path: Path) -> None:
     pytest.importorskip('pyarrow')
     (tmp_path / 'presses.parquet').write_bytes(b'PAR1 and then nothing PAR1')
-    with pytest.raises(DatasetError, match=r'is no Parquet file that can be read; write it again, or as CSV$'):
+    with pytest.raises(DatasetError, match=r'is not a readable Parquet file; write it again, or as CSV$'):
         read_table(tmp_path / 'presses.parquet')

@@ -164,7 +164,7 @@ def test_a_unit_of_a_feature_is_its_noise_at_rest() -> None:
 @pytest.mark.parametrize('still', [0.1, 0.95])
 def test_too_few_untouched_frames_or_presses_are_refused(still: float) -> None:
     with pytest.raises(
-        DatasetError, match='needs at least 12 images of the untouched gel and 16 presses to train on, and beside'
+        DatasetError, match='needs at least 12 images of the untouched gel and 16 presses to train on, but without'
     ):
         learned(presses(100, seed=1, still=still))
 

@@ -85,7 +85,7 @@ def test_a_training_that_was_killed_goes_on_to_the_same_network(tmp_path: Path):
     resumed, report = fitted_in(tmp_path, config, progress)
     whole, _ = fitted(config)
     assert reached >= 6
-    assert progress.said[0] == f'the run goes on after epoch {reached}; --fresh trains it anew'
+    assert progress.said[0] == f'the run continues after epoch {reached}; --fresh trains it again'
     assert report['epochs_run'] == reached + 15
     assert_same_numbers(resumed, whole)
 
@@ -104,7 +104,7 @@ def test_a_run_that_is_over_is_not_trained_again(tmp_path: Path):
     first, _ = fitted_in(tmp_path, config)
     progress = Teller(interrupt_after=1)
     again, report = fitted_in(tmp_path, config, progress)
-    assert 'was over (most epochs) after epoch 3' in progress.said[0]
+    assert 'had ended (most epochs) after epoch 3' in progress.said[0]
     assert report['ended'] == 'most epochs'
     assert_same_numbers(first, again)
 
@@ -127,7 +127,7 @@ def test_a_damaged_checkpoint_is_refused_with_what_to_do(tmp_path: Path):
     fitted_in(tmp_path, config)
     (file,) = tmp_path.glob('*/checkpoint.safetensors')
     file.write_bytes(file.read_bytes()[:-7])
-    with pytest.raises(ModelError, match=r'checkpoint .* is damaged; train anew .*--fresh'):
+    with pytest.raises(ModelError, match=r'checkpoint .* is damaged; train again .*--fresh'):
         fitted_in(tmp_path, config)
 
 

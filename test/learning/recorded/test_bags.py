@@ -158,7 +158,7 @@ SPOILED: list[tuple[str, str, dict[str, Any]]] = [
     (exclusions.LIMITS, 'away from the gel', {'wrench': pushed(0.2)}),
     (exclusions.LIMITS, 'depth 0.9 mm instead of 1 mm', {'depth_reported': 0.9e-3}),
     (exclusions.OUTSIDE, '(20, 3) mm', {'position': types.Point(x=20e-3, y=3e-3)}),
-    (exclusions.BAD_NUMBERS, 'is no number', {'wrench': pushed(float('nan'))}),
+    (exclusions.BAD_NUMBERS, 'is not a number', {'wrench': pushed(float('nan'))}),
     (exclusions.BAD_NUMBERS, 'a depth of 0 mm', {'depth': 0.0}),
     (exclusions.BAD_NUMBERS, 'ends before it begins', {'window_end': types.Time()}),
 ]
@@ -338,7 +338,7 @@ def test_a_damaged_cache_is_named(bag: Path, tmp_path: Path, monkeypatch: pytest
     build([bag], COARSE)
     for file in tmp_path.rglob('*.sqlite'):
         file.write_bytes(b'no database at all' * 100)
-    with pytest.raises(DatasetError, match='delete it, it is made again'):
+    with pytest.raises(DatasetError, match='delete it, it will be made again'):
         build([bag], COARSE)
 
 

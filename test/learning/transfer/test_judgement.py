@@ -41,19 +41,19 @@ def test_anything_is_better_than_nothing_and_nothing_is_no_better_than_anything(
 def test_a_model_that_reads_worse_than_the_one_before_is_objected_to_with_both_errors() -> None:
     said = objection('calibration', off(0.08, 0.2), off(0.05, 0.1), off(0.2, 5.0))
     assert said == (
-        'the calibration would not pay: held-out presses are read 0.0800 N and 0.200 mm off with it, '
+        'the calibration would not help: held-out presses are read 0.0800 N and 0.200 mm off with it, '
         '0.0500 N and 0.100 mm without (medians)'
     )
 
 
 def test_a_model_that_is_no_better_than_the_mean_is_objected_to() -> None:
     said = objection('model', off(0.2, 6.0), None, off(0.2, 5.0))
-    assert said.endswith('0.2000 N and 5.000 mm by answering the mean of all presses (medians)')
+    assert said.endswith('0.2000 N and 5.000 mm when predicting the mean of all presses (medians)')
 
 
 def test_places_do_not_make_up_for_forces_that_are_no_better_than_the_mean() -> None:
     """Of a table with true places whose forces are those of other presses."""
-    assert 'by answering the mean' in objection('calibration', off(0.3, 0.2), off(0.3, 1.2), off(0.15, 5.0))
+    assert 'when predicting the mean' in objection('calibration', off(0.3, 0.2), off(0.3, 1.2), off(0.15, 5.0))
 
 
 def test_a_few_ruined_presses_count_though_medians_do_not_see_them() -> None:
@@ -61,8 +61,8 @@ def test_a_few_ruined_presses_count_though_medians_do_not_see_them() -> None:
     ruined = Errors.of(np.column_stack([np.full((10, 2), 0.1), [0.01] * 9 + [1.6]]))
     assert (ruined.force_median_n, ruined.force_rmse_n) == pytest.approx((0.01, 0.506), abs=1e-3)
     assert objection('calibration', ruined, off(0.8, 0.5), off(0.253, 5.0)) == (
-        'the calibration would not pay: the force RMSE of held-out presses is 0.5061 N with it, 0.2530 N by answering '
-        'the mean of all presses'
+        'the calibration would not help: the force RMSE of held-out presses is 0.5061 N with it, 0.2530 N when '
+        'predicting the mean of all presses'
     )
     assert objection('calibration', ruined, off(0.3, 5.0), off(0.8, 5.0)).endswith('0.5061 N with it, 0.3000 N without')
     assert objection('calibration', ruined, off(0.6, 0.5), off(0.8, 5.0)) == ''

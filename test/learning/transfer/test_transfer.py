@@ -157,7 +157,7 @@ def test_noise_of_the_rest_image_of_the_presses_is_not_taken_for_the_gel(source:
 
 
 def test_few_presses_are_refused(source: AxisymmetricReadout) -> None:
-    with pytest.raises(DatasetError, match='presses at 5 places at least, and there are 4'):
+    with pytest.raises(DatasetError, match='presses at least at 5 places, but there are 4'):
         transfer(source, other_gel(4, seed=3))
 
 
@@ -170,7 +170,7 @@ def test_a_gel_that_shows_markers_in_too_few_regions_is_refused(source: Axisymme
     dataset = other_gel(25, seed=3)
     for shown in (0, 11):
         confidence = (np.arange(36) < shown).astype(np.float32).reshape(1, 6, 6)
-        with pytest.raises(DatasetError, match=f'in {shown} regions alone, and a place is read from 12 at least'):
+        with pytest.raises(DatasetError, match=f'only {shown} regions show markers .* a place needs at least 12'):
             transfer(source, dataclasses.replace(dataset, confidence=confidence))
 
 
@@ -179,9 +179,9 @@ def test_motion_or_force_that_is_no_number_is_refused(source: AxisymmetricReadou
     dataset = other_gel(25, seed=3)
     features, told = dataset.features.copy(), dataset.presses.copy()
     features[2, 1, 1, 0] = told[4, 3] = wrong
-    with pytest.raises(DatasetError, match='regions of 1 pictures moved by what is no number'):
+    with pytest.raises(DatasetError, match='the motion in 1 images is not a number'):
         transfer(source, dataclasses.replace(dataset, features=features))
-    with pytest.raises(DatasetError, match='place or force of 1 pictures of presses is no number'):
+    with pytest.raises(DatasetError, match='place or force of 1 images of presses is not a number'):
         transfer(source, dataclasses.replace(dataset, presses=told))
 
 

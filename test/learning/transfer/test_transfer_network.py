@@ -202,14 +202,12 @@ def test_the_same_presses_give_the_same_layer(source: NetworkReadout, harder: Da
 
 
 def test_cartesian_motion_is_refused_with_what_to_do(source: NetworkReadout, harder: Dataset) -> None:
-    with pytest.raises(
-        ModelError, match=r'cut off what is negative.*polar_mean, such as paper, or begin with portable'
-    ):
+    with pytest.raises(ModelError, match=r'cut off negative values.*polar_mean, such as paper, or start from portable'):
         transfer_network(as_model(source, 'cartesian_mean'), harder, QUICK)
 
 
 def test_a_model_that_has_a_layer_names_the_one_to_calibrate(made: NetworkTransfer, harder: Dataset) -> None:
-    with pytest.raises(ModelError, match=r'has a calibration layer already; calibrate the model .* abc123'):
+    with pytest.raises(ModelError, match=r'already has a calibration layer; calibrate the model .* abc123'):
         transfer_network(as_model(made.readout), harder, QUICK)
 
 
@@ -226,7 +224,7 @@ def test_presses_in_one_corner_are_refused(source: NetworkReadout, harder: Datas
 
 def test_a_calibration_that_does_not_pay_is_refused(source: NetworkReadout, harder: Dataset) -> None:
     ruinous = dataclasses.replace(QUICK, learning_rate=5.0, epochs=2, keep_start=False)
-    with pytest.raises(DatasetError, match='would not pay: at places held out the aRMSE is'):
+    with pytest.raises(DatasetError, match='would not help: at held-out places the aRMSE is'):
         transfer_network(as_model(source), harder, ruinous)
 
 

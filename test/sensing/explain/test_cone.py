@@ -37,5 +37,5 @@ def test_the_root_of_the_inverse_is_told_from_the_lower_half() -> None:
 
 
 def test_forces_that_cannot_be_told_apart_are_an_error() -> None:
-    with pytest.raises(np.linalg.LinAlgError, match='cannot be told apart'):
+    with pytest.raises(np.linalg.LinAlgError, match='cannot be separated'):
         inverse_root(np.array([[1.0, 1.0], [1.0, 1.0 - 1e-9]]))

@@ -140,7 +140,7 @@ def test_no_texture_at_all_is_no_motion_and_no_confidence():
 
 
 def test_an_image_of_another_size_is_refused(speckle: np.ndarray):
-    with pytest.raises(ImageError, match='has 400x440 pixels and the rest image 440x440'):
+    with pytest.raises(ImageError, match='has 400x440 pixels but the rest image 440x440'):
         flow_of(speckle, **SMALL).displacement(np.ascontiguousarray(speckle[:, :400]))
 
 

@@ -112,7 +112,7 @@ def test_another_process_gets_the_same_bits(speckle: np.ndarray, tmp_path):
 def test_an_image_of_another_size_is_refused(speckle: np.ndarray):
     flow = make_flow('dis')
     flow.set_reference(speckle)
-    with pytest.raises(ImageError, match='has 400x440 pixels and the rest image 440x440'):
+    with pytest.raises(ImageError, match='has 400x440 pixels but the rest image 440x440'):
         flow.displacement(np.ascontiguousarray(speckle[:, :400]))
 
 

@@ -125,7 +125,7 @@ def test_pictures_of_the_described_sensor_are_ok(printed: list[np.ndarray], memb
         assert {each.level for each in inspection.findings} == {OK}
         assert figure(inspection).shape[1] >= 640
     found = {each.what: each.text for each in Inspection(DOTS, {'a': printed[0], 'b': printed[1]}).findings}
-    assert found['dots'] == '35 dark dots found, 35 described within the picture'
+    assert found['dots'] == '35 dark dots found, 35 described within the image'
     assert found['pitch'].startswith('43.2 px apart, 43.3 described')
 
 
@@ -168,7 +168,7 @@ def grid(across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:
         ((40.0, 0.0), (20.0, 34.6), 'staggered or in diagonal rows'),  # 60 degrees, all 40 px apart
         ((34.6, 20.0), (0.0, 40.0), 'staggered or in diagonal rows'),  # the same, turned by 90
         ((35.4, 35.4), (-35.4, 35.4), 'staggered or in diagonal rows'),  # square, turned by 45
-        ((38.6, 10.4), (10.4, 38.6), 'columns lean by 30 degrees'),  # 60 degrees, turned by 15
+        ((38.6, 10.4), (10.4, 38.6), 'columns are 30 degrees off a right angle'),  # 60 degrees, turned by 15
         ((60.0, 0.0), (0.0, 40.0), '3.00 mm apart along rows and 2.00 mm along columns'),
     ],
 )
@@ -181,7 +181,7 @@ def test_a_grid_that_no_description_holds_is_bad(
     (dots,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.what == 'dots')
     assert dots.level == BAD
     assert fault in dots.text
-    assert 'holds rows and columns at right angles alone' in dots.text
+    assert 'supports rows and columns at right angles only' in dots.text
 
 
 def test_far_more_dots_than_described_are_bad(printed: list[np.ndarray]) -> None:
@@ -198,7 +198,7 @@ def test_a_gel_that_shows_hardly_any_marks_tells_no_force(membrane: np.ndarray) 
     for sensor, picture in ((MEMBRANE, plain), (replace(MEMBRANE, mask=most), membrane)):
         (regions,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.what == 'regions')
         assert regions.level == BAD
-        assert 'too little to tell forces by: a gel without marks' in regions.text
+        assert 'too little to estimate forces: a gel without marks' in regions.text
 
 
 def test_markers_that_are_not_those_described_are_told(membrane: np.ndarray) -> None:
@@ -254,7 +254,7 @@ def test_the_noise_is_that_of_the_pictures_that_are_alike(optics: Optics, printe
     pressed = {f'pressed{x}': optics.render((Press(3.0 * x, -2.0, 0.4),), 10 + x) for x in (-1, 0, 1)}
     mixed = Inspection(DOTS, {**dict(zip('abcd', printed, strict=True)), **pressed})
     assert np.median(mixed.noise_px) == pytest.approx(np.median(alone.noise_px), rel=0.3)
-    assert '3 of 7 pictures, as pressed-1, differ in places from the others' in mixed.findings[-1].text
+    assert '3 of 7 images, such as pressed-1, differ from the others' in mixed.findings[-1].text
 
 
 def test_a_motion_of_one_region_counts_beyond_that_of_all_of_them() -> None:
@@ -274,7 +274,7 @@ def test_a_picture_that_is_there_twice_makes_the_others_no_stranger() -> None:
 
 
 def test_a_picture_of_another_size_is_refused_by_its_name(membrane: np.ndarray) -> None:
-    with pytest.raises(ConfigurationError, match=r'rest\.png has 640x480 pixels, and image .* says 320x240'):
+    with pytest.raises(ConfigurationError, match=r'rest\.png has 640x480 pixels, but image .* says 320x240'):
         Inspection(DOTS, {'rest.png': membrane})
 
 
@@ -298,8 +298,8 @@ def test_dots_are_found_where_they_are_printed() -> None:
     rest = Optics(gel, linear_table(gel)).render((), 1)
     seen = Inspection(DOTS, {'a': rest}).findings
     assert [each.text for each in seen if each.what == 'place'] == [
-        'dots lie 1.1 mm beside those described, so forces are told in the wrong places: set pattern.dot_mm to '
-        '[0.5, -1.0]'
+        'dots are 1.1 mm off the described positions, so forces are reported at the wrong places: set '
+        'pattern.dot_mm to [0.5, -1.0]'
     ]
     again = describe(understood(rest), Answers('again', 18.5, markers_mm=(0.3, 0.4)), (320, 240))
     assert again.pattern.dot_mm == pytest.approx((0.5, -1.0), abs=0.05)
@@ -310,7 +310,7 @@ def test_a_calibrated_camera_and_the_width_say_how_far_away_it_is(membrane: np.n
     calibrated = Answers('membrane', 640 / 26, distance_mm=0.0, camera=MEMBRANE.camera)
     sensor = describe(understood(membrane), calibrated, (640, 480))
     assert sensor.camera.position_mm[2] == pytest.approx(-(512 / 26 + 0.35), abs=0.01)
-    with pytest.raises(ConfigurationError, match=r'the lens is 20.0 mm away, and 40 mm were given'):
+    with pytest.raises(ConfigurationError, match=r'the lens is 20.0 mm away, but 40 mm were given'):
         describe(understood(membrane), replace(calibrated, distance_mm=40.0), (640, 480))
     fisheye = CameraDescription('fisheye', focal_px_per_rad=320.0)
     round_about = describe(understood(membrane), replace(calibrated, camera=fisheye), (640, 480))
@@ -329,13 +329,13 @@ def test_a_gel_whose_rim_is_seen_lies_where_it_is_seen(membrane: np.ndarray) -> 
 
 def test_answers_that_contradict_the_picture_are_refused(membrane: np.ndarray, printed: list[np.ndarray]) -> None:
     dots = understood(printed[0])
-    with pytest.raises(ConfigurationError, match=r'are 17.3 px a millimetre, and dots 1 mm apart 43\.'):
+    with pytest.raises(ConfigurationError, match=r'means 17.3 px per mm, but the given pitch of 1 mm means 43\.'):
         describe(dots, Answers('x', 18.5, 1.0), (320, 240))
-    with pytest.raises(ConfigurationError, match='shows no dots in rows and columns, whose pitch was given'):
+    with pytest.raises(ConfigurationError, match='a pitch was given, but the image shows no dots in rows and columns'):
         describe(understood(membrane), Answers('x', 25.0, 1.0), (640, 480))
     with pytest.raises(ConfigurationError, match=r'contradict each other: gel.markers_mm must hold two depths within'):
         describe(dots, Answers('x', 18.5, markers_mm=(1.5, 6.0)), (320, 240))
-    with pytest.raises(ConfigurationError, match='nothing says how large the gel is'):
+    with pytest.raises(ConfigurationError, match='the size of the gel in the image is unknown'):
         describe(dots, Answers('x'), (320, 240))
     with pytest.raises(ConfigurationError, match='shows no dots'):
         understood(membrane, 'dots')

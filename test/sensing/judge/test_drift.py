@@ -161,13 +161,13 @@ def test_another_gel_is_called_one_at_once(monitor: DriftMonitor) -> None:
     monitor.rest(changed(seed=5).rest())
     verdict = monitor.verdict
     assert (verdict.level, verdict.reasons) == (Level.INVALID, Reason.OTHER_GEL)
-    assert 'not those of the calibration' in verdict.text
+    assert 'differ from those of the calibration' in verdict.text
 
 
 def test_a_gel_changed_while_sensing_is_told_against_the_rest_image(monitor: DriftMonitor) -> None:
     verdict = watched(monitor, [changed(seed=5).picture()]).verdict
     assert (verdict.level, verdict.reasons) == (Level.INVALID, Reason.OTHER_GEL)
-    assert 'not those of the rest image' in verdict.text
+    assert 'differ from those of the rest image' in verdict.text
 
 
 def test_a_covered_lens_is_no_other_gel(monitor: DriftMonitor, plain: Seen) -> None:
@@ -235,7 +235,7 @@ def test_a_known_weight_sees_it_too(monitor: DriftMonitor) -> None:
 
 
 def test_a_weight_that_does_not_lie_there_is_asked_for(monitor: DriftMonitor) -> None:
-    with pytest.raises(ConfigurationError, match='nothing has rested on the gel'):
+    with pytest.raises(ConfigurationError, match='the load on the gel was not steady'):
         monitor.weigh(200.0)
 
 

@@ -105,7 +105,7 @@ def test_a_covered_half_is_lost_and_the_rest_stays_where_it_is(
 
 
 def test_a_picture_without_pattern_cannot_be_compared_with() -> None:
-    with pytest.raises(ImageError, match='shows a pattern to compare by'):
+    with pytest.raises(ImageError, match='of the rest image shows a pattern'):
         PictureComparison(np.full((440, 440), 20, np.uint8))
 
 

@@ -42,7 +42,9 @@ def test_a_held_press_after_too_few_frames_of_the_untouched_gel_is_no_rest_image
     capture = RestCapture(wanted=8)
     assert not any(offered(capture, [pictures.of() for _ in range(6)]))
     assert not any(offered(capture, [pictures.of(Press(3.0, -4.0, 0.5)) for _ in range(12)]))
-    assert 'it takes 8 frames in a row of the untouched gel, and 6 came; something touches the gel' in capture.waiting
+    assert (
+        '8 frames in a row of the untouched gel, but only 6 came; something touches the gel' in capture.waiting
+    )
     assert offered(capture, [pictures.of() for _ in range(8)]).count(True) == 1
     assert not capture.unsteady
 
@@ -53,7 +55,7 @@ def test_a_picture_of_something_else_in_between_makes_no_press_a_rest_image(pict
     hand, moved = (np.roll(pictures.of(), by, axis=(0, 1)) for by in (100, 150))
     assert not any(offered(capture, [pictures.of() for _ in range(6)] + [hand] * 5 + [moved]))
     assert not any(offered(capture, [pictures.of(Press(3.0, -4.0, 0.5)) for _ in range(12)]))
-    assert 'something touches the gel now that did not before' in capture.waiting
+    assert 'something touches the gel now but did not before' in capture.waiting
     assert offered(capture, [pictures.of() for _ in range(8)])[-1]
 
 
@@ -74,7 +76,7 @@ def test_a_gel_that_is_never_left_alone_gives_no_rest_image_and_why_is_said(pict
     }[force]
     capture = RestCapture(wanted=5)
     assert not any(offered(capture, [pictures.of(press(number)) for number in range(40)]))
-    assert 'something touches the gel in some frames and not in others' in capture.waiting
+    assert 'something touches the gel in some frames but not in others' in capture.waiting
     assert offered(capture, [pictures.of() for _ in range(5)])[-1]
     assert not capture.unsteady
 

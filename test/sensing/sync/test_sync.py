@@ -140,7 +140,7 @@ def test_a_few_edges_with_the_jitter_of_a_camera_do_not_suffice_and_it_says_how_
     refusal = fit_clocks(recorded(edges, rng, jitter_s=0.0083), recorded(edges, rng, jitter_s=0.0))
     assert isinstance(refusal, Refusal)
     assert refusal.reason == Reason.RESIDUALS
-    assert 'ms only, 2 ms are required' in refusal.text
+    assert 'ms, but 2 ms are required' in refusal.text
 
 
 @pytest.mark.parametrize(('device', 'host'), [(0, 100), (7, 100), (100, 7), (1, 1)])

@@ -14,7 +14,7 @@ RELAXED = 1.6
 STIFF = 0.03
 """Of the mean of the diagonal: the weight of the constraint in each step."""
 
-NOT_APART = 'the forces of this contact cannot be told apart'
+NOT_APART = 'the forces of this contact cannot be separated'
 
 
 def in_cone(
