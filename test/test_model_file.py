@@ -23,9 +23,9 @@ from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.measured.response import Response
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.explain.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.explain.novelty_check import NoveltyCheck
 from tactile_nodes.sensing.explain.splines import SplineAxis
 from tactile_nodes.sensing.explain.uncertainty import Calibration
-from tactile_nodes.sensing.explain.witness import Witness
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -97,12 +97,12 @@ def layered_model() -> ForceModel:
     return replace(model, readout=replace(model.readout, layer=layer))
 
 
-def witnessed_model() -> ForceModel:
-    """The small network with the small response as its witness."""
+def checked_model() -> ForceModel:
+    """The small network with the small response as its novelty check."""
     model, response = small_model(), small_response().readout
     assert isinstance(response, ResponseReadout)
-    witness = Witness(replace(response, most_contacts=1), 'cartesian_mean')
-    return replace(model, readout=replace(model.readout, witness=witness))
+    novelty_check = NoveltyCheck(replace(response, most_contacts=1), 'cartesian_mean')
+    return replace(model, readout=replace(model.readout, novelty_check=novelty_check))
 
 
 def watchful_response() -> ForceModel:
@@ -112,7 +112,7 @@ def watchful_response() -> ForceModel:
     return replace(model, readout=replace(model.readout, most_shift_gain=1e-9))
 
 
-@pytest.mark.parametrize('make', [small_model, layered_model, small_response, witnessed_model, watchful_response])
+@pytest.mark.parametrize('make', [small_model, layered_model, small_response, checked_model, watchful_response])
 def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Callable[[], ForceModel]):
     file = tmp_path / 'model.safetensors'
     save_model(file, make(), CARD)
@@ -146,10 +146,10 @@ def test_what_an_earlier_release_knew_of_blur_and_texture_is_left_unread(tmp_pat
     assert load_model(file).model.readout.parameter_count == small_response().readout.parameter_count
 
 
-def test_a_witness_comes_back_with_all_that_it_says(tmp_path: Path):
-    file, made = tmp_path / 'witnessed.safetensors', witnessed_model().readout.witness
-    save_model(file, witnessed_model(), CARD)
-    found = load_model(file).model.readout.witness
+def test_a_novelty_check_comes_back_with_all_that_it_says(tmp_path: Path):
+    file, made = tmp_path / 'novelty_checked.safetensors', checked_model().readout.novelty_check
+    save_model(file, checked_model(), CARD)
+    found = load_model(file).model.readout.novelty_check
     assert found.encoding == 'cartesian_mean'
     random = np.random.default_rng(1)
     seen = random.normal(size=(2, 2, 2)).astype(np.float32), np.ones((2, 2), np.float32)
@@ -157,9 +157,9 @@ def test_a_witness_comes_back_with_all_that_it_says(tmp_path: Path):
     assert found.read(*seen).unlikeness == made.read(*seen).unlikeness
 
 
-def test_a_network_without_a_witness_is_the_file_that_it_always_was(file: Path):
+def test_a_network_without_a_novelty_check_is_the_file_that_it_always_was(file: Path):
     """Models that were trained before networks had one are read on."""
-    assert load_model(file).model.readout.witness is None
+    assert load_model(file).model.readout.novelty_check is None
     assert 'witness' not in load_model(file).card['readout']
 
 

@@ -106,6 +106,10 @@ def _field(readout: Any, **changes: Any) -> Any:
     return dataclasses.replace(readout, **changes) if readout.kind == 'field' else readout
 
 
+def _without_check(readout: Any) -> Any:
+    return dataclasses.replace(readout, novelty_check=None) if readout.kind == 'network' else readout
+
+
 def _tips(change: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """On what reads tips: `portable`, or the tips of `field`."""
 
@@ -204,8 +208,8 @@ MECHANISMS = (
     ),
     Mechanism(
         'witness of the network', 'a response measured in the same presses contradicts the network',
-        ('sensing/explain/witness.py', 'learning/network/witness_fit.py'),
-        without(lambda readout: dataclasses.replace(readout, witness=None) if readout.kind == 'network' else readout),
+        ('sensing/explain/novelty_check.py', 'learning/network/novelty_check_fit.py'),
+        without(_without_check),
         (*CORE, 'two contacts 7', 'ball of 6 mm 1', 'deeper than trained 2.5'), ('paper',),
     ),
     Mechanism(

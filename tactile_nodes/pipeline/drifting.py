@@ -93,8 +93,8 @@ class Calibrated:
 def limits_of(loaded: LoadedModel) -> Limits:
     """The limits from which on the calibration of a model is ageing or invalid."""
     readout = loaded.model.readout
-    witnessed = isinstance(readout, NetworkReadout) and readout.witness is not None
-    return Limits.of_flow(loaded.flow[0], witnessed=witnessed)
+    novelty_checked = isinstance(readout, NetworkReadout) and readout.novelty_check is not None
+    return Limits.of_flow(loaded.flow[0], novelty_checked=novelty_checked)
 
 
 def usable(force: types.ForceDistribution) -> bool:

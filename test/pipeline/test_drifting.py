@@ -29,11 +29,11 @@ def test_a_verdict_on_a_rest_image_holds_from_that_image_on() -> None:
     assert Told().holds_from_ns(WORSE, 10 * S, of_rest=True) == 10 * S
 
 
-def test_a_network_that_nobody_contradicts_may_lose_less_light_than_one_with_a_witness() -> None:
+def test_a_network_that_nobody_contradicts_may_lose_less_light_than_one_with_a_novelty_check() -> None:
     loaded = load_model(find_model('paper'))
     readout = loaded.model.readout
-    assert isinstance(readout, NetworkReadout) and readout.witness is not None
-    alone = LoadedModel(replace(loaded.model, readout=replace(readout, witness=None)), loaded.card)
+    assert isinstance(readout, NetworkReadout) and readout.novelty_check is not None
+    alone = LoadedModel(replace(loaded.model, readout=replace(readout, novelty_check=None)), loaded.card)
     assert limits_of(loaded) == Limits() == limits_of(load_model(find_model('fast')))
     assert limits_of(alone) == replace(Limits(), contrast=(0.9, 0.75))
 

@@ -23,8 +23,8 @@ from tactile_nodes.learning.network.attempt import Attempt, restarted
 from tactile_nodes.learning.network.calibration import calibrated
 from tactile_nodes.learning.network.inputs import judging_samples, shown_samples
 from tactile_nodes.learning.network.layers import as_mlp, import_torch
+from tactile_nodes.learning.network.novelty_check_fit import with_novelty_check
 from tactile_nodes.learning.network.scores import Validation
-from tactile_nodes.learning.network.witness_fit import with_witness
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.run import checkpoint
 from tactile_nodes.learning.run.checkpoint import Counters, Snapshot
@@ -40,7 +40,7 @@ MOST_RESTARTS = 3
 def fit_network(
     dataset: Dataset, held_out: np.ndarray, config: TrainConfig, progress: Progress, run: Run | None = None
 ) -> tuple[NetworkReadout, dict[str, Any]]:
-    """The readout with its witness, its uncertainty judged by the samples held out; and what the card says.
+    """The readout with its novelty check, its uncertainty judged by the samples held out; and what the card says.
 
     Ctrl-C ends the training and keeps the best network so far.
 
@@ -62,7 +62,7 @@ def fit_network(
     readout = training.readout()
     learned, judges = shown_samples(dataset, held_out, config), judging_samples(dataset, held_out, config)
     readout = calibrated(readout, dataset, learned, judges)
-    return with_witness(readout, dataset, held_out, config.encoding.name, progress), training.report()
+    return with_novelty_check(readout, dataset, held_out, config.encoding.name, progress), training.report()
 
 
 def prepare_torch(config: TrainConfig) -> torch.device:

@@ -9,8 +9,8 @@ from tactile_nodes.learning.onnx_files.parts import Answer, Inputs, hypot, scale
 from tactile_nodes.learning.onnx_files.response import write_response
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.network import CONTRADICTED_SIGMAS, TINY_N, Mlp, NetworkReadout
+from tactile_nodes.sensing.explain.novelty_check import NoveltyCheck
 from tactile_nodes.sensing.explain.reading import UNKNOWN
-from tactile_nodes.sensing.explain.witness import Witness
 from tactile_nodes.sensing.features import PolarMean
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -25,8 +25,8 @@ def write_network(writer: Writer, readout: NetworkReadout, inputs: Inputs) -> An
     unlike = writer.constant(np.float32(UNKNOWN))
     if readout.likeness:
         unlike = _unlikeness(readout.likeness, inputs.scaled)
-    if isinstance(readout.witness, Witness):
-        unlike = _heard(writer, readout.witness, inputs, total, sigma, unlike)
+    if isinstance(readout.novelty_check, NoveltyCheck):
+        unlike = _checked(writer, readout.novelty_check, inputs, total, sigma, unlike)
     return Answer(
         forces.reshape(readout.bins.rows, readout.bins.cols),
         writer.concat(_place(forces, readout.bins), total),
@@ -36,10 +36,10 @@ def write_network(writer: Writer, readout: NetworkReadout, inputs: Inputs) -> An
     )
 
 
-def _heard(writer: Writer, witness: Witness, inputs: Inputs, total: Value, sigma: Value, unlike: Value) -> Value:
-    """The largest novelty that is known, a witness's included; see `NetworkReadout.read`."""
-    motion = _as_motion(inputs.features) if witness.encoding == PolarMean.name else inputs.features
-    heard = write_response(writer, witness.readout, scale(motion, inputs.confidence, witness.readout.scaling))
+def _checked(writer: Writer, check: NoveltyCheck, inputs: Inputs, total: Value, sigma: Value, unlike: Value) -> Value:
+    """The largest known novelty, including that of the novelty check; see `NetworkReadout.read`."""
+    motion = _as_motion(inputs.features) if check.encoding == PolarMean.name else inputs.features
+    heard = write_response(writer, check.readout, scale(motion, inputs.confidence, check.readout.scaling))
     force = heard.contact[2]
     apart = writer.op('Abs', total - force) / (sigma * CONTRADICTED_SIGMAS).most(TINY_N)
     told = [each.cast(np.float64) for each in (unlike, heard.unlikeness, apart)]

@@ -16,8 +16,8 @@ from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.datasets.split import by_position
 from tactile_nodes.learning.network.calibration import fit_limit, fit_spread
+from tactile_nodes.learning.network.novelty_check_fit import with_novelty_check
 from tactile_nodes.learning.network.scores import Validation
-from tactile_nodes.learning.network.witness_fit import with_witness
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import LEAST_SPREAD
 from tactile_nodes.learning.transfer.errors import Errors
@@ -78,7 +78,7 @@ def transfer_network(
     *,
     forced: bool = False,
 ) -> NetworkTransfer:
-    """The network of a model with a layer for the gel of a data set, and a witness of that gel.
+    """The network of a model with a layer for the gel of a data set, and a novelty check of that gel.
 
     With `forced` also one that reads held-out presses no better than without the layer, or than their mean.
 
@@ -101,7 +101,7 @@ def transfer_network(
     advice = 'keep the model, press at more places, or take a smaller learning rate'
     require_worth(said, advice, forced=forced)
     held_out = np.isin(np.arange(len(dataset.presses)), touched[split.test])
-    made = with_witness(made, dataset, held_out, ENCODING, progress or Progress())
+    made = with_novelty_check(made, dataset, held_out, ENCODING, progress or Progress())
     return NetworkTransfer(
         made,
         fitted,
@@ -174,13 +174,13 @@ def shuffled_parts(
 def stated_anew(readout: NetworkReadout, judges: Dataset) -> NetworkReadout:
     """The readout with its uncertainty and its limit of likeness measured on presses that it did not learn from.
 
-    The witness of the other gel knows nothing of this one.
+    The novelty check of the other gel knows nothing of this one.
     """
     inputs = np.stack([readout.inputs(*frame) for frame in _frames(judges)])
     total_n = np.array([readout.network(each).sum() for each in inputs]) * readout.output_scale_n
     spread = fit_spread(total_n, total_n - judges.presses[:, 3])
     likeness = None if readout.likeness is None else fit_limit(readout.likeness, inputs)
-    return replace(readout, spread=spread, likeness=likeness, witness=None)
+    return replace(readout, spread=spread, likeness=likeness, novelty_check=None)
 
 
 def _frames(dataset: Dataset) -> list[tuple[np.ndarray, np.ndarray]]:

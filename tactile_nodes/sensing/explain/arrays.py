@@ -26,14 +26,14 @@ from tactile_nodes.sensing.explain.network import (
     NetworkReadout,
     TotalSpread,
 )
+from tactile_nodes.sensing.explain.novelty_check import NoveltyCheck
 from tactile_nodes.sensing.explain.reading import Readout
 from tactile_nodes.sensing.explain.splines import SplineAxis
 from tactile_nodes.sensing.explain.uncertainty import Calibration
-from tactile_nodes.sensing.explain.witness import Witness
 from tactile_nodes.sensing.geometry import BinGrid
 
 Arrays = dict[str, np.ndarray]
-WITNESS, TIPS = 'witness.', 'tips.'
+NOVELTY_CHECK, TIPS = 'witness.', 'tips.'
 FIELD_NUMBERS = 'noise_px', 'doubt', 'misfit_limit', 'least_gain'
 AnyReadout = NetworkReadout | ResponseReadout | AxisymmetricReadout | FieldReadout
 RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.0), 'softness': (1e-4, 1e4)}
@@ -86,7 +86,7 @@ def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
         arrays[f'layer{i}.bias'] = bias
     if readout.layer:
         arrays |= {'calibration.change': readout.layer.change, 'calibration.bias': readout.layer.bias}
-    heard, told = _witness_arrays(readout.witness)
+    heard, told = _novelty_check_arrays(readout.novelty_check)
     return arrays | heard, {
         **_said(readout.kind, readout.scaling, readout.likeness),
         'sizes': list(readout.network.sizes),
@@ -99,19 +99,23 @@ def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
     }
 
 
-def _witness_arrays(witness: Readout | None) -> tuple[Arrays, dict[str, Any]]:
-    """Under a prefix of their own; files of networks without one are as they always were."""
-    if not isinstance(witness, Witness):
+def _novelty_check_arrays(check: Readout | None) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays of a novelty check, under their own prefix; files of networks without one stay as before."""
+    if not isinstance(check, NoveltyCheck):
         return {}, {}
-    arrays, said = _response_arrays(witness.readout)
-    return {WITNESS + name: each for name, each in arrays.items()}, {'witness': said | {'encoding': witness.encoding}}
+    arrays, said = _response_arrays(check.readout)
+    return {NOVELTY_CHECK + name: each for name, each in arrays.items()}, {
+        'witness': said | {'encoding': check.encoding}
+    }
 
 
-def _witness(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None, bins: BinGrid) -> Witness | None:
+def _novelty_check(
+    arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None, bins: BinGrid
+) -> NoveltyCheck | None:
     if said is None:
         return None
-    own = {name.removeprefix(WITNESS): each for name, each in arrays.items() if name.startswith(WITNESS)}
-    return Witness(_response(own, said, bins), said['encoding'])
+    own = {name.removeprefix(NOVELTY_CHECK): each for name, each in arrays.items() if name.startswith(NOVELTY_CHECK)}
+    return NoveltyCheck(_response(own, said, bins), said['encoding'])
 
 
 def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout:
@@ -126,9 +130,9 @@ def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: Bi
     layer = None
     if 'calibration_layer' in said:
         layer = CalibrationLayer.of_change(arrays['calibration.change'], arrays['calibration.bias'])
-    witness = _witness(arrays, said.get('witness'), bins)
+    novelty_check = _novelty_check(arrays, said.get('witness'), bins)
     return NetworkReadout(
-        _scaling(arrays, said), network, bins, said['output_scale_n'], spread, likeness, layer, witness
+        _scaling(arrays, said), network, bins, said['output_scale_n'], spread, likeness, layer, novelty_check
     )
 
 

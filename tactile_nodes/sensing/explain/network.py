@@ -118,8 +118,8 @@ class InputScaling:
 
 
 CONTRADICTED_SIGMAS = math.sqrt(3.0)
-"""A witness that finds a force so many standard deviations from the network's contradicts it: with the difference as
-another part of it the uncertainty is twice what the network states by itself."""
+"""A force of the novelty check this many standard deviations from the network's contradicts it: with the difference
+added, the uncertainty is twice what the network states."""
 
 TINY_N = 1e-9
 
@@ -144,7 +144,8 @@ class NetworkReadout:
     force in the bin of the indentation's centre) it says in which bin the contact lies and hints at the side of it:
     expect an error of about a millimetre, which it does not know (`sigma_mm` is NaN).
 
-    A `witness` reads the same features: what it calls unlike the training is so, and so is a force that it contradicts.
+    A `novelty_check` reads the same features. A frame counts as unlike the training if the check says so or contradicts
+    the force.
     """
 
     scaling: InputScaling
@@ -154,7 +155,7 @@ class NetworkReadout:
     spread: TotalSpread = TotalSpread()
     likeness: Likeness | None = None
     layer: CalibrationLayer | None = None
-    witness: Readout | None = None
+    novelty_check: Readout | None = None
 
     kind = 'network'
 
@@ -171,8 +172,8 @@ class NetworkReadout:
                 f'a network of {sizes[0]} inputs and {sizes[-1]} outputs does not fit {features} features and '
                 f'{bins.count} bins; train it again or use another model file'
             )
-        if self.witness is not None:
-            self.witness.require_fit(features, bins)
+        if self.novelty_check is not None:
+            self.novelty_check.require_fit(features, bins)
 
     def nominal_n(self, total_n: float) -> float:
         """What it states of such a force by itself."""
@@ -197,8 +198,8 @@ class NetworkReadout:
         sigma_n = self.spread.sigma_n(total_n)
         contact = Contact(*contact_position_mm(forces, self.bins.centres_mm), total_n, UNKNOWN, sigma_n)
         unlike = self._left_over(inputs)
-        if self.witness is not None and math.isfinite(total_n):
-            heard = self.witness.read(values, confidence)
+        if self.novelty_check is not None and math.isfinite(total_n):
+            heard = self.novelty_check.read(values, confidence)
             apart = abs(total_n - heard.contacts[0].force_n) / max(CONTRADICTED_SIGMAS * sigma_n, TINY_N)
             unlike = _largest(unlike, heard.unlikeness, apart)
         return Reading(forces, (contact,), sigma_n, unlike)

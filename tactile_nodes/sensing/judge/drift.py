@@ -62,15 +62,16 @@ class Limits:
     force: tuple[float, float] = (0.05, 0.15)
 
     @classmethod
-    def of_flow(cls, name: str, *, witnessed: bool = False) -> Limits:
+    def of_flow(cls, name: str, *, novelty_checked: bool = False) -> Limits:
         """For a model that measures motion by a flow method.
 
-        Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Patches have light as an unknown,
-        and where a network is `witnessed` forces in another light are those of its witness, which light hardly moves.
+        Dense inverse search mistakes light for motion: 30 % darker, it reads 0.6 of it. Patches fit light as well.
+        If a network is `novelty_checked`, a force in another light counts only if the check, which light hardly
+        disturbs, agrees.
         """
         if name == 'dots':
             return cls(quiet_only=True)
-        return cls(contrast=(0.9, 0.75)) if name == 'dis' and not witnessed else cls()
+        return cls(contrast=(0.9, 0.75)) if name == 'dis' and not novelty_checked else cls()
 
 
 class DriftMonitor:

@@ -30,10 +30,10 @@ from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.measured.response import Response
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.explain.network import CalibrationLayer, InputScaling, Mlp, NetworkReadout, TotalSpread
+from tactile_nodes.sensing.explain.novelty_check import NoveltyCheck
 from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS
 from tactile_nodes.sensing.explain.splines import SplineAxis, value_and_slopes
 from tactile_nodes.sensing.explain.uncertainty import Calibration
-from tactile_nodes.sensing.explain.witness import Witness
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -170,14 +170,16 @@ def _bins(loaded: LoadedModel, frames: list[Features]) -> np.ndarray:
     return np.stack([ForceEstimator(loaded.model).predict(each).normal_force_n for each in frames])
 
 
-def witnessed(encoding: str) -> LoadedModel:
+def novelty_checked(encoding: str) -> LoadedModel:
     """The network beside the response."""
     loaded, watching = network(), response().model.readout
-    witness = Witness(watching, encoding)
-    return replace(loaded, model=replace(loaded.model, readout=replace(loaded.model.readout, witness=witness)))
+    novelty_check = NoveltyCheck(watching, encoding)
+    return replace(
+        loaded, model=replace(loaded.model, readout=replace(loaded.model.readout, novelty_check=novelty_check))
+    )
 
 
-def seen_by_witness(encoding: str) -> list[Features]:
+def seen_by_novelty_check(encoding: str) -> list[Features]:
     """Frames of single contacts as the encoding has them."""
     made = shown(response())
     if encoding != 'polar_mean':
@@ -188,8 +190,8 @@ def seen_by_witness(encoding: str) -> list[Features]:
 
 
 @pytest.mark.parametrize('encoding', ['cartesian_mean', 'polar_mean'])
-def test_what_a_witness_calls_unlike_is_so_in_the_graph(encoding: str) -> None:
-    loaded, frames = witnessed(encoding), seen_by_witness(encoding)
+def test_what_a_novelty_check_calls_unlike_is_so_in_the_graph(encoding: str) -> None:
+    loaded, frames = novelty_checked(encoding), seen_by_novelty_check(encoding)
     found = compare(loaded, onnx_bytes(loaded), frames)
     told = [ForceEstimator(loaded.model).predict(each).unlikeness for each in frames]
     without = [ForceEstimator(network().model).predict(each).unlikeness for each in frames]

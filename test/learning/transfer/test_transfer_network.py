@@ -137,13 +137,13 @@ def test_stated_uncertainty_is_that_of_the_new_gel(source: NetworkReadout, made:
     assert made.readout.spread != source.spread
 
 
-def test_the_witness_is_one_of_the_new_gel(source: NetworkReadout, made: NetworkTransfer) -> None:
+def test_the_novelty_check_is_one_of_the_new_gel(source: NetworkReadout, made: NetworkTransfer) -> None:
     """It reads presses of that gel, to a tenth of their mean of 0.6 N; the other gel's takes half of the force."""
     fresh = polar(tiny_presses(60, seed=11), motion_gain=0.5)
     fresh = fresh.take(np.flatnonzero(fresh.presses[:, 3] > 0))
-    assert made.readout.witness is not None
-    assert source.witness is not None
-    own, other = (_median_error_n(each, fresh) for each in (made.readout.witness, source.witness))
+    assert made.readout.novelty_check is not None
+    assert source.novelty_check is not None
+    own, other = (_median_error_n(each, fresh) for each in (made.readout.novelty_check, source.novelty_check))
     assert own < 0.06
     assert other > 0.2
 

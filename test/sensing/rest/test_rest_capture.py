@@ -42,9 +42,7 @@ def test_a_held_press_after_too_few_frames_of_the_untouched_gel_is_no_rest_image
     capture = RestCapture(wanted=8)
     assert not any(offered(capture, [pictures.of() for _ in range(6)]))
     assert not any(offered(capture, [pictures.of(Press(3.0, -4.0, 0.5)) for _ in range(12)]))
-    assert (
-        '8 frames in a row of the untouched gel, but only 6 came; something touches the gel' in capture.waiting
-    )
+    assert '8 frames in a row of the untouched gel, but only 6 came; something touches the gel' in capture.waiting
     assert offered(capture, [pictures.of() for _ in range(8)]).count(True) == 1
     assert not capture.unsteady
 

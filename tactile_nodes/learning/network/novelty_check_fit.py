@@ -1,4 +1,4 @@
-"""Measure the witness of a network: the response to one contact, in the presses that the network learns from."""
+"""Fit the novelty check of a network: the response to one contact, from the presses that the network learns from."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.measured.fit import fit_response
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.explain.network import NetworkReadout
-from tactile_nodes.sensing.explain.witness import Witness
+from tactile_nodes.sensing.explain.novelty_check import NoveltyCheck
 from tactile_nodes.sensing.features import as_motion
 
 CONFIG = ResponseConfig(components=40, spacing_mm=2.0, levels=6, most_contacts=1)
 """As the profile `fast` has it."""
 
 PRESSES_PER_PLACE = 8
-"""Splines lie further apart where fewer presses than this would tell of each place: the paper's plan has so many."""
+"""Least presses per spline interval, as many as in the paper's plan; with fewer ones the splines lie further apart."""
 
 
 def config_for(presses: Float32[np.ndarray, 'samples 4']) -> ResponseConfig:
-    """Of 10952 presses over 27 mm splines are 2 mm apart, of 392 3.9 mm: seven places along each side."""
+    """Spline spacing by the number of presses: 2 mm for 10952 presses over 27 mm, 3.9 mm for 392 (seven per side)."""
     touched = presses[presses[:, 2] > 0]
     side_mm = float(np.ptp(touched[:, :2], axis=0).max()) if len(touched) else 0.0
     apart_mm = side_mm / math.sqrt(max(len(touched) / PRESSES_PER_PLACE, 1.0))
     return replace(CONFIG, spacing_mm=max(CONFIG.spacing_mm, apart_mm))
 
 
-def with_witness(
+def with_novelty_check(
     readout: NetworkReadout,
     dataset: Dataset,
     held_out: np.ndarray,
@@ -40,9 +40,9 @@ def with_witness(
     progress: Progress,
     config: ResponseConfig | None = None,
 ) -> NetworkReadout:
-    """The readout with a witness that saw what is not held out.
+    """The readout with a novelty check, fitted to the samples that are not held out.
 
-    Without one, and told so, where the presses are no ground for it, or Ctrl-C ended the wait.
+    Returns it without one, and reports that, if the presses do not suffice or Ctrl-C ended the fit.
     """
     motion = replace(dataset, features=as_motion(encoding, dataset.features).astype(np.float16))
     try:
@@ -50,5 +50,5 @@ def with_witness(
     except (DatasetError, KeyboardInterrupt) as error:
         why = str(error) or 'stopped'
         progress.say(f'the network has no novelty check, so unknown contacts may be mistaken for known ones: {why}')
-        return replace(readout, witness=None)
-    return replace(readout, witness=Witness(response, encoding))
+        return replace(readout, novelty_check=None)
+    return replace(readout, novelty_check=NoveltyCheck(response, encoding))

@@ -1,4 +1,4 @@
-"""The witness that training gives a network: it finds the force of one contact, and knows two from one."""
+"""The novelty check that training gives a network: it finds the force of one contact, and knows two from one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from responding_gel import CONFIG, motion, presses
 
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.network.witness_fit import config_for, with_witness
+from tactile_nodes.learning.network.novelty_check_fit import config_for, with_novelty_check
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout, TotalSpread
 from tactile_nodes.sensing.geometry import BinGrid
@@ -56,18 +56,18 @@ class Told(Progress):
 
 
 def made(data: Dataset, encoding: str, progress: Progress) -> NetworkReadout:
-    return with_witness(NETWORK, data, np.zeros(len(data.presses), bool), encoding, progress, CONFIG)
+    return with_novelty_check(NETWORK, data, np.zeros(len(data.presses), bool), encoding, progress, CONFIG)
 
 
-def test_a_witness_of_polar_features_finds_force_and_place_of_one_contact_and_is_not_content_with_two():
+def test_a_novelty_check_of_polar_features_finds_force_and_place_of_one_contact_and_is_not_content_with_two():
     data, told = presses(700, 1), Told()
-    witness = made(replace(data, features=polar(data.features)), 'polar_mean', told).witness
-    one = witness.read(polar(of_contacts((3.0, -2.0, 0.4))), SURE)
+    novelty_check = made(replace(data, features=polar(data.features)), 'polar_mean', told).novelty_check
+    one = novelty_check.read(polar(of_contacts((3.0, -2.0, 0.4))), SURE)
     contact = one.contacts[0]
     assert abs(contact.force_n - 0.4) < 0.02
     assert np.hypot(contact.x_mm - 3, contact.y_mm + 2) < 0.1
     assert one.unlikeness < 1
-    assert witness.read(polar(of_contacts((-5.0, -2.0, 0.4), (5.0, 0.0, 0.3))), SURE).unlikeness > 2
+    assert novelty_check.read(polar(of_contacts((-5.0, -2.0, 0.4), (5.0, 0.0, 0.3))), SURE).unlikeness > 2
     assert told.said == []
 
 
@@ -80,14 +80,14 @@ def test_splines_lie_as_close_as_presses_can_tell(count: int, apart_mm: float):
     assert config_for(rows).spacing_mm == pytest.approx(apart_mm)
 
 
-def test_presses_without_the_untouched_gel_give_no_witness_and_say_so():
+def test_presses_without_the_untouched_gel_give_no_novelty_check_and_say_so():
     data, told = presses(300, 1, still=0.0), Told()
-    assert made(data, 'cartesian_mean', told).witness is None
-    assert 'no witness' in told.said[0]
+    assert made(data, 'cartesian_mean', told).novelty_check is None
+    assert 'no novelty check' in told.said[0]
     assert '12 images of the untouched gel' in told.said[0]
 
 
-def test_who_does_not_wait_for_the_witness_keeps_the_network():
+def test_who_does_not_wait_for_the_novelty_check_keeps_the_network():
     told = Told(stopped=True)
-    assert made(presses(700, 1), 'cartesian_mean', told).witness is None
+    assert made(presses(700, 1), 'cartesian_mean', told).novelty_check is None
     assert told.said[0].endswith('stopped')

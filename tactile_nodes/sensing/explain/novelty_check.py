@@ -1,8 +1,8 @@
-"""A second reader beside a network: one contact's motion, measured in the same presses, and what it says of a frame.
+"""A novelty check (out-of-distribution detector) beside a network: the gel's response to one contact.
 
-A network answers whatever it is shown, and with directions of the training alone two contacts, a corner or more depth
-than was trained look like any press. So the gel's response is measured in the same presses (`sensing.response`): which
-one contact explains the motion best, how much does it leave over, and what force would it take?
+A network gives an answer for any input, and the directions of the training alone do not distinguish two contacts, a
+corner or a deeper press from a usual one. So the gel's response is measured in the same presses (`explain.measured`):
+which single contact explains the motion best, how large is the residual, and which force does it have?
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 
 @dataclass(frozen=True)
-class Witness:
-    """The measured response to one contact, of features of an encoding taken as motion along x and y."""
+class NoveltyCheck:
+    """The measured response to one contact; features of `encoding` are converted to motion along x and y."""
 
     readout: ResponseReadout
     encoding: str
@@ -41,5 +41,5 @@ class Witness:
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        """The one contact that explains a frame best, and how unlike any of the training it is."""
+        """The single contact that explains a frame best, and the novelty of the frame."""
         return self.readout.read(as_motion(self.encoding, values), confidence)

@@ -1,4 +1,4 @@
-"""A witness beside a network: what it calls unlike the training, and whose word counts in which picture."""
+"""A novelty check beside a network: what it calls unlike the training, and whose word counts in which picture."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from tactile_nodes.pipeline.judge_force import FORCE, judged_alone
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.explain.network import Mlp, NetworkReadout, TotalSpread
-from tactile_nodes.sensing.explain.witness import Witness
+from tactile_nodes.sensing.explain.novelty_check import NoveltyCheck
 from tactile_nodes.sensing.features import Features, as_motion
 
-WITNESS = Witness(readout(1), 'cartesian_mean')
+NOVELTY_CHECK = NoveltyCheck(readout(1), 'cartesian_mean')
 SURE = np.ones((6, 6), np.float32)
 SPREAD = TotalSpread(0.03, 0.0)
 
@@ -26,13 +26,15 @@ def network(says_n: float, **more: object) -> NetworkReadout:
     bias = np.zeros(BINS.count, np.float32)
     bias[40] = says_n
     layer = np.zeros((BINS.count, 72), np.float32)
-    made = NetworkReadout(WITNESS.readout.scaling, Mlp((layer,), (bias,)), BINS, spread=SPREAD, witness=WITNESS)
+    made = NetworkReadout(
+        NOVELTY_CHECK.readout.scaling, Mlp((layer,), (bias,)), BINS, spread=SPREAD, novelty_check=NOVELTY_CHECK
+    )
     return replace(made, **more)  # type: ignore[arg-type]
 
 
 def shown(*contacts: tuple[float, float, float]) -> np.ndarray:
-    """Features of which the witness sees these contacts (x, y, N)."""
-    return features(WITNESS.readout, components(WITNESS.readout.response, *contacts))
+    """Features of which the novelty check sees these contacts (x, y, N)."""
+    return features(NOVELTY_CHECK.readout, components(NOVELTY_CHECK.readout.response, *contacts))
 
 
 def test_magnitude_and_angle_are_motion_along_x_and_y():
@@ -45,7 +47,7 @@ def test_motion_along_x_and_y_is_motion_already():
     assert as_motion('cartesian_mean', values) is values
 
 
-def test_a_force_that_the_witness_finds_too_is_like_the_training():
+def test_a_force_that_the_novelty_check_finds_too_is_like_the_training():
     reading = network(0.5).read(shown((2.0, -3.0, 0.5)), SURE)
     assert reading.unlikeness < 0.5
 
@@ -60,14 +62,14 @@ def test_a_force_off_by_more_than_the_root_of_three_of_its_uncertainty_is_unlike
 
 def test_two_contacts_are_unlike_the_training_whatever_force_is_said():
     pair = shown((-4.0, 0.0, 0.5), (4.0, 1.0, 0.5))
-    alone = WITNESS.read(pair, SURE)
+    alone = NOVELTY_CHECK.read(pair, SURE)
     assert alone.unlikeness > 1
     assert network(alone.contacts[0].force_n).read(pair, SURE).unlikeness == alone.unlikeness
 
 
 def test_forces_in_a_usual_picture_are_the_networks_to_the_bit():
     values = shown((2.0, -3.0, 0.5))
-    alone = network(0.9, witness=None).read(values, SURE)
+    alone = network(0.9, novelty_check=None).read(values, SURE)
     beside = network(0.9).read(values, SURE)
     assert beside.normal_force_n.tobytes() == alone.normal_force_n.tobytes()
     (told,), (expected,) = beside.contacts, alone.contacts
@@ -75,7 +77,7 @@ def test_forces_in_a_usual_picture_are_the_networks_to_the_bit():
     assert beside.total_sigma_n == alone.total_sigma_n
 
 
-def test_what_directions_leave_over_counts_beside_the_witness():
+def test_what_directions_leave_over_counts_beside_the_novelty_check():
     directions = np.eye(72, dtype=np.float32)[:1]
     strict = Likeness(np.zeros(72, np.float32), directions, 1e-3, 0.0)
     values = shown((2.0, -3.0, 0.5))
@@ -94,6 +96,6 @@ def test_of_no_motion_no_force_is_told_as_sure_as_the_network_is_of_none():
     assert judged_alone(found).status == FORCE.STATUS_OK
 
 
-def test_a_witness_of_other_features_is_refused():
+def test_a_novelty_check_of_other_features_is_refused():
     with pytest.raises(ModelError, match='does not fit'):
-        network(0.5).witness.require_fit(50, BINS)  # type: ignore[union-attr]
+        network(0.5).novelty_check.require_fit(50, BINS)  # type: ignore[union-attr]
