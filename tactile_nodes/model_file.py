@@ -29,10 +29,10 @@ from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.force_model'
-FORMAT_VERSION, LAYERED_VERSION, STREAKED_VERSION, FIELD_VERSION = 2, 3, 5, 6
+FORMAT_VERSION, LAYERED_VERSION, SMEARED_VERSION, FIELD_VERSION = 2, 3, 5, 6
 """Readouts that earlier releases would take for another, or misread, have versions of their own.
 
-Axisymmetric ones were written as version 4 before they knew streaks; those files are read on.
+Axisymmetric models without radial smear were written as version 4; those files can still be read.
 """
 DESCRIPTION = 'description'
 """Where the data of a model come from that no press told anything."""
@@ -177,7 +177,7 @@ def _version(readout: Mapping[str, Any]) -> int:
     if readout['kind'] == FieldReadout.kind:
         return FIELD_VERSION
     if readout['kind'] == AxisymmetricReadout.kind:
-        return STREAKED_VERSION
+        return SMEARED_VERSION
     return LAYERED_VERSION if 'calibration_layer' in readout else FORMAT_VERSION
 
 

@@ -169,8 +169,8 @@ def test_a_layer_has_a_version_that_earlier_releases_refuse(file: Path, tmp_path
     assert load_model(tmp_path / 'layered.safetensors').card['format_version'] == 3
 
 
-def test_a_response_with_streaks_has_a_version_that_earlier_releases_refuse(tmp_path: Path):
-    """They would read it as if there were none. What was written before there were streaks, version 4, is read on."""
+def test_a_response_with_radial_smear_has_a_version_that_earlier_releases_refuse(tmp_path: Path):
+    """They would read it as if there were none. Files of version 4, written before it, are still read."""
     shipped = load_model(find_model('portable'))
     save_model(tmp_path / 'again.safetensors', shipped.model, shipped.card)
     assert load_model(tmp_path / 'again.safetensors').card['format_version'] == 5

@@ -20,6 +20,7 @@ from tactile_nodes.model_file import LoadedModel, load_model
 
 PACKAGE, PIPELINE = 'tactile_nodes', 'tactile_nodes.pipeline'
 SENSING, LEARNING, EXPLAIN = f'{PACKAGE}.sensing', f'{PACKAGE}.learning', f'{PACKAGE}.sensing.explain'
+SMEAR = f'{EXPLAIN}.axisymmetric.radial_smear:RadialSmear'
 Switch = Callable[[], AbstractContextManager[Any]]
 
 CORE = 'none', 'blur 1', 'noise 4', 'brightness 0.7', 'camera shifted 1', 'markers gone 20'
@@ -259,10 +260,10 @@ MECHANISMS = (
     ),
     Mechanism(
         'smear of the markers', 'regions that look aslant see a press elsewhere',
-        ('sensing/explain/axisymmetric/streaks.py',),
+        ('sensing/explain/axisymmetric/radial_smear.py',),
         all_of(
-            instead(f'{SENSING}.explain.axisymmetric.streaks:Streak.shown', lambda _, away, __: away),
-            instead(f'{SENSING}.explain.axisymmetric.streaks:Streak.slopes', lambda _, away, __: np.zeros_like(away)),
+            instead(f'{SMEAR}.shown', lambda _, away, __: away),
+            instead(f'{SMEAR}.slopes', lambda _, away, __: np.zeros_like(away)),
         ),
         transfer=True,
     ),

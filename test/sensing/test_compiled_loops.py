@@ -21,8 +21,8 @@ from responding import COMPONENTS, components, features, readout
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.sensing.compiling import NOTICE, PARTS, told_of_compiling
+from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
-from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
 from tactile_nodes.sensing.explain.field.cone import inverse_root
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.told import sums
@@ -202,7 +202,7 @@ def test_the_same_motion_is_expected_around_a_press(lateral: int):
     columns = 2 * lateral + len(profiles) - lateral
     gel = AxisymmetricResponse(
         profiles, lateral, 1.2, random.uniform(-14, 14, (50, 2)), random.normal(size=(50, 2, columns)), 1.1, 0.8,
-        Streak(-0.4, 0.1),
+        RadialSmear(-0.4, 0.1),
     )  # fmt: skip
     contacts = np.array([(0.0, 0.0, 0.0), (3.0, -11.0, 0.7), (*gel.places[4], 1.4), (-9.0, 2.0, 1.5)])
     plain, compiled = both(

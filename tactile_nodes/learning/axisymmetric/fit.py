@@ -41,7 +41,7 @@ PAIRS = 60_000
 """Of a press and a region each, that a turn takes the profiles from."""
 SMOOTHING = 1e-3
 MARGIN = 1.02
-STREAKS = Shared(np.zeros(4), np.array([0.0, 0.0, 1.0, 0.3]))
+SMEAR = Shared(np.zeros(4), np.array([0.0, 0.0, 1.0, 0.3]))
 """Found from the turn on in which other profiles join."""
 DEPTH_SPREAD = 0.2
 """By which shares the regions' markers are thought to differ in depth when second profiles join, and by which what they
@@ -119,7 +119,7 @@ def _turn(
     chosen = presses.take(slice(0, config.most_presses)) if last else few
     for _ in range(2):
         response = fit_regions(
-            response, chosen, Expected.around(response), FIRST_DOUBT, STREAKS if turn >= ALONE else None
+            response, chosen, Expected.around(response), FIRST_DOUBT, SMEAR if turn >= ALONE else None
         )
     if last:
         return response
@@ -150,7 +150,7 @@ def _unlike(places: Float[np.ndarray, 'regions 2'], random: np.random.Generator)
     """How regions differ, to begin with, in what the profiles of number 1 and 2 show: (regions, 1, 1) each.
 
     The second profiles tell of depth, which is as chance has put the markers. The third ones tell of the angle at which
-    a region is seen: towards the image's rim it sees markers of many depths in a streak, which blurs the motion by the
+    a region is seen: towards the image's rim it sees markers of many depths along a line, which blurs the motion by the
     square of that angle's tangent.
     """
     aside = np.square(places).sum(axis=1)

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import DOUBT_MM
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
-from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
 from tactile_nodes.sensing.explain.network import InputScaling
 
 PRESSES_AT_ONCE = 200
@@ -142,15 +142,15 @@ class Shared:
 
 
 def shared_of(response: AxisymmetricResponse) -> Float[np.ndarray, ' 4']:
-    """Logarithms of softness and width, then the streak's shift (mm) and squeeze."""
-    streak = response.streak
-    return np.array([np.log(response.softness), np.log(response.width), streak.shift_mm, streak.squeeze])
+    """Logarithms of softness and width, then the smear's shift (mm) and squeeze."""
+    smear = response.smear
+    return np.array([np.log(response.softness), np.log(response.width), smear.shift_mm, smear.squeeze])
 
 
 def with_shared(response: AxisymmetricResponse, numbers: Float[np.ndarray, ' 4']) -> AxisymmetricResponse:
     """The response with what `shared_of` gives."""
     softness, width = np.exp(numbers[:2]).tolist()
-    return replace(response, softness=softness, width=width, streak=Streak(*numbers[2:].tolist()))
+    return replace(response, softness=softness, width=width, smear=RadialSmear(*numbers[2:].tolist()))
 
 
 def shared_levers(
@@ -159,16 +159,16 @@ def shared_levers(
     """How the motion of each region changes with what is shared.
 
     Softness multiplies the force, so that is F dm/dF; width divides the distance, so that is minus distance dm/d(it).
-    Streaks move a press along themselves; `slopes` are those along its true place.
+    Radial smear shifts a press along itself; `slopes` are those along the true place.
     """
     along_x, along_y, by_force = (response.seen(each) for each in slopes)
     away = contacts[:, None, :2] - response.places
     by_width = -(along_x * away[..., :1] + along_y * away[..., 1:])
-    streak, plain, aslant = response.streak, away / response.width, response.streak.aslant(response.places)
-    bent = 1 + (streak.slopes(plain, response.places) * aslant).sum(axis=-1)
+    smear, plain, aslant = response.smear, away / response.width, response.smear.aslant(response.places)
+    bent = 1 + (smear.slopes(plain, response.places) * aslant).sum(axis=-1)
     outwards = (along_x * aslant[:, :1] + along_y * aslant[:, 1:]) * (response.width / bent)[..., None]
-    by_streak = [outwards * lever[..., None] for lever in streak.levers(plain, response.places)]
-    return np.stack([by_force * contacts[:, 2, None, None], by_width, *by_streak], axis=-1)
+    by_smear = [outwards * lever[..., None] for lever in smear.levers(plain, response.places)]
+    return np.stack([by_force * contacts[:, 2, None, None], by_width, *by_smear], axis=-1)
 
 
 def by_regions(each: Float[np.ndarray, 'n regions 2 numbers']) -> Float[np.ndarray, 'regions motions numbers']:

@@ -22,7 +22,7 @@ from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResp
 
 LARGEST_STEP_MM = 0.6
 LARGEST_SHARED = 0.15
-"""Of a step of what is shared: logarithms of softness and width, mm of a streak's shift, its squeeze."""
+"""Of a step of what is shared: logarithms of softness and width, mm of a smear's shift, its squeeze."""
 
 
 def fit_regions(

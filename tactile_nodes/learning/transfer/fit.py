@@ -52,7 +52,7 @@ FORMS = 'whole', 'regions'
 REGION_TURNS = 4
 SHARED_SIGMA = np.array([0.2, 0.03, 0.0, 0.0])
 """Of the logarithms of softness and width, once all regions together have said what they are: markers mislead them.
-Streaks are those of the known gel."""
+Radial smear is that of the known gel."""
 LEAST_DOUBT = 0.02
 """Of a region's motion, in fits of regions: the known gel's profiles are another gel's to this much."""
 IN_GAPS = 0.65

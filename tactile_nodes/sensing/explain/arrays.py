@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
+from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
-from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
 from tactile_nodes.sensing.explain.field.readout import STILL, FieldReadout
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.likeness import Likeness
@@ -193,7 +193,7 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
         'hardest_n': response.hardest_n,
         'width': response.width,
         'softness': response.softness,
-        'streak': asdict(response.streak),
+        'streak': asdict(response.smear),
         'correction': {'reach_mm': correction.reach_mm, 'hardest_n': correction.hardest_n},
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
@@ -207,13 +207,13 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
     _require_within(said['correction'])
     profiles, places, couplings = (arrays[name].astype(float) for name in ('profiles', 'places', 'couplings'))
     numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
-    streak = Streak(**said.get('streak', {}))
+    smear = RadialSmear(**said.get('streak', {}))
     unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
     local = arrays['local'].astype(float) if 'local' in arrays else None
     carried = Carried(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
     return AxisymmetricReadout(
         _scaling(arrays, said),
-        AxisymmetricResponse(profiles, said['lateral'], *numbers, streak, unsure),
+        AxisymmetricResponse(profiles, said['lateral'], *numbers, smear, unsure),
         arrays['doubt'].astype(float),
         Correction(arrays['correction'].astype(float), **said['correction'], local=local),
         bins,

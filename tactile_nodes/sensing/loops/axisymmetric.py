@@ -61,7 +61,7 @@ def _columns(value, outward, by_force, toward, core, distance, numbers, columns,
 
 @compiled()
 def _shown(x, y, aslant_x, aslant_y, numbers, away, bend):
-    """Where a region's streak shows a press, and its slopes; as `axisymmetric.streaks.Streak`."""
+    """Where a region's smear shows a press, and its slopes; as `axisymmetric.radial_smear.RadialSmear`."""
     square, along = x * x + y * y, x * aslant_x + y * aslant_y
     near, wide = 1 / (1 + square / numbers[8] ** 2), 1 / (1 + square / numbers[9] ** 2)
     shift, squeeze = numbers[10] * near, numbers[11] * wide
@@ -78,7 +78,7 @@ def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made
     """As `AxisymmetricResponse.motion_slopes_and_columns`: fills in (n, regions, 2), (3, n, regions, 2) and columns.
 
     `numbers` are how many profiles are lateral, the hardest force, width, softness, bend, core and the least distance,
-    then what streaks are told by; `axes` low, high and intervals of the splines over distance and force.
+    then the numbers of the radial smear; `axes` low, high and intervals of the splines over distance and force.
     """
     hardest, width, softness, bend, least = numbers[1], numbers[2], numbers[3], numbers[4], numbers[6]
     count = profiles.shape[0]

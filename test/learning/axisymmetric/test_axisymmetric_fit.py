@@ -10,7 +10,7 @@ import pytest
 from responding_gel import AXISYMMETRIC, motion, presses
 
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.axisymmetric.fit import STREAKS, fit_axisymmetric, weighted_choice
+from tactile_nodes.learning.axisymmetric.fit import SMEAR, fit_axisymmetric, weighted_choice
 from tactile_nodes.learning.axisymmetric.regions import (
     FIRST_DOUBT,
     Expected,
@@ -23,8 +23,8 @@ from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.train import train
 from tactile_nodes.model_file import load_model
+from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
-from tactile_nodes.sensing.explain.axisymmetric.streaks import Streak
 from tactile_nodes.sensing.geometry import BinGrid
 
 
@@ -50,19 +50,19 @@ def test_regions_are_found_where_they_look(readout: AxisymmetricReadout) -> None
 
 def test_no_squeeze_is_found_where_regions_look_straight(readout: AxisymmetricReadout) -> None:
     """Of a gel whose regions look aslant it is 0.1; this fit is from 240 noisy presses, in four turns."""
-    assert abs(readout.response.streak.squeeze) < 0.05
+    assert abs(readout.response.smear.squeeze) < 0.05
 
 
-def test_streaks_are_found_with_the_regions(readout: AxisymmetricReadout) -> None:
-    """From motion that a response with streaks tells, a fit that begins without them finds the same."""
-    true = replace(readout.response, streak=Streak(-0.4, 0.1))
+def test_radial_smear_is_found_with_the_regions(readout: AxisymmetricReadout) -> None:
+    """From the motion of a response with radial smear, a fit that starts without it finds the same."""
+    true = replace(readout.response, smear=RadialSmear(-0.4, 0.1))
     told = Presses.of(presses(150, seed=12, still=0.0), np.arange(150), readout.scaling)
     told = replace(told, motion=true.motion(told.contacts))
     found = readout.response
     for _ in range(6):
-        found = fit_regions(found, told, Expected.around(found), FIRST_DOUBT, STREAKS)
-    assert found.streak.shift_mm == pytest.approx(-0.4, abs=0.02)
-    assert found.streak.squeeze == pytest.approx(0.1, abs=0.005)
+        found = fit_regions(found, told, Expected.around(found), FIRST_DOUBT, SMEAR)
+    assert found.smear.shift_mm == pytest.approx(-0.4, abs=0.02)
+    assert found.smear.squeeze == pytest.approx(0.1, abs=0.005)
 
 
 def test_presses_that_no_fit_saw_are_read(readout: AxisymmetricReadout) -> None:

@@ -4,7 +4,7 @@ A soft layer answers a round tip alike wherever it presses: at a distance the ge
 and up or down, by amounts that depend on nothing but that distance and the force (axial symmetry; Johnson, Contact
 Mechanics, 1985, ch. 3). These profiles are functions of two numbers. A region of the image adds where on the surface
 it looks and how it sees the two kinds of motion: its markers' depths, and the camera's view of them. Seen aslant,
-these lie in a streak, which `axisymmetric.streaks` tells of.
+these lie along a radial line, see `axisymmetric.radial_smear`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from tactile_nodes.sensing.compiling import compiled_loops
-from tactile_nodes.sensing.explain.axisymmetric.streaks import NEAR_MM, STREAK_MM, WIDE_MM, Streak
+from tactile_nodes.sensing.explain.axisymmetric.radial_smear import NEAR_MM, SMEAR_MM, WIDE_MM, RadialSmear
 from tactile_nodes.sensing.explain.splines import SplineAxis
 
 BEND_MM = 1.0
@@ -38,7 +38,7 @@ class AxisymmetricResponse:
     force: `lateral` of them are motion away from the press, the others vertical motion. A region at `places` (mm,
     surface frame) moves in the image (px) by `couplings` times the profiles' values, lateral ones along x and y first.
     Of a gel that is `softness` times as soft and in which distances are `width` times as long, profiles are taken at
-    the force times `softness` and the distance over `width`. `streak` bends that distance by the region's place.
+    the force times `softness` and the distance over `width`. `smear` bends that distance by the region's place.
 
     Where regions are known from a few presses only, `unsure` are factors of the covariance of a region's numbers, apart
     for what it shows along x and along y: first of its couplings, then of its place.
@@ -51,7 +51,7 @@ class AxisymmetricResponse:
     couplings: Float[np.ndarray, 'regions 2 columns']
     width: float = 1.0
     softness: float = 1.0
-    streak: Streak = field(default_factory=Streak)
+    smear: RadialSmear = field(default_factory=RadialSmear)
     unsure: Float[np.ndarray, 'regions 2 numbers factors'] | None = None
     compiled: bool = False
 
@@ -119,7 +119,7 @@ class AxisymmetricResponse:
     def _for_loops(self) -> tuple[np.ndarray, ...]:
         """Places, couplings and profiles, further numbers, and the axes of distance and force, as loops want them."""
         numbers = [self.lateral, self.hardest_n, self.width, self.softness, BEND_MM, CORE_MM, TINY_MM]
-        numbers += [STREAK_MM, NEAR_MM, WIDE_MM, self.streak.shift_mm, self.streak.squeeze]
+        numbers += [SMEAR_MM, NEAR_MM, WIDE_MM, self.smear.shift_mm, self.smear.squeeze]
         axes = [[each.low, each.high, each.intervals] for each in (DISTANCES, self.force)]
         arrays = self.places, self.couplings, self.profiles, np.array(numbers), np.array(axes)
         return tuple(np.ascontiguousarray(each, float) for each in arrays)
@@ -166,8 +166,8 @@ class AxisymmetricResponse:
         return columns
 
     def _bent(self, contacts: np.ndarray, slopes: Float[np.ndarray, '2 n regions columns']) -> np.ndarray:
-        """Slopes along the contact's x and y, from those along where the streaks show it."""
-        aslant, bend = self.streak.aslant(self.places), self.streak.slopes(self._plain(contacts), self.places)
+        """Derivatives with respect to the contact's x and y, from those with respect to its smeared place."""
+        aslant, bend = self.smear.aslant(self.places), self.smear.slopes(self._plain(contacts), self.places)
         over = aslant[:, :1] * slopes[0] + aslant[:, 1:] * slopes[1]
         return np.stack([slopes[axis] + over * bend[..., axis, None] for axis in (0, 1)])
 
@@ -176,18 +176,18 @@ class AxisymmetricResponse:
         return away
 
     def _away(self, contacts: np.ndarray) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, 'n regions']]:
-        """From each region to each contact as its streak shows it, and how far that is, both over the width."""
-        away = self.streak.shown(self._plain(contacts), self.places)
+        """From each region to each contact as its smear shows it, and how far that is, both over the width."""
+        away = self.smear.shown(self._plain(contacts), self.places)
         x, y = away[..., 0], away[..., 1]
         return away, np.sqrt(x * x + y * y + TINY_MM**2)
 
     def away_of(self, contacts: Float[np.ndarray, 'n 3'], regions: np.ndarray) -> Float[np.ndarray, 'n 2']:
         """From one region for each contact to it, as above."""
         places = self.places[regions]
-        return self.streak.shown((contacts[:, :2] - places) / self.width, places)
+        return self.smear.shown((contacts[:, :2] - places) / self.width, places)
 
     def distances_mm(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions']:
-        """From each contact to each region as its streak shows it, over the width."""
+        """From each contact to each region as its smear shows it, over the width."""
         return self._away(contacts)[1]
 
     def _values_alone(
