@@ -269,8 +269,8 @@ MECHANISMS = (
     ),
     Mechanism(
         'prior of the errors', 'what calibrations of other gels get wrong alike is taken away',
-        ('sensing/explain/axisymmetric/carried.py', 'learning/transfer/carried.py'),
-        without(_tips(lambda tips: dataclasses.replace(tips, carried=None))), transfer=True,
+        ('sensing/explain/axisymmetric/prior.py', 'learning/transfer/prior.py'),
+        without(_tips(lambda tips: dataclasses.replace(tips, prior=None))), transfer=True,
     ),
     Mechanism(
         'covariance of the regions', 'how unsure the numbers of each region are goes into the weights',

@@ -56,7 +56,7 @@ def train_field(
     require_bins(sensor, bins)
     tips.require_fit(dataset.features[0].size, bins)
     bodies = Bodies.one(KnownBody.named(config.body), len(dataset.presses))
-    made = _fitted(sensor, replace(tips, carried=None), dataset, bodies, progress)
+    made = _fitted(sensor, replace(tips, prior=None), dataset, bodies, progress)
     report = {'form': made.form, 'gain': made.gain, 'presses': made.presses, 'misfits': dict(made.misfits)}
     return replace(made.readout, tips=tips), report
 

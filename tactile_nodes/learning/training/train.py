@@ -26,10 +26,10 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.run.folder import Run, RunFolder
 from tactile_nodes.learning.tasks import done
 from tactile_nodes.learning.training.source import TrainingData, training_data
-from tactile_nodes.learning.transfer.carried import Found, found_by_counts, learned_carried
 from tactile_nodes.learning.transfer.errors import Errors
 from tactile_nodes.learning.transfer.fit import live_errors
 from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, poor, require_worth, unjudged
+from tactile_nodes.learning.transfer.prior import Found, found_by_counts, learned_prior
 from tactile_nodes.model_file import save_model
 from tactile_nodes.paths import check_output
 from tactile_nodes.sensing.explain.arrays import AnyReadout
@@ -160,7 +160,7 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
     readout: AnyReadout
     if config.readout == 'axisymmetric':
         settings = config.axisymmetric
-        readout = with_carried(
+        readout = with_prior(
             fit_axisymmetric(dataset, data.held_out, settings, config.bins, progress), config, progress
         )
     else:
@@ -170,7 +170,7 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
     return readout, {'settings': asdict(settings), 'seconds': seconds, 'device': 'cpu'}
 
 
-def with_carried(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
+def with_prior(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
     """With what calibrations for other gels get wrong alike, where the gel is simulated and others like it can be."""
     gels = config.axisymmetric.other_gels
     if not gels or config.data.file:
@@ -181,7 +181,7 @@ def with_carried(readout: AxisymmetricReadout, config: TrainConfig, progress: Pr
         for number, of_gel in done(_found_on, jobs, config.data.processes):
             found[number] = of_gel
             bar.advance()
-    return replace(readout, carried=learned_carried(readout, [found[number] for number in range(gels)]))
+    return replace(readout, prior=learned_prior(readout, [found[number] for number in range(gels)]))
 
 
 @dataclass(frozen=True)

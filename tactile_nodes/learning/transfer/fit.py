@@ -281,11 +281,11 @@ class OtherGel:
         """
         source, presses = self.source, len(self.presses)
         terms = source.correction.terms * np.array([1.0, 1.0, 0.0])
-        if source.carried is not None and form == 'regions':
-            terms = source.carried.after(presses)
+        if source.prior is not None and form == 'regions':
+            terms = source.prior.after(presses)
         correction = replace(source.correction, terms=terms, local=None)
         return replace(
-            source, scaling=self.live_scaling, response=response, doubt=doubt, correction=correction, carried=None,
+            source, scaling=self.live_scaling, response=response, doubt=doubt, correction=correction, prior=None,
             pressed_n=self.pressed_n,
         )  # fmt: skip
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
+from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
@@ -183,10 +183,10 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
     arrays |= {'doubt': np.asarray(readout.doubt, np.float32), 'correction': np.asarray(correction.terms, np.float32)}
     if correction.local is not None:
         arrays['local'] = np.asarray(correction.local, np.float32)
-    carried = {}
-    if readout.carried is not None:
-        arrays['carried'] = np.asarray(readout.carried.terms, np.float32)
-        carried = {'carried': list(readout.carried.presses)}
+    prior = {}
+    if readout.prior is not None:
+        arrays['carried'] = np.asarray(readout.prior.terms, np.float32)
+        prior = {'carried': list(readout.prior.presses)}
     return arrays, {
         **_said(readout.kind, readout.scaling, None),
         'lateral': response.lateral,
@@ -198,7 +198,7 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
         **({'pressed_n': readout.pressed_n} if readout.pressed_n else {}),
-        **carried,
+        **prior,
     }
 
 
@@ -210,7 +210,7 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
     smear = RadialSmear(**said.get('streak', {}))
     unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
     local = arrays['local'].astype(float) if 'local' in arrays else None
-    carried = Carried(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
+    prior = ErrorPrior(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
     return AxisymmetricReadout(
         _scaling(arrays, said),
         AxisymmetricResponse(profiles, said['lateral'], *numbers, smear, unsure),
@@ -219,7 +219,7 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
         bins,
         _calibration(said['calibration']),
         said['most_contacts'],
-        carried,
+        prior,
         said.get('pressed_n', 0.0),
     )
 

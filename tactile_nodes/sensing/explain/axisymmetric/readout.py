@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
 from tactile_nodes.sensing.explain.axisymmetric.local import between
+from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.measured.response import Fit, damping
 from tactile_nodes.sensing.explain.network import InputScaling
@@ -111,7 +111,7 @@ class AxisymmetricReadout:
 
     `scaling` says what the regions show at rest (mean), one over their noise (gain) and which are known (trusted); the
     response tells of those alone, row by row. `doubt` is the share of its motion by which a region may be off, at the
-    distances `DOUBT_MM` from the press. `carried` has no say in a reading; calibrations for other gels begin with it.
+    distances `DOUBT_MM` from the press. `prior` has no say in a reading; calibrations for other gels begin with it.
     `pressed_n` is the hardest press that a calibration was fitted to: a softer gel's can be beyond what is known of the
     profiles, and what was fitted is read.
     """
@@ -123,7 +123,7 @@ class AxisymmetricReadout:
     bins: BinGrid
     calibration: Calibration = field(default_factory=Calibration)
     most_contacts: int = 1
-    carried: Carried | None = None
+    prior: ErrorPrior | None = None
     pressed_n: float = 0.0
 
     kind = 'axisymmetric'

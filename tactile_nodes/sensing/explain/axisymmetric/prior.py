@@ -1,4 +1,4 @@
-"""What calibrations for other gels get wrong alike, so that a new one can be rid of it before anybody sees it."""
+"""The prior of calibration errors: what calibrations for other gels get wrong in the same way."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from jaxtyping import Float
 
 
 @dataclass(frozen=True)
-class Carried:
-    """A correction for calibrations by as many `presses`, which rise, as measured on several other gels.
+class ErrorPrior:
+    """Corrections for calibrations with `presses` presses (increasing), measured on several other gels.
 
-    After few presses more is drawn towards what is expected of regions, so that what is wrong differs. `terms` are
-    those of its polynomials.
+    After few presses regions stay closer to their prior, so the errors depend on the number of presses. `terms` are the
+    terms of the correction polynomials.
     """
 
     presses: tuple[int, ...]
     terms: Float[np.ndarray, 'counts terms 3']
 
     def after(self, presses: int) -> Float[np.ndarray, 'terms 3']:
-        """The terms for a calibration by so many presses: between those measured by the logarithm of their number.
+        """The terms for a number of presses, interpolated over its logarithm.
 
-        With terms after 10 and 40 presses, 20 presses take the mean of both; fewer than 10 those after 10.
+        With terms after 10 and 40 presses, 20 presses get the mean of both, and fewer than 10 the terms after 10.
         """
         place = np.interp(np.log(max(presses, 1)), np.log(self.presses), np.arange(len(self.presses)))
         below = min(int(place), max(len(self.presses) - 2, 0))

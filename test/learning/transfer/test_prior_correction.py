@@ -12,10 +12,10 @@ from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.training.train import with_carried
-from tactile_nodes.learning.transfer.carried import found_by_counts, learned_carried
+from tactile_nodes.learning.training.train import with_prior
 from tactile_nodes.learning.transfer.fit import OtherGel
-from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
+from tactile_nodes.learning.transfer.prior import found_by_counts, learned_prior
+from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -45,27 +45,27 @@ def source() -> AxisymmetricReadout:
 def test_a_share_of_the_force_that_all_calibrations_lack_is_found(source: AxisymmetricReadout) -> None:
     """Calibrated by forces as they are and judged by forces 6 % larger, forces come out 6 % too small everywhere."""
     gels = [found_by_counts(source, pressed(60, seed), pressed(120, seed + 10, SHARE), (30,)) for seed in (1, 2)]
-    terms = learned_carried(source, gels, counts=(30,)).after(30)
+    terms = learned_prior(source, gels, counts=(30,)).after(30)
     correction = dataclasses.replace(source.correction, terms=terms)
     asked = np.array([[0.0, 0.0, 0.3], [4.0, -4.0, 0.5], [-3.0, 5.0, 0.6]])
     assert correction(asked)[:, 2] / asked[:, 2] - 1 == pytest.approx(SHARE, abs=0.02)
 
 
-def test_a_calibration_begins_with_what_is_carried_and_carries_nothing_on(source: AxisymmetricReadout) -> None:
+def test_a_calibration_begins_with_the_prior_and_hands_none_on(source: AxisymmetricReadout) -> None:
     terms = np.stack([np.full_like(source.correction.terms, each) for each in (0.3, 0.1)])
-    other = OtherGel.of(dataclasses.replace(source, carried=Carried((10, 40), terms)), pressed(40, seed=3))
+    other = OtherGel.of(dataclasses.replace(source, prior=ErrorPrior((10, 40), terms)), pressed(40, seed=3))
     readout = other.readout(other.start, source.doubt)
     assert readout.correction.terms == pytest.approx(np.full_like(terms[0], 0.2))
-    assert readout.carried is None
+    assert readout.prior is None
 
 
 def test_a_gel_that_differs_as_a_whole_only_takes_the_correction_of_places(source: AxisymmetricReadout) -> None:
-    """What is carried was measured on gels whose every region was found."""
+    """The prior was measured on gels whose every region was found."""
     own = np.random.default_rng(1).normal(size=source.correction.terms.shape)
     known = dataclasses.replace(
         source,
         correction=Correction(own, source.correction.reach_mm, source.correction.hardest_n),
-        carried=Carried((10,), np.ones((1, *own.shape))),
+        prior=ErrorPrior((10,), np.ones((1, *own.shape))),
     )
     other = OtherGel.of(known, pressed(40, seed=3))
     correction = other.readout(other.start, source.doubt, 'whole').correction
@@ -76,4 +76,4 @@ def test_a_gel_that_differs_as_a_whole_only_takes_the_correction_of_places(sourc
 
 def test_a_gel_of_recorded_presses_learns_nothing_from_others(source: AxisymmetricReadout) -> None:
     recorded = TrainConfig(data=DataConfig(file='presses.npz'), axisymmetric=AxisymmetricConfig(other_gels=3))
-    assert with_carried(source, recorded, Progress()) is source
+    assert with_prior(source, recorded, Progress()) is source

@@ -7,40 +7,40 @@ import pytest
 from test_axisymmetric import readout
 
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
-from tactile_nodes.sensing.explain.axisymmetric.carried import Carried
+from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 
 TERMS = np.stack([np.full((20, 3), 3.0), np.full((20, 3), 1.0)])
-CARRIED = Carried((10, 40), TERMS)
+PRIOR = ErrorPrior((10, 40), TERMS)
 
 
 @pytest.mark.parametrize(('presses', 'expected'), [(3, 3.0), (10, 3.0), (20, 2.0), (40, 1.0), (400, 1.0)])
 def test_terms_follow_the_logarithm_of_the_presses(presses: int, expected: float) -> None:
-    assert CARRIED.after(presses) == pytest.approx(np.full((20, 3), expected))
+    assert PRIOR.after(presses) == pytest.approx(np.full((20, 3), expected))
 
 
 def test_terms_after_one_number_of_presses_serve_for_all() -> None:
-    once = Carried((25,), TERMS[:1])
+    once = ErrorPrior((25,), TERMS[:1])
     assert once.after(5) == pytest.approx(TERMS[0])
     assert once.after(100) == pytest.approx(TERMS[0])
 
 
 def test_it_comes_back_from_a_file() -> None:
-    whole = readout(carried=CARRIED)
-    again = readout_from(*readout_arrays(whole), whole.bins).carried
+    whole = readout(prior=PRIOR)
+    again = readout_from(*readout_arrays(whole), whole.bins).prior
     assert again is not None
-    assert again.presses == CARRIED.presses
+    assert again.presses == PRIOR.presses
     assert again.terms == pytest.approx(TERMS)
 
 
 def test_a_table_beside_it_in_a_file_of_before_is_left_aside() -> None:
-    whole = readout(carried=CARRIED)
+    whole = readout(prior=PRIOR)
     arrays, said = readout_arrays(whole)
     again = readout_from({**arrays, 'carried_local': np.ones((2, 5, 5, 3), np.float16)}, said, whole.bins)
-    assert again.carried.after(10) == pytest.approx(TERMS[0])
+    assert again.prior.after(10) == pytest.approx(TERMS[0])
     assert again.correction.local is None
 
 
 def test_a_file_without_it_carries_nothing() -> None:
     arrays, said = readout_arrays(readout())
     assert 'carried' not in arrays
-    assert readout_from(arrays, said, readout().bins).carried is None
+    assert readout_from(arrays, said, readout().bins).prior is None
