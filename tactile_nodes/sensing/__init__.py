@@ -1,1 +1,1 @@
-"""Numbers from numbers: image to displacement, displacement to features, features to force."""
+"""Computation on arrays: image to displacement, displacement to features, features to force."""

@@ -1,7 +1,7 @@
 """Inner loops compiled by numba.
 
-Objects that know compiled loops are made with `compiled`, true or false, and stay what they are: answers differ in
-their last digits.
+Objects with compiled loops take `compiled`, true or false, at construction. It cannot be changed later, since results
+differ in their last digits.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from types import ModuleType
 from tactile_nodes.errors import ConfigurationError, in_a_line
 
 PARTS = ('response', 'field', 'patches', 'told', 'stillness', 'weights', 'axisymmetric', 'pictures')
-"""What is compiled, each by itself, the longest first."""
+"""Modules that are compiled, each separately, the slowest first."""
 
 NOTICE = 'compiling the inner loops, once per machine: about half a minute; tactile compile does it in advance'
 
 
 @cache
 def compiled_loops() -> ModuleType:
-    """`tactile_nodes.sensing.loops.every`: by name, since its parts import numbers of those who call it.
+    """`tactile_nodes.sensing.loops.every`, imported by name because its parts import constants of their callers.
 
     Raises:
         ConfigurationError: numba cannot compile them.
@@ -32,7 +32,7 @@ def compiled_loops() -> ModuleType:
 
 
 def compile_part(name: str) -> bool:
-    """Load one of the `PARTS`, in a process that has not done so; whether it had to be compiled.
+    """Load one of the `PARTS` in a process that has not loaded it yet; returns whether it had to be compiled.
 
     Raises:
         ConfigurationError: numba cannot compile it.
@@ -44,7 +44,7 @@ def compile_part(name: str) -> bool:
 
 @contextmanager
 def told_of_compiling(tell: Callable[[str], None]) -> Iterator[None]:
-    """While this lasts `tell` gets one line, when numba compiles rather than loads what it compiled before."""
+    """Context in which `tell` gets one line if numba compiles instead of loading from its cache."""
     from numba.core import event
 
     class Listener(event.Listener):  # type: ignore[misc, unused-ignore]
@@ -57,7 +57,7 @@ def told_of_compiling(tell: Callable[[str], None]) -> Iterator[None]:
                 tell(NOTICE)
 
         def on_end(self, event: object) -> None:
-            """It will be used in a moment."""
+            """Nothing to do at the end of a compilation."""
 
     with event.install_listener('numba:compile', Listener()):
         yield
@@ -69,7 +69,7 @@ def can_compile() -> bool:
 
 
 def load_compiled(name: str, tell: Callable[[str], None]) -> ModuleType:
-    """One of the `PARTS`, or `every` one; `tell` gets one line if it was not compiled before.
+    """Load one of the `PARTS`, or `every` one; `tell` gets one line if it was not compiled before.
 
     Raises:
         ConfigurationError: numba cannot compile it.
@@ -77,7 +77,7 @@ def load_compiled(name: str, tell: Callable[[str], None]) -> ModuleType:
     try:
         with told_of_compiling(tell):
             return importlib.import_module(f'tactile_nodes.sensing.loops.{name}')
-    except (ImportError, OSError, RuntimeError) as error:  # not installed, without LLVM, without a folder to keep them
+    except (ImportError, OSError, RuntimeError) as error:  # not installed, no LLVM, or no cache folder
         raise ConfigurationError(
             f'numba cannot compile the inner loops here ({in_a_line(error)}); '
             'try pip install numba, or set the parameter compiled to false'

@@ -1,1 +1,1 @@
-"""What forces on the surface of a layered gel do to what a camera under it sees."""
+"""Motion in the camera image under forces on the surface of a layered gel."""

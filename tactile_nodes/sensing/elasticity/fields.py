@@ -1,4 +1,4 @@
-"""Displacements of a layer under a load, as they are seen from all patches at once, or at places."""
+"""Displacements of a layer under a load, for all patches at once or at given places."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FINER = 8
 def fields_of(
     layer: ElasticLayer, spectrum: np.ndarray, *, pressed_only: bool = False, slopes: bool = True
 ) -> Float32[np.ndarray, 'depths 3 loads sets y x']:
-    """Displacement along each axis, and its slopes along x and y where asked for, at each depth under each load."""
+    """Displacement along each axis, optionally with its derivatives along x and y, at each depth under each load."""
     kernels = layer.kernels(spectrum, pressed_only=pressed_only)
     if not slopes:
         return kernels[:, :, :, None]
@@ -27,9 +27,9 @@ def fields_of(
 
 
 def combed(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int]) -> np.ndarray:
-    """The nodes of a field that lie a patch apart, side by side, as (y in a patch, x in a patch, fields, y, x).
+    """Group the nodes of a field that lie one patch apart, as (y in a patch, x in a patch, fields, y, x).
 
-    As many as there are patches follow after the end: there the layer repeats.
+    After the end one period of patches follows, since the layer repeats.
     """
     height, width = field.shape[-2:]
     split = field.reshape(-1, height // FINER, FINER, width // FINER, FINER).transpose(2, 4, 0, 1, 3)
@@ -40,13 +40,13 @@ def combed(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int
 def seen_by_rays(
     combs: np.ndarray, node: np.ndarray, part: np.ndarray, levers: np.ndarray, shape: tuple[int, int]
 ) -> Float32[np.ndarray, '2 fields y x']:
-    """Motion in the picture as seen from every patch, summed over the rays of a window, each between four nodes.
+    """Motion in the image for a load on every patch, summed over the rays of a window, each between four nodes.
 
     Args:
-        combs: the nodes of displacements along three axes, of each so many fields, from `combed`.
-        node: the node of each ray as (x, y), seen from the last patch.
-        part: how much of a step the ray is beyond its node.
-        levers: motion in the picture by displacement along each axis, as (rays, 2, 3).
+        combs: nodes of the displacements along three axes, for each field, from `combed`.
+        node: the node of each ray as (x, y), relative to the last patch.
+        part: fraction of a step from the node to the ray.
+        levers: motion in the image per displacement along each axis, as (rays, 2, 3).
     """
     (rows, cols), right, down = shape, part[:, 0], part[:, 1]
     shares = np.stack([(1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right], -1)
@@ -56,14 +56,14 @@ def seen_by_rays(
     found = from_each[y % FINER, x % FINER, :, y // FINER % high, x // FINER % wide]
     weights = np.einsum('rk,rdc->drkc', shares, levers).reshape(2, -1)
     seen: np.ndarray = weights.astype(np.float32) @ found.reshape(weights.shape[1], -1)
-    # A patch further right sees the ray further left: nodes run backwards.
+    # Relative to a patch further right the ray is further left: nodes run backwards.
     return seen.reshape(2, -1, rows, cols)[..., ::-1, ::-1]
 
 
 def sampled_at(
     fields: Float32[np.ndarray, 'fields y x'], at: Float[np.ndarray, 'known rays 2']
 ) -> Float32[np.ndarray, 'fields known rays']:
-    """Fields at places between the nodes of their grid (x, y in steps)."""
+    """Interpolate fields between the nodes of their grid (x, y in steps)."""
     low = np.floor(at).astype(int)
     right, down = np.moveaxis((at - low).astype(np.float32), -1, 0)
     height, width = fields.shape[-2:]

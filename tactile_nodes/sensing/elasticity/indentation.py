@@ -1,7 +1,7 @@
-"""How a rigid body presses on a layer: the pressure that holds its lower side, without friction, under a given force.
+"""The frictionless pressure of a rigid body on a layer under a given force.
 
-Conjugate gradients under p >= 0 and a total (Polonsky and Keer 1999), the layer's answer by a transform there and one
-back. Linear elasticity: so deep as the layer is linear.
+Conjugate gradients with p >= 0 and a given total (Polonsky and Keer 1999). The layer's response takes one forward and
+one inverse transform. Linear elasticity: valid for small depths.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from jaxtyping import Bool, Float
 from tactile_nodes.sensing.elasticity.layer import ElasticLayer
 
 CLOSE, MOST_STEPS = 1e-5, 200
-"""Share of the force that a step still moves from node to node when it is the last; and the most steps."""
+"""Stop when a step moves less than this share of the force between nodes; and the largest number of steps."""
 
 
 @dataclass(frozen=True)
 class Indentation:
-    """A body that is held down with a force: what each node of the surface bears, and how deep it is.
+    """A body pressed with a force: the force on each node of the surface, and the depth of the body.
 
-    `force_n` sums to the whole force; `depth_mm` is that of the body's lowest point below the surface at rest.
+    `force_n` sums to the total force. `depth_mm` is the depth of the body's lowest point below the surface at rest.
     """
 
     force_n: Float[np.ndarray, ' nodes']
@@ -37,9 +37,9 @@ class Indentation:
 
 
 class Indenter:
-    """A body over the surface of a layer that is asked for its depth 0 alone.
+    """A body over a layer; only the layer's surface (depth 0) is used.
 
-    `height_mm` is that of the body's lower side over each node, the lowest being 0; not finite where there is no body.
+    `height_mm` is the height of the body's lower side over each node, the lowest being 0; not finite outside it.
     """
 
     def __init__(self, surface: ElasticLayer, height_mm: Float[np.ndarray, 'y x']) -> None:
@@ -51,7 +51,7 @@ class Indenter:
         self._nodes_mm = surface.nodes_mm
 
     def pressed(self, force_n: float) -> Indentation:
-        """Held down with a force."""
+        """The indentation under a force."""
         held = self._begin(force_n)
         way, slope = np.zeros(self._shape), 0.0
         for _ in range(MOST_STEPS):
@@ -74,11 +74,11 @@ class Indenter:
         return self._told(held)
 
     def _begin(self, force_n: float) -> Float[np.ndarray, 'y x']:
-        """All of the body bears the force alike."""
+        """Start with the force spread evenly over the body."""
         return np.where(self._body, force_n / np.count_nonzero(self._body), 0.0)
 
     def _sunk(self, force: np.ndarray) -> np.ndarray:
-        """How far the nodes sink under forces on them (mm)."""
+        """Downward displacement of the nodes under forces on them [mm]."""
         sunk: np.ndarray = scipy.fft.irfft2(self._sinks * scipy.fft.rfft2(force), s=self._shape)
         return sunk
 

@@ -1,4 +1,4 @@
-"""Displacements of a layered gel under any load on its surface: one transform there and one back."""
+"""Displacements of a layered gel under any load on its surface, by one forward and one inverse transform."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from jaxtyping import Complex, Float, Float32, Inexact
 from tactile_nodes.sensing.elasticity.stack import Elastic, Waves, waves_in
 
 WIDTH_MM = 64.0
-"""The layer repeats after so much, where a press is felt no more."""
+"""Period of the layer; at this distance a press has no effect."""
 
 EVEN = 16
-"""Cells along each axis come in so many, so that patches of eight cells divide them, and so does the middle."""
+"""Cells along each axis are a multiple of this, so that patches of eight cells and the middle divide them."""
 
 WAVE_NUMBERS = 260
 
 
 class ElasticLayer:
-    """A gel's layers as seen at some depths, on a grid of `spacing_mm` (x, y), rows along y.
+    """The layers of a gel, evaluated at some depths on a grid of `spacing_mm` (x, y), rows along y.
 
     The middle of the grid is the node `cells // 2` along each axis.
     """
@@ -41,14 +41,14 @@ class ElasticLayer:
 
     @property
     def nodes_mm(self) -> Float[np.ndarray, 'y x 2']:
-        """Where the nodes of the grid are."""
+        """Positions of the grid's nodes."""
         x, y = ((np.arange(count) - count // 2) * step for count, step in zip(self.cells, self.spacing_mm, strict=True))
         return np.stack(np.meshgrid(x, y), -1)
 
     def points(
         self, place_mm: Float[np.ndarray, 'points 2'], force_n: Float[np.ndarray, ' points']
     ) -> Complex[np.ndarray, 'ky kx']:
-        """The spectrum of forces at points about the middle, as shares of their sum."""
+        """The spectrum of point forces around the middle, as shares of their sum."""
         along_x, along_y = np.fft.rfftfreq(self.cells[0], self.spacing_mm[0]), self._frequencies[1][:, 0]
         right, down = (
             np.exp(-2j * np.pi * k[:, None] * at) for k, at in zip((along_x, along_y), place_mm.T, strict=True)
@@ -58,12 +58,12 @@ class ElasticLayer:
 
     @property
     def _frequencies(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the waves along x and along y, per mm."""
+        """Wave numbers along x and along y, per mm."""
         return _frequencies(self.spacing_mm, self.cells)
 
     @cached_property
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the waves on the grid: the shares of their wave numbers along x and y."""
+        """Directions of the waves on the grid: unit vectors along x and y."""
         kx, ky = (2 * np.pi * each for each in self._frequencies)
         k = np.hypot(kx, ky)
         safe = np.where(k > 0, k, 1.0)
@@ -72,10 +72,10 @@ class ElasticLayer:
     def kernels(
         self, spectrum: Inexact[np.ndarray, 'ky kx'], *, pressed_only: bool = False
     ) -> Float32[np.ndarray, 'depths 3 loads y x']:
-        """Displacements (x, y, z) about the middle under 1 N into the gel, along x and along y, of one shape.
+        """Displacements (x, y, z) around the middle under 1 N into the gel, along x and along y, with one shape.
 
-        `spectrum` is that of the shape: the transform of how 1 N is spread, 1 at no wave number. `pressed_only` leaves
-        out the two along the surface.
+        `spectrum` is the transform of the shape over which 1 N is spread, 1 at wave number zero. `pressed_only` leaves
+        out the two forces along the surface.
         """
         x, y = self._directions
         w = _waves(self._layers, tuple(self.depths_mm.tolist()), self.spacing_mm, self.cells)
@@ -85,11 +85,11 @@ class ElasticLayer:
         pressed = load * -1j * w.pressed
         moved[:, 0, 0], moved[:, 1, 0], moved[:, 2, 0] = x * pressed, y * pressed, -load * w.sinking
         for number, (one, other, sign) in enumerate(() if pressed_only else ((x, y, -1.0), (y, x, 1.0)), 1):
-            # A force along an axis has a part along the wave and one across it.
+            # A force along an axis has a part along the wave and a part across it.
             straight, aside = load * one * w.sheared, load * other * sign * w.across
             moved[:, 0, number], moved[:, 1, number] = x * straight - y * aside, y * straight + x * aside
             moved[:, 2, number] = -1j * load * one * w.dipping
-            moved[:, number - 1, number, 0, 0] = load[0, 0] * w.across[:, 0, 0]  # at no wave number all shear is alike
+            moved[:, number - 1, number, 0, 0] = load[0, 0] * w.across[:, 0, 0]  # no direction at wave number zero
         found: np.ndarray = scipy.fft.irfft2(moved, s=self.cells[::-1], overwrite_x=True)
         return found
 
@@ -110,9 +110,9 @@ def _frequencies(spacing_mm: tuple[float, float], cells: tuple[int, int]) -> tup
 def _waves(
     layers: tuple[Elastic, ...], depths_mm: tuple[float, ...], spacing_mm: tuple[float, float], cells: tuple[int, int]
 ) -> Waves:
-    """The functions of the stack at depths, on the grid of a layer, from their values at some wave numbers.
+    """The functions of the stack at depths, on the grid of a layer, interpolated over wave numbers.
 
-    They are kept: a calibration looks at the same gel again and again.
+    They are cached: a calibration uses the same gel many times.
     """
     from scipy.interpolate import CubicSpline
 

@@ -1,6 +1,7 @@
-"""The patches of the surface that forces are solved on: four to a bin, 1.78 mm wide on the paper's sensor.
+"""The surface patches on which forces are solved: four per bin, 1.78 mm wide on the paper's sensor.
 
-Finer ones noise does not allow: at 5 mpx a region forces on patches of 1.2 mm are known to 68 mN, on these to 12 mN.
+Noise does not allow finer patches: with 5 mpx per region, forces on patches of 1.2 mm are known to 68 mN, on these to
+12 mN.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ PER_BIN = 2
 
 @dataclass(frozen=True)
 class PatchGrid:
-    """Even patches over the surface, row by row; index k = row * cols + col as for bins."""
+    """Equal patches over the surface, row by row; index k = row * cols + col as for bins."""
 
     bins: BinGrid
 
@@ -34,25 +35,25 @@ class PatchGrid:
 
     @property
     def size_mm(self) -> tuple[float, float]:
-        """Width and height of one: (1.778, 1.778)."""
+        """Width and height of a patch: (1.778, 1.778)."""
         width, height = self.bins.bin_size_mm
         return width / PER_BIN, height / PER_BIN
 
     @cached_property
     def lines_mm(self) -> tuple[Float[np.ndarray, ' cols'], Float[np.ndarray, ' rows']]:
-        """Middles along x and along y."""
+        """Centres along x and along y."""
         (rows, cols), (width, height), (x, y) = self.shape, self.size_mm, self.bins.centre_mm
         return x + (np.arange(cols) - (cols - 1) / 2) * width, y + (np.arange(rows) - (rows - 1) / 2) * height
 
     @cached_property
     def centres_mm(self) -> Float[np.ndarray, 'patches 2']:
-        """Middle of each, x and y."""
+        """Centre of each patch (x, y)."""
         x, y = np.meshgrid(*self.lines_mm)
         return np.stack([x.ravel(), y.ravel()], -1)
 
     @cached_property
     def squares_mm2(self) -> Float[np.ndarray, 'patches 2']:
-        """Of those middles."""
+        """Squares of the centres' coordinates."""
         squares: np.ndarray = np.square(self.centres_mm)
         return squares
 
@@ -70,7 +71,7 @@ class PatchGrid:
 
     @cached_property
     def levers(self) -> Float[np.ndarray, '3 patches 6']:
-        """Force x, y, z and torque x, y, z (N mm) about the frame's origin of 1 N into the gel, along x, or along y.
+        """Force x, y, z and torque x, y, z [N mm] about the frame's origin of 1 N into the gel, along x, or along y.
 
         A normal force f at (x, y, 0) is (0, 0, -f), whose moment is (-y f, x f, 0); shear turns about z.
         """

@@ -1,7 +1,7 @@
-"""The rays of what moves as one in a picture: a window of texture, or a printed dot.
+"""The rays of a part of the image that moves as one: a window of texture, or a printed dot.
 
-A window of the picture, or a dot, sees a column of the gel along its rays: its motion is the mean, over rays and over
-depths, of what the camera makes of the gel's displacement there.
+A window or a dot sees a column of the gel along its rays. Its motion is the mean, over rays and depths, of the gel's
+displacement as the camera projects it.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ ALONG = 3
 """Rays along each side of a window, or of the square within a dot."""
 
 IN_DOT = 0.612
-"""Of its radius: rays beside the middle of a dot. Nine of them spread as the disc does (a quarter of its radius
-squared, along each axis)."""
+"""Distance of the rays from the middle of a dot, over its radius. Nine of them have the variance of the disc (a quarter
+of the squared radius along each axis)."""
 
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays of each window or dot, as pixels of what is cut from the camera's picture."""
+    """Rays of each window or dot, as pixels of the crop."""
 
     view: View
     pixels: Float[np.ndarray, 'parts rays 2']
 
     def __len__(self) -> int:
-        """How many windows or dots."""
+        """Number of windows or dots."""
         return len(self.pixels)
 
     @cached_property
     def points_mm(self) -> Float[np.ndarray, 'depths parts rays 3']:
-        """Where rays meet the depths."""
+        """Intersections of the rays with the depths."""
         flat = self.pixels.reshape(-1, 2)
         points = np.stack([self.view.met_at(flat, float(depth)) for depth in self.view.depths_mm])
         return points.reshape(DEPTHS, *self.pixels.shape[:2], 3)
 
     @cached_property
     def px_per_mm(self) -> Float[np.ndarray, 'depths parts rays 2 3']:
-        """By how many pixels a millimetre along the surface above and out of it moves the picture.
+        """Pixels of image motion per mm along the surface above, and out of it.
 
-        What is deeper follows the base, which is flat, by so much more.
+        Deeper points follow the flat base more closely.
         """
         points, gel = self.points_mm, self.view.sensor.gel
         moved = self.view.moves_at(points.reshape(-1, 3)).reshape(*points.shape[:3], 2, 3)
@@ -56,7 +56,7 @@ class Rays:
 
 
 def of_windows(view: View, shape: tuple[int, int], share: float) -> Rays:
-    """Those of rows x cols regions of the picture, of `share` times their sides."""
+    """Rays of rows x cols regions of the image, with windows of `share` times their sides."""
     side = np.array(view.sensor.image.crop_px) / np.array(shape[::-1])
     within = share * ((np.arange(ALONG) + 0.5) / ALONG - 0.5)
     v, u = (
@@ -69,14 +69,14 @@ def of_windows(view: View, shape: tuple[int, int], share: float) -> Rays:
 
 
 def of_dots(view: View) -> Rays:
-    """Those of the described dots."""
+    """Rays of the described dots."""
     steps = IN_DOT * view.marker_radius_px * np.arange(-1, 2)
     within = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
     return Rays(view, described_dots(view)[:, None] + within)
 
 
 def described_dots(view: View) -> Float[np.ndarray, 'dots 2']:
-    """Where described dots are in the picture (px), those whose whole disc is in it and uncovered."""
+    """Positions in the image [px] of the described dots whose whole disc is in it and uncovered."""
     sensor = view.sensor
     places = view.middle_seen_at(sensor.gel.outline.lattice_mm(sensor.pattern.pitch_mm, sensor.pattern.dot_mm))
     radius, size = view.marker_radius_px, np.array(sensor.image.crop_px)
@@ -86,9 +86,9 @@ def described_dots(view: View) -> Float[np.ndarray, 'dots 2']:
 
 
 def dot_place_mm(view: View, centres_px: Float[np.ndarray, 'dots 2']) -> tuple[float, float]:
-    """Where one of the dots that a picture shows is on the surface (x, y), within half a pitch of its middle.
+    """Position (x, y) on the surface of one of the dots in an image, within half a pitch of the middle.
 
-    `pattern.dot_mm` of the description that has them where they are: the mean of what each says by its own place.
+    It is the value of `pattern.dot_mm` that fits the dots best: the mean of the values from each dot.
     """
     pitch_mm = view.sensor.pattern.pitch_mm
     turns = np.exp(2j * np.pi * view.met_at(centres_px, view.middle_mm)[:, :2] / pitch_mm).mean(axis=0)

@@ -1,4 +1,4 @@
-"""How many regions the picture of a described sensor is divided into."""
+"""The number of regions of a described sensor's image."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensors import Sensor
 
 REGIONS_A_PATCH, LEAST_REGION_PX = 20 / 18, 14.0
-"""Regions along a side of a patch, and pixels along a side of a region: what the paper's sensor has, and the least that
-texture can be followed in."""
+"""Regions along a side of a patch, as on the paper's sensor; and the least side of a region in which texture can be
+tracked."""
 
 REGIONS_A_DOT = 1.15
-"""Along a row of printed dots: with fewer than one, two dots are told as one."""
+"""Regions per dot along a row of printed dots: with fewer than one, two dots would be merged."""
 
 LEAST_SEEN = 0.2
-"""Share of the regions that have to see the gel, so that forces can be told."""
+"""Least share of the regions that must see the gel for forces to be estimated."""
 
 
 def usual_regions(sensor: Sensor) -> Regions:
-    """Regions about a tenth narrower than patches, as the paper's sensor has them, but at least `LEAST_REGION_PX` wide;
-    of printed dots about a tenth narrower than they are apart."""
+    """Regions about a tenth narrower than patches, as on the paper's sensor, but at least `LEAST_REGION_PX` wide; for
+    printed dots about a tenth narrower than the pitch."""
     whole, sides_px = Regions(sensor, 1, 1), sensor.image.crop_px[::-1]
     if sensor.pattern.kind == 'dots':
         pitch_px = whole.view.px_per_mm * sensor.pattern.pitch_mm
@@ -32,6 +32,6 @@ def usual_regions(sensor: Sensor) -> Regions:
 
 
 def _dividing(side_px: int, wanted: float, most: int) -> int:
-    """How many regions a side of the picture has: of numbers that divide it the nearest to what is wanted."""
+    """Number of regions along a side of the image: the divisor of its length nearest to the wanted number."""
     dividing = [count for count in range(1, max(1, most) + 1) if side_px % count == 0]
     return min(dividing, key=lambda count: abs(math.log(count / wanted)))

@@ -1,13 +1,13 @@
-"""How regions of the picture move under forces on the gel: by rays through its depth, and the motion along them.
+"""Motion of image regions under forces on the gel, by rays through its depth.
 
 A region of the image sees a column of markers along its rays. Its motion under a load is the mean, over the rays of its
-window and over depths, of what the camera makes of the layer's displacement there. Nobody knows at which depths its own
-markers lie, nor exactly where its rays meet the gel, so its response is a sum of terms: at each of five depths the
-displacement, and its slopes along x and y. What each term counts is 0 for slopes, and for depths it falls with the
-distance from the pupil, until presses say better (`nominal_shares`).
+window and over depths, of the layer's displacement as the camera projects it. The depths of its own markers and the
+exact paths of its rays are unknown. So its response is a sum of terms: at each of five depths the displacement, and its
+derivatives along x and y. Before a calibration the derivatives have weight 0, and the weights of the depths decrease
+with the distance from the pupil (`nominal_shares`).
 
-Printed dots show the motion where they are, and of what is between them nothing. So a region of dots moves as the flow
-`dots` tells it from their motions: each of them is looked at, and their terms are added as the flow adds motions.
+Printed dots show the motion only at their own places. So a region of dots moves as the flow method `dots` interpolates
+it from the dots: the terms of each dot are computed, and added in the way in which the flow adds motions.
 """
 
 from __future__ import annotations
@@ -30,31 +30,31 @@ from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor
 
 TERMS = 3 * DEPTHS
-"""Of each region: at each depth the displacement, and its slopes along x and along y."""
+"""Terms of each region: at each depth the displacement, and its derivatives along x and along y."""
 
 WINDOW = 1.2
-"""Sides of a region that the window has from which its motion is measured."""
+"""Side of the window from which a region's motion is measured, over the side of the region."""
 
 NEAR = 2
-"""Patches to either side of one that its shear takes along."""
+"""Patches to either side that move with the shear on a patch."""
 
 BRIGHTNESS = -2.0
-"""Power of the distance from the pupil with which the weight of markers falls, as the area of their pictures does.
-Seven simulated gels are read 1 % off with it, with the fourth power 6 %."""
+"""Exponent of the distance from the pupil in the weight of markers, that of the area of their images. With it seven
+simulated gels are read 1 % off, with the fourth power 6 %."""
 
 THICKNESSES = 4
-"""Of a dome: the layer is solved so thick as it is in the middle, at its rim, and between."""
+"""Number of thicknesses at which a dome's layer is solved: in the middle, at its rim, and between."""
 
 Fields = list[Float32[np.ndarray, 'depths 3 loads sets y x']]
-"""Of each thickness of the layer, as `fields_of` has them."""
+"""Fields of each thickness of the layer, from `fields_of`."""
 
 LOADS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
-"""Into the gel, along x, along y: a column each."""
+"""Loads as columns: into the gel, along x, along y."""
 
 
 @dataclass(frozen=True)
 class Regions:
-    """The regions of a sensor's picture, `rows` by `cols` over what is cut from its middle."""
+    """The regions of a sensor's image: `rows` by `cols` over the crop."""
 
     sensor: Sensor
     rows: int
@@ -66,7 +66,7 @@ class Regions:
 
     @property
     def bins(self) -> BinGrid:
-        """The bins that the sensor tells forces on."""
+        """The bins on which the sensor reports forces."""
         return BinGrid.of_sensor(self.sensor)
 
     @property
@@ -76,7 +76,7 @@ class Regions:
 
     @cached_property
     def view(self) -> View:
-        """The camera before the gel."""
+        """The camera and the gel."""
         return View(self.sensor)
 
     @cached_property
@@ -85,7 +85,7 @@ class Regions:
 
     @cached_property
     def rays(self) -> Rays:
-        """Of what is seen to move: the windows of the regions, or printed dots."""
+        """Rays of the windows of the regions, or of the printed dots."""
         return of_dots(self.view) if self._of_dots else self._windows
 
     @property
@@ -94,7 +94,7 @@ class Regions:
 
     @cached_property
     def _told_by(self) -> Float32[np.ndarray, 'regions dots']:
-        """How much of the motion of each dot each region tells."""
+        """Weight of each dot's motion in each region."""
         pitch_px = self.view.px_per_mm * self.sensor.pattern.pitch_mm
         shape = self.rows, self.cols
         told_by = told_by_dots(described_dots(self.view), pitch_px, self.sensor.image.crop_px, shape)
@@ -102,32 +102,32 @@ class Regions:
 
     @cached_property
     def layer(self) -> ElasticLayer:
-        """The gel where its markers are, on a grid that patches divide."""
+        """The gel at the depths of its markers, on a grid that patches divide."""
         return self._layer_at(self.view.depths_mm)
 
     @cached_property
     def surface(self) -> ElasticLayer:
-        """The gel where bodies touch it, on the same grid."""
+        """The gel at its surface, on the same grid."""
         return self._layer_at(np.zeros(1))
 
     @property
     def surface_under_shear(self) -> Float32[np.ndarray, '2 near near']:
-        """How far (mm) the surface goes along x under 1 N along x on a patch, there and at the patches around it, and
-        along y likewise."""
+        """Motion of the surface [mm] along x under 1 N along x on a patch, at the patch and those around it; likewise
+        along y."""
         kernels = self.surface.kernels(self.surface.rectangle(*self.patches.size_mm))
         cols, rows = (cells // 2 + FINER * np.arange(-NEAR, NEAR + 1) for cells in self.surface.cells)
         return np.stack([kernels[0, 0, 1], kernels[0, 1, 2]])[:, rows[:, None], cols]
 
     @cached_property
     def _layers(self) -> tuple[tuple[float, ElasticLayer], ...]:
-        """The gel where it is so much thinner (mm) than in the middle: of a flat one the layer alone."""
+        """The layers of the gel, with how much thinner [mm] each is than in the middle; a flat gel has one layer."""
         if not self.sensor.gel.dome_radius_mm:
             return ((0.0, self.layer),)
         thinner = np.linspace(0, self.sensor.gel.sag_mm, THICKNESSES).tolist()
         return tuple((each, self._layer_at(self.view.depths_mm, each)) for each in thinner)
 
     def _as_thick(self, places_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'layers n']:
-        """How much each of these layers counts at places of the surface."""
+        """Weight of each of these layers at places of the surface."""
         thinner = [each for each, _ in self._layers]
         sag = -self.sensor.gel.dome.height_mm(places_mm)
         return np.array([np.interp(sag, thinner, one) for one in np.eye(len(thinner))])
@@ -142,7 +142,7 @@ class Regions:
 
     @property
     def nominal_shares(self) -> Float[np.ndarray, ' terms']:
-        """What each term counts if nothing is known of a region: depths by how distinct markers there are."""
+        """Weights of the terms for an unknown region: depths by the visibility of their markers."""
         away = np.abs(-self.view.depths_mm - self.sensor.camera.position_mm[2])
         shares = np.zeros((DEPTHS, 3))
         shares[:, 0] = away**BRIGHTNESS / (away**BRIGHTNESS).sum()
@@ -150,21 +150,21 @@ class Regions:
 
     @property
     def uneven(self) -> float:
-        """How much motion changes over a region's window: its width over twice the depth of the markers in the middle.
+        """Change of motion over a region's window: its width over twice the depth of the markers in the middle.
 
-        0.3 on the paper's sensor, 2.1 where a window of 1.5 mm shows speckle 0.35 mm below the surface.
+        0.3 on the paper's sensor, 2.1 for a window of 1.5 mm with speckle 0.35 mm below the surface.
         """
         window_mm = WINDOW * self.sensor.image.crop_px[0] / self.cols / self.view.px_per_mm
         return window_mm / (2 * self.view.middle_mm)
 
     @property
     def within_gel(self) -> Bool[np.ndarray, ' regions']:
-        """Which regions see nothing but the gel, at every depth where something is visible."""
+        """Which regions see only the gel, at every visible depth."""
         return np.asarray(self.sensor.gel.outline.holds(self._windows.points_mm[..., :2]).all(axis=(0, 2)))
 
     @property
     def covered(self) -> Bool[np.ndarray, ' regions']:
-        """Which regions have a window with something in it that the mask covers."""
+        """Which regions have a window that the mask covers in part."""
         covered, (width, height) = self.sensor.covered, self.sensor.image.crop_px
         found = np.zeros((self.rows, self.cols), bool)
         if covered.any():
@@ -181,17 +181,17 @@ class Regions:
 
     @property
     def usable(self) -> Bool[np.ndarray, ' regions']:
-        """Which regions see the gel, and nothing else."""
+        """Which regions see only the gel."""
         usable: np.ndarray = self.within_gel & ~self.covered
         return usable
 
     def terms_of_patches(
         self, known: Int[np.ndarray, ' known'], *, slopes: bool = True
     ) -> Float32[np.ndarray, 'known 2 terms unknowns']:
-        """Motion (px) of some regions by term under 1 N on each patch; without slopes by depth alone.
+        """Motion [px] of some regions by term under 1 N on each patch; without `slopes` by depth only.
 
-        Unknowns are all normal forces, then those along x, then those along y. Where a patch's middle is beside the gel
-        nothing moves.
+        Unknowns are all normal forces, then those along x, then those along y. The motion is zero for patches whose
+        centre is outside the gel.
         """
         if not self._of_dots:
             return self._patches_on_parts(known, slopes)
@@ -217,14 +217,14 @@ class Regions:
         return ordered
 
     def _loads_at(self, places_mm: Float[np.ndarray, 'n 2']) -> Float32[np.ndarray, 'n 3 3']:
-        """What of forces into the gel, along x and along y is such a force on the surface as it leans at places."""
+        """Components of forces into the gel, along x and along y in the tilted frame of the surface at places."""
         leaning = self.sensor.gel.dome.axes(places_mm) @ LOADS
         return np.asarray(leaning.swapaxes(-1, -2) @ LOADS, np.float32)
 
     def _terms_in(
         self, layer: ElasticLayer, parts: Int[np.ndarray, ' n'], slopes: bool
     ) -> Float32[np.ndarray, 'n depths 2 loads sets patches']:
-        """The same in a flat layer, as its surface has the forces."""
+        """The same in a flat layer, with forces in the frame of its surface."""
         patches = self.patches
         fields = fields_of(layer, layer.rectangle(*patches.size_mm), slopes=slopes)
         (rows, cols), jacobian = patches.shape, (self.rays.px_per_mm[:, parts] / ALONG**2).astype(np.float32)
@@ -238,7 +238,7 @@ class Regions:
         return terms.reshape(len(parts), DEPTHS, 2, 3, -1, patches.count)
 
     def _last_patch(self, patches: PatchGrid) -> tuple[np.ndarray, np.ndarray]:
-        """Node of the layer's grid at which a ray lies as seen from the last patch, and what is left of a step."""
+        """Node of the layer's grid below a ray, relative to the last patch, and the remaining fraction of a step."""
         last = np.array([each[-1] for each in patches.lines_mm])
         middle = np.array(self.layer.cells) // 2
         steps = (self.rays.points_mm[..., :2] - last) / np.asarray(self.layer.spacing_mm) + middle
@@ -252,8 +252,8 @@ class Regions:
         spectrum: Inexact[np.ndarray, 'ky kx'],
         known: Int[np.ndarray, ' known'],
     ) -> Float32[np.ndarray, 'presses known 2 terms']:
-        """Motion (px) of some regions by term under 1 N of a pressure about each place; `ElasticLayer.points` makes its
-        spectrum."""
+        """Motion [px] of some regions by term under 1 N of a pressure around each place; its spectrum comes from
+        `ElasticLayer.points`."""
         if not self._of_dots:
             return self._pressure_on_parts(places_mm, spectrum, known)
         terms = self._pressure_on_parts(places_mm, spectrum, np.arange(len(self.rays)))
@@ -261,15 +261,15 @@ class Regions:
         return told
 
     def fields_under(self, spectrum: Inexact[np.ndarray, 'ky kx'], *, slopes: bool = True) -> Fields:
-        """What a pressure does in the gel, whatever sees it."""
+        """Displacements in the gel under a pressure, independent of the camera."""
         domed = self.sensor.gel.dome_radius_mm > 0
         return [fields_of(layer, spectrum, pressed_only=not domed, slopes=slopes) for _, layer in self._layers]
 
     def motion_as_described(
         self, places_mm: Float[np.ndarray, 'presses 2'], fields: Fields, known: Int[np.ndarray, ' known']
     ) -> Float32[np.ndarray, 'presses known 2']:
-        """Motion (px) of some windows under 1 N of a pressure about each place, if depths count as `nominal_shares`;
-        `fields` without slopes."""
+        """Motion [px] of some windows under 1 N of a pressure around each place, with depths weighted by
+        `nominal_shares`; `fields` without slopes."""
         terms = self._seen_in(fields, places_mm, known)
         return np.asarray(terms[..., 0] @ self.nominal_shares[::3].astype(np.float32))
 

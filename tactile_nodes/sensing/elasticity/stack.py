@@ -1,13 +1,13 @@
 """A stack of elastic layers, bonded to each other and to a rigid base, under waves of load on its surface.
 
-Everything is linear and alike in all directions, so a load splits into waves cos kx, and each wave makes waves of
-displacement. With z out of the gel and depth counted down from the surface,
+Everything is linear and isotropic, so a load splits into waves cos kx, and each wave causes waves of displacement.
+With z out of the gel and depth counted down from the surface,
 
     a pressure cos kx         moves by  x: A sin kx   down: B cos kx
     a shear sin kx along x    moves by  x: L sin kx   down: D cos kx
     a shear cos kx along y    moves by  y: C cos kx
 
-Five functions of k and depth, from finite elements over the depth alone: quadratic in displacement, linear in pressure,
+These five functions of k and depth come from finite elements over the depth: quadratic displacement, linear pressure,
 graded towards the surface. Half-space: B = (1 - nu) / (G k) at the surface; a bonded layer: C = tanh(k H) / (G k).
 """
 
@@ -20,14 +20,14 @@ import numpy as np
 from jaxtyping import Float
 
 FIRST_MM, GROWTH, THICKEST_MM = 0.05, 1.12, 0.5
-"""Thickness of the element at the surface, how much thicker each is than the one above it, and of none more."""
+"""Thickness of the element at the surface, growth from one element to the next, and largest thickness."""
 
 POINTS, POINT_WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
 @dataclass(frozen=True)
 class Elastic:
-    """One layer: thickness (mm), shear modulus (MPa), Poisson's ratio up to a half."""
+    """One layer: thickness [mm], shear modulus [MPa], Poisson's ratio up to 0.5."""
 
     thickness_mm: float
     shear_modulus_mpa: float
@@ -36,7 +36,7 @@ class Elastic:
 
 @dataclass(frozen=True)
 class Waves:
-    """The five functions, mm per MPa, at wave numbers (1/mm) in a row and depths, or at depths and a grid of waves."""
+    """The five functions [mm/MPa] at wave numbers [1/mm] and depths, or at depths and a grid of waves."""
 
     pressed: Float[np.ndarray, '*known']
     sinking: Float[np.ndarray, '*known']
@@ -48,7 +48,7 @@ class Waves:
 def waves_in(
     layers: Sequence[Elastic], wave_numbers: Float[np.ndarray, ' waves'], depths_mm: Float[np.ndarray, ' depths']
 ) -> Waves:
-    """What waves of load do at depths; `layers` from the surface down.
+    """The five functions at depths; `layers` from the surface down.
 
     An incompressible layer of 6 mm and 0.111 MPa at k = 1 / mm: `across` at the surface is tanh(6) / 0.111 = 9.009.
     """
@@ -68,7 +68,7 @@ def waves_in(
 
 
 def _elements(layers: Sequence[Elastic]) -> tuple[np.ndarray, list[Elastic]]:
-    """Depths of the elements' borders, and what each is made of."""
+    """Depths of the elements' borders, and the material of each element."""
     lines, material, thickness = [0.0], list[Elastic](), FIRST_MM
     for layer in layers:
         steps: list[float] = []
@@ -82,7 +82,7 @@ def _elements(layers: Sequence[Elastic]) -> tuple[np.ndarray, list[Elastic]]:
 
 
 def _matrices(lines: np.ndarray, material: list[Elastic], k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the plane of the wave, displacements first and pressures then, and of motion across it; the base is still."""
+    """Matrices in the plane of the wave (displacements, then pressures) and across it; the base is fixed."""
     count = len(material)
     nodes, k = 2 * count + 1, k[:, None, None]
     stiff = np.zeros((len(k), 2 * nodes, 2 * nodes))
@@ -115,14 +115,14 @@ def _matrices(lines: np.ndarray, material: list[Elastic], k: np.ndarray) -> tupl
 
 
 def _shapes(thick: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Parabolas, their slopes along the depth, lines, and weights at three points of an element."""
+    """Quadratic shape functions, their derivatives, linear ones, and weights at three points of an element."""
     values = np.stack([POINTS * (POINTS - 1) / 2, 1 - POINTS**2, POINTS * (POINTS + 1) / 2], -1)
     slopes = np.stack([POINTS - 0.5, -2 * POINTS, POINTS + 0.5], -1) * 2 / thick
     return values, slopes, np.stack([np.ones(3), POINTS], -1), POINT_WEIGHTS * thick / 2
 
 
 def _interpolation(lines: np.ndarray, depths: np.ndarray) -> Float[np.ndarray, 'depths nodes']:
-    """What each node counts at each depth."""
+    """Weight of each node at each depth."""
     cell = np.clip(np.searchsorted(lines, depths, side='right') - 1, 0, len(lines) - 2)
     x = 2 * (depths - lines[cell]) / (lines[cell + 1] - lines[cell]) - 1
     at = np.zeros((len(depths), 2 * len(lines) - 1))

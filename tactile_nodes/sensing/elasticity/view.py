@@ -1,4 +1,4 @@
-"""What the camera of a sensor sees of its gel: pixels to places in it, and back."""
+"""Projection between the pixels of a sensor's camera and places in its gel."""
 
 from __future__ import annotations
 
@@ -14,66 +14,65 @@ from tactile_nodes.sensors import Sensor
 DEPTHS = 5
 
 MEETING = 12
-"""Steps in which a ray is found to meet a dome."""
+"""Steps to find the intersection of a ray with a dome."""
 
 DISPLACEMENT_MM = 1e-3
 
 SAMPLED = 9
-"""Pixels along each side of the picture whose median tells what is usual in it."""
+"""Pixels along each side of the image over which medians are taken."""
 
 
 @dataclass(frozen=True)
 class View:
-    """The camera of a sensor and the gel before it.
+    """The camera of a sensor and its gel.
 
-    Pixels are those of the part that is cut from the middle of the camera's picture, places (x, y) those of the surface
-    frame.
+    Pixels are those of the crop. Places (x, y) are in the surface frame.
     """
 
     sensor: Sensor
 
     @property
     def depths_mm(self) -> Float[np.ndarray, ' depths']:
-        """Middles of five equal parts of what is visible, from the surface down."""
+        """Middles of five equal parts of the visible depth, from the surface down."""
         high, low = self.sensor.gel.markers_mm
         return np.asarray(high + (np.arange(DEPTHS) + 0.5) * (low - high) / DEPTHS)
 
     @property
     def middle_mm(self) -> float:
-        """How deep below the surface the middle of what is visible is."""
+        """Depth of the middle of the visible part below the surface."""
         return float(self.depths_mm[DEPTHS // 2])
 
     @cached_property
     def px_per_mm(self) -> float:
-        """By how many pixels a millimetre along x moves the picture, where markers are in the middle (median)."""
+        """Pixels of image motion per mm along x, at the middle depth of the markers (median)."""
         sides = [(np.arange(SAMPLED) + 0.5) / SAMPLED * size - 0.5 for size in self.sensor.image.crop_px]
         pixels = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
         return float(np.median(np.abs(self.moves_at(self.met_at(pixels, self.middle_mm))[:, 0, 0])))
 
     @property
     def marker_radius_px(self) -> float:
-        """Of a described marker or dot."""
+        """Radius of a described marker or dot."""
         return self.px_per_mm * sum(self.sensor.pattern.diameter_mm) / 4
 
     def shares_of(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
-        """Where `middle_seen_at` has places, as shares of the sides of what is cut (x, y)."""
+        """Image positions of places from `middle_seen_at`, as shares of the sides of the crop (x, y)."""
         return np.asarray((self.middle_seen_at(place_mm) + 0.5) / self.sensor.image.crop_px)
 
     def middle_seen_at(self, place_mm: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, 'n 2']:
-        """Where places are seen (px), in the middle of the markers' depths."""
+        """Image positions [px] of places, at the middle depth of the markers."""
         return self.below_seen_at(place_mm, self.middle_mm)
 
     def below_seen_at(self, place_mm: Float[np.ndarray, 'n 2'], depth_mm: float) -> Float[np.ndarray, 'n 2']:
-        """The same, so deep below the surface."""
+        """The same at a depth below the surface."""
         return self.seen_at(np.column_stack([place_mm, self.sensor.gel.dome.height_mm(place_mm) - depth_mm]))
 
     def seen_at(self, points_mm: Float[np.ndarray, 'points 3']) -> Float[np.ndarray, 'points 2']:
-        """Where points in the surface frame are seen (px)."""
+        """Image positions [px] of points in the surface frame."""
         away = (points_mm - np.asarray(self.sensor.camera.position_mm, float)) @ self._turn
         return np.asarray(self._camera.project(away) - self._corner)
 
     def met_at(self, pixels: Float[np.ndarray, 'n 2'], depth_mm: float) -> Float[np.ndarray, 'n 3']:
-        """Where the rays of pixels meet a depth, in the surface frame."""
+        """Intersections of the rays of pixels with a depth, in the surface frame."""
         towards = self._camera.unproject(pixels + self._corner) @ self._turn.T
         place = np.asarray(self.sensor.camera.position_mm, float)
         forwards, height = np.maximum(towards[:, 2], 1e-3), np.zeros(len(towards))
@@ -83,14 +82,14 @@ class View:
         return points
 
     def moves_at(self, points_mm: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 2 3']:
-        """By how many pixels a millimetre along each axis moves what is seen of points."""
+        """Pixels of image motion of points per mm along each axis."""
         steps = DISPLACEMENT_MM * np.eye(3)
         moved = [(self.seen_at(points_mm + each) - self.seen_at(points_mm - each)) / 2 for each in steps]
         return np.stack(moved, -1) / DISPLACEMENT_MM
 
     @property
     def _corner(self) -> Float[np.ndarray, ' 2']:
-        """Where what is cut begins in the camera's picture (px)."""
+        """Upper left corner of the crop in the camera image [px]."""
         image = self.sensor.image
         return np.asarray((np.array([image.width, image.height]) - np.array(image.crop_px)) // 2, float)
 

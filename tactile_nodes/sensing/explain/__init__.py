@@ -1,1 +1,1 @@
-"""Which forces explain a motion: every readout, and what they share."""
+"""Readouts, which find the forces that explain a motion, and their common parts."""

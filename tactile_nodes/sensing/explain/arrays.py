@@ -1,4 +1,4 @@
-"""Readouts as named arrays and plain numbers, which is how a model file keeps them."""
+"""Conversion of readouts to and from named arrays and plain numbers, as in a model file."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ RANGES = {'hardest_n': (1e-4, 1e4), 'reach_mm': (0.1, 1e3), 'width': (0.01, 100.
 RANGES['pressed_n'] = RANGES['hardest_n']
 RANGES |= {'noise_px': (1e-6, 10.0), 'doubt': (0.0, 1.0), 'misfit_limit': (1e-3, 1e3), 'least_gain': (0.0, 1e9)}
 RANGES['passes'] = 1, 10
-"""No gel lies beyond; a file that says so would have a reading divide by nothing, or make a table without end."""
+"""No gel is outside these limits; other numbers in a file would cause a division by zero or an endless table."""
 
 
 def readout_arrays(readout: AnyReadout) -> tuple[Arrays, dict[str, Any]]:
-    """Arrays by name, and the numbers beside them; both stand in a model file."""
+    """Arrays by name, and further numbers; both are stored in a model file."""
     if isinstance(readout, NetworkReadout):
         made = _network_arrays(readout)
     elif isinstance(readout, ResponseReadout):
@@ -57,10 +57,10 @@ def readout_arrays(readout: AnyReadout) -> tuple[Arrays, dict[str, Any]]:
 
 
 def readout_from(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AnyReadout:
-    """What `readout_arrays` took apart.
+    """The inverse of `readout_arrays`.
 
     Raises:
-        KeyError, TypeError, ValueError: a part is missing, or is none.
+        KeyError, TypeError, ValueError: a part is missing or invalid.
     """
     made: AnyReadout
     if said['kind'] == NetworkReadout.kind:
@@ -151,7 +151,7 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
 
 
 def _most_shift_gain(said: Mapping[str, Any]) -> float:
-    """Earlier releases held what drags add, and told them by what such a one gains: the same limit, to a tenth."""
+    """The limit of a drag; files of earlier releases hold it in another form, equal to within a tenth."""
     return float(said.get('most_shift_gain', said.get('drag', {}).get('least_gain', math.inf)))
 
 
@@ -225,7 +225,7 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bin
 
 
 def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
-    """Of the response halves of floats hold more digits than presses tell; what reads tips has names of its own."""
+    """Arrays of a field. 16-bit floats are precise enough for the response; the arrays of `tips` have a prefix."""
     arrays = {
         **_scaling_arrays(readout.scaling),
         'field': readout.response.astype(np.float16),
@@ -294,16 +294,16 @@ def _likeness(arrays: Mapping[str, np.ndarray], limits: Mapping[str, float] | No
 
 
 def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
-    """JSON knows no NaN."""
+    """Replace NaN by None, since JSON has no NaN."""
     return {name: value if np.isfinite(value) else None for name, value in numbers.items()}
 
 
 def check_numbers(part: Any) -> None:
-    """Refuse numbers of `part`, and of what it is made of, that are none: a reading would fail on them later.
+    """Refuse invalid numbers in `part` and its parts: a reading would fail on them later.
 
     Raises:
-        TypeError: one is of another kind.
-        ValueError: one is not finite where it should be.
+        TypeError: a value has another type.
+        ValueError: a number is not finite but must be.
     """
     for field in fields(part):
         value = getattr(part, field.name)

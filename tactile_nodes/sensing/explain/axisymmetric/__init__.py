@@ -1,1 +1,1 @@
-"""The readout `axisymmetric`: ball tips, by one response for all places."""
+"""The readout `axisymmetric`: round tips, with one response for all places."""

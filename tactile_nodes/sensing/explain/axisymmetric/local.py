@@ -1,4 +1,4 @@
-"""What is added to contacts by their places alone: a table over the surface, linear between its entries."""
+"""A correction of contacts by place only: a table over the surface with linear interpolation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import Float
 def between(
     table: Float[np.ndarray, 'rows cols values'], places: Float[np.ndarray, 'n 2']
 ) -> Float[np.ndarray, 'n values']:
-    """The values at places, x and y from -1 (first column and row) to 1 (last ones). A place beyond counts as there."""
+    """The values at places, x and y from -1 (first column and row) to 1 (last ones). Places outside are clamped."""
     rows, cols = table.shape[:2]
     x, y = ((np.clip(places, -1.0, 1.0) + 1) / 2 * np.array([cols - 1, rows - 1])).T
     col, row = (np.minimum(each.astype(int), count - 2) for each, count in ((x, cols), (y, rows)))

@@ -1,9 +1,9 @@
-"""A readout that knows what a press does around it: which place and force explain how all regions move?
+"""A readout with an axisymmetric response: it finds the place and force that explain the motion of all regions.
 
-Every region has a say by how well it is known: noise counts, and beside it a share of the motion that grows towards
-the press, where single markers rule. The contact that explains the regions best is found by Gauss-Newton steps whose
-weights follow along, from the best entry of a coarse table. What profiles that are alike everywhere get wrong, smoothly
-over the surface, a polynomial corrects in the end.
+Every region is weighted by its variance: noise, and a share of the motion that grows towards the press, where single
+markers dominate. The contact that explains the regions best is found by Gauss-Newton steps with updated weights,
+starting from the best entry of a coarse table. A polynomial then corrects the smooth error over the surface that
+remains because the profiles are the same everywhere.
 """
 
 from __future__ import annotations
@@ -35,32 +35,32 @@ from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, f
 from tactile_nodes.sensing.geometry import BinGrid
 
 DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
-"""Distances from the press at which the share of motion that a region may be off by is stated."""
+"""Distances from the press at which the relative error of a region's motion is given."""
 MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
 CONVERGED = np.array([2e-3, 2e-3, 2e-4])
-"""Steps end with the first of which none along x, y (mm) or force (N) is longer; the next would be a tenth of it."""
+"""Iteration ends when no step along x, y [mm] or force [N] is longer; the next would be a tenth of it."""
 SLOW = 0.9
-"""Steps end, too, with the first that leaves more than this share (squared) of what the step before left: where tips
-explain a frame each leaves far less, until they are there; where they do not, or lie too close together to be told
-apart, many more would follow for nothing."""
+"""Iteration also ends when a step leaves more than this share of the squared residual before. If tips explain a frame,
+each step leaves far less until it converges. If they do not, or are too close together to be separated, more steps
+would gain nothing."""
 START_SPACING_MM = 2.0
 START_FORCES = np.array([0.15, 0.5, 0.9])
-"""Of the hardest press."""
+"""Start forces, as shares of the hardest press."""
 MARGIN = 1.1
-"""How much harder than the hardest known press a contact may come out."""
+"""Limit of a contact's force, over that of the hardest known press."""
 LEAST_REGIONS = 12
 NOMINAL_STEPS = 5
-"""Places along x and along y, and forces, at which the nominal error is asked for."""
+"""Number of places along x and along y, and of forces, at which the nominal error is evaluated."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """Polynomials in a contact's place and force that are added to it: x, y (mm), and a share of the force.
+    """Polynomials in a contact's place and force that are added to it: x, y [mm], and a share of the force.
 
-    Of the fourth degree in x and y, of the second where they are multiplied with the force; `reach_mm` and `hardest_n`
-    are what counts as 1, in distances and forces of the gel that they were measured on. A place beyond counts as there.
-    `local` is added after that by the place alone, x, y and share alike: a table from minus to plus the reach.
+    They have degree four in x and y, and degree two in products with the force. `reach_mm` and `hardest_n` are the
+    units, in distances and forces of the gel that they were measured on. Places outside are clamped. `local` is added
+    afterwards, by place only: a table of x, y and share from minus to plus the reach.
     """
 
     terms: Float[np.ndarray, 'terms 3']
@@ -70,12 +70,12 @@ class Correction:
 
     @classmethod
     def none(cls, reach_mm: float, hardest_n: float) -> Correction:
-        """Nothing is added."""
+        """A correction that adds nothing."""
         return cls(np.zeros((cls.powers(np.zeros((1, 3)), 1.0, 1.0).shape[1], 3)), reach_mm, hardest_n)
 
     @staticmethod
     def powers(contacts: Float[np.ndarray, 'n 3'], reach_mm: float, hardest_n: float) -> Float[np.ndarray, 'n terms']:
-        """What the terms are multiplied with."""
+        """The monomials of the terms."""
         x, y = np.clip(contacts[:, :2] / reach_mm, -1.0, 1.0).T
         height = contacts[:, 2] / hardest_n - 0.5
         low = [np.ones_like(x), x, y, x * x, x * y, y * y]
@@ -95,7 +95,7 @@ class Correction:
 
 @dataclass(frozen=True)
 class Seen:
-    """One frame: motion of the known regions (px), and one over the variance of its noise; 0 where it is not seen."""
+    """One frame: motion of the known regions [px], and one over the variance of its noise (0 for unseen regions)."""
 
     motion: Float[np.ndarray, 'regions 2']
     certainty: Float[np.ndarray, 'regions 2']
@@ -107,13 +107,12 @@ class Seen:
 
 @dataclass(frozen=True)
 class AxisymmetricReadout:
-    """Motion of regions to contacts, contacts to bins.
+    """Estimates contacts from the motion of regions, and forces on bins from contacts.
 
-    `scaling` says what the regions show at rest (mean), one over their noise (gain) and which are known (trusted); the
-    response tells of those alone, row by row. `doubt` is the share of its motion by which a region may be off, at the
-    distances `DOUBT_MM` from the press. `prior` has no say in a reading; calibrations for other gels begin with it.
-    `pressed_n` is the hardest press that a calibration was fitted to: a softer gel's can be beyond what is known of the
-    profiles, and what was fitted is read.
+    `scaling` holds the regions' values at rest (mean), one over their noise (gain) and which regions are known
+    (trusted); the response has rows for these only. `doubt` is the relative error of a region's motion at the distances
+    `DOUBT_MM` from the press. `prior` is not used in a reading; calibrations for other gels start from it. `pressed_n`
+    is the hardest press of a calibration: on a softer gel it can exceed the range of the profiles, and is still read.
     """
 
     scaling: InputScaling
@@ -130,7 +129,7 @@ class AxisymmetricReadout:
 
     @property
     def highest_n(self) -> float:
-        """The force (N) up to which this gel is known."""
+        """The force [N] up to which this gel is known."""
         return max(self.response.highest_n, self.pressed_n)
 
     @property
@@ -149,12 +148,12 @@ class AxisymmetricReadout:
             )
 
     def nominal_n(self, total_n: float) -> float:
-        """What is usual of a total: see `uncertainty.nominal_error_n`."""
+        """The nominal error of a total, see `uncertainty.nominal_error_n`."""
         return nominal_error_n(self._stated_n, total_n)
 
     @cached_property
     def _stated_n(self) -> float:
-        """Root mean square of the uncertainty that it states of presses all over its places and forces."""
+        """Root mean square of the stated uncertainty over all places and forces."""
         reach_mm = self.correction.reach_mm * self.response.width
         across = np.linspace(-reach_mm, reach_mm, 2 * NOMINAL_STEPS + 1)[1::2].tolist()
         forces = [self.response.highest_n * (step + 0.5) / NOMINAL_STEPS for step in range(NOMINAL_STEPS)]
@@ -162,7 +161,7 @@ class AxisymmetricReadout:
         return float(np.sqrt(np.mean(np.square(stated))))
 
     def _stated(self, contact: Float[np.ndarray, '1 3']) -> float:
-        """The uncertainty of the force of such a contact."""
+        """The stated uncertainty of the force of a contact."""
         fit, _, _ = self._compare(Seen(self.response.motion(contact)[0], self._certainty), contact)
         return self.contacts(fit)[0].sigma_n
 
@@ -176,7 +175,7 @@ class AxisymmetricReadout:
 
     @cached_property
     def usual_px(self) -> float:
-        """The noise of the median region in the pictures of the training."""
+        """The noise of the median region in the training images."""
         return float(np.median(1 / self.scaling.gain[self.scaling.trusted > 0]))
 
     @cached_property
@@ -190,12 +189,12 @@ class AxisymmetricReadout:
         return squared
 
     def certainty_of(self, shown: Bool[np.ndarray, 'n regions 2']) -> Float[np.ndarray, 'n regions 2']:
-        """One over the variance of noise in a picture; 0 where a region is not seen."""
+        """One over the variance of noise in an image; 0 for unseen regions."""
         return np.asarray(np.where(shown, self._certainty, 0.0))
 
     @cached_property
     def _starts(self) -> tuple[Float[np.ndarray, 'starts 3'], Float32[np.ndarray, 'starts inputs'], np.ndarray]:
-        """Contacts to begin with, the motion that they cause, and its square."""
+        """Start contacts, the motion that they cause, and its square."""
         reach = self.correction.reach_mm * self.response.width
         along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
         forces = START_FORCES * self.highest_n
@@ -211,7 +210,7 @@ class AxisymmetricReadout:
     def seen(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Seen:
-        """Motion since rest; regions that cannot be followed now have no say."""
+        """Motion relative to rest; regions that cannot be tracked now have weight 0."""
         lost = confidence.reshape(-1)[self._known] < self.scaling.confidence_floor
         motion = values.reshape(-1, 2)[self._known] - self._at_rest
         if not lost.any():
@@ -220,9 +219,9 @@ class AxisymmetricReadout:
         return Seen(motion, np.where(lost[:, None], 0.0, self._certainty))
 
     def fit(self, seen: Seen, most_contacts: int = 0, worth: float = math.inf) -> Fit:
-        """As few contacts as explain what is seen, so many at most; 0: `most_contacts`. Not yet corrected.
+        """The fewest contacts that explain the frame, not yet corrected; at most `most_contacts`, 0: as configured.
 
-        `worth`: so many that leave more than so many times of what they may (not squared) are of no use.
+        A number of contacts whose residual exceeds `worth` times the allowed one (not squared) is rejected.
         """
         most = most_contacts or self.most_contacts
         fit = self._locate(seen, self._start(seen.motion)[None], worth if most == 1 else math.inf)
@@ -237,7 +236,7 @@ class AxisymmetricReadout:
         return fit
 
     def _start(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, ' 3']:
-        """The entry of the table that comes closest, with the share of its force that comes closest."""
+        """The closest entry of the table, with the closest share of its force."""
         starts, fields, squares = self._starts
         along = fields @ motion.reshape(-1).astype(np.float32)
         share = np.clip(along / np.maximum(squares, 1e-12), 0.0, MARGIN / START_FORCES[-1])
@@ -246,9 +245,9 @@ class AxisymmetricReadout:
         return np.array([x, y, force_n * float(share[best])])
 
     def share_of(self, seen: Seen, noise_px: float, tips: int) -> float:
-        """How much of the squared motion, without such noise of each region, so many tips of the table explain; 0 to 1.
+        """Share of the squared motion, minus noise, that a number of tips from the table explains; 0 to 1.
 
-        Each is the one that explains most of what those before leave (orthogonal matching pursuit, Pati 1993).
+        Each tip explains most of the residual of those before (orthogonal matching pursuit, Pati 1993).
         """
         _, fields, squares = self._starts
         left = motion = seen.motion.reshape(-1).astype(np.float32)
@@ -263,7 +262,7 @@ class AxisymmetricReadout:
         return min((whole - float(left @ left)) / max(whole - noise, 1e-12), 1.0)
 
     def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3'], worth: float) -> Fit:
-        """Gauss-Newton from `begin` to the most probable contacts; to those of no use it does not go."""
+        """Gauss-Newton from `begin` to the most probable contacts; it stops early if they would be rejected."""
         half = self.bins.width_mm / 2, self.bins.height_mm / 2
         high = np.array([*half, MARGIN * self.highest_n])
         low = np.array([-half[0], -half[1], 0.0])
@@ -278,7 +277,7 @@ class AxisymmetricReadout:
                 break
             step = np.linalg.solve(fit.information + granted, down)
             if fit.misfit * count - float(down @ step) > useless:
-                break  # what would be left if motion were as straight as it is here
+                break  # the residual that a linear model predicts
             step = step.reshape(-1, 3)
             moved = np.clip(here + np.clip(step, -largest, largest), low, high)
             if not moved[:, 2].any():
@@ -290,9 +289,9 @@ class AxisymmetricReadout:
         return min(found, key=lambda each: each[0])[1]
 
     def _compare(self, seen: Seen, contacts: Float[np.ndarray, 'contacts 3']) -> tuple[Fit, np.ndarray, float]:
-        """How well contacts explain what is seen, the way down, and how improbable they are."""
+        """Fit of contacts to the frame, the descent direction, and the negative log-likelihood."""
         made, slopes, columns = self.response.motion_slopes_and_columns(contacts)
-        # Contacts together move a region by its numbers times the sum of what each of them shows.
+        # Several contacts move a region by its couplings times the sum of their columns.
         unsure = self.response.variance(slopes.sum(axis=1, keepdims=True), columns.sum(axis=0, keepdims=True))[0]
         certainty = self.weights(seen, contacts, made, unsure)
         left = seen.motion - made.sum(axis=0)
@@ -312,21 +311,21 @@ class AxisymmetricReadout:
         made: Float[np.ndarray, 'contacts regions 2'],
         unsure: Float[np.ndarray, 'regions 2'],
     ) -> Float[np.ndarray, 'regions 2']:
-        """One over the variance of each region: of its noise, of its share of the motion, and as it is not known."""
+        """One over the variance of each region, from noise, relative error, and uncertainty of its numbers."""
         share = np.interp(self.response.distances_mm(contacts), DOUBT_MM, self.doubt)
         off = (np.square(share) * np.square(made).sum(axis=-1)).sum(axis=0)
         certainty: np.ndarray = seen.certainty / (1 + seen.certainty * (off[:, None] + unsure))
         return certainty
 
     def reading(self, seen: Seen, most_contacts: int = 0) -> Reading:
-        """Forces on bins, contacts (so many at most) and their uncertainty; no force where it may well be noise."""
+        """Forces on bins, at most `most_contacts` contacts, and their uncertainty; no force if it may be noise."""
         if not seen.enough:
             return nothing_read(self.bins)
         fit = self.fit(seen, most_contacts)
         return self.told(seen, fit, self.left_over(seen, fit))
 
     def told(self, seen: Seen, fit: Fit, left: Float32[np.ndarray, 'rows cols 2']) -> Reading:
-        """What a fit says that leaves so much over, as sure as the noise of the picture lets it be."""
+        """The reading of a fit with this residual, with uncertainty from the noise of the image."""
         noisier = max(1.0, noise_of(left, self._inside) / FOUND_NOISE / self.usual_px)
         contacts = tuple(replace(each, sigma_n=noisier * each.sigma_n) for each in self.contacts(fit))
         unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit / noisier
@@ -338,18 +337,18 @@ class AxisymmetricReadout:
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
 
     def left_over(self, seen: Seen, fit: Fit) -> Float32[np.ndarray, 'rows cols 2']:
-        """The motion (px) of each region that a fit does not explain; 0 of regions that are not known."""
+        """Residual motion [px] of each region after a fit; 0 for unknown regions."""
         left = np.zeros((self.scaling.trusted.size, 2), np.float32)
         left[self._known] = seen.motion - self.response.motion(fit.contacts).sum(axis=0)
         return left.reshape(*self.scaling.trusted.shape, 2)
 
     def _beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
-        """Whether a contact is harder, or further from the middle, than any that was measured."""
+        """Whether a contact is harder, or further from the middle, than all measured ones."""
         reach_mm = self.correction.reach_mm * self.response.width
         return bool((np.abs(contacts[:, :2]) > reach_mm).any() or (contacts[:, 2] > self.highest_n).any())
 
     def gain(self, seen: Seen, fit: Fit) -> float:
-        """How much more probable the fitted contacts are than none: half the fall of the squared misfit, in noise."""
+        """Log-likelihood ratio of the fitted contacts to none: half the decrease of the squared misfit over noise."""
         left = seen.motion - self.response.motion(fit.contacts).sum(axis=0)
         return float(((np.square(seen.motion) - np.square(left)) * seen.certainty).sum()) / 2
 
@@ -360,13 +359,13 @@ class AxisymmetricReadout:
         return tuple(sorted(found, key=lambda contact: -contact.force_n))
 
     def corrected(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
-        """With the correction, which is told in distances and forces of the gel that it was measured on."""
+        """Contacts with the correction, which is in distances and forces of the gel that it was measured on."""
         corrected: np.ndarray = self.correction(contacts / self.unit) * self.unit
         return corrected
 
     @property
     def unit(self) -> Float[np.ndarray, ' 3']:
-        """What 1 mm and 1 N of the gel that the profiles were measured on are on this one."""
+        """1 mm and 1 N on the gel that the profiles were measured on, expressed on this gel."""
         return np.array([self.response.width, self.response.width, 1 / self.response.softness])
 
     def _contact(self, place: list[float], variance: list[float]) -> Contact:

@@ -1,10 +1,10 @@
-"""A gel's response told once for all places: what a press does around it, and how each region sees that.
+"""One response of a gel for all places: the motion around a press, and how each region sees it.
 
-A soft layer answers a round tip alike wherever it presses: at a distance the gel moves towards or away from the press
-and up or down, by amounts that depend on nothing but that distance and the force (axial symmetry; Johnson, Contact
-Mechanics, 1985, ch. 3). These profiles are functions of two numbers. A region of the image adds where on the surface
-it looks and how it sees the two kinds of motion: its markers' depths, and the camera's view of them. Seen aslant,
-these lie along a radial line, see `axisymmetric.radial_smear`.
+A soft layer responds to a round tip in the same way wherever it presses. At a distance from the press the gel moves
+radially and vertically, by amounts that depend only on that distance and the force (axial symmetry; Johnson, Contact
+Mechanics, 1985, ch. 3). These profiles are functions of two numbers. Each region of the image adds its place on the
+surface and its couplings to both kinds of motion, which depend on the depths of its markers and the camera's view.
+Seen obliquely, markers lie along a radial line, see `axisymmetric.radial_smear`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tactile_nodes.sensing.explain.splines import SplineAxis
 BEND_MM = 1.0
 """Profiles are splines of arcsinh(distance / this): fine near the press, coarse far from it."""
 CORE_MM = 0.15
-"""Within about this of the press lateral motion has no direction, and is let go to zero."""
+"""Within about this distance of the press lateral motion has no direction, and goes to zero."""
 FURTHEST_MM = 45.0
 DISTANCES = SplineAxis(0.0, float(np.arcsinh(FURTHEST_MM / BEND_MM)), 21)
 TINY_MM = 1e-3
@@ -34,14 +34,14 @@ _FOUR = np.arange(4)
 class AxisymmetricResponse:
     """Profiles over distance and force, and how each region sees them.
 
-    `profiles` are coefficients of cubic splines over arcsinh(distance / `BEND_MM`) and force, to be multiplied by the
-    force: `lateral` of them are motion away from the press, the others vertical motion. A region at `places` (mm,
-    surface frame) moves in the image (px) by `couplings` times the profiles' values, lateral ones along x and y first.
-    Of a gel that is `softness` times as soft and in which distances are `width` times as long, profiles are taken at
-    the force times `softness` and the distance over `width`. `smear` bends that distance by the region's place.
+    `profiles` are coefficients of cubic splines over arcsinh(distance / `BEND_MM`) and force, multiplied by the force:
+    `lateral` of them are motion away from the press, the others vertical motion. A region at `places` [mm, surface
+    frame] moves in the image [px] by `couplings` times the profiles' values, lateral ones along x and y first. For a
+    gel that is `softness` times as soft, with distances `width` times as long, profiles are evaluated at the force
+    times `softness` and the distance over `width`. `smear` changes that distance by the region's place.
 
-    Where regions are known from a few presses only, `unsure` are factors of the covariance of a region's numbers, apart
-    for what it shows along x and along y: first of its couplings, then of its place.
+    If regions are known from a few presses only, `unsure` holds factors of the covariance of a region's numbers (first
+    its couplings, then its place), separately for its motion along x and along y.
     """
 
     profiles: Float[np.ndarray, 'profiles distances forces']
@@ -62,7 +62,7 @@ class AxisymmetricResponse:
 
     @property
     def highest_n(self) -> float:
-        """The force (N) on this gel that the profiles end at."""
+        """The force [N] on this gel at which the profiles end."""
         return self.hardest_n / self.softness
 
     @property
@@ -70,7 +70,7 @@ class AxisymmetricResponse:
         return int(self.profiles.size + self.places.size + self.couplings.size + 4)
 
     def motion(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions 2']:
-        """Motion of each region (px) under each contact (x, y in mm and force in N)."""
+        """Motion of each region [px] under each contact (x, y in mm and force in N)."""
         if self.compiled:
             return self.motion_slopes_and_columns(contacts)[0]
         return self.seen(self.columns(contacts))
@@ -78,7 +78,7 @@ class AxisymmetricResponse:
     def motion_and_slopes(
         self, contacts: Float[np.ndarray, 'n 3']
     ) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2']]:
-        """Motion as above, and its slopes along x, y and force."""
+        """Motion as above, and its derivatives with respect to x, y and force."""
         return self.motion_slopes_and_columns(contacts)[:2]
 
     def motion_slopes_and_columns(
@@ -86,7 +86,7 @@ class AxisymmetricResponse:
     ) -> tuple[
         Float[np.ndarray, 'n regions 2'], Float[np.ndarray, '3 n regions 2'], Float[np.ndarray, 'n regions columns']
     ]:
-        """With them the profiles' values, of which couplings make that motion."""
+        """The same with the profiles' values (columns), which the couplings combine to that motion."""
         if self.compiled:
             return self._by_loops(contacts)
         columns, slopes = self.columns_and_slopes(contacts)
@@ -95,7 +95,7 @@ class AxisymmetricResponse:
     def variance(
         self, slopes: Float[np.ndarray, '3 n regions 2'], columns: Float[np.ndarray, 'n regions columns']
     ) -> Float[np.ndarray, 'n regions 2']:
-        """By what motion with these slopes and columns may be off, squared (px^2), as regions are known no better."""
+        """Variance [px^2] of motion with these slopes and columns, from the uncertainty of the regions' numbers."""
         if self.unsure is None:
             return np.zeros(slopes.shape[1:])
         if self.compiled:
@@ -117,7 +117,7 @@ class AxisymmetricResponse:
 
     @cached_property
     def _for_loops(self) -> tuple[np.ndarray, ...]:
-        """Places, couplings and profiles, further numbers, and the axes of distance and force, as loops want them."""
+        """Places, couplings and profiles, further numbers, and the axes of distance and force, for compiled loops."""
         numbers = [self.lateral, self.hardest_n, self.width, self.softness, BEND_MM, CORE_MM, TINY_MM]
         numbers += [SMEAR_MM, NEAR_MM, WIDE_MM, self.smear.shift_mm, self.smear.squeeze]
         axes = [[each.low, each.high, each.intervals] for each in (DISTANCES, self.force)]
@@ -125,7 +125,7 @@ class AxisymmetricResponse:
         return tuple(np.ascontiguousarray(each, float) for each in arrays)
 
     def seen(self, columns: Float[np.ndarray, 'n regions columns']) -> Float[np.ndarray, 'n regions 2']:
-        """What the regions show (px) of columns, or of slopes of columns."""
+        """Motion of the regions [px] from columns, or from derivatives of columns."""
         seen: np.ndarray = np.matmul(self.couplings, columns[..., None])[..., 0]
         return seen
 
@@ -138,7 +138,7 @@ class AxisymmetricResponse:
     def columns_and_slopes(
         self, contacts: Float[np.ndarray, 'n 3']
     ) -> tuple[Float[np.ndarray, 'n regions columns'], Float[np.ndarray, '3 n regions columns']]:
-        """Columns as above, and their slopes along the contact's x, y and force."""
+        """Columns as above, and their derivatives with respect to the contact's x, y and force."""
         away, distance = self._away(contacts)
         value, outward, by_force = self._values(distance, contacts[:, 2])
         toward, core = away / distance[..., None], np.tanh(distance / CORE_MM)
@@ -157,7 +157,7 @@ class AxisymmetricResponse:
         return self._columns(value, unit), slopes
 
     def _columns(self, value: Float[np.ndarray, 'n regions profiles'], unit: np.ndarray) -> np.ndarray:
-        """Values along a direction (lateral) and as they are (vertical)."""
+        """Lateral values times a direction, and vertical values unchanged."""
         lateral = self.lateral
         columns = np.empty((*value.shape[:2], 2 * lateral + value.shape[2] - lateral))
         columns[..., 0 : 2 * lateral : 2] = value[..., :lateral] * unit[..., :1]
@@ -176,24 +176,24 @@ class AxisymmetricResponse:
         return away
 
     def _away(self, contacts: np.ndarray) -> tuple[Float[np.ndarray, 'n regions 2'], Float[np.ndarray, 'n regions']]:
-        """From each region to each contact as its smear shows it, and how far that is, both over the width."""
+        """Smeared vector from each region to each contact, and its length, both over the width."""
         away = self.smear.shown(self._plain(contacts), self.places)
         x, y = away[..., 0], away[..., 1]
         return away, np.sqrt(x * x + y * y + TINY_MM**2)
 
     def away_of(self, contacts: Float[np.ndarray, 'n 3'], regions: np.ndarray) -> Float[np.ndarray, 'n 2']:
-        """From one region for each contact to it, as above."""
+        """The same from one region for each contact."""
         places = self.places[regions]
         return self.smear.shown((contacts[:, :2] - places) / self.width, places)
 
     def distances_mm(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions']:
-        """From each contact to each region as its smear shows it, over the width."""
+        """Smeared distance from each contact to each region, over the width."""
         return self._away(contacts)[1]
 
     def _values_alone(
         self, distance: Float[np.ndarray, 'n regions'], force_n: Float[np.ndarray, ' n']
     ) -> Float[np.ndarray, 'n regions profiles']:
-        """The profiles' values without their slopes, in a third of the time."""
+        """The profiles' values without derivatives, in a third of the time."""
         force = force_n * self.softness
         k, weights = self.force.weights_of(force)
         along = np.einsum('pdnf,nf->ndp', self.profiles[:, :, k[:, None] + _FOUR], weights[0] * force[:, None])
@@ -204,7 +204,7 @@ class AxisymmetricResponse:
     def _values(
         self, distance: Float[np.ndarray, 'n regions'], force_n: Float[np.ndarray, ' n']
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The profiles' values, and their slopes along distance and force: (n, regions, profiles) each."""
+        """The profiles' values, and their derivatives along distance and force: (n, regions, profiles) each."""
         force = force_n * self.softness
         k, weights = self.force.weights_of(force)
         inside = (force < self.hardest_n)[:, None]

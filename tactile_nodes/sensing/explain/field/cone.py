@@ -1,4 +1,4 @@
-"""Least squares over forces that press and rub: normal force not below 0, shear not beyond friction (ADMM)."""
+"""Least squares over forces in the friction cone: normal force >= 0, shear within friction (ADMM)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STEPS = 20
 TINY = 1e-12
 RELAXED = 1.6
 STIFF = 0.03
-"""Of the mean of the diagonal: the weight of the constraint in each step."""
+"""Weight of the constraint in each step, over the mean of the diagonal."""
 
 NOT_APART = 'the forces of this contact cannot be separated'
 
@@ -22,14 +22,14 @@ def in_cone(
 ) -> tuple[Float[np.ndarray, ' n'], Float[np.ndarray, '2 n']]:
     """The nearest forces with |shear| <= friction * normal: with friction 1, (0, (2, 0)) becomes (1, (1, 0))."""
     size = np.hypot(shear[0], shear[1])
-    # The nearest on the edge presses more than what is outside the cone, and less than what is inside.
+    # The nearest point on the cone has more normal force than a point outside, and less than one inside.
     pressed = np.maximum(np.maximum((normal + friction * size) / (1 + friction * friction), normal), 0.0)
     return pressed, shear * np.minimum(friction * pressed / np.maximum(size, TINY), 1.0)
 
 
 @cache
 def _of_triangles(dtype: np.dtype) -> tuple[Any, Any]:
-    """What factorises matrices of this type, and what inverts the factor."""
+    """LAPACK functions that factorise matrices of this type and invert the factor."""
     from scipy.linalg.lapack import get_lapack_funcs
 
     factorise, invert = get_lapack_funcs(('potrf', 'trtri'), dtype=dtype)
@@ -49,9 +49,9 @@ def inverse_root(matrix: Float[np.ndarray, 'm m']) -> Float[np.ndarray, 'm m']:
 def least_squares(
     information: Float[np.ndarray, 'm m'], towards: Float[np.ndarray, ' m'], friction: float, steps: int = STEPS
 ) -> Float[np.ndarray, ' m']:
-    """The forces x (n normal ones, n along x, n along y) in the cone that make x H x / 2 - b x least.
+    """The forces x (n normal ones, n along x, n along y) in the cone that minimise x H x / 2 - b x.
 
-    Of the information H the lower half is read.
+    Only the lower half of the information H is read.
     """
     stiff = STIFF * float(np.trace(information)) / len(towards)
     stepped = information.copy(order='F')
@@ -63,10 +63,10 @@ def least_squares(
 def _least_squares(
     root: Float[np.ndarray, 'm m'], begin: Float[np.ndarray, ' m'], stiff: float, friction: float, steps: int
 ) -> Float[np.ndarray, ' m']:
-    """The steps, from what is best without the cone.
+    """The iteration, from the optimum without the cone.
 
-    With P the inverse times `stiff`, r for `RELAXED`, x in the cone, and u what x is the nearest of, a step leads from
-    u to u + r (b + P (2 x - u) - x), which is one product with both.
+    With P the inverse times `stiff`, r = `RELAXED`, and x the projection of u on the cone, a step replaces u by
+    u + r (b + P (2 x - u) - x), with one matrix product.
     """
     size, count = len(begin), len(begin) // 3
     inverse = root.T @ (root * (RELAXED * stiff))

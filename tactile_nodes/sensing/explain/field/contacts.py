@@ -1,4 +1,4 @@
-"""Contacts of a force field: which patches belong together, and what acts on them."""
+"""Contacts of a force field: patches that belong together, and the forces on them."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.reading import Contact, Region
 
 TOUCHED = 0.03
-"""Share of the highest force on a patch from which a patch belongs to a contact."""
+"""Least force of a patch in a contact, as a share of the highest force on a patch."""
 
 LEAST_SHARE = 0.03
-"""Of the whole force: a contact with less is not told by itself."""
+"""Least share of the total force for a separate contact."""
 
 VALLEY = 0.3
-"""Of the lower of two peaks: where the pressure between them falls below, they are two contacts."""
+"""Two peaks are separate contacts if the pressure between them falls below this share of the lower peak."""
 
 HALF = 0.5
 EXCEEDED = 0.9
-"""Share of the force with no more friction than what counts as the greatest in a contact."""
+"""Quantile of friction, weighted by force, that counts as the greatest friction in a contact."""
 
 LEAST_FRICTION = 0.15
-"""Shear over pressure below which nothing can be said to slip."""
+"""Shear over pressure below which slip cannot be detected."""
 
 
 def contacts_of(numbers: Float[np.ndarray, 'contacts 16'], spread: FieldSpread) -> tuple[Contact, ...]:
@@ -45,11 +45,11 @@ def _contact_of(numbers: list[float], spread: FieldSpread) -> Contact:
 
 
 def numbers_of_contacts(field: Field, patches: PatchGrid) -> Float[np.ndarray, 'contacts 16']:
-    """What acts at each contact of a field; none where no force is.
+    """The numbers of each contact of a field; empty without force.
 
-    In order: place x, y (mm), force into the gel, along x, along y (N), torsion (N mm), root mean square distance of
-    the force (mm), area (mm²), length, width (mm), angle (rad), slip share, and by how much the fit alone is off in
-    normal force, shear along x (N), torsion (N mm), place along x (mm).
+    In order: place x, y [mm], force into the gel, along x, along y [N], torsion [N mm], root mean square distance of
+    the force [mm], area [mm²], length, width [mm], angle [rad], slip share, and the standard deviations of the fit for
+    normal force, shear along x [N], torsion [N mm], place along x [mm].
     """
     pressed = field.forces_n[0]
     if not pressed.any():
@@ -61,10 +61,10 @@ def numbers_of_contacts(field: Field, patches: PatchGrid) -> Float[np.ndarray, '
 
 
 def parts_of(pressed: Float[np.ndarray, ' patches'], shape: tuple[int, int]) -> Int[np.ndarray, ' patches']:
-    """The number of each patch's part, from 1; 0 where nothing touches. Patches of a part lie side by side.
+    """The number of each patch's part, from 1; 0 without contact. Patches of a part are adjacent.
 
-    Patches are added from the highest pressure down. Where two parts meet they are one, unless that is in a valley, and
-    both are large enough to be told. Of peaks of 1, 0.2, 0.8 in a row the last is a part of its own: 0.2 < 0.3 * 0.8.
+    Patches are added from the highest pressure down. Two parts that meet are merged, unless they meet in a valley and
+    both are large enough. Of the values 1, 0.2, 0.8 in a row the last is a separate part: 0.2 < 0.3 * 0.8.
     """
     flat, across = np.pad(pressed.reshape(shape), 1).ravel(), shape[1] + 2
     around = np.add.outer((-across, 0, across), (-1, 0, 1)).ravel()
@@ -98,8 +98,7 @@ def _numbers_of(field: Field, patches: PatchGrid, part: Bool[np.ndarray, ' patch
 def _levers(
     away: Float[np.ndarray, 'active 2'], inside: Bool[np.ndarray, ' active'], total: float
 ) -> Float[np.ndarray, 'm 4']:
-    """What of the active patches' forces makes a contact's normal force, its shear along x, its torsion, and where it
-    is along x."""
+    """Weights of the active patches' forces in a contact's normal force, shear along x, torsion, and place along x."""
     levers = np.zeros((3, len(away), 4))
     x, y = away.T * inside
     levers[0, :, 0] = levers[1, :, 1] = inside
@@ -110,9 +109,9 @@ def _levers(
 def _extent(
     pressed: Float[np.ndarray, ' patches'], away: Float[np.ndarray, 'patches 2'], patches: PatchGrid
 ) -> tuple[float, float, float, float]:
-    """Area (mm²) at half the highest pressure, length, width (mm) and angle of its longest axis (rad).
+    """Area [mm²] at half the highest pressure, length, width [mm] and angle of its longest axis [rad].
 
-    Length and width are those of an even pressure over a rectangle with the same second moments.
+    Length and width are those of a uniform pressure over a rectangle with the same second moments.
     """
     within = pressed >= HALF * pressed.max()
     width, height = patches.size_mm
@@ -120,18 +119,18 @@ def _extent(
     count = len(about)
     (xx, xy), (_, yy) = (12 * (about.T @ about) / count).tolist()
     xx, yy = xx + width**2, yy + height**2
-    mean, off = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)  # of Mohr's circle
+    mean, off = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)  # Mohr's circle
     return count * width * height, math.sqrt(mean + off), math.sqrt(mean - off), math.atan2(2 * xy, xx - yy) / 2
 
 
 def slip_share(
     pressed: Float[np.ndarray, ' patches'], shear: Float[np.ndarray, '2 patches'], torsion: float, lever_mm: float
 ) -> float:
-    """Net shear and torsion over those of the same contact with the greatest friction all over it: 1 slips as a whole.
+    """Net shear and torsion over those at full friction all over the contact: at 1 it slips as a whole.
 
-    They count together as on an ellipsoid (Howe and Cutkosky 1996), the torsion by the root mean square distance of the
-    force. What goes inwards from all sides as a body presses is no slip. Of a sphere it is Cattaneo's share s:
-    q = mu (p(F) - p(F - s F)), so that the sum is s mu F.
+    Both are combined with an ellipsoidal limit surface (Howe and Cutkosky 1996), the torsion by the root mean square
+    distance of the force. Shear that points inwards from all sides under a press does not count as slip. For a sphere
+    it is Cattaneo's share s: q = mu (p(F) - p(F - s F)), so that the sum is s mu F.
     """
     touched = pressed > TOUCHED * pressed.max()
     friction = np.hypot(*shear[:, touched]) / pressed[touched]

@@ -1,4 +1,4 @@
-"""The readout `field`: every frame by the simplest explanation that its motion allows: nothing, tips, or the field."""
+"""The readout `field`: explains each frame by the simplest of nothing, tips, or a force field."""
 
 from __future__ import annotations
 
@@ -35,35 +35,35 @@ from tactile_nodes.sensing.metrics import interval_factor
 LEAST_REGIONS = 12
 MOST_TIPS = 3
 TIP_BINS = 3
-"""A tip's force is found on bins within so many rows and columns."""
+"""A tip's force covers bins within at most this many rows and columns."""
 
 PEAKS, NOISE_N = (0.5, 0.25), 0.008
-"""Of the linear answer: a place is no wider than a tip where it is half as high as the highest; places that are a
-quarter as high are looked for. Both above its noise."""
+"""In the linear estimate, a place at half the highest force must be no wider than a tip, and places down to a quarter
+are searched; both above its noise."""
 
 TABLE_SHARE = 0.8
-"""Of the motion that as many tips of the table explain: of one to three tips anywhere it is 0.85 and more."""
+"""Least share of the motion that tips from the table explain: for one to three tips anywhere it is 0.85 or more."""
 
 WORTH = 2.0
-"""Unlikeness beyond which tips are no explanation: the first step towards one promises 1.3 at most, towards two 1.6;
-where another body presses it is 2.2 and more."""
+"""Novelty beyond which tips are rejected as explanation. After the first step it is at most 1.3 for one tip and 1.6
+for two; for other bodies it is 2.2 or more."""
 
 ALIKE = 0.93
-"""Unlikeness up to which tips explain a frame, and the field is not asked."""
+"""Novelty up to which tips explain a frame, so that the field is not computed."""
 
 
 STILL = np.zeros((2, 1, 1), np.float32)
-"""A surface of which nobody knows how far shear takes it along: models of before."""
+"""A surface with unknown motion under shear, for older models."""
 
 
 @dataclass(frozen=True)
 class FieldReadout:
-    """Motion of regions to any contact.
+    """Estimates any contact from the motion of regions.
 
-    `scaling` says what the regions show at rest and which are known; `response` is their motion (px) under 1 N on each
-    patch, as `FieldSolver` has it. `misfit_limit` is the misfit beyond which a frame is unlike anything that the
-    response knows, `least_gain` what has to be gained by any force. `tips` reads frames in which only tips press.
-    `surface` is how far shear takes the surface along, as `moved_along` has it; `passes` is as `FieldSolver` has it.
+    `scaling` holds the regions' values at rest and which regions are known. `response` is their motion [px] under 1 N
+    on each patch, as in `FieldSolver`. `misfit_limit` is the misfit that counts as novelty 1. `least_gain` is the least
+    gain of any force. `tips` reads frames in which only tips press. `surface` is the motion of the surface under shear,
+    as in `moved_along`. `passes` is as in `FieldSolver`.
     """
 
     scaling: InputScaling
@@ -83,7 +83,7 @@ class FieldReadout:
 
     @property
     def parameter_count(self) -> int:
-        """Of the response, of the scaling, and of what reads tips."""
+        """Parameters of the response, of the scaling, and of the readout for tips."""
         return self.response.size + 2 * self.scaling.mean.size + (self.tips.parameter_count if self.tips else 0)
 
     def nominal_n(self, total_n: float) -> float:
@@ -102,7 +102,7 @@ class FieldReadout:
 
     @cached_property
     def solver(self) -> FieldSolver:
-        """What finds the field."""
+        """The solver of the field."""
         camera = camera_ways(self.scaling.trusted.shape, self._known)
         return FieldSolver(
             self.response, camera, PatchGrid(self.bins), self.noise_px, self.doubt, self.compiled, self.passes
@@ -119,7 +119,7 @@ class FieldReadout:
     def weighed(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float[np.ndarray, 'rows cols']
     ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights]:
-        """The noise of a frame (px), what the known regions moved by since rest, and how much each of them counts."""
+        """The noise of a frame [px], the motion of the known regions since rest, and their weights."""
         moved = values - self.scaling.mean
         noise_px, motion = noise_of(moved, self._inside), moved.reshape(-1, 2)[self._known].astype(float)
         return noise_px, motion, self.solver.weights(motion, confidence.reshape(-1)[self._known], noise_px)
@@ -127,7 +127,7 @@ class FieldReadout:
     def seen(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights] | None:
-        """As `weighed`; None of what is no motion, or of too few regions."""
+        """As `weighed`; None if the motion is not finite or too few regions are seen."""
         if self.compiled:
             return self._seen_by_loops(values, confidence)
         sure = confidence.reshape(-1)[self._known] >= self.scaling.confidence_floor
@@ -153,8 +153,8 @@ class FieldReadout:
     ) -> Reading:
         """The simplest explanation of a frame: nothing, tips that only press, or the field.
 
-        Tips are taken where they leave no more over than those of their training do, or where the field, beside one for
-        each of its forces, explains no more (Akaike 1974).
+        Tips are chosen if their residual is no larger than in their training, or if the field does not explain more
+        after a penalty of one for each of its forces (Akaike 1974).
         """
         if (seen := self.seen(values, confidence)) is None:
             return nothing_read(self.bins)
@@ -177,7 +177,7 @@ class FieldReadout:
     def _tips(
         self, coarse: Float[np.ndarray, ' bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
     ) -> tuple[Reading, Float32[np.ndarray, 'rows cols 2']] | None:
-        """The frame as tips that only press, where it may be, and the motion that they leave over."""
+        """The frame explained by tips that only press, if possible, and the residual motion."""
         if self.tips is None or not (count := self._places(coarse)):
             return None
         seen = self.tips.seen(values, confidence)
@@ -193,14 +193,14 @@ class FieldReadout:
         return self.tips.told(seen, fit, left), left
 
     def prepare(self) -> None:
-        """Make all that the first frame would wait for."""
+        """Prepare everything that would delay the first frame."""
         still = np.zeros(self.scaling.mean.shape, np.float32)
         self.read(still, np.ones(still.shape[:2], np.float32))
         if self.tips is not None:
             self.tips.read(still, np.ones(still.shape[:2], np.float32))
 
     def _places(self, coarse: Float[np.ndarray, ' bins']) -> int:
-        """At how many places tips may press, at most; 0 where the linear answer speaks against any."""
+        """Greatest number of tips; 0 if the linear estimate excludes tips."""
         most = float(coarse.max())
         if most < NOISE_N:
             return 0
@@ -210,7 +210,7 @@ class FieldReadout:
         return min(len(self._together(quarter)), MOST_TIPS)
 
     def _together(self, on: Bool[np.ndarray, ' bins']) -> Int[np.ndarray, 'places 2']:
-        """Of bins that lie side by side: how many columns and rows each place of them has."""
+        """Columns and rows of each connected group of bins."""
         grid = on.reshape(self.bins.rows, self.bins.cols).astype(np.uint8)
         boxes = cv2.connectedComponentsWithStats(grid, connectivity=8)[2]
         sides: np.ndarray = boxes[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
@@ -244,7 +244,7 @@ class FieldReadout:
         return SurfaceField(maps[0], np.stack(maps[1:], -1), pressed.astype(np.float32), sheared.astype(np.float32))
 
     def nothing(self, sigma_n: float | None = None) -> Acting:
-        """What is known while nothing presses, as far as can be seen; without `sigma_n` the nominal error remains."""
+        """The result without a detected force; without `sigma_n` with the nominal error."""
         patches = self.solver.patches
         still = Field(np.zeros((3, patches.count)), np.zeros(0, int), np.zeros((0, 0)), 0.0, 0.0)
         shape = self.bins.rows, self.bins.cols
@@ -262,7 +262,7 @@ class FieldReadout:
         return Reading(none, (contact,), sigma_n, unlike, acting=self.nothing(sigma_n))
 
     def _with_acting(self, reading: Reading) -> Reading:
-        """Tips with what they do beside: no shear, and pressure on the patches about their places."""
+        """Add to tips the maps of a field: no shear, and pressure on the patches around their places."""
         patches = self.solver.patches
         pressed = np.zeros(patches.count)
         for each in reading.contacts:

@@ -1,11 +1,11 @@
-"""The force field that explains how regions move: normal force and shear on patches of the surface.
+"""Solves for the force field that explains the motion of regions: normal force and shear on surface patches.
 
-Least squares under p >= 0 and |q| <= p: first on those bins in which a linear answer finds force, then on the patches
-around which there is some. Where markers lie near the surface, regions see what is smaller than a bin, and the linear
-answer looks in the wrong bins: there all bins are tried, and what is found is solved for again. A uniform pressure on
-an incompressible layer moves next to nothing, so that any smear of it would fit: a reweighted l1 term holds a patch
-down the more, the less force there is around it, and less where the contact is wide. What the camera itself moved by is
-found with the forces. Which region counts how much is in `tactile_nodes.sensing.explain.field.weights`.
+Least squares with p >= 0 and |q| <= p: first on the bins in which a linear estimate finds force, then on the patches
+with force around them. If markers lie near the surface, regions see details smaller than a bin, and the linear estimate
+selects the wrong bins. Then all bins are solved, and the result is refined. A uniform pressure on an incompressible
+layer causes almost no motion, so that smeared forces would fit too. A reweighted l1 term penalises a patch more, the
+less force there is around it, and less in wide contacts. The motion of the camera is estimated with the forces. The
+weights of regions are in `tactile_nodes.sensing.explain.field.weights`.
 """
 
 from __future__ import annotations
@@ -24,50 +24,49 @@ from tactile_nodes.sensing.explain.field.cone import NOT_APART, STEPS, inverse_r
 from tactile_nodes.sensing.explain.field.weights import Weights, region_weights
 
 FRICTION = 1.0
-"""No rubber on skin holds more shear than this share of the pressure for long; a bound, not an estimate."""
+"""Upper bound of shear over pressure (not an estimate): rubber on skin does not hold more for long."""
 
 HELD, SPREAD = 7.0, 0.003
-"""Weight of a reweighted l1 term, which holds patches down, and the share of the whole force that counts as being
-around every patch."""
+"""Weight of the reweighted l1 term, and the share of the total force that is assumed around every patch."""
 
 WIDE = 20.0
-"""Patches over which the force spreads from which a contact is wide: the middle of such a one shows next to nothing and
-is filled rather than held down, by so much less as the square of their number says."""
+"""Number of patches from which on a contact is wide: the middle of a wide contact causes almost no motion, so the l1
+penalty decreases with the square of the number."""
 
 UNSEEN_N = 0.012
-"""What noise allows to be on a patch whose force is told as none."""
+"""Force that noise can hide on a patch whose force is reported as zero."""
 
 ON_BINS, FIRST_STEPS = 2.0, 10
-"""How much more bins are held down than patches, and steps of the solver on them: all that comes of it is which patches
-are solved on, and what holds them down."""
+"""Penalty of bins over that of patches, and solver steps on bins. The result only selects the patches to solve and
+their penalties."""
 
 GRANTED = 50.0
-"""Weight of a ridge term (1/N²), which holds all forces: none is some hundred mN for nothing."""
+"""Weight of a ridge term [1/N²] on all forces: without evidence no force reaches some hundred mN."""
 
 COARSE = 300.0
-"""The same for the linear answer on bins."""
+"""The same for the linear estimate on bins."""
 
 UNSTABLE = 3e-6
-"""The least of it as a share of what is known best of any force: 32 bit floats tell no smaller ones apart."""
+"""Its least value, over the largest information on any force: the limit of 32-bit floats."""
 
 EVEN_N = 0.1
-"""Force on each bin where nothing is known of where forces act."""
+"""Force assumed on each bin if nothing is known of the places of forces."""
 
 LEAST_SHOWN = 0.1
-"""Of what is usual: forces that show less are told so seldom that no more needs to be said."""
+"""Least visibility of forces, over the usual one: less visible forces are rarely estimated."""
 
 ACTIVE, LEAST_N = 0.05, 1e-3
-"""Bins are solved on that hold this share of the strongest bin's force, and so much; then patches around which there is
-this share of what is around any."""
+"""Bins with this share of the strongest bin's force, and at least this force, are solved; then patches with this share
+of the strongest surroundings."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """Forces on patches (N): into the gel, along x, along y; and what is known of how far they are off.
+    """Forces on patches [N]: into the gel, along x, along y; and their uncertainty.
 
-    `active` are the patches that were solved on; with `root` R, R'R is the covariance of their forces, first all normal
-    ones, then along x, then along y. `misfit` is the root mean square of what is left over, in units of what is
-    expected; `gain` how much more probable these forces are than none (half the fall of the squared misfit).
+    `active` are the patches that were solved. With `root` R, R'R is the covariance of their forces: first all normal
+    ones, then along x, then along y. `misfit` is the root mean square of the residual in units of its expected standard
+    deviation. `gain` is the log-likelihood ratio to no force (half the decrease of the squared misfit).
     """
 
     forces_n: Float[np.ndarray, '3 patches']
@@ -82,30 +81,30 @@ class Field:
 
     @property
     def wide(self) -> float:
-        """How far the force is spread beyond a contact of which all is seen: 0, to 1 where it is twice as wide."""
+        """Excess width over a fully visible contact: 0, up to 1 for twice the width."""
         return min(max(spread_over(self.forces_n[0]) / WIDE - 1, 0.0), 1.0)
 
     def deviations(self, levers: Float[np.ndarray, 'm sums']) -> Float[np.ndarray, ' sums']:
-        """Standard deviations of sums of the active patches' forces, or of the first of them, each times its lever."""
+        """Standard deviations of sums of the active patches' forces (or of the first of them) times levers."""
         each = self.root[:, : len(levers)] @ levers.astype(self.root.dtype)
         deviations: np.ndarray = np.sqrt(np.einsum('ms,ms->s', each, each)).astype(float)
         return deviations
 
 
 def spread_over(pressed: Float[np.ndarray, ' patches']) -> float:
-    """On how many patches an even force would be as much spread: 1 of one patch, n of n alike; noise is left out."""
+    """Effective number of patches: 1 for one patch, n for n equal ones; noise is left out."""
     above = np.maximum(pressed - UNSEEN_N / 2, 0.0)
     return max(float(above.sum()) ** 2 / max(float(above @ above), 1e-12), 1.0)
 
 
 @dataclass(frozen=True)
 class FieldSolver:
-    """Motion of regions to forces on patches.
+    """Estimates forces on patches from the motion of regions.
 
-    `response` is the motion (px) of the known regions, along x and y, under 1 N on each patch: normal, along x, along
-    y; `camera` their motion as the camera moves as far as is usual. `noise_px` is the least that a region moves by
-    itself, `doubt` the share of its motion that the response may be off by. `passes`: how often a frame is solved; with
-    more than one it begins on all bins, and each pass on what the one before found.
+    `response` is the motion [px] of the known regions, along x and y, under 1 N on each patch: normal, along x, along
+    y. `camera` is their motion under the usual motion of the camera. `noise_px` is the least noise of a region, `doubt`
+    the relative error of the response. `passes` is how often a frame is solved; with more than one, the first pass uses
+    all bins, and each later pass starts from the result before.
     """
 
     response: Float32[np.ndarray, 'rows unknowns']
@@ -119,13 +118,13 @@ class FieldSolver:
     def weights(
         self, motion: Float[np.ndarray, 'regions 2'], confidence: Float[np.ndarray, ' regions'], noise_px: float = 0.0
     ) -> Weights:
-        """How much each region counts in a frame of such noise, along x and along y, beside what the camera moves."""
+        """Weights of the regions in a frame with this noise, along x and along y, without the camera's motion."""
         noise_px = max(noise_px, self.noise_px)
         return Weights.of(region_weights(motion, confidence, noise_px, self.doubt), self.camera)
 
     @cached_property
     def _by_bin(self) -> Float32[np.ndarray, 'unknowns rows']:
-        """What 1 N of each force moves, even over a bin."""
+        """Motion under 1 N of each force, spread evenly over a bin."""
         member = self.patches.member * self._on_gel[:, None]
         member /= np.maximum(member.sum(axis=0), 1)
         by_bin = [member.T @ part for part in np.split(self.response.T.astype(float), 3)]
@@ -133,14 +132,14 @@ class FieldSolver:
 
     @cached_property
     def _coarse(self) -> Float32[np.ndarray, 'bins rows']:
-        """The linear answer of normal forces on bins to motion of usual noise; what the camera moves is left out."""
+        """The matrix of the linear estimate of normal forces on bins for usual noise, without the camera's motion."""
         on_bins = self._by_bin.astype(float)
         even = Weights.of(np.full(on_bins.shape[1] // 2, self.noise_px**-2), self.camera).times(on_bins)
         solved: np.ndarray = np.linalg.solve(even @ on_bins.T + COARSE * np.eye(len(even)), even)
         return solved[: self.patches.bins.count].astype(np.float32)
 
     def coarse(self, motion: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, ' bins']:
-        """Normal forces on bins by one matrix, none below 0."""
+        """Linear estimate of normal forces on bins, clipped at 0."""
         answer: np.ndarray = self._coarse @ motion.reshape(-1).astype(np.float32)
         pressed: np.ndarray = np.maximum(answer, 0.0, dtype=float)
         return pressed
@@ -151,7 +150,7 @@ class FieldSolver:
         weights: Weights,
         coarse: Float[np.ndarray, ' bins'] | None = None,
     ) -> Field:
-        """The field that explains a motion best; `coarse` is the answer on bins, where it is known already."""
+        """The field that explains a motion best; `coarse` is the linear estimate, if it is already known."""
         flat = motion.reshape(-1).astype(float)
         if self.passes == 1:
             return self._solved(self.coarse(motion) if coarse is None else coarse, flat, weights)
@@ -165,7 +164,7 @@ class FieldSolver:
     def _solved(
         self, around: Float[np.ndarray, ' bins'], motion: Float[np.ndarray, ' rows'], weights: Weights
     ) -> Field:
-        """The best field on those bins around which there is force."""
+        """The best field on the bins with force around them."""
         on = around > max(ACTIVE * around.max(), LEAST_N)
         if not on.any():
             return self._nothing(motion, weights)
@@ -204,7 +203,7 @@ class FieldSolver:
         motion: Float[np.ndarray, ' rows'],
         weights: Weights,
     ) -> Float[np.ndarray, ' patches']:
-        """The normal force of the best answer on some bins, as each patch has its share; `around` is the linear one."""
+        """Normal forces of the best solution on some bins, shared among patches; `around` is the linear estimate."""
         caused = self._caused(self._by_bin, bins)
         information, evidence = self._evidence(caused, GRANTED * self._told / PER_BIN**2, motion, weights)
         held = self._held(self._shared(around)) @ self.patches.member[:, bins]
@@ -215,49 +214,49 @@ class FieldSolver:
         return self._shared(pressed)
 
     def _shared(self, on_bins: Float[np.ndarray, ' bins']) -> Float[np.ndarray, ' patches']:
-        """Forces on bins as even ones on their patches."""
+        """Forces on bins, spread evenly over their patches."""
         shared: np.ndarray = on_bins[self.patches.bin_of] / PER_BIN**2
         return shared
 
     def _summed(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' bins']:
-        """Forces on patches as those on their bins."""
+        """Forces on patches, summed over their bins."""
         return np.bincount(self.patches.bin_of, pressed, self.patches.bins.count)
 
     @staticmethod
     def _evidence(
         caused: Float32[np.ndarray, 'm rows'], granted: float, motion: Float[np.ndarray, ' rows'], weights: Weights
     ) -> tuple[Float32[np.ndarray, 'm m'], Float32[np.ndarray, ' m']]:
-        """What the motion says of forces: its information on them (the lower half), and that times the best ones."""
+        """Information matrix of the motion on forces (lower half), and its product with the best forces."""
         information = weights.among(caused)
         of_each = np.diag_indices(len(information))
         information[of_each] += np.float32(max(granted, UNSTABLE * float(information[of_each].max())))
         return information, caused @ weights.times(motion.astype(np.float32)[None])[0]
 
     def hidden(self, pressed: Float[np.ndarray, ' patches']) -> float:
-        """How many times less forces show in the picture than on most patches, beside 1; 0 of what shows as well."""
+        """How much less visible forces are than on most patches: the ratio minus 1; 0 for usual visibility."""
         shown = float(pressed @ self._shown) / max(float(pressed.sum()), LEAST_N)
         return max(1 / max(shown, LEAST_SHOWN) - 1, 0.0)
 
     def unseen_n(self, weights: Weights, gain: float) -> float:
-        """The force on a usual patch that would gain so much: up to that it may hide in the noise."""
+        """The force on a usual patch with this gain: smaller forces may hide in the noise."""
         return math.sqrt(2 * gain / max(float(self._usual_squared @ weights.single), 1e-12))
 
     @cached_property
     def _usual_squared(self) -> Float32[np.ndarray, ' rows']:
-        """Square of what 1 N on a patch moves, mean over the gel."""
+        """Squared motion under 1 N on a patch, mean over the gel."""
         usual: np.ndarray = np.square(self._by_force[: self.patches.count][self._on_gel]).mean(axis=0)
         return usual
 
     @cached_property
     def _shown(self) -> Float[np.ndarray, ' patches']:
-        """How much a newton on each patch moves the regions, beside what is usual."""
+        """Motion of the regions per newton on each patch, relative to the usual one."""
         moved = np.linalg.norm(self._by_force[: self.patches.count].astype(float), axis=1)
         share: np.ndarray = moved / np.median(moved[self._on_gel])
         return share
 
     @cached_property
     def _on_gel(self) -> Bool[np.ndarray, ' patches']:
-        """On which patches force can act: a response of nothing at all says that a patch is beside the gel."""
+        """Patches on which force can act: a response of zero marks a patch outside the gel."""
         return np.asarray(self._by_force[: self.patches.count].any(axis=1))
 
     @cached_property
@@ -268,7 +267,7 @@ class FieldSolver:
     def _caused(
         by_force: Float32[np.ndarray, 'unknowns rows'], active: Int[np.ndarray, ' n']
     ) -> Float32[np.ndarray, 'm rows']:
-        """What 1 N of each force on some patches or bins moves: a row a force."""
+        """Motion under 1 N of each force on some patches or bins, one row per force."""
         count = len(by_force) // 3
         rows: np.ndarray = by_force[np.concatenate([active, active + count, active + 2 * count])]
         return rows
@@ -285,9 +284,9 @@ class FieldSolver:
 
     @cached_property
     def _told(self) -> float:
-        """Share of the weights that hold forces and patches down: less than all where fewer regions than patches tell.
+        """Share of the regularization that is used: below 1 if there are fewer regions than patches.
 
-        Of a few dozen printed dots all of it would hold down half of what presses.
+        With a few dozen printed dots the full regularization would halve the force.
         """
         return min(1.0, len(self.response) / 2 / max(int(self._on_gel.sum()), 1)) ** 2
 
@@ -302,5 +301,5 @@ class FieldSolver:
 
 
 def _misfit_and_gain(before: float, after: float, numbers: int) -> tuple[float, float]:
-    """From the squares of so many numbers, and of what is left of them."""
+    """Misfit and gain from the squared motion of `numbers` values, and from their squared residual."""
     return math.sqrt(after / max(numbers, 1)), (before - after) / 2

@@ -1,4 +1,4 @@
-"""What is told of a force field, and of tips: where forces act now, their sums, and by how much those are off."""
+"""Reported values of a force field and of tips: present places of forces, their sums, and the uncertainty."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from tactile_nodes.sensing.explain.reading import Contact
 
 @dataclass(frozen=True)
 class Sums:
-    """Of a field whose forces act where they act now.
+    """Sums of a field whose forces are at their present places.
 
-    `bins_n` are forces on bins, into the gel, along x and along y; `bins_off_n` is by how much the fit has the normal
-    ones off. `wrench` is force x, y, z (N) and torque x, y, z (N mm) on the gel about the frame's origin, with the
-    covariance of the fit. `contacts` are as `numbers_of_contacts` has them, in any order.
+    `bins_n` are forces on bins, into the gel, along x and along y. `bins_off_n` are the fit's standard deviations of
+    the normal ones. `wrench` is force x, y, z [N] and torque x, y, z [N mm] on the gel about the frame's origin, with
+    the covariance of the fit. `contacts` are as in `numbers_of_contacts`, in any order.
     """
 
     field: Field
@@ -36,7 +36,7 @@ class Sums:
 def sums(
     found: Field, surface: Float32[np.ndarray, '2 near near'], patches: PatchGrid, *, compiled: bool = False
 ) -> Sums:
-    """Of a field as it was found; `surface` is as `moved_along` has it."""
+    """The sums of a field as it was solved; `surface` is as in `moved_along`."""
     if compiled:
         return _by_loops(found, surface, patches)
     field = replace(found, forces_n=moved_along(found.forces_n, surface, patches))
@@ -60,7 +60,7 @@ def _by_loops(found: Field, surface: Float32[np.ndarray, '2 near near'], patches
 
 
 def about(x_mm: float, y_mm: float, patches: PatchGrid) -> Float[np.ndarray, ' patches']:
-    """1 shared by the patches about a place: a square of a patch's size there, as it lies over them."""
+    """Weights of the patches around a place, with sum 1: the overlap of a patch-sized square at the place with each."""
     shares = [
         np.maximum(1 - np.abs(line - np.clip(at, line[0], line[-1])) / size, 0.0)
         for at, line, size in zip((x_mm, y_mm), patches.lines_mm, patches.size_mm, strict=True)
@@ -69,12 +69,12 @@ def about(x_mm: float, y_mm: float, patches: PatchGrid) -> Float[np.ndarray, ' p
 
 
 def covariance_of_tips(contacts: tuple[Contact, ...], spread: FieldSpread) -> Float[np.ndarray, '6 6']:
-    """Of force and torque: each tip's force and place are off by themselves, and its shear, told as none, by what a
-    field of so much force tells at best."""
+    """Covariance of force and torque of tips. Force and place of each tip have independent errors. Its shear is
+    reported as zero, with the best uncertainty of a field of that force."""
     covariance = np.zeros((6, 6))
     for each in contacts:
         x, y, sheared = each.x_mm, each.y_mm, spread.shear_n(spread.nominal[0], each.force_n)
-        # (-f, -y f, x f): off by the force, and by the place.
+        # (-f, -y f, x f): errors from the force, and from the place.
         by_force = np.array([0.0, 0.0, -1.0, -y, x, 0.0]) * each.sigma_n
         by_place = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0]) * each.force_n * each.sigma_mm
         along_x = np.array([1.0, 0.0, 0.0, 0.0, 0.0, -y]) * sheared

@@ -1,10 +1,9 @@
-"""How much each region counts: what its motion is expected to be off by, and what the camera's own motion explains.
+"""Weights of the regions: the expected error of their motion, without the part that camera motion explains.
 
-A region is off by the frame's noise, by a share of its motion (what the response is off by), and by what its pattern
-shows beyond a shift: where markers at different depths part, or the gel is stretched, the flow explains less of the
-pattern and is off by so much more. Of what the camera itself moved nothing counts: with C the motion of the regions as
-the camera moves, W the weights, the forces are found under W - W C (1 + C'WC)^-1 C'W, which is the same as to find
-both.
+The error of a region has three parts: the frame's noise, a share of its motion (the error of the response), and a part
+that the flow cannot explain. If markers at different depths separate, or the gel is stretched, the flow explains less
+of the pattern and its error grows. Camera motion is excluded: with C the motion of the regions under camera motion and
+W the weights, forces are solved with W - W C (1 + C'WC)^-1 C'W, which is equivalent to estimating both.
 """
 
 from __future__ import annotations
@@ -18,19 +17,19 @@ from tactile_nodes.sensing.explain.field.cone import inverse_root
 from tactile_nodes.sensing.geometry import camera_motions
 
 CAMERA_PX = 0.05
-"""How far the camera moves by itself: what is more has been taken out of the picture before, as a knock."""
+"""Usual motion of the camera; larger motion was removed from the image before, as a knock."""
 
 UNEXPLAINED_PX = 0.25
-"""What a region is off by if nothing of its pattern is explained; so much less as more is.
+"""Error of a region if none of its pattern is explained; it decreases in proportion to the explained share.
 
-Measured beside the true motion of each marker: 0.02 px where a twentieth is unexplained, 0.1 px where a quarter is.
+Measured against the true motion of each marker: 0.02 px if a twentieth is unexplained, 0.1 px for a quarter.
 """
 
 UNDISTURBED = 0.75
-"""Of a frame's regions in the order of how well they are explained: what blur, darkness and noise take from all."""
+"""Quantile of a frame's regions by explained share that gives the loss from blur, darkness and noise in all of them."""
 
 CERTAIN, LOST = 0.3, 0.1
-"""Confidence below which a region counts less, and up to which it counts next to nothing."""
+"""Confidence below which a region has less weight, and up to which it has almost none."""
 
 LEAST_WEIGHT = 1e-3
 
@@ -41,7 +40,7 @@ def region_weights(
     noise_px: float,
     doubt: float,
 ) -> Float[np.ndarray, '*n regions']:
-    """One over the variance that is expected of regions' motion (1/px²)."""
+    """One over the expected variance of the regions' motion [1/px²]."""
     explained = np.sqrt(confidence)
     place = min(int(UNDISTURBED * explained.shape[-1]), explained.shape[-1] - 1)
     usual = np.partition(explained, place, axis=-1)[..., place : place + 1]
@@ -53,8 +52,8 @@ def region_weights(
 
 
 def camera_ways(shape: tuple[int, int], known: Int[np.ndarray, ' known']) -> Float[np.ndarray, 'rows 4']:
-    """Motion (px) of some of rows x cols regions, along x and along y, as the camera moves right, moves down, rolls,
-    and comes nearer, each by what is usual at the edge of the picture."""
+    """Motion [px] of some of rows x cols regions, along x and along y, when the camera moves right, moves down, rolls,
+    and comes nearer, each by its usual amount at the edge of the image."""
     ways: np.ndarray = CAMERA_PX * camera_motions(*shape)[known]
     return ways.reshape(-1, ways.shape[-1])
 
