@@ -1,4 +1,4 @@
-"""Displacement field in, features per region of the image out; every encoding behind one protocol.
+"""Feature encodings: from a displacement field to features per image region, behind one protocol.
 
 An encoding is chosen by name: ``make_encoding('polar_mean', {'rows': 40, 'cols': 40})``.
 """
@@ -17,12 +17,12 @@ from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.flow.methods import DisplacementField, checked_options
 
 LEAST_SURE = 1e-6
-"""Where nothing is believed motion is told as none."""
+"""Motion is zero below this confidence."""
 
 
 @dataclass(frozen=True)
 class Features:
-    """What the network sees: `values[row, col, channel]` and how far each region can be believed (0 to 1)."""
+    """Features of a frame: `values[row, col, channel]` and the confidence of each region (0 to 1)."""
 
     encoding: str
     values: Float32[np.ndarray, 'rows cols channels']
@@ -32,7 +32,7 @@ class Features:
 def fewer_means(
     values: Float32[np.ndarray, 'h w channels'], confidence: Float32[np.ndarray, 'h w'], rows: int, cols: int
 ) -> tuple[Float32[np.ndarray, 'rows cols channels'], Float32[np.ndarray, 'rows cols']]:
-    """Means over fewer regions, by how far each value can be believed, and how far these can be."""
+    """Confidence-weighted means over fewer regions, and their confidence."""
     sure = cv2.resize(confidence, (cols, rows), interpolation=cv2.INTER_AREA)
     weighted = cv2.resize(values * confidence[:, :, None], (cols, rows), interpolation=cv2.INTER_AREA)
     means: np.ndarray = weighted.reshape(rows, cols, -1) / np.maximum(sure, np.float32(LEAST_SURE))[:, :, None]
@@ -55,7 +55,7 @@ class FeatureEncoding(Protocol):
     def options(self) -> dict[str, object]: ...
 
     def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
-        """Learn from the rest image which regions hold markers; until then every region counts fully.
+        """Find in the rest image which regions show markers; before that every region has full confidence.
 
         Raises:
             ImageError: the regions do not divide the image.

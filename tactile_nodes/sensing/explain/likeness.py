@@ -1,4 +1,4 @@
-"""How unlike the training data a frame's features are: what the directions that presses take cannot explain."""
+"""Novelty of a frame's features: the residual that the principal directions of the training cannot explain."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from jaxtyping import Float32
 from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact
 
 CLOSE_MM = 15.0
-"""Tips that are nearer to each other do not just add up."""
+"""Least distance of tips at which their motions add up."""
 
 
 def known(unlikeness: float, contacts: Sequence[Contact]) -> bool:
-    """Whether a readout can say how far off it is of such contacts; where it does not know their unlikeness it can."""
+    """Whether a readout knows its error for such contacts; this also holds if their novelty is unknown (NaN)."""
     pressing = [(each.x_mm, each.y_mm) for each in contacts if each.force_n > 0 and each.region is None]
     close = any(math.dist(*pair) < CLOSE_MM for pair in itertools.combinations(pressing, 2))
     return not close and not unlikeness >= BEYOND_UNLIKENESS
@@ -25,11 +25,11 @@ def known(unlikeness: float, contacts: Sequence[Contact]) -> bool:
 
 @dataclass(frozen=True)
 class Likeness:
-    """Principal directions of the training's inputs, and how much is usually left over.
+    """Principal directions of the training's inputs, and the usual residual.
 
-    `directions` (components, inputs) are orthonormal. What is left of an input beside its mean and these directions
-    has, over presses held out in training, a root mean square of at most `floor` plus `share` times that of the input
-    in all but one of a thousand; their quotient is the unlikeness.
+    `directions` (components, inputs) are orthonormal. The residual of an input after mean and directions is compared
+    with `floor` plus `share` times the input (root mean squares). One in a thousand of the presses held out in training
+    exceeds this limit. The ratio is the novelty.
     """
 
     mean: Float32[np.ndarray, ' inputs']
@@ -38,12 +38,12 @@ class Likeness:
     share: float
 
     def unlikeness(self, inputs: Float32[np.ndarray, ' inputs']) -> float:
-        """1 at the limit of what training held; not finite for inputs that are not."""
+        """The novelty: 1 at the limit of the training; not finite for inputs that are not finite."""
         left, size = self.left_over(inputs)
         return left / (self.floor + self.share * size)
 
     def left_over(self, inputs: Float32[np.ndarray, ' inputs']) -> tuple[float, float]:
-        """Root mean square of what the directions leave over, and of the whole, both about the mean."""
+        """Root mean squares of the residual and of the input, both about the mean."""
         centred = inputs - self.mean
         whole = float(centred @ centred)
         known = self.directions @ centred

@@ -1,6 +1,6 @@
-"""Features in, force distribution out: a readout, and what it was made for.
+"""A force model: features in, force distribution out.
 
-Its numbers live in a file (`tactile_nodes.model_file`), training in `tactile_nodes.learning`; this is arithmetic.
+This is the computation only. Files are in `tactile_nodes.model_file`, training in `tactile_nodes.learning`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class FeatureLayout:
 
 @dataclass(frozen=True)
 class ForceModel:
-    """A trained readout with everything that its numbers mean."""
+    """A trained readout with all that is needed to interpret its numbers."""
 
     layout: FeatureLayout
     bins: BinGrid
@@ -57,7 +57,7 @@ class ForceModel:
 
 
 OK_TIMES = 2.0
-"""Times the nominal error up to which a force is ok."""
+"""A force is ok up to this multiple of the nominal error."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,10 @@ class ForceMap:
     """The normal force on the surface, positive into the gel.
 
     `contacts` are in the surface frame, strongest first; `contact_mm` is the first one's place. `position_sigma_mm` is
-    that place's standard deviation along each axis, `total_sigma_n` that of the total. `unlikeness` above 1 says that
-    the frame is unlike what the model learned from. All three are NaN for models that do not know.
-    `nominal_n` is the standard deviation of a total that is usual of the model, of such contacts.
-    `confidence` is the share, between 0 and 1, of the regions the model learned from that hold markers now. `acting` is
-    that of the reading.
+    that place's standard deviation along each axis, `total_sigma_n` that of the total. `unlikeness` is the novelty:
+    above 1 the frame is unlike the training. All three are NaN for models that do not know them. `nominal_n` is the
+    model's usual standard deviation of the total of such contacts. `confidence` is the share, between 0 and 1, of the
+    trained regions that show markers now. `acting` is that of the reading.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
@@ -86,9 +85,9 @@ class ForceMap:
 
 
 class ForceEstimator:
-    """Applies a model to features; bit for bit the same results for the same frames in the same order.
+    """Applies a model to features. The same frames in the same order give bit-identical results.
 
-    `compiled` loops give other last digits than numpy.
+    Results of compiled loops and NumPy differ in the last digits.
     """
 
     def __init__(self, model: ForceModel, *, compiled: bool = False) -> None:
@@ -101,7 +100,7 @@ class ForceEstimator:
         """The force distribution for one frame's features.
 
         Raises:
-            ModelError: the features have another layout than those the model was trained on.
+            ModelError: the layout of the features differs from that of the training.
         """
         model = self.model
         if (features.encoding, *features.values.shape) != self._layout:
@@ -112,10 +111,10 @@ class ForceEstimator:
         return _force_map(reading, float(textured) / self._trusted, readout)
 
     def at_rest(self, features: Features) -> ForceMap:
-        """No force, with the uncertainty that the model states for these features, which are those of no motion.
+        """No force, with the uncertainty that the model states for these features, which show no motion.
 
-        They are the same in frame after frame, so the model is asked once. Of a network it is the uncertainty of no
-        force: its training shows no features without noise, and what it says of such is not told.
+        They are the same in every frame, so the model is evaluated once. For a network it is the uncertainty of zero
+        force: its training has no features without noise, so its answer to them is not used.
 
         Raises:
             ModelError: as above.
@@ -131,13 +130,13 @@ class ForceEstimator:
         return known[1]
 
     def _still(self, found: ForceMap) -> Acting | None:
-        """What acts while nothing touches, of a readout that knows."""
+        """The further results without contact, if the readout has them."""
         readout = self.model.readout
         return readout.nothing() if isinstance(readout, FieldReadout) else found.acting
 
 
 def _by_loops(part: Any) -> Any:
-    """The same numbers, where every part of a model that knows compiled loops computes by them."""
+    """The same model with compiled loops in all parts that have them."""
     parts = {each.name: getattr(part, each.name) for each in fields(part)}
     changed = {name: _by_loops(inner) for name, inner in parts.items() if is_dataclass(inner)}
     return replace(part, **changed, **({'compiled': True} if 'compiled' in parts else {}))
@@ -145,7 +144,7 @@ def _by_loops(part: Any) -> Any:
 
 def _force_map(reading: Reading, confidence: float, readout: AnyReadout | None = None) -> ForceMap:
     strongest = reading.contacts[0]
-    forces_n: list[float] = reading.normal_force_n.reshape(-1).tolist()  # so few that lists take less time
+    forces_n: list[float] = reading.normal_force_n.reshape(-1).tolist()  # for so few numbers lists are faster
     total_n = sum(forces_n)
     return ForceMap(
         normal_force_n=reading.normal_force_n,
@@ -163,7 +162,7 @@ def _force_map(reading: Reading, confidence: float, readout: AnyReadout | None =
 
 
 def unknown_forces(bins: BinGrid) -> ForceMap:
-    """What is said of a frame that could not be measured: nothing but NaN."""
+    """The result for a frame that could not be measured: all NaN."""
     return _force_map(nothing_read(bins), UNKNOWN)
 
 

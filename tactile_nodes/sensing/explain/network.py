@@ -1,4 +1,4 @@
-"""The paper's readout: features through fully connected layers to one force a bin, in numpy."""
+"""The paper's readout: fully connected layers from features to one force per bin, in NumPy."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {'logistic': logist
 
 @dataclass(frozen=True)
 class Mlp:
-    """Fully connected layers; hidden units logistic (the paper's) or rectified, outputs plain.
+    """Fully connected layers; hidden units logistic (the paper's) or rectified, outputs linear.
 
-    `weights[i]` is (outputs, inputs), as torch stores it. The result for one input vector depends on nothing
-    but that vector and the weights: each output is one dot product, whatever the number of threads.
+    `weights[i]` is (outputs, inputs), as in torch. The result for one input vector depends only on that vector and the
+    weights: each output is one dot product, independent of the number of threads.
     """
 
     weights: tuple[Float32[np.ndarray, '_ _'], ...]
@@ -60,9 +60,9 @@ class Mlp:
 class CalibrationLayer:
     """The paper's layer for another gel, in front of a network that was trained on the first (section V).
 
-    Rectified units, one for each feature, on the features as they are measured, before any scaling: max(0, W v + b).
-    With W the identity and b zero it changes no feature that is never negative, to the bit; a magnitude and an angle in
-    [0, 2 pi) are such, motion along x and y is not.
+    One rectified unit per feature, applied to the measured features before any scaling: max(0, W v + b). With W the
+    identity and b zero it leaves non-negative features bit-identical, such as a magnitude and an angle in [0, 2 pi).
+    Motion along x and y can be negative.
     """
 
     weight: Float32[np.ndarray, 'features features']
@@ -72,12 +72,12 @@ class CalibrationLayer:
     def of_change(
         cls, change: Float16[np.ndarray, 'features features'], bias: Float32[np.ndarray, ' features']
     ) -> CalibrationLayer:
-        """With weights that are the identity and a change; none makes the layer that changes nothing."""
+        """A layer whose weights are the identity plus a change; without a change it has no effect."""
         return cls(np.eye(len(bias), dtype=np.float32) + change.astype(np.float32), bias)
 
     @property
     def change(self) -> Float16[np.ndarray, 'features features']:
-        """What the weights add to the identity. It is small, so that half floats hold it to the last digits."""
+        """The difference of the weights from the identity. It is small, so that 16-bit floats are precise enough."""
         added: np.ndarray = (self.weight - np.eye(len(self.bias), dtype=np.float32)).astype(np.float16)
         return added
 
@@ -88,10 +88,10 @@ class CalibrationLayer:
 
 @dataclass(frozen=True)
 class InputScaling:
-    """How features become network inputs: subtract, multiply, and silence the regions without markers.
+    """Scaling of features to network inputs: subtract, multiply, and set regions without markers to zero.
 
-    A region counts where it held markers in training (`trusted`) and holds them in the present rest image
-    (its confidence reaches `confidence_floor`); elsewhere flow is noise of whole pixels, and the input is 0.
+    A region is used if it showed markers in training (`trusted`) and shows them in the present rest image (its
+    confidence reaches `confidence_floor`). Elsewhere flow is noise of whole pixels, and the input is 0.
     """
 
     mean: Float32[np.ndarray, 'rows cols channels']
@@ -100,12 +100,12 @@ class InputScaling:
     confidence_floor: float = 0.5
 
     def missing(self, confidence: Float32[np.ndarray, '*batch rows cols']) -> Bool[np.ndarray, '*batch rows cols']:
-        """The regions that held markers in training and cannot be followed now."""
+        """The regions that showed markers in training but cannot be tracked now."""
         lost: np.ndarray = (self.trusted > 0) & (confidence < self.confidence_floor)
         return lost
 
     def known(self, confidence: Float32[np.ndarray, '*batch rows cols']) -> Bool[np.ndarray, '*batch rows cols']:
-        """The regions that held markers in training and can be followed now."""
+        """The regions that showed markers in training and can be tracked now."""
         found: np.ndarray = (self.trusted > 0) & (confidence >= self.confidence_floor)
         return found
 
@@ -126,7 +126,7 @@ TINY_N = 1e-9
 
 @dataclass(frozen=True)
 class TotalSpread:
-    """How far the total force may be off: the standard deviation for a total of F is hypot(floor, share F)."""
+    """Uncertainty of the total force: the standard deviation for a total of F is hypot(floor, share F)."""
 
     floor_n: float = UNKNOWN
     share: float = UNKNOWN
@@ -137,12 +137,12 @@ class TotalSpread:
 
 @dataclass(frozen=True)
 class NetworkReadout:
-    """Scaled features through a network to forces in units of `output_scale_n`, one a bin, row-major.
+    """Scaled features through a network to forces in units of `output_scale_n`, one per bin, row-major.
 
-    A network that serves another gel than its own has a calibration layer before the scaling.
-    Its one contact is the force-weighted mean of the strongest bin and its neighbours. With the paper's labels (all
-    force in the bin of the indentation's centre) it says in which bin the contact lies and hints at the side of it:
-    expect an error of about a millimetre, which it does not know (`sigma_mm` is NaN).
+    A network for another gel than its own has a calibration layer before the scaling. Its one contact is the
+    force-weighted mean of the strongest bin and its neighbours. With the paper's labels (all force in the bin of the
+    indentation's centre) it shows the bin of the contact and little more: expect an error of about a millimetre, which
+    it does not state (`sigma_mm` is NaN).
 
     A `novelty_check` reads the same features. A frame counts as unlike the training if the check says so or contradicts
     the force.
@@ -161,7 +161,7 @@ class NetworkReadout:
 
     @property
     def parameter_count(self) -> int:
-        """Weights and biases: 3 074 081 of the paper's network, 10 243 200 of its calibration layer."""
+        """Weights and biases: 3 074 081 for the paper's network, 10 243 200 for its calibration layer."""
         added = (self.layer.weight, self.layer.bias) if self.layer else ()
         return sum(each.size for each in (*self.network.weights, *self.network.biases, *added))
 
@@ -176,14 +176,14 @@ class NetworkReadout:
             self.novelty_check.require_fit(features, bins)
 
     def nominal_n(self, total_n: float) -> float:
-        """What it states of such a force by itself."""
+        """The model's stated uncertainty of such a force."""
         return self.spread.sigma_n(total_n)
 
     def inputs(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Float32[np.ndarray, ' inputs']:
-        """What the network is shown of one frame; all NaN if a feature is not finite."""
-        if not np.isfinite(values).all():  # units that saturate would make a finite force of it
+        """The network's inputs for one frame; all NaN if a feature is not finite."""
+        if not np.isfinite(values).all():  # saturated units would give a finite force
             return np.full(values.size, np.nan, np.float32)
         adjusted = self.layer(values) if self.layer else values
         inputs: np.ndarray = self.scaling(adjusted, confidence).reshape(-1)
@@ -209,15 +209,15 @@ class NetworkReadout:
 
 
 def _largest(*unlike: float) -> float:
-    """Of those that are known; NaN if none is."""
+    """The largest known value; NaN if none is known."""
     return max((each for each in unlike if not math.isnan(each)), default=UNKNOWN)
 
 
 def contact_position_mm(forces_n: Float32[np.ndarray, 'rows cols'], centres_mm: np.ndarray) -> tuple[float, float]:
     """Force-weighted mean of the centres of the strongest bin and its (up to eight) neighbours.
 
-    Negative forces count as none. Equal forces in two neighbouring bins give the middle of their border;
-    a map without any positive force gives the centre of its strongest bin.
+    Negative forces count as zero. Equal forces in two neighbouring bins give the middle of their border. A map without
+    any positive force gives the centre of its strongest bin.
     """
     row, col = np.unravel_index(int(forces_n.argmax()), forces_n.shape)
     window = np.s_[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2]

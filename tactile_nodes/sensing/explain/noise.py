@@ -1,4 +1,4 @@
-"""How noisy a frame's motion is, as what does not follow the neighbours tells."""
+"""Noise of a frame's motion, estimated from differences between neighbouring regions."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 QUIETEST, SIGMAS = 0.3, 0.3853
-"""Of the regions of a frame the quieter three tenths tell its noise: of normal noise so many differ by less than so
-many standard deviations."""
+"""The quieter three tenths of the regions give the noise of a frame: of normal noise this share lies within this many
+standard deviations."""
 
 CURVED, CURVED_TIMES = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32), 6.0
-"""What is left of the motion of nine regions without what is smooth (Immerkær 1996): six times the noise of each."""
+"""Filter that removes smooth motion from nine regions (Immerkær 1996); its output is six times the noise of each."""
 
 FOUND_NOISE = 0.85
-"""Of the noise of the median region so much is found by what does not follow the neighbours, as regions differ."""
+"""Share of the median region's noise that this estimate finds, since regions differ."""
 
 LEAST_DIFFERENCES = 20
 
 
 def noise_of(moved: Float32[np.ndarray, 'rows cols 2'], inside: Bool[np.ndarray, 'rows cols']) -> float:
-    """The noise of a frame's motion (px): what does not follow the neighbours where a contact changes little.
+    """The noise of a frame's motion [px], from differences between neighbours away from contacts.
 
-    `inside` are regions that are known with all their neighbours; 0 of too few.
+    `inside` are regions that are known with all their neighbours. Returns 0 if there are too few.
     """
     left = np.abs(cv2.filter2D(moved, -1, CURVED)[inside]).ravel()
     if left.size < LEAST_DIFFERENCES:

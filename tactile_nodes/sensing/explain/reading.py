@@ -1,4 +1,4 @@
-"""What a readout finds in the features of one frame."""
+"""Results of a readout for the features of one frame."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 UNKNOWN = float('nan')
 BEYOND_UNLIKENESS = 2.0
-"""At least so unlike the training is a contact that lies at the end of what the training pressed, or beyond; that is
-wider than any contact of it, or drags the skin."""
+"""Least novelty of a contact at or beyond the limits of the training, of one that is wider than those of the training,
+and of one that drags the skin."""
 
 
 @dataclass(frozen=True)
 class Contact:
     """One place of contact: surface frame, force positive into the gel.
 
-    `sigma_mm` (along each axis) and `sigma_n` are standard deviations, scaled on presses held out in training such that
-    1.645 of them to either side cover 90 %; NaN where a readout does not know.
+    `sigma_mm` (along each axis) and `sigma_n` are standard deviations, scaled on presses held out in training so that
+    1.645 of them to either side cover 90 %; NaN if unknown.
     """
 
     x_mm: float
@@ -37,12 +37,12 @@ class Contact:
 
 @dataclass(frozen=True)
 class Region:
-    """What is known of a contact that is more than a place: the force along the surface, torsion, extent.
+    """Further properties of a contact: force along the surface, torsion, extent.
 
-    `torsion_n_mm` is the moment about z at the contact's place. `area_mm2` is that of the surface that carries half of
-    the highest pressure or more, `length_mm` and `width_mm` are its extent along its longest axis, which is turned by
-    `angle_rad` from x towards y, and across it. `slip_share` is how near the contact is to slipping as a
-    whole: net shear and torsion over those of the highest friction that it shows.
+    `torsion_n_mm` is the moment about z at the contact's place. `area_mm2` is the area with at least half of the
+    highest pressure. `length_mm` and `width_mm` are its extent along and across its longest axis, which is turned by
+    `angle_rad` from x towards y. `slip_share` is how near the contact is to slipping as a whole: net shear and torsion
+    over those at the highest friction that it shows.
     """
 
     shear_n: tuple[float, float]
@@ -58,7 +58,7 @@ class Region:
 
 @dataclass(frozen=True)
 class SurfaceField:
-    """Pressure (positive into the gel) and shear along x and y on even cells of the whole surface, all in MPa."""
+    """Pressure (positive into the gel) and shear along x and y on equal cells of the whole surface, all in MPa."""
 
     pressure_mpa: Float32[np.ndarray, 'rows cols']
     shear_mpa: Float32[np.ndarray, 'rows cols 2']
@@ -68,11 +68,11 @@ class SurfaceField:
 
 @dataclass(frozen=True)
 class Acting:
-    """All that acts on the surface, beside the normal force on the bins, of a readout that knows.
+    """Further results besides the normal force on the bins, from readouts that have them.
 
-    `explanation` is the simplest that explains the motion: 'nothing', 'tips' or 'field'. `wrench` is force x, y, z (N)
-    and torque x, y, z (N mm) on the gel about the frame's origin; pressing is -z. `field` makes the fine maps, for
-    those who ask.
+    `explanation` is the simplest that explains the motion: 'nothing', 'tips' or 'field'. `wrench` is force x, y, z [N]
+    and torque x, y, z [N mm] on the gel about the frame's origin; a press is -z. `field` computes the fine maps on
+    request.
     """
 
     explanation: str
@@ -85,10 +85,10 @@ class Acting:
 
 @dataclass(frozen=True)
 class Reading:
-    """The normal force on each bin, the contacts that it stands for (strongest first), and how sure that is.
+    """The normal force on each bin, the contacts that cause it (strongest first), and the uncertainty.
 
-    `unlikeness` is 1 at the limit of what presses held out in training showed; above it the frame is unlike anything
-    that the readout knows. NaN where a readout does not know.
+    `unlikeness` is the novelty: 1 at the limit of presses held out in training; above it the frame is unlike the
+    training. NaN if unknown.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
@@ -99,32 +99,32 @@ class Reading:
 
 
 def nothing_read(bins: BinGrid) -> Reading:
-    """What is said of features that are no numbers, or too few."""
+    """The result for features that are not finite, or too few."""
     forces = np.full((bins.rows, bins.cols), UNKNOWN, np.float32)
     return Reading(forces, (Contact(UNKNOWN, UNKNOWN, UNKNOWN),))
 
 
 @runtime_checkable
 class Readout(Protocol):
-    """Turns features into forces; the result depends on nothing but the features and the readout's numbers."""
+    """Turns features into forces; the result depends only on the features and the readout's numbers."""
 
     @property
     def kind(self) -> str: ...
 
     @property
     def parameter_count(self) -> int:
-        """Numbers that were learned."""
+        """Number of learned parameters."""
         ...
 
     def nominal_n(self, total_n: float) -> float:
-        """The error of the total that is usual of it, as a standard deviation; NaN where it does not know."""
+        """The usual error of the total, as a standard deviation; NaN if unknown."""
         ...
 
     def require_fit(self, features: int, bins: BinGrid) -> None:
         """Refuse features or bins that the readout was not made for.
 
         Raises:
-            ModelError: says both.
+            ModelError: states both.
         """
         ...
 
@@ -134,7 +134,7 @@ class Readout(Protocol):
 
 
 def require_central(bins: BinGrid) -> None:
-    """Refuse bins that a readout of tips cannot tell forces on. Raises ModelError."""
+    """Refuse bins that a readout for tips does not support. Raises ModelError."""
     if bins.centre_mm != (0.0, 0.0):
         raise ModelError(
             f'a model for tips only supports bins centred on the surface, but these are centred at {bins.centre_mm} '
@@ -145,8 +145,8 @@ def require_central(bins: BinGrid) -> None:
 def spread_over_bins(contacts: tuple[Contact, ...], bins: BinGrid) -> Float32[np.ndarray, 'rows cols']:
     """The expected force on each bin if all of a contact's force belongs to the bin of its centre.
 
-    The centre is known to `sigma_mm` only, so near a border the bins on both sides get their share: on the border
-    itself half of the force each. What lies off the surface counts to its outermost bins; the sum is kept.
+    The centre is known to `sigma_mm` only, so near a border the bins on both sides share the force: on the border
+    itself half each. Force outside the surface counts towards the outermost bins; the sum is kept.
     """
     forces = np.zeros((bins.rows, bins.cols))
     for each in contacts:
@@ -157,7 +157,7 @@ def spread_over_bins(contacts: tuple[Contact, ...], bins: BinGrid) -> Float32[np
 
 
 def _shares(at_mm: float, sigma_mm: float, count: int, size_mm: float) -> np.ndarray:
-    """How probable it is that a place with a normal error lies in each of `count` equal intervals."""
+    """Probability that a place with a normal error lies in each of `count` equal intervals."""
     scale = max(sigma_mm if math.isfinite(sigma_mm) else 0.0, 1e-6) * math.sqrt(2)
     borders = (size_mm * (i / count - 0.5) for i in range(1, count))
     below = [0.0, *(0.5 * (1 + math.erf((border - at_mm) / scale)) for border in borders), 1.0]

@@ -10,20 +10,20 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6
-"""Row i: the polynomial in t of the i-th of the four splines that are not zero between two knots (de Boor, 1978)."""
+"""Row i: the polynomial in t of the i-th of the four splines that are non-zero between two knots (de Boor, 1978)."""
 _SLOPE = np.array([[-3, 6, -3, 0], [0, -12, 9, 0], [3, 6, -9, 0], [0, 0, 3, 0]]) / 6
 _BOTH = np.stack([_CUBIC, _SLOPE])
 _BEND = np.array([[6, -6, 0, 0], [-12, 18, 0, 0], [6, -18, 0, 0], [0, 6, 0, 0]]) / 6
 _ALL = np.stack([*_BOTH, _BEND])
 _VALUE_X_Y_S = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-"""Of which axis (row) the slope is taken in the value and in the slopes along x, y and s."""
+"""Which axis (row) is differentiated, for the value and for the derivatives along x, y and s (columns)."""
 _AXES = np.arange(3)[:, None]
 _FOUR = np.arange(4)
 
 
 @dataclass(frozen=True)
 class SplineAxis:
-    """`intervals` equal intervals from `low` to `high`; `intervals` + 3 splines. Values beyond count as at the end."""
+    """`intervals` equal intervals from `low` to `high`; `intervals` + 3 splines. Values outside are clamped."""
 
     low: float
     high: float
@@ -38,13 +38,13 @@ class SplineAxis:
         return self.intervals + 3
 
     def place(self, value: float) -> tuple[int, float]:
-        """Number of the first spline that is not zero here, and the share of the interval that lies below."""
+        """Index of the first spline that is non-zero here, and the position within the interval, from 0 to 1."""
         along = (min(max(value, self.low), self.high) - self.low) * self.intervals / (self.high - self.low)
         first = min(int(along), self.intervals - 1)
         return first, along - first
 
     def weights(self, value: float) -> tuple[int, Float[np.ndarray, '2 4']]:
-        """Number of the first of four splines, and their values and slopes (per unit of the axis) here.
+        """Index of the first of four splines, and their values and derivatives (per unit of the axis) here.
 
         In the middle between two knots the values are 1/48, 23/48, 23/48 and 1/48.
         """
@@ -56,7 +56,7 @@ class SplineAxis:
     def weights_of(
         self, values: Float[np.ndarray, '*shape']
     ) -> tuple[Int[np.ndarray, '*shape'], Float[np.ndarray, '2 *shape 4']]:
-        """As `weights`, of many values."""
+        """As `weights`, for many values."""
         first, powers = self._powers(values)
         both: np.ndarray = np.einsum('gij,...j->g...i', _BOTH, powers)
         both[1] *= self._per_unit
@@ -70,7 +70,7 @@ class SplineAxis:
     def design_and_slope(
         self, values: Float[np.ndarray, ' n']
     ) -> tuple[Float[np.ndarray, 'n count'], Float[np.ndarray, 'n count']]:
-        """All splines' values at many places, and their slopes per unit of the axis."""
+        """All splines' values at many places, and their derivatives per unit of the axis."""
         first, powers = self._powers(values)
         return self._rows(first, powers @ _CUBIC.T), self._rows(first, powers @ (_SLOPE.T * self._per_unit))
 
@@ -81,7 +81,7 @@ class SplineAxis:
     def _powers(
         self, values: Float[np.ndarray, '*shape']
     ) -> tuple[Int[np.ndarray, '*shape'], Float[np.ndarray, '*shape 4']]:
-        """Number of the first spline that is not zero, and powers 0 to 3 of the share of its interval below a value."""
+        """Index of the first non-zero spline, and powers 0 to 3 of the position within the interval."""
         along = (np.clip(values, self.low, self.high) - self.low) * self._per_unit
         first = np.minimum(along.astype(np.intp), self.intervals - 1)
         t = along - first
@@ -97,7 +97,7 @@ class SplineAxis:
 def cubes(
     x: SplineAxis, y: SplineAxis, s: SplineAxis, places: Float[np.ndarray, 'n 3']
 ) -> Float[np.ndarray, 'n coefficients']:
-    """Products of the three axes' splines at many places, x slowest: a row each, to be fitted or applied."""
+    """Products of the three axes' splines at many places, x slowest: one row per place, for a fit or an evaluation."""
     parts = [axis.design(places[:, i]) for i, axis in enumerate((x, y, s))]
     products: np.ndarray = np.einsum('ni,nj,nk->nijk', *parts, optimize=True)
     return products.reshape(len(places), -1)
@@ -108,7 +108,7 @@ def value_and_slopes(
     coefficients: Float32[np.ndarray, 'nx ny ns outputs'],
     at: Sequence[float],
 ) -> Float[np.ndarray, '4 outputs']:
-    """The function at one place, and its slopes along x, y and s."""
+    """The function at one place, and its derivatives along x, y and s."""
     (i, t), (j, u), (k, v) = (axis.place(value) for axis, value in zip(axes, at, strict=True))
     both = _BOTH @ np.array([[1.0, 1.0, 1.0], [t, u, v], [t * t, u * u, v * v], [t * t * t, u * u * u, v * v * v]])
     both[1] *= [axis.intervals / (axis.high - axis.low) for axis in axes]

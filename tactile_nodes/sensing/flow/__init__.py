@@ -1,1 +1,1 @@
-"""How far the picture's content moved beside the rest image."""
+"""Motion of the image content relative to the rest image."""

@@ -1,6 +1,6 @@
-"""The flow method of a name: ``make_flow('dis', {'preset': 'ultrafast', 'finest_scale': 1})``.
+"""Flow methods by name: ``make_flow('dis', {'preset': 'ultrafast', 'finest_scale': 1})``.
 
-Adding one takes a class with the two verbs of `FlowMethod` and a line in `FLOW_METHODS`.
+To add one, write a class with the two methods of `FlowMethod` and a line in `FLOW_METHODS`.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ FLOW_METHODS: dict[str, Callable[[Mapping[str, object], bool], FlowMethod]] = {
 
 
 def make_flow(name: str, options: Mapping[str, object] | None = None, *, compiled: bool = False) -> FlowMethod:
-    """The flow method of that name, by compiled loops where it has such and they are asked for.
+    """The flow method of that name; `compiled` selects compiled loops if the method has them.
 
     Raises:
-        ConfigurationError: no such method, or no such option of it.
+        ConfigurationError: there is no such method, or it has no such option.
     """
     if name not in FLOW_METHODS:
         raise ConfigurationError(f'there is no flow method {name!r}; use one of: {", ".join(FLOW_METHODS)}')

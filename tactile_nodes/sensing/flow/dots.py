@@ -1,8 +1,8 @@
-"""Motion of printed dots: each is found again by its centre, and regions tell what those about them moved by.
+"""Motion of printed dots: each dot is tracked by its centre, and regions get the motion of the dots around them.
 
-Between dots there is no texture that a patch could follow, and what there is (shading, dirt) does not move with the
-gel. A dot's centre is that of the darkness, or brightness, beside its surroundings, found by mean shift (Comaniciu and
-Meer 2002) from where it was at rest, or from where its neighbours went.
+Between dots there is no texture that a patch could track; shading and dirt do not move with the gel. A dot's centre is
+the centroid of its darkness, or brightness, relative to its surroundings. It is found by mean shift (Comaniciu and Meer
+2002), starting from its place at rest, or from the motion of its neighbours.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ STIFF = 1.0
 
 @dataclass(frozen=True)
 class DotsOptions:
-    """Motion is told on `rows` x `cols` regions, evenly over the picture; it is not believed on those `covered`."""
+    """Motion is given on `rows` x `cols` equal regions of the image; those `covered` get no confidence."""
 
     rows: int = 10
     cols: int = 10
@@ -51,7 +51,7 @@ class DotsOptions:
 
 
 class DotsFlow:
-    """Printed dots that are found again one by one; the field has one displacement a region, with its confidence."""
+    """Tracks printed dots one by one; the field has one displacement per region, with its confidence."""
 
     name = 'dots'
 
@@ -119,7 +119,7 @@ class _Rest:
     def followed(
         self, image: UInt8[np.ndarray, 'h w']
     ) -> tuple[Float[np.ndarray, 'dots 2'], Bool[np.ndarray, ' dots']]:
-        """How far each dot moved, and whether it was found."""
+        """Motion of each dot, and whether it was found."""
         height = contrast(image, dark=self.dark)
         places, mass = centred(height, self.centres_px, self.reach_px, self.level)
         motion = places - self.centres_px
@@ -132,7 +132,7 @@ class _Rest:
         return motion, ~strayed & (mass >= LEAST_MASS * self.mass)
 
     def _around(self, motion: Float[np.ndarray, 'dots 2']) -> Float[np.ndarray, 'dots 2']:
-        """What the neighbours of each dot moved by."""
+        """Motion of the neighbours of each dot."""
         median: np.ndarray = np.median(motion[self.near], axis=1)
         return median
 

@@ -1,9 +1,8 @@
-"""Flow against a rest image that never changes: all that can be computed from it is computed once.
+"""Flow against a fixed rest image: everything that depends on it alone is computed once.
 
-General methods build pyramids, gradients and normal matrices of both images for every frame. Here a frame costs the
-dot products of `flow.patches`, once for each patch and once more where it moved to another pixel. A
-pyramid did not pay: patches that are not found at once are found from where their neighbours went, and where that
-fails too, a dense search helps out.
+General methods build pyramids, gradients and normal matrices of both images for every frame. Here a frame costs the dot
+products of `flow.patches`, once for each patch, and once more for patches that moved to another pixel. There is no
+pyramid: patches that are not found directly are found from the motion of their neighbours, or else by a dense search.
 """
 
 from __future__ import annotations
@@ -41,16 +40,16 @@ SMALLEST_PX = 16
 """Side of the smallest image that is measured."""
 
 AGAIN_PX = 0.6
-"""A patch that turns out to lie further than this from where it was read is read again there."""
+"""A patch that lies further than this from where it was read is read again there."""
 
 LOST = 0.5
-"""A patch of which less than this share of the contrast is explained was not found."""
+"""Least explained share of the contrast for a patch to count as found."""
 
 ROUNDS = 2
-"""How many times lost patches are looked for where their neighbours went."""
+"""How many times lost patches are searched along the motion of their neighbours."""
 
 HOPELESS_SHARE = 0.2
-"""With more lost patches than this, neighbours are no help."""
+"""Share of lost patches beyond which neighbours are not used."""
 
 SEARCHES = ((DisOptions(preset='ultrafast', finest_scale=1), 1.0), (DisOptions(preset='medium', finest_scale=0), 5.0))
 """Dense searches of the image at half size, a cheap one and a thorough one, which takes four times as long: each from
@@ -96,7 +95,7 @@ class InverseCompositionalOptions:
 
 
 class InverseCompositionalFlow:
-    """Inverse compositional Lucas-Kanade by patches: the field has one displacement a patch, with its confidence."""
+    """Inverse compositional Lucas-Kanade by patches: the field has one displacement per patch, with its confidence."""
 
     name = 'inverse_compositional'
 
@@ -162,7 +161,7 @@ class InverseCompositionalFlow:
         return DisplacementField(filled(motion, confidence) * np.float32(2**self._options.finest_scale), confidence)
 
     def _displacement(self, picture: np.ndarray) -> tuple[Match, DisplacementField, int]:
-        """Patches found, motion as it is told, and how many patches are lost: compiled."""
+        """Matched patches, the reported motion, and the number of lost patches: compiled."""
         rows, cols = self._options.rows, self._options.cols
         motion, explained = np.empty((2, rows * cols), np.float32), np.empty(rows * cols, np.float32)
         told, confidence = np.empty((rows, cols, 2), np.float32), np.empty((rows, cols), np.float32)
@@ -172,7 +171,7 @@ class InverseCompositionalFlow:
     def _recover(
         self, found: Match, picture: np.ndarray, pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']]
     ) -> None:
-        """Look for lost patches where their neighbours went, and by dense searches of rest image and image."""
+        """Search lost patches along the motion of their neighbours, and by dense search."""
         self._follow(found, picture)
         for options, times in SEARCHES:
             if self._lost(found).size <= times * self._options.search_share * len(found.explained):
@@ -197,7 +196,7 @@ class InverseCompositionalFlow:
         return np.flatnonzero((found.explained < LOST) & (self._known > 0.5))
 
     def _follow(self, found: Match, picture: np.ndarray) -> None:
-        """Look for lost patches where their neighbours went."""
+        """Search lost patches along the motion of their neighbours."""
         for _ in range(ROUNDS):
             lost = self._lost(found)
             if not 0 < lost.size < HOPELESS_SHARE * len(found.explained):
@@ -266,7 +265,7 @@ def _require_possible(options: InverseCompositionalOptions) -> None:
 def filled(
     motion: Float32[np.ndarray, 'rows cols 2'], confidence: Float32[np.ndarray, 'rows cols']
 ) -> Float32[np.ndarray, 'rows cols 2']:
-    """Motion in which patches of little confidence take after their neighbours; where nothing is known near it is 0."""
+    """Motion in which patches of low confidence follow their neighbours; without confident neighbours it is 0."""
     known = np.empty((*confidence.shape, 3), np.float32)
     known[:, :, 2] = confidence
     np.multiply(motion, known[:, :, 2:], out=known[:, :, :2])
@@ -288,7 +287,7 @@ def dense_search(
 
 
 def undone(image: UInt8[np.ndarray, 'h w'], motion: Float32[np.ndarray, 'h w 2']) -> UInt8[np.ndarray, 'h w']:
-    """The image with its content moved back to where it was at rest."""
+    """The image with its content moved back to its places at rest."""
     height, width = image.shape
     x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)[:, None]
     across, down = motion[:, :, 0] + x, motion[:, :, 1] + y

@@ -1,4 +1,4 @@
-"""Rest image and image in, displacement of every pixel out; every method behind one protocol.
+"""Flow methods: from rest image and image to the displacement of every pixel or patch, behind one protocol.
 
 A method is chosen by name and options: see `tactile_nodes.sensing.flow.choice`.
 """
@@ -18,11 +18,11 @@ from tactile_nodes.errors import ConfigurationError, ImageError
 
 @dataclass(frozen=True)
 class DisplacementField:
-    """Where the content of the rest image went: [..., 0] = x to the right, [..., 1] = y down, in pixels of the image.
+    """Displacement of the content of the rest image: [..., 0] = x to the right, [..., 1] = y down, in pixels.
 
-    A dense method gives one displacement a pixel; a method by patches one a patch, evenly over the image, so h x w are
-    then the rows and columns of its patches. `confidence` is between 0 (no information) and 1, or None where a method
-    does not say.
+    A dense method gives one displacement per pixel. A method by patches gives one per patch, evenly spaced over the
+    image; then h x w are the rows and columns of the patches. `confidence` is between 0 (no information) and 1, or None
+    if the method does not state it.
     """
 
     displacement_px: Float32[np.ndarray, 'h w 2']
@@ -33,7 +33,7 @@ class DisplacementField:
 class FlowMethod(Protocol):
     """Measures displacement against a rest image.
 
-    The result depends on the two images and the options alone, never on images seen before.
+    The result depends only on the two images and the options, never on earlier images.
     """
 
     @property
@@ -41,14 +41,14 @@ class FlowMethod(Protocol):
 
     @property
     def options(self) -> dict[str, object]:
-        """All options with their values, as a model's card records them."""
+        """All options with their values, as recorded in a model's card."""
         ...
 
     def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
-        """Take `image` as the gel at rest.
+        """Set the rest image.
 
         Raises:
-            ImageError: not an 8 bit grey image, or too small.
+            ImageError: it is not an 8-bit grey image, or too small.
         """
         ...
 
@@ -56,16 +56,16 @@ class FlowMethod(Protocol):
         """Displacement of `image` against the rest image.
 
         Raises:
-            ImageError: another size or type than the rest image, or no rest image yet.
+            ImageError: size or type differ from the rest image, or there is no rest image yet.
         """
         ...
 
 
 @dataclass(frozen=True)
 class DisOptions:
-    """Options of the dense inverse search; None leaves a value to the preset.
+    """Options of the dense inverse search; None uses the value of the preset.
 
-    `threads` is the number that OpenCV is told to use, since the calls of a whole process share it.
+    `threads` is the number of OpenCV threads, which all calls of a process share.
     """
 
     preset: str = 'ultrafast'
@@ -78,11 +78,11 @@ class DisOptions:
 
 
 class DisFlow:
-    """Dense inverse search (Kroeger et al., ECCV 2016) as OpenCV implements it: the paper's method.
+    """Dense inverse search (Kroeger et al., ECCV 2016) in OpenCV's implementation: the paper's method.
 
     The paper names neither preset nor scale. OpenCV's presets `fast` and `ultrafast` stop at a quarter of the
-    resolution (finest scale 2), where they lose a quarter of the motion and more. So the default takes `ultrafast`
-    one scale further: `docs/method.md` has the comparison.
+    resolution (finest scale 2), where they lose a quarter of the motion or more. So the default is `ultrafast` with one
+    scale more; `docs/method.md` has the comparison.
     """
 
     name = 'dis'
@@ -109,7 +109,10 @@ class DisFlow:
         return DisplacementField(flow)
 
     def _in_its_light(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """The image as bright as the rest image, for the search takes brightness for motion; itself if it nearly is."""
+        """Scale the image to the rest image's brightness, since the search mistakes brightness for motion.
+
+        If the brightness is nearly equal, the image is returned unchanged.
+        """
         shares = _block_levels(image) / self._levels
         share = float(np.median(shares))
         alike = np.abs(shares - share) < ALIKE_SHARE * share
@@ -119,18 +122,18 @@ class DisFlow:
 
 
 SAME_LIGHT = 0.01
-"""Share of light by which a picture may differ before it is made as bright as the rest image; presses reach 0.002."""
+"""Difference in brightness from which on an image is scaled to the rest image; presses reach 0.002."""
 
 ALIKE_SHARE = 0.25
-"""A quarter of the blocks must be within a quarter of the middle one: of a picture half covered none is."""
+"""A quarter of the blocks must be within a quarter of the median one; a half-covered image has no common brightness."""
 
 LIGHT_BLOCKS = (8, 8)
-"""Of so many blocks the middle one tells how much light there is: a hot spot or dirt in some of them is none."""
+"""The median of these blocks gives the brightness, unaffected by a hot spot or dirt in some of them."""
 
 
 def _block_levels(image: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, '8 8']:
     """Mean grey level of each block, of every other pixel of every other row."""
-    sample = np.ascontiguousarray(image[::2, ::2], np.float32)  # of whole numbers the means would be whole numbers
+    sample = np.ascontiguousarray(image[::2, ::2], np.float32)  # means of integers would be integers
     levels: np.ndarray = cv2.resize(sample, LIGHT_BLOCKS, interpolation=cv2.INTER_AREA)
     return levels
 
@@ -158,7 +161,7 @@ def _dis(options: DisOptions) -> cv2.DISOpticalFlow:
 
 
 SMALLEST_IMAGE = 32
-"""Side in pixels under which DIS has no patches left on its coarser scales."""
+"""Side in pixels below which DIS has no patches on its coarser scales."""
 
 
 def require_grey(image: np.ndarray) -> None:
@@ -189,7 +192,7 @@ def require_like(reference: np.ndarray | None, image: np.ndarray) -> np.ndarray:
 
 
 def checked_options(method: str, options_type: type, options: Mapping[str, object]) -> dict[str, object]:
-    """The options, if the method's dataclass has them all and none has another type than declared.
+    """The options, after checking that the method's dataclass has all of them with the declared types.
 
     Raises:
         ConfigurationError: an unknown option, or a value of the wrong type.
@@ -207,12 +210,12 @@ def checked_options(method: str, options_type: type, options: Mapping[str, objec
 
 
 def told_options(options: Any) -> dict[str, object]:
-    """A method's options as a model's card records them; lists that are empty are left out, as in cards of before."""
+    """A method's options as recorded in a model's card; empty lists are left out, as in older cards."""
     return {name: value for name, value in asdict(options).items() if value != ()}
 
 
 def require_covered(method: str, covered: tuple[int, ...], rows: int, cols: int) -> None:
-    """Raise ConfigurationError if one of the regions that are covered is none of rows x cols."""
+    """Raise ConfigurationError if a covered region is not one of rows x cols."""
     if beyond := [each for each in covered if not 0 <= each < rows * cols]:
         raise ConfigurationError(
             f"option 'covered' of {method!r} names region {beyond[0]}, but there are only {rows}x{cols}"

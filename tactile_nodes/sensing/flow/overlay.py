@@ -1,4 +1,4 @@
-"""Motion drawn over the picture that it was found in."""
+"""Draws motion over its image."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SPACING_PX, LEAST_PX, GAIN = 11, 0.25, 4.0
 def overlay(
     image: UInt8[np.ndarray, 'h w'], field_px: Float32[np.ndarray, 'rows cols 2']
 ) -> UInt8[np.ndarray, 'h w 3']:
-    """The image (BGR) with an arrow wherever it moved by `LEAST_PX` or more, `GAIN` times as long as the motion."""
+    """The image (BGR) with an arrow at each motion of `LEAST_PX` or more, `GAIN` times as long as the motion."""
     if field_px.shape[:2] != image.shape:
         field_px = cv2.resize(field_px, image.shape[::-1], interpolation=cv2.INTER_NEAREST)
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)

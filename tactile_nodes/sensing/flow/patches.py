@@ -1,11 +1,10 @@
-"""Patches of one rest image, with everything about them known before the first frame comes.
+"""Patches of one rest image, with everything precomputed before the first frame.
 
-Each patch is matched by inverse compositional Lucas-Kanade (Baker and Matthews, IJCV 2004) with offset and gain of
-the light as further unknowns: image = offset + gain * (T + Tu u + Tv v). The least-squares solution is a sum and
-three dot products of the image's patch with constants. What the linear model leaves out is known too: the rest image
-is moved by known parts of a pixel and solved for, and a polynomial that takes those answers back to the true motion
-is fitted for each patch. So no frame is ever interpolated: a patch is read at the nearest whole pixel, and the part of
-a pixel follows from the dot products.
+Each patch is matched by inverse compositional Lucas-Kanade (Baker and Matthews, IJCV 2004) with offset and gain of the
+light as further unknowns: image = offset + gain * (T + Tu u + Tv v). The least-squares solution is a sum and three dot
+products of the image's patch with constants. The error of the linear model is calibrated: the rest image is moved by
+known sub-pixel shifts, and a polynomial from the linear estimates to the true motion is fitted for each patch. So no
+frame is interpolated: a patch is read at the nearest whole pixel, and the sub-pixel part follows from the dot products.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from jaxtyping import Float, Float32, Int, Int16, Int32
 from tactile_nodes.sensing.compiling import compiled_loops
 
 SAMPLES_PX = np.linspace(-0.8, 0.8, 5)
-"""Motions of the rest image, on each axis, that the polynomials are fitted to."""
+"""Shifts of the rest image, on each axis, to which the polynomials are fitted."""
 
 LARGEST_ANSWER_PX = 1.25
-"""Linear answers are cut to this before the polynomial, which was fitted to answers of up to about 0.8."""
+"""Linear estimates are clipped to this before the polynomial, which was fitted up to about 0.8."""
 
 SLOPE_STEP_PX = 0.25
 LEAST_GAIN = 0.1
-"""Gains below this, which are a hundredth of what any light does, would blow noise up to motion."""
+"""Least gain of the light: smaller gains, far below those of any real light, would turn noise into motion."""
 
 MARKER_FREE_GREY = 0.05
 """Root mean square gradient (grey levels per pixel) below which a patch counts as if it had this one."""
@@ -45,7 +44,7 @@ class Match:
     explained: Float32[np.ndarray, ' patches']
 
     def improve(self, other: Match, numbers: Int[np.ndarray, ' some'] | None = None, *, least: float = 0.0) -> None:
-        """Take over from another match, of all patches or those numbered, what it explains better by `least`."""
+        """Copy patches (all, or those numbered) from another match that explains them better by at least `least`."""
         mine = self.explained if numbers is None else self.explained[numbers]
         better = np.flatnonzero(other.explained > mine + least)
         mended = better if numbers is None else numbers[better]
@@ -54,7 +53,7 @@ class Match:
 
 
 class PatchGrid:
-    """Where patches lie: rows x cols centres evenly over an image, a square window about each, all within the image."""
+    """Layout of patches: rows x cols centres evenly spaced over an image, each with a square window inside it."""
 
     def __init__(self, shape: tuple[int, int], rows: int, cols: int, window_px: int) -> None:
         self.shape, self.rows, self.cols = shape, rows, cols
@@ -75,7 +74,7 @@ class PatchGrid:
 
 
 class Templates:
-    """The patches of a rest image, ready to be found in other images.
+    """The patches of a rest image, prepared for matching in other images.
 
     `texture_grey` is the root mean square gradient of each patch in its weaker direction, in grey levels per pixel,
     without what a change of light could explain.
@@ -121,7 +120,7 @@ class Templates:
     def _linear(
         self, pixels: Float32[np.ndarray, 'some pixels'], which: np.ndarray | slice
     ) -> tuple[Float32[np.ndarray, '2 some'], Float32[np.ndarray, ' some']]:
-        """The linear model's answer, and the share of each patch's contrast that it explains."""
+        """The linear estimate, and the share of each patch's contrast that it explains."""
         part = np.matmul(self._basis[which], pixels[:, :, None])[:, :, 0].T.copy()
         total = np.einsum('pn->p', pixels)
         contrast = np.einsum('pn,pn->p', pixels, pixels) - total * total / np.float32(pixels.shape[1])
@@ -136,7 +135,7 @@ class Templates:
         start_px: Float32[np.ndarray, '2 some'] | None = None,
         numbers: Int[np.ndarray, ' some'] | None = None,
     ) -> Match:
-        """Find patches (all, or those numbered) in an image: at home, or where `start_px` expects them."""
+        """Find patches (all, or those numbered) in an image: at their places at rest, or at `start_px`."""
         which = slice(None) if numbers is None else numbers
         home = self.grid.corner[:, which]
         corner = home if start_px is None else home + np.rint(start_px).astype(np.int32)

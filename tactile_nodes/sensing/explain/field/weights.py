@@ -70,7 +70,7 @@ class Weights:
 
     @classmethod
     def of(cls, regions: Float[np.ndarray, ' regions'], camera: Float[np.ndarray, 'rows ways']) -> Weights:
-        """From those of the regions, and their motion as the camera moves."""
+        """Weights from those of the regions, and their motion under camera motion."""
         single = np.repeat(regions, 2)
         weighted = camera * single[:, None]
         shared = weighted @ inverse_root(np.eye(camera.shape[1]) + weighted.T @ camera).T
@@ -82,7 +82,7 @@ class Weights:
         return weighted
 
     def among(self, motions: Float32[np.ndarray, 'm rows']) -> Float32[np.ndarray, 'm m']:
-        """The lower half of motions' weighted products with each other, in Fortran's order; the upper half is 0."""
+        """Lower half of the weighted products of motions, in Fortran order; the upper half is 0."""
         from scipy.linalg.blas import ssyrk
 
         product: np.ndarray = ssyrk(1.0, (motions * np.sqrt(self.single)).T, trans=1, lower=1)
@@ -92,6 +92,6 @@ class Weights:
         return without
 
     def squared(self, motion: Float[np.ndarray, ' rows']) -> float:
-        """The square of a motion under these weights: how much of it is more than expected."""
+        """The weighted square of a motion, in units of its expected variance."""
         camera = motion @ self.shared
         return max(float(self.single @ (motion * motion) - camera @ camera), 0.0)

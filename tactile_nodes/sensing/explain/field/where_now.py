@@ -1,8 +1,8 @@
-"""Where the forces of a field act now: what rubs on the gel takes its surface along, and the force with it.
+"""Present places of the forces of a field: shear moves the surface, and the forces with it.
 
-The response is that of the gel at rest. A force on a surface that has gone 1 mm aside shows 0.6 mm aside: markers lie
-under the surface and have gone less far. So each force is told further along by a share of how far the surface has gone
-under all shear, as the linear layer says.
+The response is that of the gel at rest. If the surface has moved 1 mm sideways, a force on it appears 0.6 mm sideways:
+the markers lie below the surface and moved less. So each force is shifted further by a share of the surface's motion
+under all shear, computed with the linear layer.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from jaxtyping import Float, Float32, Int
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 
 HIDDEN = 0.45
-"""Share of the surface's motion, as the linear layer has it, that a force is further along than it shows."""
+"""Additional shift of a force, over the motion of the surface in the linear layer."""
 
 
 def moved_along(
     forces_n: Float[np.ndarray, '3 patches'], surface: Float32[np.ndarray, '2 near near'], patches: PatchGrid
 ) -> Float[np.ndarray, '3 patches']:
-    """Forces on patches (into the gel, along x, along y) where they act now; sums stay as they are.
+    """Move forces on patches (into the gel, along x, along y) to their present places; sums are kept.
 
-    `surface` is how far (mm) the surface goes along x under 1 N along x on a patch, there and at the patches around it,
-    and along y likewise. Under 1 N of shear that takes a patch of 1.78 mm along by 0.4 mm, 0.45 * 0.4 / 1.78 = 10 % of
-    what shows on that patch is told on the next one.
+    `surface` is the motion of the surface [mm] along x under 1 N along x on a patch, at the patch and those around it;
+    likewise along y. If 1 N of shear moves a patch of 1.78 mm by 0.4 mm, 0.45 * 0.4 / 1.78 = 10 % of its force moves to
+    the next patch.
     """
     acting = np.flatnonzero(forces_n[0])
     steps = [
@@ -45,7 +45,7 @@ def moved_along(
 def _between(
     place: Float[np.ndarray, ' n'], count: int
 ) -> tuple[tuple[Int[np.ndarray, ' n'], Float[np.ndarray, ' n']], ...]:
-    """The two of so many lines that each place lies between, and its share in each; none lies beyond the last one."""
+    """The two of `count` lines around each place, and the weight of each; places are clamped to the last line."""
     place = np.clip(place, 0, count - 1)
     low = np.minimum(place.astype(int), count - 2)
     return (low, 1 - (place - low)), (low + 1, place - low)

@@ -1,1 +1,1 @@
-"""The readout `response`: ball tips, by the response measured at every place."""
+"""The readout `response`: round tips, with the response measured at every place."""

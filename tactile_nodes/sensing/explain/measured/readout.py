@@ -1,4 +1,4 @@
-"""A measured response as a readout: features to scores, scores to contacts, contacts to bins, and how sure that is."""
+"""A readout with a measured response: features to scores, scores to contacts, contacts to bins, with uncertainty."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, f
 from tactile_nodes.sensing.geometry import BinGrid
 
 NOMINAL_PLACES, NOMINAL_FORCES = 7, 10
-"""Places along x and along y, and forces, at which the nominal error is asked for."""
+"""Number of places along x and along y, and of forces, at which the nominal error is evaluated."""
 
 SURE_OF_DIRECTIONS = 1e-3
-"""Keeps directions that only missing regions could tell apart at zero."""
+"""Regularization that keeps directions at zero if only missing regions could separate them."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """One frame's scores along the principal directions, what they leave over, and the whole: root mean squares."""
+    """One frame's scores along the principal directions, and root mean squares of their residual and of the input."""
 
     scores: Float32[np.ndarray, ' components']
     left_over: float
@@ -62,7 +62,7 @@ def project(
     inputs: Float32[np.ndarray, ' inputs'],
     missing: Bool[np.ndarray, ' inputs'],
 ) -> Seen:
-    """Least squares scores of inputs along orthonormal directions, where some inputs are missing (and zero)."""
+    """Least-squares scores of inputs along orthonormal directions, with some inputs missing (and zero)."""
     along = directions @ inputs
     scores = along
     if missing.any():
@@ -79,7 +79,7 @@ def project(
 class ResponseReadout:
     """Features to components (`directions`, `whitening`), components to contacts, contacts to bins.
 
-    Contacts that gain more than `most_shift_gain` by a shift of all regions (see `contact_shape`) drag the skin.
+    A contact drags the skin if a shift of all regions gains more than `most_shift_gain` (see `contact_shape`).
     """
 
     scaling: InputScaling
@@ -128,7 +128,7 @@ class ResponseReadout:
 
     @cached_property
     def _for_loops(self) -> tuple[object, ...]:
-        """What is read by, as loops want it: see `loops.response.read`."""
+        """Arguments for the compiled loops, see `loops.response.read`."""
         scaling, response, limits, told = self.scaling, self.response, self.likeness, self.calibration
         single = (scaling.mean, scaling.gain, scaling.trusted, limits.directions, self.whitening)
         mean, gain, trusted, directions, whitening = (np.ascontiguousarray(each, np.float32) for each in single)
@@ -162,9 +162,9 @@ class ResponseReadout:
     def seen(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Seen:
-        """Features as scores along the principal directions; regions that cannot be followed now have no say.
+        """Features as scores along the principal directions; regions that cannot be tracked now are left out.
 
-        Scores are NaN where fewer inputs are left than there are directions to tell apart.
+        Scores are NaN if fewer inputs than directions are left.
         """
         inputs = self.scaling(values, confidence).reshape(-1)
         missing = np.repeat(self.scaling.missing(confidence).reshape(-1), values.shape[-1])
@@ -174,7 +174,7 @@ class ResponseReadout:
         return seen if enough else replace(seen, scores=np.full_like(seen.scores, UNKNOWN))
 
     def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
-        """As few contacts as explain the components, `most_contacts` at most."""
+        """The fewest contacts that explain the components, at most `most_contacts`."""
         single = locate(self.response, components, self.response.start(components)[None], self.calibration.least_gain)
         return self._with_more(components, single)
 
@@ -191,7 +191,7 @@ class ResponseReadout:
         return np.vstack([contacts, self.response.start(np.asarray(components - sum(made), np.float32))])
 
     def reading(self, seen: Seen) -> Reading:
-        """Forces on bins, contacts and their uncertainty; no force where what was seen may well be noise."""
+        """Forces on bins, contacts and their uncertainty; no force if the motion may be noise."""
         if not (np.isfinite(seen.scores).all() and math.isfinite(seen.size)):
             return nothing_read(self.bins)
         components = self.whitening @ seen.scores
@@ -214,11 +214,11 @@ class ResponseReadout:
         return USUAL_MISFIT * self.calibration.misfit_limit**2
 
     def beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
-        """Whether any contact lies at the end of what was trained, or near two ends at once."""
+        """Whether any contact lies at the limit of the training, or near two limits at once."""
         return bool((at_an_end(self.response, contacts) | self.response.near_ends(contacts)).any())
 
     def with_usual_width(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> Fit:
-        """A fit's contacts as they are told; see `contact_shape`."""
+        """A fit's contacts as reported; see `contact_shape`."""
         return with_usual_width(self.response, fit, shape_of(self.response, self.shifts, components, fit))
 
     def gain(self, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
@@ -228,7 +228,7 @@ class ResponseReadout:
     def contacts(self, fit: Fit, more: Float[np.ndarray, 'contacts 3'] | None = None) -> tuple[Contact, ...]:
         """The contacts of a fit with their uncertainties, strongest first.
 
-        `more` is the variance of each one's x, y and s beside that of tips pressed straight down.
+        `more` is an additional variance of x, y and s of each contact.
         """
         beside = np.zeros((len(fit.contacts), 3)) if more is None else more
         numbers = zip(fit.contacts.tolist(), fit.variances.tolist(), beside.tolist(), strict=True)
@@ -245,14 +245,14 @@ class ResponseReadout:
         return Contact(x, y, max(s, 0.0), min(sigma_mm, NOWHERE_MM), sigma_n)
 
     def nominal_n(self, total_n: float) -> float:
-        """What is usual of a total: see `uncertainty.nominal_error_n`."""
+        """The nominal error of a total, see `uncertainty.nominal_error_n`."""
         return nominal_error_n(self._stated_n, total_n)
 
     @cached_property
     def _stated_n(self) -> float:
-        """Root mean square of the uncertainty that it states of presses all over what training bears from both sides.
+        """Root mean square of the stated uncertainty over the interior of the trained range.
 
-        That is less hard, and further in, than where the last intervals of the splines begin.
+        This is the range without the first and last intervals of the splines.
         """
         x, y, _ = self.response.axes
         places = [_inner(each) for each in (x, y)]
@@ -261,7 +261,7 @@ class ResponseReadout:
         return float(np.sqrt(np.mean(np.square(stated))))
 
     def stated_n(self, x_mm: float, y_mm: float, force_n: float) -> float:
-        """The uncertainty that it states of the force of such a press in a picture like those of the training."""
+        """The stated uncertainty of the force of a press, in an image as in training."""
         at = [x_mm, y_mm, force_n]
         slopes = np.asarray(value_and_slopes(self.response.axes, self.response.coefficients, at)[1:], np.float64)
         information = (slopes * self.response.certainty(at[2])) @ slopes.T
@@ -269,7 +269,7 @@ class ResponseReadout:
 
 
 def _inner(axis: SplineAxis) -> list[float]:
-    """Places at even distances, from the end of the first interval of an axis to the beginning of the last one."""
+    """Equally spaced places from the end of the first interval of an axis to the beginning of the last one."""
     step = (axis.high - axis.low) / axis.intervals
     places: list[float] = np.linspace(axis.low + step, axis.high - step, NOMINAL_PLACES).tolist()
     return places

@@ -1,10 +1,10 @@
-"""A readout that knows how the gel responds: which place and force explain what the camera sees?
+"""The measured response of a gel, and the fit of place and force to a frame.
 
 The motion that a tip causes is a smooth function of where it presses (x, y) and how hard. In training that function is
-measured (cubic splines over x, y and the force s, of the features' principal components); a frame is answered by the
-contact whose motion comes closest, found by Gauss-Newton steps from the best entry of a coarse table. So position and
-force come out continuously, with their covariance, and what no contact explains is left over and told. Motions of
-several contacts add up (superposition), as they nearly do in a soft layer.
+measured (cubic splines over x, y and the force s, of the features' principal components). For a frame the contact with
+the closest motion is found by Gauss-Newton steps from the best entry of a coarse table. So position and force are
+continuous and have a covariance, and the residual that no contact explains is known. Motions of several contacts add up
+(superposition), as they nearly do in a soft layer.
 """
 
 from __future__ import annotations
@@ -20,22 +20,21 @@ from tactile_nodes.sensing.explain.splines import SplineAxis, cubes, value_and_s
 MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
 CONVERGED_MM = 2e-4
-"""Steps end where none along x and y (mm) or s (N) is longer."""
+"""Iteration ends when no step along x and y [mm] or s [N] is longer."""
 WORTHWHILE_GAIN = 0.01
-"""Where all that was gained is no more than noise gains, steps also end when one gains less than this."""
+"""While the total gain is within noise, iteration also ends when a step gains less than this."""
 DAMPING = (1e-2, 1e-2, 1e-3)
-"""Information that every step is granted, per mm² and per N²: without force there is no place to find."""
+"""Prior information in every step [1/mm², 1/N²]: without force the place is undetermined."""
 START_SPACING_MM = 1.5
 START_LEVELS = 6
 
 
 @dataclass(frozen=True)
 class Response:
-    """What the gel does when pressed: components of the motion over x, y (mm) and the force s (N).
+    """Response of the gel: components of the motion over x, y [mm] and the force s [N].
 
-    `coefficients` (nx, ny, ns, components) belong to cubic splines; the components are scaled such that each has a
-    noise of 1 while nothing touches. What the splines miss grows with s: the variance of a component is
-    1 + growth (s / high)².
+    `coefficients` (nx, ny, ns, components) are those of cubic splines. The components are scaled to a noise of 1 while
+    nothing touches. The error of the splines grows with s: the variance of a component is 1 + growth (s / high)².
     """
 
     x: SplineAxis
@@ -138,7 +137,7 @@ class Fit:
 
     @property
     def variances(self) -> Float[np.ndarray, 'contacts 3']:
-        """Of each contact's numbers, with the information that every step is granted."""
+        """Variances of each contact's numbers, with the prior information of every step."""
         spread: np.ndarray = np.linalg.inv(self.information + damping(len(self.contacts))).diagonal()
         return spread.reshape(-1, 3)
 
@@ -151,8 +150,8 @@ def locate(
 ) -> Fit:
     """Gauss-Newton from `begin` to the contacts that explain the components best.
 
-    Where nothing touches there is no place to be found, and steps would go to and fro to the last: they end early once
-    they hardly help, as long as the gain (see `gained`) is below `least_gain`.
+    If nothing touches, the place is undetermined and steps would oscillate. So they end early once they hardly help, as
+    long as the gain (see `gained`) is below `least_gain`.
     """
     _, largest, low, high = response.limits_array
     granted = damping(len(begin))
@@ -173,7 +172,7 @@ def locate(
 
 
 def at_an_end(response: Response, contacts: Float[np.ndarray, 'contacts 3']) -> Bool[np.ndarray, ' contacts']:
-    """Which contacts lie where the splines end: they may as well lie beyond, or be harder."""
+    """Which contacts lie at an end of the splines: their true place or force may lie beyond."""
     _, _, low, high = response.limits_array
     ends = (contacts >= high - CONVERGED_MM) | (contacts <= [low[0] + CONVERGED_MM, low[1] + CONVERGED_MM, -1.0])
     which: np.ndarray = ends.any(axis=1)
@@ -181,18 +180,18 @@ def at_an_end(response: Response, contacts: Float[np.ndarray, 'contacts 3']) -> 
 
 
 def ends(least_gain: float) -> Float[np.ndarray, ' 4']:
-    """When steps end, as loops want it: see `loops.response._locate`."""
+    """Criteria for the end of the iteration, for `loops.response._locate`."""
     return np.array([CONVERGED_MM, MOST_STEPS, WORTHWHILE_GAIN, least_gain])
 
 
 def _in_vain(response: Response, components: np.ndarray, before: Fit, best: Fit, least_gain: float) -> bool:
-    """Whether a step hardly helped, and nothing is found so far."""
+    """Whether a step hardly helped and no contact is found so far."""
     hardly = before.misfit - best.misfit < 2 * WORTHWHILE_GAIN / len(components)
     return hardly and gained(response, components, best) < least_gain
 
 
 def gained(response: Response, components: Float32[np.ndarray, ' components'], fit: Fit) -> float:
-    """How much more probable the fitted contacts are than none: half the fall of the squared misfit."""
+    """Log-likelihood ratio of the fitted contacts to none: half the decrease of the squared misfit."""
     certainty = response.certainty(float(fit.contacts[:, 2].max()))
     nothing = float(components * components @ certainty)
     return (nothing - fit.misfit * len(components)) / 2
@@ -201,10 +200,10 @@ def gained(response: Response, components: Float32[np.ndarray, ' components'], f
 def _compare(
     response: Response, components: np.ndarray, contacts: Float[np.ndarray, 'contacts 3']
 ) -> tuple[Fit, Float[np.ndarray, ' n']]:
-    """How well contacts explain the components, and the way down."""
+    """Fit of contacts to the components, and the descent direction."""
     made = [value_and_slopes(response.axes, response.coefficients, each) for each in contacts.tolist()]
     left = components - sum(each[0] for each in made)
-    # In 64 bits, because in 32 the information of two contacts at one place may come out with a negative variance.
+    # In 64 bits: in 32 bits the information of two contacts at one place may give a negative variance.
     slopes = np.concatenate([each[1:] for each in made], dtype=np.float64)
     certainty = response.certainty(float(contacts[:, 2].max()))
     weighted = slopes * certainty
