@@ -143,8 +143,8 @@ def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
     assert 'the calibration would not help: held-out presses are read' in capsys.readouterr().err
     assert not output.exists()
     assert main([*words, '--force']) == 0
-    assert 'written by --force: the calibration would not pay' in capsys.readouterr().out
-    assert 'would not pay' in load_model(output).card['training']['calibration']['objection']
+    assert 'written by --force: the calibration would not help' in capsys.readouterr().out
+    assert 'would not help' in load_model(output).card['training']['calibration']['objection']
 
 
 def test_a_calibration_for_this_gel_is_not_calibrated_again(

@@ -69,7 +69,7 @@ def calibrate(
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
-        DatasetError: the presses cannot be used, or the calibration would not pay.
+        DatasetError: the presses cannot be used, or the calibration would not help.
         ConfigurationError: a layer needs torch, which is not installed.
     """
     begun = clock.perf_ns()
@@ -136,7 +136,7 @@ def transferred(
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
-        DatasetError: the presses cannot be used, or the calibration would not pay.
+        DatasetError: the presses cannot be used, or the calibration would not help.
     """
     require_source(loaded, str(recordings.card['gel']['id']))
     require_same_features(loaded, recordings)

@@ -84,7 +84,7 @@ def transfer_network(
 
     Raises:
         ModelError: the model is none that the layer can be put before; says which can.
-        DatasetError: too few presses, or the calibration would not pay.
+        DatasetError: too few presses, or the calibration would not help.
         ConfigurationError: torch is not installed.
     """
     config, source = config or LayerConfig(), network_readout(loaded)

@@ -154,7 +154,7 @@ def test_a_network_may_wait_on_the_all_zero_answer_if_asked_to():
     _, report = fitted(tiny_config(DULL, learning_rate=1e-9, epochs=6, patience=3, plateau='wait'), progress)
     assert (report['epochs_run'], report['restarts']) == (6, 0)
     assert report['predicts_nothing']
-    assert 'predicts nothing' in progress.said[-1]
+    assert 'predicts only zero' in progress.said[-1]
 
 
 def test_restarts_come_to_an_end():

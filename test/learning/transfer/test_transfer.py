@@ -241,7 +241,7 @@ def test_forces_that_begin_at_zero_are_found_to(source: AxisymmetricReadout) -> 
 
 
 def test_the_gel_of_the_model_itself_is_not_made_worse(source: AxisymmetricReadout) -> None:
-    with pytest.raises(DatasetError, match='would not pay'):
+    with pytest.raises(DatasetError, match='would not help'):
         transfer(source, presses(20, seed=9, still=0.6))
 
 
