@@ -1,1 +1,1 @@
-"""What a person types: one file a verb, each thin over what it calls."""
+"""The command line: one file per command, each a thin layer over the code that it calls."""

@@ -1,4 +1,4 @@
-"""``tactile camera``: which cameras there are."""
+"""``tactile camera``: list the cameras."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from tactile_nodes.cli.running.columns import columns
 if TYPE_CHECKING:
     from tactile_nodes.drivers.camera.v4l2_devices import UsbCamera
 
-DESCRIPTION = 'List the cameras of this machine, and by which source each is found again after cables were changed.'
+DESCRIPTION = 'List the cameras of this machine, each with a source that still finds it after cables were moved.'
 EPILOG = """\
 examples:
-  tactile camera list                    to find which is which, unplug one and list again
+  tactile camera list                    to identify a camera, unplug it and list again
   tactile launch live source:=serial:A1B2
 """
 BY_PATH = Path('/dev/v4l/by-path')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     actions = parser.add_subparsers(dest='action', required=True, metavar='list')
-    actions.add_parser('list', help='one line a camera: source, device, name')
+    actions.add_parser('list', help='one line per camera: source, device, name')
 
 
 def run(_: argparse.Namespace) -> int:
@@ -34,7 +34,7 @@ def run(_: argparse.Namespace) -> int:
 
     found = cameras()
     if not found:
-        print('no camera is plugged in; without one use source:=simulated')
+        print('no camera is connected; use source:=simulated to run without one')
         return 0
     rows = [('source', 'device', 'name'), *((source, each.path, each.name) for source, each in sources(found))]
     print(columns(rows))
@@ -42,7 +42,7 @@ def run(_: argparse.Namespace) -> int:
 
 
 def sources(found: Sequence[UsbCamera], by_path: Path = BY_PATH) -> list[tuple[str, UsbCamera]]:
-    """By what each is found again: its serial number where no other has it, else its USB port, else only its device."""
+    """The source of each camera: its serial number if that is unique, else its USB port, else only its device."""
     from tactile_nodes.drivers.camera.contract import SERIAL
 
     counts = Counter(each.serial for each in found)

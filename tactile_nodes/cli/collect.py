@@ -1,4 +1,4 @@
-"""``tactile collect``: look at a plan before anything moves."""
+"""``tactile collect``: inspect a plan before anything moves."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from tactile_nodes.cli.running.session import positive_float
 if TYPE_CHECKING:
     from tactile_nodes.collection.plan.plan import Plan, Point
 
-DESCRIPTION = 'Say what a plan asks of a rig: its points, their order, box and duration. Nothing moves.'
+DESCRIPTION = 'Show what a plan asks of a rig: its points, their order, the workspace and the duration. Nothing moves.'
 EPILOG = """\
 examples:
   tactile collect paper                                a plan of config/plans
   tactile collect my_points.yaml --draw path.png       draws the path (needs matplotlib)
-  tactile launch collect plan:=paper                   does it
+  tactile launch collect plan:=paper                   runs the plan
 """
 HEIGHT_MM = 4.0
-TOP_MM = 1.0  # usual height above the gel from which its surface is felt for
-SHOWN = 150  # presses whose way is drawn: more cannot be told apart
+TOP_MM = 1.0  # usual height above the gel from which the surface search starts
+SHOWN = 150  # presses whose path is drawn: more cannot be told apart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     parser.add_argument('plan', help='YAML file of a plan, or the name of one in config/plans')
-    parser.add_argument('--draw', type=Path, metavar='FILE', help='draw places and path as PNG, PDF or SVG')
-    parser.add_argument('--points', action='store_true', help='print every press in its order')
+    parser.add_argument('--draw', type=Path, metavar='FILE', help='draw positions and path as PNG, PDF or SVG')
+    parser.add_argument('--points', action='store_true', help='print every press in order')
     parser.add_argument(
         '--height',
         type=positive_float,
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f'{point.press:6d}  x {point.x_mm:8.3f}  y {point.y_mm:8.3f}  depth {point.depth_mm:.3f} mm')
     if arguments.draw is not None:
         _draw(order, arguments.draw)
-        print(f'drew {arguments.draw}')
+        print(f'wrote {arguments.draw}')
     return 0
 
 
@@ -75,7 +75,7 @@ def _draw(order: Sequence[Point], file: Path) -> None:
     from tactile_nodes.learning.figures import figure, save
 
     drawing, shown = figure(7.5, 6.5), order[:SHOWN]
-    title = f'{len(order)} presses; the way of the first {len(shown)}'
+    title = f'{len(order)} presses; path of the first {len(shown)}'
     axes = drawing.add_subplot(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=title)
     visits = Counter(point[1:3] for point in order)
     first = {place: number for number, place in reversed(list(enumerate((point[1:3] for point in order), start=1)))}
@@ -84,5 +84,5 @@ def _draw(order: Sequence[Point], file: Path) -> None:
     drawn = axes.scatter([x for x, _ in first], [y for _, y in first], c=list(first.values()), s=sizes, zorder=2)
     axes.plot(*order[0][1:3], marker='x', color='red', zorder=3)
     axes.annotate(' start', order[0][1:3], color='red')
-    drawing.colorbar(drawn, label='number of the first press at this place', shrink=0.8)
+    drawing.colorbar(drawn, label='number of the first press at this position', shrink=0.8)
     save(drawing, file)

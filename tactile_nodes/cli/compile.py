@@ -1,4 +1,4 @@
-"""``tactile compile``: the inner loops, ahead of their first use."""
+"""``tactile compile``: compile the inner loops before their first use."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from tactile_nodes.learning.progress import TerminalProgress
 from tactile_nodes.paths import cache_directory
 from tactile_nodes.sensing.compiling import PARTS, compile_part
 
-DESCRIPTION = 'Compile the inner loops now, so that the first start of a sensor computes by them'
+DESCRIPTION = 'Compile the inner loops now, so that the first start of a sensor already uses them'
 EPILOG = """\
-numba keeps what it compiled beside the source, or in the user's cache folder where that cannot be written. An update of
-the package compiles anew. Nodes that start before it has ended compute by numpy, and have it done in the background.
+numba stores the compiled code beside the source, or in the user's cache folder if that is not writable. After an update
+of the package the code is compiled again. Nodes that start before compilation has finished compute with numpy and start
+the compilation in the background.
 
 examples:
   tactile compile
@@ -26,12 +27,12 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        '--background', action='store_true', help='on one core, at low priority, and not while another one does so'
+        '--background', action='store_true', help='use one core at low priority; exit if another process compiles'
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compile what is not compiled yet."""
+    """Compile everything that is not compiled yet."""
     print(_in_background(PARTS) if arguments.background else compile_all(PARTS))
     return 0
 
@@ -42,13 +43,13 @@ def _in_background(parts: tuple[str, ...]) -> str:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            return 'another process compiles the inner loops'
+            return 'another process is compiling the inner loops'
         os.setpriority(os.PRIO_PROCESS, 0, 19)
         return compile_all(parts, most=1)
 
 
 def compile_all(parts: tuple[str, ...], *, most: int | None = None) -> str:
-    """Load each part in a process of its own, as many at once as there are cores, or `most`; say what that took.
+    """Load each part in a process of its own, up to `most` at once (default: the number of cores); returns a summary.
 
     Raises:
         ConfigurationError: numba cannot compile them.
@@ -63,5 +64,5 @@ def compile_all(parts: tuple[str, ...], *, most: int | None = None) -> str:
             anew += compiled
             bar.advance()
     if not anew:
-        return 'all inner loops were compiled before'
+        return 'all inner loops were already compiled'
     return f'compiled {anew} of {len(parts)} parts in {monotonic_s() - begun_s:.0f} s'

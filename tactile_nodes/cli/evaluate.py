@@ -1,4 +1,4 @@
-"""``tactile evaluate``: score force models on presses that they never saw, simulated or recorded."""
+"""``tactile evaluate``: score force models on simulated or recorded presses that were not used for training."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.evaluation.evaluate import Evaluation
 
 DESCRIPTION = (
-    'Score models at continuous random places and depths: the metrics of the paper, places and forces, light touches, '
-    'how true stated uncertainties are.'
+    'Score models at continuous random positions and depths: metrics of the paper, position and force errors, light '
+    'touches, and the calibration of the stated uncertainties.'
 )
 EPILOG = """\
 examples:
   tactile evaluate paper fast portable                     several side by side
   tactile evaluate fast --picture fast.png --json fast.json
-  tactile evaluate gel-7.safetensors --dataset presses.npz  on recorded presses that training put aside
+  tactile evaluate gel-7.safetensors --dataset presses.npz  on the recorded presses held out by the training
   tactile evaluate gel-7.safetensors --dataset presses.npz --table told.csv  press by press
 """
 MOST_PRESSES = 1_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
-    parser.add_argument('model', nargs='+', help='model files, or names of models that ship; several are compared')
+    """Add the arguments of this command."""
+    parser.add_argument('model', nargs='+', help='model files, or names of shipped models; several are compared')
     parser.add_argument('--presses', type=int, default=2000, metavar='N', help='presses to score (default: 2000)')
     parser.add_argument('--seed', type=int, default=1001, metavar='S', help='seed of the presses (default: 1001)')
     parser.add_argument(
         '--put-aside', nargs='?', const='', metavar='MODEL',
-        help='score what the training (of MODEL, for all) put aside of its simulated grid of presses',
+        help='score the presses of the simulated grid that the training of MODEL held out (the same for all models)',
     )  # fmt: skip
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='score recorded presses instead of simulated ones')
     parser.add_argument(
-        '--split', choices=('sample', 'position'), help='which test set of FILE (default: what the training put aside)'
+        '--split', choices=('sample', 'position'), help='which test set of FILE (default: the held-out one)'
     )
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='also draw error maps and curves')
-    parser.add_argument('--table', type=Path, metavar='FILE.csv', help='also write each sample, told beside true')
+    parser.add_argument('--table', type=Path, metavar='FILE.csv', help='also write estimate and truth of each sample')
     parser.add_argument('--json', type=Path, metavar='FILE', help='also write the scores as JSON')
     cluster.add_arguments(parser)
 
@@ -75,9 +75,9 @@ def _check(arguments: argparse.Namespace) -> None:
     if not 1 <= arguments.presses <= MOST_PRESSES:
         raise ConfigurationError(f'--presses must be from 1 to {MOST_PRESSES}')
     if arguments.dataset and arguments.put_aside is not None:
-        raise ConfigurationError('--put-aside is for simulated presses; of --dataset FILE that is scored anyway')
+        raise ConfigurationError('--put-aside is for simulated presses; --dataset FILE scores held-out presses anyway')
     if arguments.split and not arguments.dataset:
-        raise ConfigurationError('--split says which part of recorded presses to score; give them with --dataset FILE')
+        raise ConfigurationError('--split chooses a part of recorded presses; give them with --dataset FILE')
 
 
 def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
@@ -95,7 +95,7 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
 
 
 def _named(file: Path, one: Evaluation, evaluated: list[Evaluation]) -> Path:
-    """A file for each of several models."""
+    """A file name for each of several models."""
     return file if len(evaluated) == 1 else file.with_name(f'{file.stem}_{one.name}{file.suffix}')
 
 
@@ -103,7 +103,7 @@ def _tell(evaluated: Evaluation, table: Path) -> None:
     from tactile_nodes.learning.evaluation.told import write_told
 
     write_told(evaluated.answers, table)
-    print(f'{table}: what {evaluated.name} told of each of {len(evaluated.answers)} samples')
+    print(f'wrote {table}: estimates of {evaluated.name} for {len(evaluated.answers)} samples')
 
 
 def _draw(evaluated: list[Evaluation], picture: Path) -> None:
@@ -112,4 +112,4 @@ def _draw(evaluated: list[Evaluation], picture: Path) -> None:
     for each in evaluated:
         name = _named(picture, each, evaluated)
         draw(each.answers, f'{each.name} ({each.model_id})', name)
-        print(f'{name}: the picture of {each.name}')
+        print(f'wrote {name}: figure of {each.name}')

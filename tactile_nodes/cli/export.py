@@ -1,4 +1,4 @@
-"""``tactile export``: bags as data that manipulation learners read. (Models: ``tactile model export``.)"""
+"""``tactile export``: convert bags to the data formats of robot learning. (Models: ``tactile model export``.)"""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from tactile_nodes.exporting.source import Source
     from tactile_nodes.learning.progress import Progress
 
-DESCRIPTION = 'Turn bags into parquet tables, zarr arrays or a LeRobot data set. (Models: tactile model export.)'
+DESCRIPTION = 'Convert bags to parquet tables, zarr arrays or a LeRobot data set. (Models: tactile model export.)'
 EPILOG = """\
 examples:
-  tactile export parquet grasp1                       grasp1_parquet/, a file for each topic, a row for each message
+  tactile export parquet grasp1                       grasp1_parquet/, one file per topic, one row per message
   tactile export zarr grasp1 -o grasp1.zarr --images  the same as arrays, and the pictures
   tactile export lerobot grasp1 grasp2 -o grasps --fps 30 --task 'pick up the cup'
   tactile export lerobot grasp1 -o grasps --state /joint_states --action /joint_commands --images
@@ -28,11 +28,11 @@ _WRITERS = ('parquet', 'zarr')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     formats = parser.add_subparsers(dest='format', required=True, metavar='parquet|zarr|lerobot')
     for name, line in (
-        ('parquet', 'a file for each topic, a row for each message'),
-        ('zarr', 'an array for each field of each topic; the pictures too, if asked for'),
+        ('parquet', 'one file per topic, one row per message'),
+        ('zarr', 'one array per field of each topic; images too with --images'),
         ('lerobot', 'a LeRobot data set (v3.0): frames at a fixed rate, in episodes'),
     ):
         made = formats.add_parser(
@@ -49,32 +49,32 @@ def _add_common(parser: argparse.ArgumentParser, name: str) -> None:
     else:
         parser.add_argument('bag', type=Path, nargs='+', help='folders, .mcap files or .db3 files')
     parser.add_argument(
-        '-o', '--output', type=Path, metavar='FOLDER', help=f'folder to make (default: BAG_{name}, here)'
+        '-o', '--output', type=Path, metavar='FOLDER', help=f'folder to create (default: BAG_{name}, here)'
     )
     parser.add_argument('--topics', nargs='+', default=[], metavar='TOPIC', help='only these; full names or last parts')
-    parser.add_argument('--exclude', nargs='+', default=[], metavar='TOPIC', help='all but these')
+    parser.add_argument('--exclude', nargs='+', default=[], metavar='TOPIC', help='all topics except these')
     if name != 'parquet':
-        parser.add_argument('--images', action='store_true', help='the pictures, too')
-    parser.add_argument('--force', action='store_true', help='replace an export that is there')
+        parser.add_argument('--images', action='store_true', help='include images')
+    parser.add_argument('--force', action='store_true', help='replace an existing export')
 
 
 def _add_lerobot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--fps', type=int, default=30, help='frames a second (30)')
     parser.add_argument(
         '--pick', choices=['previous', 'nearest'], default='previous',
-        help='what a frame takes of each topic: the last message before it (default), or the nearest, perhaps later',
+        help='message of each topic for a frame: the last one before it (default), or the nearest, perhaps later',
     )  # fmt: skip
     parser.add_argument(
-        '--cut', choices=['bag', 'presses'], default='bag', help='an episode for each bag (default), or for each press'
+        '--cut', choices=['bag', 'presses'], default='bag', help='one episode per bag (default), or per press'
     )
-    parser.add_argument('--task', default='touch', metavar='TEXT', help="what is done, in words ('touch')")
-    parser.add_argument('--robot', default='unknown', metavar='NAME', help='the type of robot, for info.json')
+    parser.add_argument('--task', default='touch', metavar='TEXT', help='description of the task (default: touch)')
+    parser.add_argument('--robot', default='unknown', metavar='NAME', help='type of robot, for info.json')
     parser.add_argument('--state', default='', metavar='TOPIC', help='the topic that becomes observation.state')
     parser.add_argument('--action', default='', metavar='TOPIC', help='the topic that becomes action')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the folder and say what is in it."""
+    """Write the folder and print what it holds."""
     from tactile_nodes.exporting.output import made_whole
     from tactile_nodes.learning.progress import TerminalProgress
 
@@ -115,7 +115,7 @@ def _lerobot(arguments: argparse.Namespace, folder: Path, facts: dict[str, Any],
         _warn(source)
         left_out.update(source.left_out)
         if start.skipped_s:
-            begin = f'the first {start.skipped_s:.2f} s of the forces, until {start.topic} spoke'
+            begin = f'the first {start.skipped_s:.2f} s of the forces, before the first message of {start.topic}'
             starts.append(f'  left out: {begin} ({source.bag.path})')
 
     meta = export_lerobot(arguments.bag, folder, plan, facts, progress, over)

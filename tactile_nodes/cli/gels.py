@@ -1,4 +1,4 @@
-"""``tactile gels``: the calibrations of this lab, and which of them is due."""
+"""``tactile gels``: the calibrations of this lab, and which of them are due."""
 
 from __future__ import annotations
 
@@ -16,42 +16,42 @@ if TYPE_CHECKING:
     from tactile_nodes.gel_list import Calibration, GelList
 
 DESCRIPTION = """\
-List the calibrations of this lab: which gel, by how many presses, how far off, and how each has held since.
+List the calibrations of this lab: the gel, the number of presses, the error, and the drift since then.
 
-`tactile calibrate` and `tactile launch calibrate` add what they make; the drift monitor of a live launch keeps what it
-finds."""
+`tactile calibrate` and `tactile launch calibrate` add their results. The drift monitor of a live launch stores its
+findings."""
 EPILOG = """\
 examples:
-  tactile gels                            all of them, those that are due marked
-  tactile gels --after 30                 those older than 30 days are due, too
-  tactile gels add gel-7.safetensors      one that was made elsewhere, or before
-  tactile gels look collection/           what the drift monitor said in bags
-  tactile gels forget 6faa5caaacb8        off the list; the model file stays
+  tactile gels                            all calibrations; those that are due are marked
+  tactile gels --after 30                 also mark those older than 30 days as due
+  tactile gels add gel-7.safetensors      add a calibration that was made elsewhere or earlier
+  tactile gels look collection/           read the drift monitor's findings from bags
+  tactile gels forget 6faa5caaacb8        remove it from the list; the model file stays
 
-The list is one SQLite file, ~/.local/share/tactile_nodes/gels.sqlite or what TACTILE_GELS names.
+The list is one SQLite file, ~/.local/share/tactile_nodes/gels.sqlite or the file in TACTILE_GELS.
 """
 AFTER_DAYS = 90.0
 HEAD = ('model', 'gel', 'sensor', 'made', 'presses', 'error [mN]', 'drift', 'due')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     parser.add_argument(
-        '--after', type=positive_float, default=AFTER_DAYS, metavar='DAYS', help='age at which one is due'
+        '--after', type=positive_float, default=AFTER_DAYS, metavar='DAYS', help='age at which a calibration is due'
     )
     parser.add_argument('--json', action='store_true', help='print the list as JSON')
     actions = parser.add_subparsers(dest='action', metavar='add|look|forget')
     add = actions.add_parser('add', help='add model files to the list')
     add.add_argument('models', nargs='+', help='calibrated model files')
-    add.add_argument('--sensor', default='', help='the sensor that the gel is in')
-    look = actions.add_parser('look', help='take from bags what the drift monitor said')
+    add.add_argument('--sensor', default='', help='the sensor that holds the gel')
+    look = actions.add_parser('look', help='read the findings of the drift monitor from bags')
     look.add_argument('bags', nargs='+', help='bags of live sensing')
-    forget = actions.add_parser('forget', help='take a calibration off the list')
-    forget.add_argument('model_id', help='its model id, as the list has it')
+    forget = actions.add_parser('forget', help='remove a calibration from the list')
+    forget.add_argument('model_id', help='its model id, as in the list')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """List, or change the list."""
+    """Print or change the list."""
     from tactile_nodes.gel_list import GelList
 
     known = GelList()
@@ -71,7 +71,7 @@ def _add(known: GelList, models: list[str], sensor: str) -> int:
         file = Path(name)
         found = calibration_of(file, sensor=sensor, made_ns=file.stat().st_mtime_ns if file.exists() else 0)
         known.add(found)
-        print(f'{name}: model {found.model_id} of gel {found.gel or "(not named)"} is on the list')
+        print(f'{name}: model {found.model_id} of gel {found.gel or "(not named)"} was added to the list')
     return 0
 
 
@@ -85,7 +85,7 @@ def _look(known: GelList, bags: list[str]) -> int:
             topics = [name for name in bag.topics if name.rpartition('/')[2] == CALIBRATION_STATE.name.strip('/')]
             states = [bag.decode(message) for message in bag.messages(topics)] if topics else []
         count = sum(kept_in(known, state) for state in states)
-        print(f'{path}: {count} of {len(states)} states of the drift monitor are of calibrations on the list')
+        print(f'{path}: {count} of {len(states)} drift states belong to calibrations on the list')
     return 0
 
 
@@ -94,7 +94,7 @@ def _forget(known: GelList, model_id: str) -> int:
 
     if not known.forget(model_id):
         raise ConfigurationError(f'{known.file} has no model {model_id}; see: tactile gels')
-    print(f'{model_id} is off the list; its file is where it was')
+    print(f'{model_id} was removed from the list; its file was not touched')
     return 0
 
 
@@ -106,7 +106,7 @@ def _list(known: GelList, after_days: float, *, as_json: bool) -> int:
         print(json.dumps([{**asdict(each), 'due': each.due(now_ns, after_days)} for each in found], indent=1))
         return 0
     if not found:
-        print(f'no calibration is in {known.file} yet; tactile calibrate adds what it makes, tactile gels add others')
+        print(f'no calibrations in {known.file} yet; tactile calibrate adds its results, tactile gels add adds others')
         return 0
     print(columns([HEAD, *(_row(each, each.due(now_ns, after_days)) for each in found)]))
     return 0
@@ -117,7 +117,7 @@ def _row(each: Calibration, due: str) -> tuple[str, ...]:
         each.model_id, each.gel or '-', each.sensor or '-', _date(each.made_ns), str(each.presses or '-'),
         '-' if each.error_n is None else f'{1e3 * each.error_n:.1f}',
         f'{each.level} {_date(each.looked_ns)}' if each.level else 'not known',
-        due if Path(each.file).exists() else f'{due + "; " if due else ""}its file is gone: {each.file}',
+        due if Path(each.file).exists() else f'{due + "; " if due else ""}its file is missing: {each.file}',
     )  # fmt: skip
 
 

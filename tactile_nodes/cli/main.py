@@ -1,7 +1,7 @@
-"""``tactile``: the one command. Each verb is a module of its own, imported only when it is the one chosen.
+"""``tactile``: the main command. Each subcommand is a module that is imported only when it is chosen.
 
-A verb's module has `add_arguments(parser)` and `run(arguments) -> int`, and may have `DESCRIPTION` and `EPILOG`. Its
-line in the table below is all that ``tactile --help`` and the completion of verbs need, so both answer at once.
+The module of a subcommand has `add_arguments(parser)` and `run(arguments) -> int`, and may have `DESCRIPTION` and
+`EPILOG`. ``tactile --help`` and completion need only the table below, so both are fast.
 """
 
 from __future__ import annotations
@@ -17,49 +17,49 @@ from tactile_nodes import __version__
 from tactile_nodes.errors import TactileError
 
 VERBS = {
-    'launch': 'run a launch file: start its nodes, watch them, end them',
+    'launch': 'run a launch file: start its nodes, monitor them, stop them',
     'run': 'run one node',
     'view': 'watch force, latency and the state of the nodes in this terminal',
     'topic': 'list, print, measure and publish topics',
-    'node': 'list nodes; what one offers, and whether it answers',
+    'node': 'list nodes, show what one offers and whether it responds',
     'param': "list, read, change, save and load the nodes' parameters",
     'service': 'list and call services',
-    'bag': 'record topics, play recordings, say what is in them',
-    'dataset': 'make a training set of bags, or of pictures and a table; say what one holds',
-    'export': 'turn bags into parquet, zarr or a LeRobot data set for robot learning',
-    'collect': 'look at a plan of presses before a rig does it',
-    'camera': 'list the cameras, and by which source each is found again',
-    'sensor': 'describe a sensor from its pictures, and judge pictures beside its description',
-    'press': 'press by hand with a ball and a scale, and be told where, how hard, and when it is enough',
+    'bag': 'record topics, play recordings, show their contents',
+    'dataset': 'build a training set from bags, or from pictures and a table',
+    'export': 'convert bags to parquet, zarr or a LeRobot data set for robot learning',
+    'collect': 'inspect a plan of presses before a rig runs it',
+    'camera': 'list the cameras, each with the source that finds it again',
+    'sensor': 'describe a sensor from its pictures, and check pictures against a description',
+    'press': 'collect presses by hand with a ball and a scale, guided step by step',
     'train': 'make a force model from simulated or recorded presses',
-    'calibrate': 'transfer a model to another gel by a few presses',
+    'calibrate': 'transfer a model to another gel with a few presses',
     'gels': 'list the calibrations of this lab, and which of them is due',
-    'tune': 'find the smallest configuration that is good or fast enough',
-    'evaluate': 'score a force model on presses that it never saw',
-    'model': 'take a trained model elsewhere: export it as ONNX',
+    'tune': 'find the smallest configuration that is accurate or fast enough',
+    'evaluate': 'score a force model on presses that were not used for training',
+    'model': "show a trained model's card, or export the model as ONNX",
     'bench': 'measure this machine with the benchmarks that the documentation quotes',
-    'keys': 'make and show the keys by which machines know each other',
-    'compile': 'compile the inner loops ahead of the first start of a sensor',
-    'doctor': 'say what this machine lacks, and what to do about it',
-    'reference': 'renew the parts of the documentation that are made from the code',
-    'completion': 'print what a shell needs to complete this command',
+    'keys': 'create and show the keys with which machines authenticate each other',
+    'compile': 'compile the inner loops before the first start of a sensor',
+    'doctor': 'check this machine and suggest fixes',
+    'reference': 'update the parts of the documentation that are generated from the code',
+    'completion': 'print the code with which a shell completes this command',
 }
-INTERRUPTED = 130  # what a shell reports of a program that Ctrl-C ended: 128 + SIGINT
+INTERRUPTED = 130  # exit status that a shell reports for a program ended by Ctrl-C: 128 + SIGINT
 PIPE_CLOSED = 141  # the same for SIGPIPE
 
 EPILOG = """\
 first steps:
-  tactile launch live                    a simulated sensor, its force estimate, and nothing to plug in
-  tactile view                           see it, from another terminal
+  tactile launch live                    a simulated sensor and its force estimate; needs no hardware
+  tactile view                           show it, in another terminal
   tactile topic echo /force_distribution --field total
-  tactile <verb> --help                  more of each, with examples
+  tactile <verb> --help                  help for a command, with examples
 """
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run ``tactile`` with these words; the result is the exit status."""
+    """Run ``tactile`` with these arguments; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
-    os.environ.setdefault('TACTILE_BUS', 'zeromq')  # nodes started by this command join the bus that it looks at
+    os.environ.setdefault('TACTILE_BUS', 'zeromq')  # nodes started by this command join the bus that it reads
     try:
         status = _run(words)
         sys.stdout.flush()
@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has gone, say `head`; what is still buffered has nowhere to go either.
+        # The reader of our output has gone (for example `head`); what is still buffered cannot be written either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
     except OSError as error:
@@ -79,9 +79,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _refused(error: OSError) -> str:
-    """What the system would not do (a full disk, a name that is too long), in one sentence."""
+    """One sentence for an error of the operating system (a full disk, a name that is too long)."""
     name = f'{error.filename!r}: ' if error.filename else ''
-    return f'the system refused: {name}{error.strerror or error}; look at space and permissions'
+    return f'operating system error: {name}{error.strerror or error}; check disk space and permissions'
 
 
 def _run(words: Sequence[str]) -> int:
@@ -97,7 +97,7 @@ def _run(words: Sequence[str]) -> int:
 
 
 def make_parser(verb: str | None) -> argparse.ArgumentParser:
-    """The parser; only `verb` brings its own arguments, the others stand there by name."""
+    """The parser; only `verb` gets its own arguments, the other subcommands are listed by name."""
     parser = argparse.ArgumentParser(
         prog='tactile',
         description='Vision-based touch sensing: nodes, topics, recordings and models.',
@@ -122,7 +122,7 @@ def make_parser(verb: str | None) -> argparse.ArgumentParser:
 
 
 def _give_examples(parser: argparse.ArgumentParser, words: str) -> None:
-    """Show those examples of a verb that are of one of its commands in the help of that command too."""
+    """Repeat the examples of a subcommand that belong to one of its own subcommands in the latter's help."""
     written = (parser.epilog or '').splitlines()
     commands = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
     for name, command in [pair for found in commands for pair in found.items()]:
@@ -133,7 +133,7 @@ def _give_examples(parser: argparse.ArgumentParser, words: str) -> None:
 
 
 def parse(parser: argparse.ArgumentParser, verb: str | None, words: Sequence[str]) -> argparse.Namespace:
-    """Parse `words`; flags may stand anywhere between the other words, as in ``launch live --view source:=…``."""
+    """Parse `words`; flags may stand between the other arguments, as in ``launch live --view source:=…``."""
     if verb is None or _keeps_order(own := _parser_of(parser, verb)):
         return parser.parse_args(words)
     place = list(words).index(verb)
@@ -149,19 +149,19 @@ def _parser_of(parser: argparse.ArgumentParser, verb: str) -> argparse.ArgumentP
 
 
 def _keeps_order(parser: argparse.ArgumentParser) -> bool:
-    """Whether a parser has verbs of its own or hands on the rest of its line, where order means something."""
+    """Whether a parser has subcommands or passes the rest of its line on, so that the order matters."""
     return any(action.nargs in {argparse.PARSER, argparse.REMAINDER} for action in parser._actions)
 
 
 def chosen_verb(words: Sequence[str]) -> str | None:
-    """The verb among `words`, or the one on the line that a shell asks us to complete."""
+    """The subcommand in `words`, or in the line that a shell asks to complete."""
     if '_ARGCOMPLETE' in os.environ:
         words = os.environ.get('COMP_LINE', '').split()[1:]
     return next((word for word in words if word in VERBS), None)
 
 
 def _complete(parser: argparse.ArgumentParser) -> None:
-    """If it is a shell that asks, answer and end here."""
+    """If a shell asks for completions, print them and exit."""
     if '_ARGCOMPLETE' in os.environ:
         import argcomplete
 

@@ -1,4 +1,4 @@
-"""``tactile model``: what can be done with a trained model's file."""
+"""``tactile model``: show or export a trained model."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tactile_nodes.model_file import LoadedModel
 
-DESCRIPTION = 'Read the card of a trained force model, or take the model elsewhere.'
+DESCRIPTION = 'Show the card of a trained force model, or export the model.'
 EPILOG = """\
 examples:
-  tactile model info fast                         what it was made of, and for
+  tactile model info fast                         its training data, gel, scores and licence
   tactile model export fast                       fast.onnx, for onnxruntime and others
   tactile model export fast -o gel.onnx --check   and compare it with the original on 200 frames
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     verbs = parser.add_subparsers(dest='what', required=True, metavar='what')
     info = verbs.add_parser('info', help="print a model's card")
-    info.add_argument('model', help='a model file, or the name of a model that ships')
+    info.add_argument('model', help='a model file, or the name of a shipped model')
     info.set_defaults(action=_info)
     export = verbs.add_parser(
         'export', help='write a model as ONNX', epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     export.set_defaults(action=_export)
-    export.add_argument('model', help='a model file, or the name of a model that ships')
+    export.add_argument('model', help='a model file, or the name of a shipped model')
     export.add_argument('-o', '--output', type=Path, metavar='FILE', help='file to write (default: NAME.onnx, here)')
     export.add_argument(
         '--check', type=int, nargs='?', const=200, default=0, metavar='N',
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what the second word says."""
+    """Run the chosen subcommand."""
     status: int = arguments.action(arguments)
     return status
 
@@ -55,7 +55,7 @@ def _info(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    """Write the file, say what is in it, and check it if asked."""
+    """Write the file, print what it holds, and check it if asked."""
     from tactile_nodes.learning.onnx_files.export import export_onnx
     from tactile_nodes.model_file import find_model, load_model
 
@@ -64,7 +64,7 @@ def _export(arguments: argparse.Namespace) -> int:
     size = export_onnx(loaded, file)
     print(f'{file}: {loaded.model.readout.kind} readout of model {loaded.model_id}, {size / 1e6:.1f} MB')
     if getattr(loaded.model.readout, 'most_contacts', 1) > 1:
-        print('it names one contact; frames with several are answered with the one that fits best, and flagged')
+        print('it reports one contact; for frames with several contacts it reports the best fit and sets the flag')
     if arguments.check:
         _check(loaded, file, arguments.check)
     return 0
@@ -81,9 +81,9 @@ def _check(loaded: LoadedModel, file: Path, count: int) -> None:
     for words, lost_share in (('as they are', 0.0), ('with 5 % of the regions lost', 0.05)):
         found = compare(loaded, file.read_bytes(), frames(loaded, samples, lost_share))
         print(
-            f'largest differences to the original over {found.samples} frames {words}: '
-            f'{found.bin_n * 1e3:.2g} mN in a bin, {found.place_mm * 1e3:.2g} um, {found.force_n * 1e3:.2g} mN in all, '
+            f'largest differences from the original over {found.samples} frames {words}: '
+            f'{found.bin_n * 1e3:.2g} mN in a bin, {found.place_mm * 1e3:.2g} um, {found.force_n * 1e3:.2g} mN total, '
             f'{found.sigma_share:.1e} of a sigma, {found.unlikeness_share:.1e} of the novelty'
         )
         if found.several:
-            print(f'the original names several contacts in {found.several} of them; flagged: {found.several_flagged}')
+            print(f'the original reports several contacts in {found.several} of them; flagged: {found.several_flagged}')

@@ -1,4 +1,4 @@
-"""``tactile node``: who is there, what each offers, and whether it answers."""
+"""``tactile node``: list nodes, show what each offers, and whether it responds."""
 
 from __future__ import annotations
 
@@ -15,19 +15,21 @@ from tactile_nodes.errors import BusError, ServiceError
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Endpoint, Participant, ProcessBus
 
-DESCRIPTION = 'Who is there, what each node offers and receives, and whether it answers.'
+DESCRIPTION = 'List nodes, show what each offers and receives, and whether it responds.'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     verbs = Verbs(parser)
     made = verbs.add('list', list_nodes, 'list the nodes', '  tactile node list\n')
     made.add_argument('-a', '--all', action='store_true', help='list hidden nodes as well')
     made.add_argument('-c', '--count-nodes', action='store_true', help='only print how many there are')
-    made = verbs.add('info', show_info, 'say what a node offers, receives and serves', '  tactile node info /camera\n')
+    made = verbs.add('info', show_info, 'show topics and services of a node', '  tactile node info /camera\n')
     completed(made.add_argument('node', help='a node, /camera for example'), completers.nodes)
     made.add_argument('--include-hidden', action='store_true', help='show hidden topics and services as well')
-    made.add_argument('--timeout', type=positive_float, default=1.0, metavar='S', help='wait S seconds for its answer')
+    made.add_argument(
+        '--timeout', type=positive_float, default=1.0, metavar='S', help='wait S seconds for its response'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -74,7 +76,7 @@ def _info_text(node: str, owner: Participant, hidden_too: bool) -> str:
         ('Service Servers', owner.services),
     ):
         lines += [f'  {title}:', *_lines(ends, node, hidden_too)]
-    if owner.pid:  # ROS 2 does not tell
+    if owner.pid:  # ROS 2 does not report it
         lines.append(f'  Process: {owner.pid} on {owner.host}')
     return '\n'.join(lines)
 
@@ -90,12 +92,12 @@ def _answer(bus: ProcessBus, node: str, owner: Participant, timeout_s: float) ->
 
     took_s = bus.ping(owner.uid, timeout_s)
     if took_s is None:
-        return f'no; its process is alive, but did not answer within {timeout_s:g} s'
+        return f'no; its process exists, but did not respond within {timeout_s:g} s'
     process = f'its process in {took_s * 1000:.1f} ms'
     if not any(end.name == f'{node}/list_parameters' for end in owner.services):
         return process
-    try:  # its process answers pings whatever the node's own thread does
+    try:  # its process answers pings even if the node's own thread is blocked
         bus.call(f'{node}/list_parameters', LIST_PARAMETERS, types.ListParameters_Request(), timeout_s)
     except ServiceError:
-        return f'{process}, but the node itself not within {timeout_s:g} s: it is busy or stuck'
+        return f'{process}, but the node itself did not respond within {timeout_s:g} s: it is busy or stuck'
     return f'{process}, and the node itself'

@@ -1,4 +1,4 @@
-"""``tactile param``: the nodes' parameters, with the words and output of ``ros2 param``."""
+"""``tactile param``: the nodes' parameters, with the commands and output of ``ros2 param``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TYPE_TEXTS = (*_KINDS, 'byte array', *(f'{kind} array' for kind in _KINDS[1:]))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     verbs = Verbs(parser)
     _add_list(verbs)
     made = _add_with_node(verbs, 'get', get, "print a parameter's value", '  tactile param get /camera rate\n')
@@ -31,20 +31,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     made.add_argument('--hide-type', action='store_true', help='print the value alone')
     made = _add_with_node(verbs, 'set', set_value, 'change a parameter', _SET_EXAMPLES)
     _add_name(made, 'name')
-    made.add_argument('value', help='the new value, written as in a parameter file: 7.0 and 7 differ')
-    made = _add_with_node(verbs, 'describe', describe, 'say what parameters are for', _DESCRIBE_EXAMPLES)
+    made.add_argument('value', help='the new value, written as in a parameter file (7.0 and 7 differ)')
+    made = _add_with_node(verbs, 'describe', describe, 'describe parameters', _DESCRIBE_EXAMPLES)
     _add_name(made, 'names', nargs='*')
     _add_with_node(verbs, 'dump', dump, "print a node's parameters as a parameter file", _DUMP_EXAMPLES)
     made = _add_with_node(
-        verbs, 'load', load, 'set what a parameter file says', '  tactile param load /camera a.yaml\n'
+        verbs, 'load', load, 'set the parameters in a parameter file', '  tactile param load /camera a.yaml\n'
     )
     made.add_argument('file', help='a parameter file')
-    made.add_argument('--no-use-wildcard', action='store_true', help="leave out what is written for '/**'")
+    made.add_argument('--no-use-wildcard', action='store_true', help="leave out entries for '/**'")
 
 
 _SET_EXAMPLES = """\
   tactile param set /force_estimator least_confidence 0.8
-  tactile param set /recorder bag "'7'"            a text, though it looks like a number
+  tactile param set /recorder bag "'7'"            a string, although it looks like a number
 """
 _DESCRIBE_EXAMPLES = '  tactile param describe /camera rate\n  tactile param describe /camera            all of them\n'
 _DUMP_EXAMPLES = '  tactile param dump /camera > camera.yaml\n'
@@ -58,9 +58,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _add_list(verbs: Verbs) -> None:
     made = verbs.add('list', list_all, 'list the parameters of one node, or of all', '  tactile param list /camera\n')
-    completed(made.add_argument('node', nargs='?', help='a node; all nodes when not given'), completers.nodes)
+    completed(made.add_argument('node', nargs='?', help='a node (default: all nodes)'), completers.nodes)
     made.add_argument('-a', '--all', action='store_true', help='include hidden nodes')
-    made.add_argument('--param-prefixes', nargs='+', default=[], metavar='PREFIX', help='only those below PREFIX')
+    made.add_argument(
+        '--param-prefixes', nargs='+', default=[], metavar='PREFIX', help='only those that begin with PREFIX'
+    )
     made.add_argument('--param-type', action='store_true', help='print the type of each')
 
 
@@ -135,7 +137,7 @@ def set_value(arguments: argparse.Namespace) -> int:
 
 
 def typed(text: str) -> Value:
-    """A value as a parameter file would have it; what is no such value is a text.
+    """A value as in a parameter file; any text that is not such a value is a string.
 
     >>> typed('7'), typed('7.0'), typed('1e-3'), typed("'7'"), typed('[1, 2]'), typed('a: b')
     (7, 7.0, 0.001, '7', [1, 2], 'a: b')
@@ -191,7 +193,7 @@ def dump(arguments: argparse.Namespace) -> int:
 
 
 def parameter_file(node: str, values: dict[str, Value | None]) -> str:
-    """These values as a parameter file that reads back as just them; a text that rcl would type gets quotes."""
+    """These values as a parameter file that reads back identically; strings that rcl would convert are quoted."""
     import yaml
 
     from tactile_nodes.params import parse_scalar
@@ -227,10 +229,12 @@ def load(arguments: argparse.Namespace) -> int:
     ]
     values = resolve_parameters(node, blocks)
     if not values:
-        raise ConfigurationError(f'{arguments.file} holds nothing for {node}')
+        raise ConfigurationError(f'{arguments.file} holds no parameters for {node}')
     with joined() as bus:
         client = _client(bus, node)
-        wanted = exact_names(node, blocks) | set(client.names())  # what a wildcard sets for others is not for it
+        wanted = exact_names(node, blocks) | set(
+            client.names()
+        )  # ignore wildcard entries for parameters that it does not have
         return max([0, *(_load_one(client, name, value) for name, value in values.items() if name in wanted)])
 
 

@@ -1,4 +1,4 @@
-"""``tactile press``: a person presses with a ball and a scale, and is told where, how hard, and what is missing."""
+"""``tactile press``: guide a person who presses with a ball and a scale."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from tactile_nodes.sensors import Sensor
 
 DESCRIPTION = (
-    'Guide a person who presses by hand, the sensor lying on a scale: where and how hard next, in the terminal and in '
-    'FOLDER/next.png; a press held still is taken, its reading is asked for, and both are kept at once. Started again, '
-    'it goes on. No ROS is needed, and no node may use the camera meanwhile.'
+    'Guide a person who presses by hand while the sensor lies on a scale. The terminal and FOLDER/next.png show where '
+    'and how hard to press next. When a press is steady, enter the reading of the scale; picture and reading are saved '
+    'at once. Run it again to continue. ROS is not needed, and no node may use the camera meanwhile.'
 )
 EPILOG = """\
 examples:
   tactile press by_hand --source /dev/video0 --sensor mine.yaml --indenter ball:5
-  tactile press by_hand --source /dev/video0 --sensor mine.yaml --indenter punch:2     # the same folder, another body
-  tactile press own --source /dev/video0 --sensor mine.yaml --presses 400 --forces 20 50 80    # for a model of its own
-  tactile press tried --sensor speckle_membrane --indenter ball:5                      # a simulated hand, to see how
-What to type next, to calibrate by the presses, is printed at the end.
+  tactile press by_hand --source /dev/video0 --sensor mine.yaml --indenter punch:2   # same folder, another indenter
+  tactile press own --source /dev/video0 --sensor mine.yaml --presses 400 --forces 20 50 80  # to train from scratch
+  tactile press tried --sensor speckle_membrane --indenter ball:5                      # a simulated hand, to try it out
+The commands to calibrate with these presses are printed at the end.
 """
 USUAL_G = 20.0, 50.0, 80.0
 CALIBRATED = 'calibrated.safetensors'
@@ -36,31 +36,31 @@ PASSED = 's'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     parser.add_argument('folder', type=Path, metavar='FOLDER', help='where pictures and presses.csv are kept')
     parser.add_argument(
-        '--source', default='simulated', help='a camera as `source:=` of a launch takes it (default: simulated)'
+        '--source', default='simulated', help='a camera, as in `source:=` of a launch (default: simulated)'
     )
     parser.add_argument(
-        '--sensor', default='simulated', metavar='YAML', help='description of the sensor, or the name of one that ships'
+        '--sensor', default='simulated', metavar='YAML', help='description of the sensor, or the name of a shipped one'
     )
     parser.add_argument(
         '--indenter', default='', metavar='NAME',
-        help='what presses, as ball:5 or punch:1.5 (radius in mm), ring, part.stl (simulated: the tip, ball:0.6)',
+        help='the indenter, e.g. ball:5 or punch:1.5 (radius in mm), ring, part.stl (simulated: the tip, ball:0.6)',
     )  # fmt: skip
     parser.add_argument(
         '--forces', nargs='+', type=positive_float, default=[], metavar='FORCE',
-        help='forces to press with, about, in the unit of the scale (default: such that the gel answers in proportion)',
+        help='approximate forces to press with, in the unit of the scale (default: in the linear range of the gel)',
     )  # fmt: skip
-    parser.add_argument('--unit', choices=list(UNITS), default='g', help='of the scale (default: g)')
+    parser.add_argument('--unit', choices=list(UNITS), default='g', help='unit of the scale (default: g)')
     parser.add_argument(
         '--presses', type=positive_int, default=30, metavar='N',
-        help='how many are enough: 30 calibrate (5 at least), 400 train a model of its own (default: 30)',
+        help='number of presses: 30 to calibrate (5 at least), 400 to train a model from scratch (default: 30)',
     )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Guide the person to the last press, or until Ctrl-C."""
+    """Guide the person until the last press or Ctrl-C."""
     from contextlib import closing
 
     from tactile_nodes.clock import SystemClock
@@ -85,23 +85,20 @@ def run(arguments: argparse.Namespace) -> int:
     person: Person = TerminalPerson(arguments.folder, sensor, arguments.unit, NEWTONS[unit])
     scene = SceneSettings()
     if simulated:
-        print(f'a simulated hand presses with {indenter}; with a camera, give --source')
+        print(f'a simulated hand presses with {indenter}; give --source to use a camera')
         person = SimulatedPerson(sensor, NEWTONS[unit], print, body=body or _known(indenter))
         scene = SceneSettings(world='by hand')
     settings = CameraSettings(source=arguments.source, sensor=arguments.sensor, scene=scene)
     with closing(open_camera(settings, SystemClock(), print)) as camera:
         until_enough(Guide(camera, person, folder, wish, sensor), print)
     if (made := len(folder.done)) < LEAST_PRESSES:
-        print(
-            f'{made} presses calibrate nothing, {LEAST_PRESSES} at least do: go on with the same command and '
-            '--presses 30'
-        )
+        print(f'{made} presses are too few: a calibration needs at least {LEAST_PRESSES}. Continue with --presses 30')
         return 0
-    print('enough. What to do with them:')
+    print('enough presses. Next steps:')
     for words in next_steps(folder.table, arguments.sensor, known=body is not None):
         print(f'  {shlex.join(words)}')
     if body is None:
-        print(f'BODY is what {indenter or "pressed"} is, as ball:5 or punch:1.5 (radius in mm)')
+        print(f'BODY is the shape of {indenter or "the indenter"}, e.g. ball:5 or punch:1.5 (radius in mm)')
     if not simulated:
         live = f'source:={arguments.source}', f'sensor:={arguments.sensor}', f'model:={folder.folder / CALIBRATED}'
         print(f'  {shlex.join(["tactile", "launch", "live", *live, "--view"])}')
@@ -109,7 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def next_steps(table: Path, sensor: str, *, known: bool) -> list[list[str]]:
-    """What to type after presses of a sensor, in order; `known` is whether the table says what body pressed."""
+    """Commands to run after the presses, in order; `known` is whether the table names the indenter."""
     gel, described = table.resolve().parent.name, str(table.parent / 'described.safetensors')
     body = [] if known else ['--body', 'BODY']
     calibrated, presses = table.parent / CALIBRATED, table.parent / 'presses.npz'
@@ -122,7 +119,7 @@ def next_steps(table: Path, sensor: str, *, known: bool) -> list[list[str]]:
 
 
 def _body(indenter: str) -> KnownBody | None:
-    """What presses, if its name says it."""
+    """The indenter, if it can be read from its name."""
     from tactile_nodes.errors import ConfigurationError
 
     try:
@@ -138,7 +135,7 @@ def _known(indenter: str) -> KnownBody:
 
 
 def _forces_n(sensor: Sensor, body: KnownBody | None, told: list[float], unit: str) -> tuple[float, ...]:
-    """Forces to press with (N): those told in the unit of the scale, or those that the layer is linear for."""
+    """Forces to press with (N): those given in the unit of the scale, or those within the linear range of the layer."""
     from tactile_nodes.learning.guided.targets import LINEAR_SHARES, linear_most_n
     from tactile_nodes.learning.tables.columns import NEWTONS
 
@@ -147,23 +144,23 @@ def _forces_n(sensor: Sensor, body: KnownBody | None, told: list[float], unit: s
     if body is None:
         return wished or tuple(each * NEWTONS['g'] for each in USUAL_G)
     most = linear_most_n(sensor, body)
-    said = f'under {body.told} the gel answers in proportion up to about {float(f"{most / newton:.2g}"):g} {unit}'
+    said = f'under {body.told} the gel responds linearly up to about {float(f"{most / newton:.2g}"):g} {unit}'
     if not wished:
-        print(f'{said}, so presses are asked for with less than that')
+        print(f'{said}; the forces asked for stay below that')
     elif max(wished) > most:
-        print(f'{said}; a calibration of the force field leaves out what is harder')
+        print(f'{said}; a calibration of the force field leaves out larger forces')
     return wished or tuple(share * most for share in LINEAR_SHARES)
 
 
 class TerminalPerson:
-    """Who sits at the terminal."""
+    """The person at the terminal."""
 
     def __init__(self, folder: Path, sensor: Sensor, unit: str, newton: float) -> None:
         self._folder, self._sensor, self._unit, self._newton = folder, sensor, unit, newton
         self._shown = ''
 
     def leave_untouched(self) -> None:
-        print('leave the gel untouched …')
+        print('do not touch the gel …')
 
     def press(self, target: Target, picture: Picture, done: list[Done]) -> None:
         from tactile_nodes.drivers.camera.pictures import write_png
@@ -174,7 +171,7 @@ class TerminalPerson:
         print('\n'.join(sketch(sides_mm, target, done)))
         print(
             f'press at x {target.x_mm:g} mm, y {target.y_mm:g} mm (X, and the cross in {drawn}) with about '
-            f'{target.force_n / self._newton:.3g} {self._unit}, and hold it'
+            f'{target.force_n / self._newton:.3g} {self._unit}, and hold'
         )
 
     def sees(self, state: str, place_mm: tuple[float, float]) -> None:
@@ -189,13 +186,13 @@ class TerminalPerson:
 
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
         question = (
-            f'\nsteady. Hold on: what does the scale show [{self._unit}]? (Behind it x and y in mm, if not at the '
-            f'mark; {PASSED} passes this press over): '
+            f'\nsteady. Keep holding. What does the scale show [{self._unit}]? (Add x and y in mm if you did not press '
+            f'at the mark; {PASSED} skips this press): '
         )
         while True:
             try:
                 told = read_answer(input(question), (target.x_mm, target.y_mm))
-            except EOFError:  # Ctrl-D ends it as Ctrl-C does
+            except EOFError:  # Ctrl-D ends it like Ctrl-C
                 raise KeyboardInterrupt from None
             if not isinstance(told, str):
                 return told
@@ -207,7 +204,7 @@ class TerminalPerson:
 
 
 def read_answer(text: str, target_mm: tuple[float, float]) -> tuple[float, tuple[float, float]] | str | None:
-    """The reading and the place of '50' or '50 3.5 -2'; None of 's'; what is wrong with another answer."""
+    """The reading and the position from '50' or '50 3.5 -2'; None for 's'; an error text for any other answer."""
     words = text.replace(',', '.').split()
     if words == [PASSED]:
         return None
@@ -216,7 +213,7 @@ def read_answer(text: str, target_mm: tuple[float, float]) -> tuple[float, tuple
     except ValueError:
         numbers = []
     if len(numbers) not in (1, 3) or not all(map(math.isfinite, numbers)):
-        return 'write the reading alone, as 50, or with a place, as 50 3.5 -2'
+        return 'enter the reading alone, e.g. 50, or with a position, e.g. 50 3.5 -2'
     if numbers[0] <= 0:
         return 'the reading must be above 0; tare the scale with the sensor on it'
     return numbers[0], (numbers[1], numbers[2]) if len(numbers) == 3 else target_mm

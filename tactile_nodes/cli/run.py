@@ -1,4 +1,4 @@
-"""`tactile run`: run one executable, with the words and flags of ``ros2 run``."""
+"""`tactile run`: run one executable, with the arguments and flags of ``ros2 run``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--prefix',
         metavar='COMMAND',
-        help="a command to put in front, in quotes if it has spaces: 'gdb -ex run --args'",
+        help="a command to put before it, in quotes if it has spaces: 'gdb -ex run --args'",
     )
     words = parser.add_argument(
         'words', nargs=argparse.REMAINDER, metavar='EXEC', help='the executable and its arguments'
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Become the executable: signals and the exit status are its own, and nothing stays in between."""
+    """Replace this process by the executable, so that signals and the exit status are its own."""
     package, executable, words = split(arguments.words)
     try:
         program = packages.command_of(package, executable, os.environ)
@@ -53,14 +53,14 @@ def split(words: Sequence[str]) -> tuple[str, str, list[str]]:
     """Package, executable and arguments of ``[PKG] EXEC …``.
 
     Raises:
-        ConfigurationError: no executable is named; the error lists those there are.
+        ConfigurationError: no executable is named; the message lists the available ones.
     """
     known = packages.package_names(os.environ)
     package = words[0] if words and words[0] in known else packages.OWN
     rest = list(words[1:] if words and words[0] in known else words)
     if not rest:
         names = ', '.join(packages.executables_of(package, os.environ))
-        raise ConfigurationError(f"name an executable of package '{package}'; there are: {names or 'none'}")
+        raise ConfigurationError(f"name an executable of package '{package}'; available: {names or 'none'}")
     return package, rest[0], rest[1:]
 
 

@@ -1,4 +1,4 @@
-"""``tactile service``: what nodes do when they are asked, with the words and output of ``ros2 service``."""
+"""``tactile service``: list and call services, with the commands and output of ``ros2 service``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tactile_nodes.cli.running.session import (
 )
 from tactile_nodes.errors import ServiceError
 
-DESCRIPTION = 'What nodes do when they are asked: list it, ask for it.'
+DESCRIPTION = 'List and call services.'
 
 _CALL_EXAMPLES = """\
   tactile service call /flow_features/capture_reference std_srvs/srv/Trigger
@@ -28,19 +28,19 @@ _CALL_EXAMPLES = """\
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     verbs = Verbs(parser)
     made = verbs.add('list', list_services, 'list the services', '  tactile service list -t\n')
     made.add_argument('-t', '--show-types', action='store_true', help='show the types too')
     made.add_argument('-c', '--count-services', action='store_true', help='only print how many there are')
     made.add_argument('-a', '--include-hidden-services', '--all', action='store_true', help='list hidden ones as well')
-    made = verbs.add('call', call, 'call a service and print the answer', _CALL_EXAMPLES)
+    made = verbs.add('call', call, 'call a service and print the response', _CALL_EXAMPLES)
     completed(made.add_argument('service', help='a service'), completers.services)
     completed(made.add_argument('type', help='its type, std_srvs/srv/Trigger for example'), completers.service_types)
     made.add_argument('values', nargs='?', default='{}', help="the request's fields as YAML")
-    made.add_argument('-r', '--rate', type=positive_float, metavar='HZ', help='call again and again')
+    made.add_argument('-r', '--rate', type=positive_float, metavar='HZ', help='call repeatedly')
     made.add_argument(
-        '--timeout', type=positive_float, default=5.0, metavar='S', help='wait S seconds for the answer (5)'
+        '--timeout', type=positive_float, default=5.0, metavar='S', help='wait S seconds for the response (5)'
     )
     made = verbs.add('type', show_type, "print a service's type", '  tactile service type /camera/get_parameters\n')
     completed(made.add_argument('service', help='a service'), completers.services)

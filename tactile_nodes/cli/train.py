@@ -1,4 +1,4 @@
-"""``tactile train``: make a force model from simulated or recorded presses, and compare the runs that did."""
+"""``tactile train``: train a force model on simulated or recorded presses, and compare training runs."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 PLANS = 'random', 'paper', 'jittered', 'coarse', 'spread'
 DESCRIPTION = (
-    'Train a force model on presses of the simulated gel, or recorded ones. Every run has a folder with its settings, '
-    'its curves and where it stands: after a kill the same command goes on. Ctrl-C keeps the best network so far.'
+    'Train a force model on presses of the simulated gel, or on recorded ones. Each run has a folder with its '
+    'settings, curves and state. After an abort, the same command continues. Ctrl-C keeps the best network so far.'
 )
 EPILOG = """\
 examples:
   tactile train config/train/quick.yaml          a small network in seconds, to try things out
-  tactile train config/train/paper.yaml          the paper's plan, network and training; killed, the same again goes on
+  tactile train config/train/paper.yaml          the paper's plan, network and training; run it again to resume
   tactile train config/train/paper.yaml --dataset presses.npz -o my_gel.safetensors
                                                  the same on presses of a rig (see tactile dataset build)
   tactile train --dataset presses.npz --split position
@@ -33,23 +33,23 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     parser.add_argument('config', nargs='?', type=Path, help='a run as YAML (default: paper, or recorded)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
     parser.add_argument('--plan', choices=PLANS, help='where simulated presses lie')
     parser.add_argument('--seed', type=int, metavar='S', help='seed of the presses and of the training')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='train on recorded presses; see tactile dataset')
-    parser.add_argument('--split', choices=('sample', 'position'), help='what to put aside for the test')
+    parser.add_argument('--split', choices=('sample', 'position'), help='how to hold out the test set')
     parser.add_argument('--device', choices=('auto', 'cpu', 'cuda'), help='where to train (auto: CUDA if there is one)')
     parser.add_argument(
-        '--runs', type=Path, default=Path('runs'), metavar='DIR', help='where the folders of runs are (default: runs)'
+        '--runs', type=Path, default=Path('runs'), metavar='DIR', help='folder of the runs (default: runs)'
     )
-    parser.add_argument('--fresh', action='store_true', help='forget what an earlier start of this run reached')
+    parser.add_argument('--fresh', action='store_true', help='discard earlier progress of this run')
     parser.add_argument(
         '--force',
         action='store_true',
-        help='write the model also if recorded presses are read no better than their mean',
+        help='write the model even if it is no better on recorded presses than their mean',
     )
     parser.add_argument('--compare', nargs='+', type=Path, metavar='RUN', help='compare folders of runs; train nothing')
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='with --compare: also draw their curves')
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Train as the arguments say; 0 when the model is written."""
+    """Train as the arguments say; 0 when the model was written."""
     if arguments.compare:
         return compare(arguments)
     from tactile_nodes.errors import ConfigurationError
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def compare(arguments: argparse.Namespace) -> int:
-    """Print how runs differ and did, and draw their curves."""
+    """Print the differences in settings and results of runs, and draw their curves."""
     from tactile_nodes.learning.run.comparison import draw, table
     from tactile_nodes.learning.run.folder import read_run
 
@@ -88,12 +88,12 @@ def compare(arguments: argparse.Namespace) -> int:
     print(table(told))
     if arguments.picture:
         draw(told, arguments.picture)
-        print(f'curves: {arguments.picture}')
+        print(f'wrote {arguments.picture}')
     return 0
 
 
 def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
-    """The configuration file with what the command line changes."""
+    """The configuration file with the changes from the command line."""
     from tactile_nodes import paths
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.config import load_train_config
@@ -106,12 +106,12 @@ def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
     if arguments.dataset is not None:
         data = dataclasses.replace(data, file=str(arguments.dataset))
     if arguments.presses is not None and data.file:
-        raise ConfigurationError('--presses says how many presses to simulate; a data set holds what it holds')
+        raise ConfigurationError('--presses is the number of presses to simulate; it cannot be used with a data set')
     if arguments.plan is not None and data.file:
-        raise ConfigurationError('--plan says where simulated presses lie; a data set holds what it holds')
+        raise ConfigurationError('--plan is the plan of simulated presses; it cannot be used with a data set')
     if arguments.split is not None and not data.file and data.plan == 'random':
         raise ConfigurationError(
-            '--split parts recorded presses (--dataset FILE) or those of a grid; of random ones nothing is put aside'
+            '--split needs recorded presses (--dataset FILE) or a simulated grid; random presses have no held-out set'
         )
     data = dataclasses.replace(data, **_given(arguments, 'presses', 'seed', 'split'))
     training = dataclasses.replace(training, **_given(arguments, 'seed', 'device'))
@@ -119,5 +119,5 @@ def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
 
 
 def _given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Those of the arguments that the command line has."""
+    """The arguments that were given on the command line."""
     return {name: value for name in names if (value := getattr(arguments, name)) is not None}

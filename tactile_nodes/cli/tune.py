@@ -1,4 +1,4 @@
-"""``tactile tune``: the smallest configuration that is good or fast enough, on this machine and on your presses."""
+"""``tactile tune``: the smallest configuration that is accurate or fast enough on this machine and on your presses."""
 
 from __future__ import annotations
 
@@ -17,53 +17,55 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.tuning.search import RecordedSource, SimulatedSource
 
 DESCRIPTION = (
-    'Try flows, scales, grids and readouts on the same presses, and write the smallest one that meets a wish as a '
-    'profile: a model for the live node and the run that trains it again. Presses come from the bags of a collection, '
-    'or from the simulator. A data set (.npz) cannot be tuned with: it holds the features of one flow and grid, not '
-    'images. Times are CPU times of a frame in contact, on one thread of this machine, by compiled loops where numba '
-    'is installed, as nodes compute.'
+    'Compare flow methods, scales, grids and readouts on the same presses, and write the smallest one that meets the '
+    'requirement: a model for the live node, and the run that trains it again. Presses come from the bags of a '
+    'collection, or from the simulator. A data set (.npz) cannot be used: it holds the features of one flow and grid, '
+    'not images. Times are CPU times per frame in contact, on one thread of this machine, with compiled loops if numba '
+    'is installed, as in the nodes.'
 )
 EPILOG = """\
 examples:
-  tactile tune --max-error 0.01 -o small.safetensors             simulated: the cheapest with an aRMSE up to 0.01 N
-  tactile tune collected_1 collected_2 --max-ms 0.8 -o mine.safetensors    your gel: the best that takes up to 0.8 ms
+  tactile tune --max-error 0.01 -o small.safetensors             simulated: the fastest with an aRMSE of at most 0.01 N
+  tactile tune collected_1 collected_2 --max-ms 0.8 -o mine.safetensors    your gel: the most accurate within 0.8 ms
   tactile tune collected_1 --max-error 0.01 --metric total_rmse_n -o mine.safetensors
   tactile tune --train my_gel.yaml --presses 4000 --max-ms 1.5 -o mine.safetensors
   tactile launch live model:=mine.safetensors                    flow and grid come from the model
-  tactile train mine.yaml                                        trains the same again, or with more presses
+  tactile train mine.yaml                                        train the same again, or with more presses
 """
 SIMULATED_PRESSES = 1500
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     parser.add_argument('bags', nargs='*', type=Path, metavar='BAG', help='bags of a collection (default: simulate)')
-    parser.add_argument('--max-error', type=float, metavar='E', help='take the cheapest with at most this error')
-    parser.add_argument('--max-ms', type=float, metavar='MS', help='take the best of at most this CPU time a frame')
+    parser.add_argument('--max-error', type=float, metavar='E', help='choose the fastest with at most this error')
+    parser.add_argument(
+        '--max-ms', type=float, metavar='MS', help='choose the most accurate within this CPU time per frame'
+    )
     parser.add_argument(
         '--metric', default='armse_n', choices=('armse_n', 'rmse_mc_n', 'd_loc_mm', 'total_rmse_n'),
-        help='which error counts, on held-out presses (default: armse_n, the paper\'s, in N)',
+        help='the error to compare, on held-out presses (default: armse_n, the paper\'s, in N)',
     )  # fmt: skip
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='FILE', help='model to write (.safetensors)'
     )
     parser.add_argument(
-        '--train', type=Path, metavar='RUN.yaml', help='run that all else is taken from: gel, plan, split'
+        '--train', type=Path, metavar='RUN.yaml', help='training run with all other settings: gel, plan, split'
     )
     parser.add_argument('--presses', type=int, metavar='N', help=f'presses to simulate (default: {SIMULATED_PRESSES})')
-    parser.add_argument('--only', metavar='TEXT', help='try only configurations whose name holds this, such as "ours"')
+    parser.add_argument('--only', metavar='TEXT', help='try only configurations whose name contains this, e.g. "ours"')
     parser.add_argument('--gel', default='', help='name of the gel in the bags, or the YAML file of a simulated one')
     parser.add_argument(
         '--without-contact', type=float, default=0.05, metavar='SHARE',
-        help='share of samples of the untouched gel, where the bags hold such images (default: 0.05)',
+        help='share of samples without contact, if the bags hold such images (default: 0.05)',
     )  # fmt: skip
-    parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
+    parser.add_argument('--namespace', help='namespace of the sensor, if the bags hold several')
     cluster.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Try, choose, write, and say what was chosen."""
-    # Before numpy is there: the live node runs with one thread of linear algebra, too.
+    """Try, choose and write; print what was chosen."""
+    # Before numpy is imported: the live node also runs with one linear-algebra thread.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
@@ -76,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     among = [each for each in candidates() if arguments.only is None or arguments.only in each.name]
     if not among:
         names = ', '.join(each.name for each in candidates())
-        raise ConfigurationError(f'no configuration is called {arguments.only!r}; there are: {names}')
+        raise ConfigurationError(f'no configuration name contains {arguments.only!r}; available: {names}')
     check_output(arguments.output)
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     source = _source(arguments)
@@ -98,16 +100,16 @@ def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
 
     if data_sets := [path for path in arguments.bags if path.suffix == '.npz']:
         raise ConfigurationError(
-            f'{data_sets[0]} is a data set, which holds features of one flow and one grid, not images; name the bags '
+            f'{data_sets[0]} is a data set, which holds features of one flow and one grid, not images; give the bags '
             'that it was built from'
         )
     base = _base(arguments)
     if not arguments.bags:
         return SimulatedSource(base)
     if arguments.presses is not None:
-        raise ConfigurationError('--presses says how many presses to simulate; bags hold what they hold')
+        raise ConfigurationError('--presses is the number of presses to simulate; it cannot be used with bags')
     if not 0 <= arguments.without_contact <= 0.5:
-        raise ConfigurationError(f'--without-contact is a share between 0 and 0.5, got {arguments.without_contact}')
+        raise ConfigurationError(f'--without-contact must be between 0 and 0.5, got {arguments.without_contact}')
     options = BuildOptions(
         gel=gel_told(arguments.gel), namespace=arguments.namespace, crop=base.data.crop,
         without_contact=arguments.without_contact,
@@ -122,12 +124,12 @@ def _base(arguments: argparse.Namespace) -> TrainConfig:
 
     shipped = 'recorded.yaml' if arguments.bags else 'fast.yaml'
     config = load_train_config(arguments.train or paths.share_directory() / 'config' / 'train' / shipped)
-    # What is tried takes the place of the run's own flow and features, so it states none.
+    # The tried configurations replace the flow and features of the run, so they are removed from it.
     config = dataclasses.replace(config, stated=frozenset())
     if arguments.presses is not None and arguments.presses < 200:
         raise ConfigurationError(f'--presses must be at least 200, got {arguments.presses}')
     presses = SIMULATED_PRESSES if arguments.presses is None and arguments.train is None else arguments.presses
     data = config.data if presses is None else dataclasses.replace(config.data, presses=presses)
-    if arguments.train is None:  # the validation set chooses here, and a tenth of few presses would choose by chance
+    if arguments.train is None:  # the validation set decides here; a tenth of few presses would be too noisy
         config = dataclasses.replace(config, training=dataclasses.replace(config.training, validation=0.2))
     return dataclasses.replace(config, data=data)

@@ -48,7 +48,7 @@ class Action:
 
 @dataclass(frozen=True)
 class Argument:
-    """``arg``: sets its launch configuration unless somebody did before."""
+    """``arg``: sets its launch configuration unless that is set already."""
 
     name: str
     default: Template | None
@@ -97,7 +97,7 @@ class Shutdown:
 
 @dataclass(frozen=True)
 class Timer:
-    """``timer``: its children run later, in the scope then in force (as in ROS 2), but in this file."""
+    """``timer``: its children run later, in the scope that is active then (as in ROS 2), but in this file."""
 
     period: Template | float
     cancel_on_shutdown: Template | bool
@@ -112,7 +112,7 @@ class Timer:
 
 @dataclass(frozen=True)
 class Include:
-    """``include``: not scoped, so what it sets stays set."""
+    """``include``: not scoped, so what it sets remains set."""
 
     file: Template
     arguments: tuple[Let, ...]
@@ -164,7 +164,7 @@ class SetParameter:
     def perform(self, run: Interpreter) -> None:
         value = values.from_yaml(self.value.evaluate(run.context))
         if isinstance(value, list):
-            raise SubstitutionError('a list cannot be given to all nodes; ROS 2 would hand it over as a text')
+            raise SubstitutionError('a list cannot be given to all nodes; ROS 2 would pass it as a string')
         run.context.scope.parameters.append((self.name.evaluate(run.context), str(value)))
 
 

@@ -1,4 +1,4 @@
-"""A launch that is started again whenever it ends: beside others it fails alone, and is back when it can."""
+"""A launch that is restarted whenever it ends, so that it fails without affecting other launches."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from tactile_nodes.launching.service import LaunchService
 
 FIRST_DELAY_S, LONGEST_DELAY_S = 1.0, 15.0
 SETTLED_S = 75.0
-"""A launch that lasts longer is taken to work: it may wait a minute for its camera."""
+"""A launch that lasts longer counts as working: it may wait a minute for its camera."""
 
 
 class LaunchedAgain:
-    """One launch after the other, in a thread. The pause between two doubles, from 1 s to 15 s, until one settles.
+    """One launch after another, in a thread. The pause between them doubles from 1 s to 15 s until one works.
 
     Args:
-        make: a new service, whose screen is the one it is handed; the number says how many were before it.
-        screen: what the launches say.
+        make: creates a service that prints to the given screen; the number says how many launches were before it.
+        screen: receives the output of the launches.
     """
 
     def __init__(self, make: Callable[[Screen, int], LaunchService], screen: Screen) -> None:
@@ -40,20 +40,20 @@ class LaunchedAgain:
 
     @property
     def trouble(self) -> str:
-        """Why it does not run, or why the launch before it ended; empty when it has settled, or is the first."""
+        """Why it does not run, or why the launch before it ended; empty if it works, or is the first."""
         if not self._cause or self._lasts_s > SETTLED_S:
             return ''
-        return self._cause if self._began_s is None else f'started again, and not settled yet; before: {self._cause}'
+        return self._cause if self._began_s is None else f'restarted, not stable yet; last failure: {self._cause}'
 
     def stop(self) -> None:
-        """End the launch, and start no other; from any thread, returns at once."""
+        """End the launch and do not restart it; from any thread, returns at once."""
         with self._lock:
             self._stopped.set()
             if self._service is not None:
                 self._service.shutdown('the hand ends')
 
     def join(self, within_s: float) -> None:
-        """Wait until all has ended."""
+        """Wait until all processes have ended."""
         self._thread.join(within_s)
 
     @property

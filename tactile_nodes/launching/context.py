@@ -1,6 +1,6 @@
-"""The state of a running launch: launch configurations, environment, and what nodes get without asking.
+"""The state of a running launch: launch configurations, environment, and settings for all nodes.
 
-A scoped group works on a copy (`scoped`), so whatever it sets is gone after it; an include does not.
+A scoped group works on a copy (`scoped`), so its changes are gone after it; an include does not.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Scope:
 
 
 class Context:
-    """The scope in force, the file being read, and the values of substitutions."""
+    """The active scope, the current file, and the values of substitutions."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Context:
 
     @contextmanager
     def scoped(self) -> Iterator[None]:
-        """Undo, at the end, every change of the scope."""
+        """On exit, undo every change of the scope."""
         outer = self.scope
         self.scope = copy.deepcopy(outer)
         try:
@@ -61,7 +61,7 @@ class Context:
 
     @contextmanager
     def inside(self, file: Path) -> Iterator[None]:
-        """Let ``$(dirname)`` and ``$(filename)`` mean another file."""
+        """Within the context, let ``$(dirname)`` and ``$(filename)`` refer to another file."""
         outer, self.file = self.file, file
         try:
             yield
@@ -69,7 +69,7 @@ class Context:
             self.file = outer
 
     def reset_configurations(self) -> None:
-        """Forget them: namespace, remaps and parameters for all nodes too, which ROS 2 holds in there."""
+        """Clear them, including namespace, remaps and parameters for all nodes, which ROS 2 stores there."""
         self.scope = Scope({})
 
     def call(self, name: str, arguments: list[str]) -> str:

@@ -1,4 +1,4 @@
-"""A launch file for the reader: the arguments it takes, and what it says, includes unfolded where that is possible."""
+"""Describe a launch file: its arguments and its actions, with includes expanded where possible."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MAX_INCLUDES = 20
 
 @dataclass(frozen=True)
 class DeclaredArgument:
-    """An argument of a launch file; `conditional` where it only matters under some condition."""
+    """An argument of a launch file; `conditional` if it is used only under some condition."""
 
     argument: Argument
     conditional: bool
@@ -29,7 +29,7 @@ def declared_arguments(file: Path) -> list[DeclaredArgument]:
     """The arguments of a file and of those it includes, in order, each name once.
 
     Raises:
-        LaunchFileError: the file is wrong.
+        LaunchFileError: the file has an error.
     """
     found: dict[str, DeclaredArgument] = {}
     for declared in _declared(read_file(file), file, conditional=False, depth=0):
@@ -38,7 +38,7 @@ def declared_arguments(file: Path) -> list[DeclaredArgument]:
 
 
 def arguments_text(file: Path) -> str:
-    """What ``--show-args`` prints."""
+    """The output of ``--show-args``."""
     declared = declared_arguments(file)
     lines = ["Arguments (pass arguments as '<name>:=<value>'):"]
     for each in declared:
@@ -53,7 +53,7 @@ def arguments_text(file: Path) -> str:
 
 
 def file_text(file: Path) -> str:
-    """What ``--print`` prints: one line an action, its children below it."""
+    """The output of ``--print``: one line per action, its children indented below it."""
     return '\n'.join([str(file), *_lines(read_file(file), file, '', 0)])
 
 
@@ -73,7 +73,7 @@ def _declared(actions: tuple[Action, ...], file: Path, *, conditional: bool, dep
 
 
 def _included(include: Include, file: Path, depth: int) -> Path | None:
-    """The file that is included, if that does not depend on how the launch runs."""
+    """The included file, if it does not depend on the state of the running launch."""
     context = Context(os.environ, file.parent, file=file.absolute())
     try:
         found = Path(include.file.evaluate(context))

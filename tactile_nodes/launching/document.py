@@ -1,7 +1,7 @@
-"""A launch file as YAML: items that know their line, and maps whose keys are read one by one with their types checked.
+"""A launch file as YAML: items that know their line, and maps whose keys are read and type-checked one by one.
 
-ROS 2's YAML frontend coerces nothing: ``respawn: true`` is an error because the key takes a string. This module is as
-strict, so that a file that passes here does not fail on a robot, and in addition it refuses a key given twice.
+ROS 2's YAML frontend converts no types: ``respawn: true`` is an error because the key takes a string. This module is
+equally strict, so that a file accepted here does not fail on a robot. It also refuses duplicate keys.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _HINTS = {
 
 @dataclass(frozen=True)
 class Item:
-    """A value of a launch file and its place; `value` is a scalar, a list of items or a dict of items by key."""
+    """A value of a launch file and its location; `value` is a scalar, a list of items or a dict of items by key."""
 
     value: Any
     place: Place
@@ -43,7 +43,7 @@ class Item:
 class Entity:
     """A map of a launch file that belongs to an action, or to a part of one (an ``env``, a ``param``).
 
-    Every key is read once by its type; `finish` then refuses what nobody read.
+    Each key is read once with its type; `finish` then refuses keys that were not read.
     """
 
     def __init__(self, kind: str, item: Item) -> None:
@@ -55,7 +55,7 @@ class Entity:
         self._read: list[str] = []
 
     def text(self, key: str) -> str:
-        """A string in which no substitution is made, only ``\\`` escapes."""
+        """A string without substitutions; only ``\\`` escapes are processed."""
         return unescape(self._typed(key, str).value)
 
     def text_or_none(self, key: str) -> str | None:
@@ -79,7 +79,7 @@ class Entity:
         return int(self._typed(key, int).value) if self._has(key) else default
 
     def template_or(self, key: str, kind: type, default: Any) -> Any:
-        """A `kind`, or a string whose substitutions will make one; `default` where the key is absent."""
+        """A `kind`, or a string whose substitutions give one; `default` if the key is absent."""
         item = self._optional(key, self.item)
         if item is None:
             return default
@@ -88,7 +88,7 @@ class Entity:
         return self._check(key, item, kind).value
 
     def item(self, key: str) -> Item:
-        """What stands at a key, of any type."""
+        """The value of a key, of any type."""
         self._expect(key)
         if key not in self._items:
             raise self.place.error(f"{self.kind}: the key '{key}' is missing")
@@ -98,7 +98,7 @@ class Entity:
         return self._optional(key, self.item)
 
     def entities(self, key: str) -> list[Entity]:
-        """A list of maps, empty where the key is absent."""
+        """A list of maps; empty if the key is absent."""
         item = self.item_or_none(key)
         if item is None:
             return []
@@ -107,7 +107,7 @@ class Entity:
         return [Entity(key, each) for each in item.value]
 
     def entities_of(self, key: str, read: Callable[[Entity], Read]) -> tuple[Read, ...]:
-        """`entities`, each read by a function and then checked for keys nobody read."""
+        """`entities`, each read by a function and then checked for unread keys."""
         return tuple(_finished(entity, read) for entity in self.entities(key))
 
     def finish(self) -> None:
@@ -147,14 +147,14 @@ def load_items(file: Path) -> list[tuple[str, Item]]:
     """The actions of a launch file, in order, each as (name, content).
 
     Raises:
-        LaunchFileError: no such file, no YAML, or not of the form ``launch: [{action: …}, …]``.
+        LaunchFileError: no such file, not valid YAML, or not of the form ``launch: [{action: …}, …]``.
     """
     place = Place(file, 1)
     root = _load(file)
     if root is None or not isinstance(root.value, dict):
         raise place.error("a launch file has one root key, 'launch'")
     if list(root.value) != ['launch']:
-        raise root.place.error(f"a launch file has one root key, 'launch'; here: {', '.join(root.value)}")
+        raise root.place.error(f"a launch file has one root key, 'launch'; found: {', '.join(root.value)}")
     return actions_of('launch', root.value['launch'])
 
 
@@ -166,12 +166,12 @@ def actions_of(kind: str, item: Item) -> list[tuple[str, Item]]:
 
 
 def type_name(value: object) -> str:
-    """A type in the words of a launch file's author."""
+    """A type, in terms that the author of a launch file knows."""
     return _NAMES.get(type(value), type(value).__name__)
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """``; did you mean 'x'?`` where something known is close, else ``; known: …``."""
+    """``; did you mean 'x'?`` if a known word is close, else ``; known: …``."""
     known = sorted(known)
     close = difflib.get_close_matches(word, known, n=1)
     if close:
@@ -188,7 +188,7 @@ def _finished(entity: Entity, read: Callable[[Entity], Read]) -> Read:
 def _action(item: Item) -> tuple[str, Item]:
     if not isinstance(item.value, dict) or len(item.value) != 1:
         found = ', '.join(item.value) if isinstance(item.value, dict) else type_name(item.value)
-        raise item.place.error(f'an action is a map of one key, its name; here: {found or "an empty map"}')
+        raise item.place.error(f'an action is a map with one key, its name; found: {found or "an empty map"}')
     [(name, content)] = item.value.items()
     return name, Item(content.value, item.place)
 
@@ -196,7 +196,7 @@ def _action(item: Item) -> tuple[str, Item]:
 def _load(file: Path) -> Item | None:
     if file.suffix in {'.py', '.xml'}:
         kind = 'Python' if file.suffix == '.py' else 'XML'
-        raise LaunchFileError(f'cannot run {file}: {kind} launch files are not supported, only the YAML format is')
+        raise LaunchFileError(f'cannot run {file}: {kind} launch files are not supported; use the YAML format')
     try:
         text = read_text(file)
     except (OSError, UnicodeDecodeError) as error:
@@ -206,10 +206,10 @@ def _load(file: Path) -> Item | None:
 
 
 def parse_items(text: str, file: Path) -> Item | None:
-    """The YAML `text` as items; None where it is empty.
+    """The YAML `text` as items; None if it is empty.
 
     Raises:
-        LaunchFileError: no YAML, or more than a launch file may hold.
+        LaunchFileError: not valid YAML, or too large for a launch file.
     """
     loader = _loader(text, file)
     try:
@@ -217,7 +217,7 @@ def parse_items(text: str, file: Path) -> Item | None:
         return _Converter(loader, file).item(node, 0) if node is not None else None
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else None
-        raise LaunchFileError.at(file, line, f'this is no YAML: {error.problem or error.context}') from error
+        raise LaunchFileError.at(file, line, f'not valid YAML: {error.problem or error.context}') from error
     except RecursionError as error:
         raise LaunchFileError(f'{file}: nested too deeply') from error
     finally:
@@ -267,4 +267,4 @@ class _Converter:
         try:
             return self.loader.construct_object(node)
         except (ValueError, LookupError, AttributeError, OverflowError) as error:
-            raise place.error(f'{node.value!r} is no {node.tag.rpartition(":")[2]}') from error
+            raise place.error(f'{node.value!r} is not a valid {node.tag.rpartition(":")[2]}') from error

@@ -1,7 +1,7 @@
-"""The expression of ``$(eval "…")``, computed without giving a file the power to run code.
+"""The expression of ``$(eval "…")``, computed without letting a file run arbitrary code.
 
-ROS 2 hands it to Python's `eval` with `math` in reach. Here the text is parsed, and only arithmetic, comparisons,
-``and or not``, conditional expressions, and the functions named below are computed; all else is refused by name.
+ROS 2 passes it to Python's `eval` with access to `math`. Here the text is parsed, and only arithmetic, comparisons,
+``and or not``, conditional expressions, and the functions named below are evaluated; everything else is refused.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any
 from tactile_nodes.launching.template import SubstitutionError
 
 _MAX_LENGTH = 2000
-_MAX_SIZE = 10_000  # characters of a repeated text, bits of a power
+_MAX_SIZE = 10_000  # characters of a repeated string, bits of a power
 
-# Not among them: functions that take long or fill the memory (factorial, comb, perm, prod).
+# Excluded: functions that take long or fill the memory (factorial, comb, perm, prod).
 _MATH_NAMES = """
     acos acosh asin asinh atan atan2 atanh ceil copysign cos cosh degrees dist e erf erfc exp expm1 fabs floor fmod
     frexp fsum gamma gcd hypot inf isclose isfinite isinf isnan lcm ldexp lgamma log log10 log1p log2 modf nan pi pow
@@ -27,12 +27,12 @@ _MATH: dict[str, Any] = {name: getattr(math, name) for name in _MATH_NAMES.split
 
 
 def _round(number: Any, digits: int | None = None) -> Any:
-    # Of an integer, Python's own would first compute 10 ** -digits.
+    # For an integer, Python's own function would first compute 10 ** -digits.
     _bound(abs(digits or 0))
     return round(number, digits)
 
 
-# As in ROS 2, where the names of math are in reach with and without 'math.'; a builtin of the same name gives way.
+# As in ROS 2, the names of math are available with and without 'math.'; they replace builtins of the same name.
 _NAMES: dict[str, Any] = {
     **{f.__name__: f for f in (abs, bool, float, int, len, max, min, str, sum)},
     'round': _round,
@@ -75,14 +75,14 @@ def evaluate(text: str) -> str:
     '8.0'
 
     Raises:
-        SubstitutionError: no expression, not of the allowed kind, or without a value (a division by zero).
+        SubstitutionError: not an expression, not allowed, or without a value (a division by zero).
     """
     if len(text) > _MAX_LENGTH:
         raise SubstitutionError(f'the expression is longer than {_MAX_LENGTH} characters')
     try:
         return str(_value(ast.parse(text.strip(), mode='eval').body))
     except SyntaxError as error:
-        raise SubstitutionError(f'{text!r} is no expression: {error.msg}') from error
+        raise SubstitutionError(f'{text!r} is not an expression: {error.msg}') from error
     except (TypeError, ValueError, ArithmeticError, LookupError, RecursionError, MemoryError) as error:
         raise SubstitutionError(f'{text!r} has no value: {error}') from error
 
@@ -102,7 +102,7 @@ def _constant(node: ast.Constant) -> Any:
 
 def _name(node: ast.Name) -> Any:
     if node.id not in _NAMES:
-        raise SubstitutionError(f"the name '{node.id}' is not known; put a text in quotes: '{node.id}'")
+        raise SubstitutionError(f"the name '{node.id}' is not known; put strings in quotes: '{node.id}'")
     return _NAMES[node.id]
 
 
@@ -131,7 +131,7 @@ def _binary(node: ast.BinOp) -> Any:
 
 
 def _growth(kind: ast.operator, left: Any, right: Any) -> int:
-    """How large a result may get that is not of the size of its operands: a file must not fill the memory."""
+    """Upper bound on the size of a result that may exceed its operands: a file must not fill the memory."""
     if isinstance(kind, ast.Pow) and isinstance(left, int) and isinstance(right, int):
         return left.bit_length() * abs(right)
     if isinstance(kind, ast.Mult) and isinstance(left, (str, list, tuple)) and isinstance(right, int):
@@ -145,7 +145,7 @@ def _growth(kind: ast.operator, left: Any, right: Any) -> int:
 
 def _bound(size: int) -> None:
     if size > _MAX_SIZE:
-        raise SubstitutionError('the expression grows too large')
+        raise SubstitutionError('the result of the expression is too large')
 
 
 def _unary(node: ast.UnaryOp) -> Any:

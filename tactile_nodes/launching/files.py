@@ -1,4 +1,4 @@
-"""Finding a launch file: by path, by package and name, or, for the files of this package, by its bare name."""
+"""Find a launch file: by path, by package and name, or, for files of this package, by name alone."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tactile_nodes.launching.document import SUFFIXES, suggestion
 
 
 def own_names() -> list[str]:
-    """The launch files of this package by their bare names: ``live``, ``collect``, …"""
+    """The names of this package's launch files, without ending: ``live``, ``collect``, …"""
     return sorted(_own_files())
 
 
 def resolve(words: Sequence[str], environment: Mapping[str, str]) -> tuple[Path, list[str]]:
-    """The launch file that the words of a command line name, and the words that are left.
+    """The launch file named by the arguments of a command line, and the remaining arguments.
 
-    ``[PKG] FILE [name:=value …]`` as for ``ros2 launch``, where FILE may stand anywhere below the package's share
-    folder; or the bare name of a launch file of this package.
+    ``[PKG] FILE [name:=value …]`` as for ``ros2 launch``, where FILE may be anywhere below the package's share
+    folder; or only the name of a launch file of this package.
 
     Raises:
         LaunchFileError: no such file.
@@ -40,10 +40,10 @@ def resolve(words: Sequence[str], environment: Mapping[str, str]) -> tuple[Path,
 
 
 def parse_arguments(words: Sequence[str]) -> dict[str, str]:
-    """``name:=value`` words as a mapping; the last of several wins.
+    """``name:=value`` arguments as a mapping; the last of several wins.
 
     Raises:
-        LaunchFileError: a word of another form.
+        LaunchFileError: an argument of another form.
     """
     arguments: dict[str, str] = {}
     for word in words:

@@ -1,4 +1,4 @@
-"""What the live launch is told for one sensor of a hand."""
+"""Arguments and parameters of the live launch for one sensor of a hand."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tactile_nodes.sensors import Hand, HandSensor
 
 
 def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> str:
-    """A parameter file (JSON is YAML) with what the sensor's own says, the rate, and the names of its frames.
+    """A parameter file (JSON is YAML) with the sensor's own parameters, the rate, and its frame names.
 
-    The camera is waited for `open_within_s`; if it brings more pictures than the rate, no more are answered. The
-    transform is told by who knows the whole hand, so the views of one sensor keep silent about it.
+    The camera may take `open_within_s` to open. If it delivers more pictures than the rate, the excess is skipped.
+    The node of the whole hand publishes the transforms, so the views of single sensors do not.
 
     Raises:
-        ConfigurationError: its own parameter file is none.
+        ConfigurationError: the sensor's own parameter file is not valid.
     """
     blocks: dict[str, dict[str, object]] = {}
     for block in load_parameter_file(sensor.config or share_directory() / 'config' / 'live.yaml'):
@@ -41,7 +41,7 @@ def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> s
 
 
 def arguments_of(sensor: HandSensor, namespace: str, parameters: Path) -> dict[str, str]:
-    """Launch arguments; the page is one for the whole hand."""
+    """Launch arguments; there is one page for the whole hand."""
     return {
         'namespace': f'{namespace.rstrip("/")}/{sensor.name}',
         'source': sensor.source,

@@ -1,4 +1,4 @@
-"""Runs the actions of a launch file one after the other, in a context."""
+"""Runs the actions of a launch file one after another, in a context."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MAX_INCLUDES = 50
 
 
 class Host(Protocol):
-    """What actions act on: the launch service."""
+    """The target of actions: the launch service."""
 
     def log(self, level: str, source: str, text: str) -> None: ...
 
@@ -31,7 +31,7 @@ class Host(Protocol):
 
 
 class Interpreter:
-    """Performs actions; whatever fails is a `LaunchFileError` with file and line."""
+    """Performs actions; any failure is a `LaunchFileError` with file and line."""
 
     def __init__(self, context: Context, host: Host, *, output_override: str | None = None) -> None:
         self.context = context
@@ -42,7 +42,7 @@ class Interpreter:
         self._file_numbers = itertools.count(1)
 
     def include(self, file: Path, arguments: Mapping[str, str], place: Place | None = None) -> None:
-        """Read and run a launch file; arguments it needs must be among those given."""
+        """Read and run a launch file; `arguments` must include those that it requires."""
         file = file.absolute()
         if place is not None and not file.is_file():
             raise place.error(f'the included launch file {file} does not exist')
@@ -80,20 +80,20 @@ class Interpreter:
         return f'{label}-{next(self._process_numbers)}'
 
     def write_parameters(self, text: str) -> Path:
-        """Leave a parameter file in the log folder, where it also tells later what a node was given."""
+        """Write a parameter file to the log folder, where it also documents what a node was given."""
         file = self.context.log_folder / f'launch_params_{next(self._file_numbers)}.yaml'
         try:
             file.write_text(text, encoding='utf-8')
         except OSError as error:
             raise LaunchFileError(
-                f'cannot write {file}: {error.strerror}; set ROS_LOG_DIR to a folder of yours'
+                f'cannot write {file}: {error.strerror}; set ROS_LOG_DIR to a folder that you own'
             ) from error
         return file
 
     @contextmanager
     def _nested(self, file: Path, place: Place | None) -> Iterator[None]:
         if len(self._including) >= _MAX_INCLUDES and place is not None:
-            raise place.error(f'includes are nested too deeply: {file} includes itself?')
+            raise place.error(f'includes are nested too deeply; does {file} include itself?')
         self._including.append(file)
         try:
             yield

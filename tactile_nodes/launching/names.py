@@ -1,4 +1,4 @@
-"""ROS names: joining namespaces, and what a valid one is."""
+"""ROS names: joining namespaces, and checking names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _NAMESPACE = re.compile(rf'/|(/{_PART})+')
 
 
 def joined_namespace(base: str | None, namespace: str | None) -> str | None:
-    """A namespace below the pushed one; an absolute one ignores it. Always absolute, None where none is given.
+    """A namespace below the pushed one; absolute ones are kept. The result is absolute, or None if neither is given.
 
     >>> joined_namespace('/skin', 'left'), joined_namespace('skin', '/left'), joined_namespace(None, None)
     ('/skin/left', '/left', None)
@@ -31,10 +31,14 @@ def joined_namespace(base: str | None, namespace: str | None) -> str | None:
 def check_namespace(namespace: str | None) -> None:
     """Refuse what rcl refuses."""
     if namespace is not None and not _NAMESPACE.fullmatch(namespace):
-        raise SubstitutionError(f"'{namespace}' is no valid namespace: letters, digits and _, joined by single /")
+        raise SubstitutionError(
+            f"'{namespace}' is not a valid namespace: use letters, digits and _, separated by single /"
+        )
 
 
 def check_node_name(name: str) -> None:
     """Refuse what rcl refuses."""
     if not re.fullmatch(_PART, name):
-        raise SubstitutionError(f"'{name}' is no valid node name: letters, digits and _, not beginning with a digit")
+        raise SubstitutionError(
+            f"'{name}' is not a valid node name: use letters, digits and _, not beginning with a digit"
+        )

@@ -1,7 +1,7 @@
 """The ``param`` of a node: a parameter file, or values that are written into one.
 
-ROS 2 writes every inline ``param`` into a file of its own and passes files and inline values in the written order,
-since which of them wins depends on it.
+ROS 2 writes every inline ``param`` into its own file, and passes files and inline values in the order of the launch
+file, because the order decides which value wins.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class NodeParameter(Protocol):
     """One ``param`` of a node."""
 
     def file(self, run: Interpreter, node: str | None, /) -> Path:
-        """The parameter file to pass; `node` is the node's full name where the launch file gives it."""
+        """The parameter file to pass; `node` is the node's full name if the launch file gives it."""
         ...
 
 
@@ -50,7 +50,7 @@ class ParameterFile:
         return path
 
     def _substituted(self, path: Path, context: Context) -> str:
-        # ROS 2 makes substitutions in the file as YAML writes it again, comments gone and keys sorted.
+        # ROS 2 makes substitutions in the file after YAML has rewritten it, without comments and with sorted keys.
         try:
             text = yaml.safe_dump(yaml.safe_load(read_text(path)))
         except (OSError, yaml.YAMLError, ValueError, LookupError, AttributeError) as error:
@@ -60,7 +60,7 @@ class ParameterFile:
 
 @dataclass(frozen=True)
 class Value:
-    """What stands at ``value:``, with the type asked for by ``type:``."""
+    """The content of ``value:``, with the type requested by ``type:``."""
 
     content: Any  # a scalar, a Template with substitutions, or a list of these
     kind: str | None
@@ -77,7 +77,7 @@ class Value:
 
 @dataclass(frozen=True)
 class InlineParameter:
-    """``param: [{name: …, value: …}]``, or nested ones, whose names are joined by dots."""
+    """``param: [{name: …, value: …}]``, or nested ones; nested names are joined by dots."""
 
     entries: tuple[Entry, ...]
 
@@ -88,7 +88,7 @@ class InlineParameter:
 
 @dataclass(frozen=True)
 class Entry:
-    """One name and value of an inline ``param``; the names of nested ones are joined by dots."""
+    """One name and value of an inline ``param``; nested names are joined by dots."""
 
     names: tuple[Template, ...]
     value: Value
@@ -105,7 +105,7 @@ def read_parameter(entity: Entity) -> NodeParameter:
     """One ``param`` of a node.
 
     Raises:
-        LaunchFileError: neither name nor from, both, or a value that is none.
+        LaunchFileError: neither name nor from, both, or an invalid value.
     """
     file, name = entity.template_or_none('from'), entity.template_or_none('name')
     if (file is None) == (name is None):
@@ -160,7 +160,7 @@ def _check_literal(value: Any) -> None:
     for text in value if isinstance(value, list) else [value]:
         if isinstance(text, str) and values.retyped(text):
             kind = type(params.parse_scalar(text)).__name__
-            raise SubstitutionError(f"ROS 2 hands the text '{text}' over as a {kind}; choose another text")
+            raise SubstitutionError(f"ROS 2 passes the string '{text}' as a {kind}; choose another string")
 
 
 def _check(path: Path) -> None:
@@ -171,7 +171,7 @@ def _check(path: Path) -> None:
 
 
 class _Text(str):
-    """A string to be written in quotes, so that rcl reads a string whatever it holds."""
+    """A string that is written in quotes, so that rcl reads a string whatever it contains."""
 
     __slots__ = ()
 

@@ -1,6 +1,6 @@
-"""Where packages and their executables are: ament's prefixes, and this package wherever it is installed.
+"""Where packages and their executables are: the ament prefixes, and this package wherever it is installed.
 
-Of this package, an executable is a program in ``<prefix>/lib/tactile_nodes`` after a colcon build, a console script
+An executable of this package is a program in ``<prefix>/lib/tactile_nodes`` after a colcon build, a console script
 beside the interpreter after ``pip install``, and in a bare source tree the module that the script would call.
 """
 
@@ -29,7 +29,7 @@ def find_prefix(package: str, environment: Mapping[str, str]) -> Path | None:
 
 
 def package_names(environment: Mapping[str, str]) -> list[str]:
-    """Every package in reach, this one included."""
+    """All available packages, including this one."""
     found = {OWN}
     for prefix in _prefixes(environment):
         if (prefix / _MARKERS).is_dir():
@@ -38,7 +38,7 @@ def package_names(environment: Mapping[str, str]) -> list[str]:
 
 
 def prefix_of(package: str, environment: Mapping[str, str]) -> Path:
-    """The folder under which a package is installed; of this package in a source tree, that tree.
+    """The folder under which a package is installed; for this package in a source tree, that tree.
 
     Raises:
         SubstitutionError: no such package.
@@ -60,7 +60,7 @@ def share_of(package: str, environment: Mapping[str, str]) -> Path:
 
 
 def command_of(package: str, executable: str, environment: Mapping[str, str]) -> list[str]:
-    """The words that start an executable of a package: its path, or an interpreter and a module.
+    """The command that starts an executable of a package: its path, or an interpreter and a module.
 
     Raises:
         SubstitutionError: no such package, or no such executable in it.
@@ -84,7 +84,7 @@ def executables_of(package: str, environment: Mapping[str, str]) -> list[str]:
 def own_executables() -> dict[str, str]:
     """The nodes of this package, executable -> module: camera_node -> tactile_nodes.nodes.camera.
 
-    What lies in the package counts, not what an installer once wrote down, which an upgrade may have left behind.
+    Read from the package itself, not from an installer's list, which an upgrade may have left outdated.
     """
     package = importlib.util.find_spec(f'{OWN}.nodes')
     folders = (package.submodule_search_locations if package else None) or []
@@ -97,7 +97,7 @@ def own_executables() -> dict[str, str]:
 
 
 def source_environment(command: list[str]) -> dict[str, str]:
-    """What a child needs in its environment to import this package from a bare source tree, in whatever folder."""
+    """Environment variables with which a child can import this package from a source tree, in any folder."""
     if command[1:2] != ['-m']:
         return {}
     root = str(Path(paths.__file__).resolve().parent.parent)

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 _TIMEOUT_S = '5'
 _BECOME_THE_PROGRAM = {'chrt', 'ionice', 'nice', 'taskset'}
-"""Prefixes that are gone once the program runs; others, such as debuggers, need their signals themselves."""
+"""Prefixes that are replaced by the program they run. Others, such as debuggers, must receive signals themselves."""
 _OUTPUTS = {'log', 'screen', 'both', 'own_log', 'full'}
 
 
 @dataclass(frozen=True)
 class ProcessOptions:
-    """What `executable` and `node` have in common."""
+    """Options of both `executable` and `node`."""
 
     cwd: Template | None
     prefix: Template | None
@@ -46,9 +46,9 @@ class ProcessOptions:
     def plan(
         self, run: Interpreter, command: list[str], label: str | None, needed: Mapping[str, str], *, ours: bool = False
     ) -> ProcessPlan:
-        """The process to start, from its words; `needed` is added to its environment.
+        """The process to start, from its command; `needed` is added to its environment.
 
-        A program of `ours` lets SIGINT in when it is ready for it (`tactile_nodes.nodes`).
+        A program of this package (`ours`) unblocks SIGINT when it is ready for it (`tactile_nodes.nodes`).
         """
         context = run.context
         prefix = self._prefix(context, command[0])
@@ -133,7 +133,7 @@ class Node:
         run.start(self.options.plan(run, words, self._label(context, program), needed, ours=ours))
 
     def program(self, context: Context) -> list[str]:
-        """The words that start the executable: nearly always one, its path."""
+        """The command that starts the executable: nearly always one word, its path."""
         executable = self.executable.evaluate(context)
         if self.package is None:
             return [executable]
@@ -199,10 +199,10 @@ def read_node(entity: Entity) -> Node:
 
 
 def split_words(command: Template) -> tuple[Template, ...]:
-    """A command line as words: the literal texts are split as a shell would, what a substitution gives never is.
+    """A command line as words: literal text is split as by a shell, results of substitutions are never split.
 
     Raises:
-        LaunchFileError: a quote spans a substitution or the end.
+        LaunchFileError: a quote spans a substitution or is not closed.
     """
     words: list[list[str | Call]] = []
     word: list[str | Call] = []
@@ -229,9 +229,7 @@ def _shell_words(text: str, command: Template) -> list[str]:
     try:
         return shlex.split(text)
     except ValueError as error:
-        raise command.place.error(
-            f'{error} in {text!r}; quotes must open and close within one literal text, not span a substitution'
-        ) from error
+        raise command.place.error(f'{error} in {text!r}; a quoted part must not contain a substitution') from error
 
 
 def _read_options(entity: Entity) -> ProcessOptions:
@@ -261,14 +259,14 @@ def _prefix_words(text: str) -> list[str]:
     try:
         return shlex.split(text)
     except ValueError as error:
-        raise SubstitutionError(f"the launch prefix '{text}' is no command: {error}") from error
+        raise SubstitutionError(f"the launch prefix '{text}' is not a valid command: {error}") from error
 
 
 def _matches(pattern: str, program: str) -> bool:
     try:
         return re.match(pattern, program) is not None
     except re.error as error:
-        raise SubstitutionError(f"launch-prefix-filter: '{pattern}' is no regular expression: {error}") from error
+        raise SubstitutionError(f"launch-prefix-filter: '{pattern}' is not a regular expression: {error}") from error
 
 
 def _timeout(context: Context, name: str, given_s: float | None) -> str:

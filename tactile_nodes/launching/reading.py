@@ -1,4 +1,4 @@
-"""From the YAML of a launch file to its actions, every key and type of which is checked before anything runs."""
+"""From the YAML of a launch file to its actions; every key and type is checked before anything runs."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def read_file(file: Path) -> tuple[Action, ...]:
     """The actions of a launch file.
 
     Raises:
-        LaunchFileError: the file cannot be read, or is not what a launch file may be; with file and line.
+        LaunchFileError: the file cannot be read, or is not a valid launch file; with file and line.
     """
     return read_actions(load_items(file))
 
@@ -77,7 +77,7 @@ def _read_action(name: str, item: Item) -> Action:
 def _read_condition(entity: Entity) -> Condition | None:
     if_text, unless_text = entity.template_or_none('if'), entity.template_or_none('unless')
     if if_text and unless_text:
-        raise entity.place.error(f"{entity.kind}: 'if' and 'unless' exclude each other")
+        raise entity.place.error(f"{entity.kind}: 'if' and 'unless' cannot be used together")
     if if_text:
         return Condition(if_text, wanted=True)
     return Condition(unless_text, wanted=False) if unless_text else None

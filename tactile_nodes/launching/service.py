@@ -1,8 +1,8 @@
-"""Runs a launch file: starts what it says, watches it, and leaves nothing behind.
+"""Runs a launch file: starts its processes, monitors them, and leaves none behind.
 
-As ``ros2 launch`` does it, with these differences: everything is read and checked before the first process starts;
-SIGTERM is a shutdown (the caller forwards it to `LaunchService.shutdown`); no process outlives the launcher, even if
-that is killed; the exit status is 1 when a required process failed or a process could not be started.
+As ``ros2 launch``, with these differences. Everything is read and checked before the first process starts.
+SIGTERM is a shutdown (the caller forwards it to `LaunchService.shutdown`). No process outlives the launcher, even if
+the launcher is killed. The exit status is 1 if a required process failed or a process could not be started.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ _CTRL_C = 'user interrupted with ctrl-c (SIGINT)'
 
 
 class LaunchService:
-    """A launch file being run. It installs no signal handlers and may run in any thread.
+    """A running launch file. It installs no signal handlers and may run in any thread.
 
     Args:
         file: the launch file.
-        arguments: its launch arguments, as texts.
-        screen: takes the lines that go to the screen, from several threads but one at a time; prints them by default.
-        output: overrides the ``output`` of every process; by default ``$OVERRIDE_LAUNCH_PROCESS_OUTPUT`` does.
-        environment: that of the processes; by default this process's.
-        log_base: the folder in which the folder for this launch's logs is made.
-        interactive: whether somebody sits at a terminal; after Ctrl-C the launcher then does not name each signal sent.
-        debug: log what is started, word by word.
+        arguments: its launch arguments, as strings.
+        screen: receives the lines for the screen, from several threads but one at a time; prints them by default.
+        output: overrides the ``output`` of every process (default: ``$OVERRIDE_LAUNCH_PROCESS_OUTPUT``).
+        environment: environment of the processes (default: that of this process).
+        log_base: the folder in which the log folder of this launch is created.
+        interactive: whether a person uses the terminal; after Ctrl-C the launcher then does not log each signal sent.
+        debug: log the full command of each process.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class LaunchService:
         return self._log.folder
 
     def load(self) -> None:
-        """Read the file and all it includes, and work out every process; nothing is started.
+        """Read the file and all it includes, and prepare every process; nothing is started.
 
         Raises:
             LaunchFileError: with file and line.
@@ -88,10 +88,10 @@ class LaunchService:
         self._interpreter.include(self._file, self._arguments)
 
     def run(self) -> int:
-        """Start everything, return when all has ended.
+        """Start everything, and return when all processes have ended.
 
         Returns:
-            0; or 1 if the file is wrong, a required process failed, or a process could not be started.
+            0; or 1 if the file has an error, a required process failed, or a process could not be started.
         """
         try:
             if not self._loaded:
@@ -107,10 +107,10 @@ class LaunchService:
         self._agenda.post(lambda: self.request_shutdown(reason))
 
     def interrupt(self) -> None:
-        """`shutdown` by Ctrl-C."""
+        """`shutdown` because of Ctrl-C."""
         self._agenda.post(self._interrupted)
 
-    # --- what actions do: see interpreter.Host ----------------------------------------------------------------
+    # --- called by actions: see interpreter.Host ----------------------------------------------------------------
 
     def log(self, level: str, source: str, text: str) -> None:
         self._log.say(level, source, text)
@@ -143,7 +143,7 @@ class LaunchService:
         return self._status
 
     def _later(self, task: Callable[[], None]) -> None:
-        """Do it now if the launch runs, else when it does."""
+        """Do it now if the launch runs, else when it starts."""
         if self._deferred is None:
             task()
         else:
@@ -192,7 +192,7 @@ class LaunchService:
         self._stop_all(told=True)
 
     def _blame(self) -> None:
-        """The launch has failed: by the last failure, and those before may be why."""
+        """Report that the launch has failed: the last failure, with those before as possible causes."""
         self._status = 1
         self._cause = '; then '.join(self._failures)
 
@@ -220,4 +220,4 @@ class LaunchService:
 
 
 def _ended(code: int) -> str:
-    return f'exit code {code}' if code > 0 else f'it was ended by {signal.Signals(-code).name}'
+    return f'exit code {code}' if code > 0 else f'it was killed by {signal.Signals(-code).name}'

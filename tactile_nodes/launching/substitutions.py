@@ -26,7 +26,7 @@ def _var(context: Context, name: str, default: str | None = None) -> str:
 def _env(context: Context, name: str, default: str | None = None) -> str:
     value = context.environment.get(name, default)
     if value is None:
-        raise SubstitutionError(f"the environment variable '{name}' does not exist, and no default is given")
+        raise SubstitutionError(f"the environment variable '{name}' does not exist and no default is given")
     return value
 
 
@@ -62,7 +62,7 @@ def _filename(context: Context) -> str:
 
 def _eval(_: Context, expression: str, modules: str = 'math') -> str:
     if other := {module.strip() for module in modules.split(',')} - {'math'}:
-        raise SubstitutionError(f"only the module 'math' may be used, not {', '.join(sorted(other))}")
+        raise SubstitutionError(f"only the module 'math' is allowed, not {', '.join(sorted(other))}")
     return expressions.evaluate(expression)
 
 

@@ -3,9 +3,9 @@
 The grammar is that of ROS 2's launch frontend:
 
 * ``$(name a b)`` is a call, unless a backslash stands before the dollar; its arguments are separated by one space;
-* an argument is a quoted text, ``'…'`` or ``"…"``, or a run of characters and calls without a space; inside quotes
-  spaces are text, calls still work, and the arguments of those calls cannot be quoted again;
-* a backslash makes the next character plain, everywhere.
+* an argument is a quoted string, ``'…'`` or ``"…"``, or a run of characters and calls without a space; inside quotes,
+  spaces are kept and calls still work, but the arguments of those calls cannot be quoted again;
+* a backslash makes the next character literal, everywhere.
 
 A call's name and the number of its arguments are checked when the file is read, its value when it runs.
 """
@@ -34,14 +34,14 @@ ARITY: dict[str, tuple[int, int]] = {
     'or': (2, 2),
     'var': (1, 2),
 }
-# ROS 2 knows these, too
+# ROS 2 also has these
 INSTEAD = {
     'anon': 'name the node',
-    'command': 'give what it prints as an argument: name:=$(command), by the shell',
-    'log_dir': 'use $(env ROS_LOG_DIR), and set that',
+    'command': 'let the shell pass its output as an argument: name:=$(command)',
+    'log_dir': 'set ROS_LOG_DIR and use $(env ROS_LOG_DIR)',
     'param': 'use an argument and $(var …)',
 }
-# ROS 2 distributions later than Humble know these; a file for all of them cannot use them.
+# ROS 2 distributions after Humble have these; a file for all distributions cannot use them.
 NEWER = {'equals', 'not-equals', 'if', 'any', 'all', 'file-content', 'string-join', 'path-join', 'for-var', 'index'}
 
 _IDENTIFIER = re.compile(r'[A-Za-z][A-Za-z0-9_-]*')
@@ -49,7 +49,7 @@ _MAX_DEPTH = 40
 
 
 class SubstitutionError(Exception):
-    """A call that has no value; `Template.evaluate` turns it into a `LaunchFileError` with its place."""
+    """A call without a value; `Template.evaluate` turns it into a `LaunchFileError` with its location."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Place:
 
 
 class Caller(Protocol):
-    """What gives calls their values: the context of a running launch."""
+    """Gives calls their values: the context of a running launch."""
 
     def call(self, name: str, arguments: list[str]) -> str:
         """The value of ``$(name arguments…)``, or `SubstitutionError`."""
@@ -84,20 +84,20 @@ class Call:
 
 @dataclass(frozen=True)
 class Template:
-    """Literal texts and calls, to be joined."""
+    """Literal strings and calls, to be joined."""
 
     parts: tuple[str | Call, ...]
     place: Place
 
     @property
     def literal(self) -> str | None:
-        """The text, where no call is in it."""
+        """The string, if it contains no call."""
         if any(isinstance(part, Call) for part in self.parts):
             return None
         return ''.join(str(part) for part in self.parts)
 
     def evaluate(self, caller: Caller) -> str:
-        """The text with every call replaced by its value.
+        """The string with every call replaced by its value.
 
         Raises:
             LaunchFileError: a call has no value.
@@ -116,10 +116,10 @@ class Template:
 
 
 def parse_template(text: str, place: Place) -> Template:
-    """Read a text with substitutions.
+    """Parse a string with substitutions.
 
     Raises:
-        LaunchFileError: not of the grammar, an unknown substitution, or a wrong number of arguments.
+        LaunchFileError: a syntax error, an unknown substitution, or a wrong number of arguments.
     """
     if '$' not in text:
         return Template((unescape(text),), place)
@@ -137,7 +137,7 @@ def _quoted(argument: Template) -> str:
 
 
 class _Parser:
-    """Recursive descent; `quote` is the quote character around the present position, or empty."""
+    """Recursive descent; `quote` is the quote character around the current position, or empty."""
 
     def __init__(self, text: str, place: Place) -> None:
         self.text = text
@@ -156,7 +156,7 @@ class _Parser:
         self.at += 2
         found = _IDENTIFIER.match(self.text, self.at)
         if found is None:
-            raise self.refusal("'$(' must be followed by the name of a substitution; for the text itself write '\\$('")
+            raise self.refusal("'$(' must be followed by the name of a substitution; for a literal '$(' write '\\$('")
         self.at = found.end()
         arguments: list[Template] = []
         while self.take(' '):
@@ -178,7 +178,7 @@ class _Parser:
             else:
                 parts.append(self.run(lambda at: self.ends_argument(quote, at)))
         if not parts:
-            raise self.refusal("an argument is empty (two spaces?); for an empty text write ''")
+            raise self.refusal("an argument is empty (two spaces?); for an empty string write ''")
         return Template(tuple(parts), self.place)
 
     def quoted(self, depth: int) -> Template:
@@ -193,7 +193,7 @@ class _Parser:
         return Template(tuple(parts), self.place)
 
     def run(self, ends: _Ends) -> str:
-        """The literal text up to a call or to where `ends` says so."""
+        """The literal string up to a call or to where `ends` returns true."""
         start = self.at
         while self.at < len(self.text) and not self.starts_call() and not ends(self.at):
             self.at += 2 if self.text[self.at] == '\\' and self.at + 1 < len(self.text) else 1
@@ -218,7 +218,7 @@ class _Parser:
 
     def check(self, name: str, count: int) -> None:
         if name not in ARITY:
-            why = 'is not supported, since ROS 2 Humble lacks it' if name in NEWER else 'does not exist'
+            why = 'is not supported, because ROS 2 Humble lacks it' if name in NEWER else 'does not exist'
             instead = f'is not supported: {INSTEAD[name]}' if name in INSTEAD else f'{why}; known: {", ".join(ARITY)}'
             raise self.refusal(f"the substitution '{name}' {instead}")
         least, most = ARITY[name]

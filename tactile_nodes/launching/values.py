@@ -1,7 +1,7 @@
-"""Texts into typed values, by the rules with which ROS 2's launch reads the result of a substitution.
+"""Strings to typed values, with the rules by which ROS 2's launch reads the result of a substitution.
 
-Those rules are YAML's (1.1, so ``010`` is eight and ``on`` is true). What YAML takes for a text is then written into a
-parameter file without quotes, and rcl reads it by its own rules: ``1e5`` and ``y`` arrive as a number and a boolean.
+Those rules are YAML's (1.1, so ``010`` is eight and ``on`` is true). A string to YAML is then written into a parameter
+file without quotes, and rcl reads it by its own rules: ``1e5`` and ``y`` become a number and a boolean.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ TYPES = (*SCALARS, *(f'list_of_{name}' for name in SCALARS))
 
 
 def condition(text: str) -> bool:
-    """What ``if`` and ``unless`` take: true, 1, false or 0, in any case."""
+    """The value of ``if`` and ``unless``: true, 1, false or 0, in any case."""
     word = text.strip().lower()
     if word not in {'true', '1', 'false', '0'}:
-        raise SubstitutionError(f"a condition is 'true', '1', 'false' or '0', got '{text}'")
+        raise SubstitutionError(f"a condition must be 'true', '1', 'false' or '0', got '{text}'")
     return word in {'true', '1'}
 
 
@@ -31,23 +31,23 @@ def boolean(text: str) -> bool:
     """A boolean as YAML writes it: true, yes, on, …"""
     value = _yaml(text)
     if not isinstance(value, bool):
-        raise SubstitutionError(f"'{text}' is no boolean")
+        raise SubstitutionError(f"'{text}' is not a boolean")
     return value
 
 
 def number(text: str) -> float:
-    """A number of seconds, say."""
+    """A number, for example of seconds."""
     try:
         value = float(text)
     except ValueError as error:
-        raise SubstitutionError(f"'{text}' is no number") from error
+        raise SubstitutionError(f"'{text}' is not a number") from error
     if not math.isfinite(value):
-        raise SubstitutionError(f"'{text}' is no finite number")
+        raise SubstitutionError(f"'{text}' is not a finite number")
     return value
 
 
 def guessed(text: str) -> Any:
-    """The value that a node gets from a text in a parameter: a bool, int, float, str, or a list of one of these.
+    """The value that a node gets from a string in a parameter: a bool, int, float, str, or a list of one of these.
 
     >>> guessed('00012345'), guessed('1e5'), guessed('1.5'), guessed('on')
     (5349, 100000.0, 1.5, True)
@@ -57,7 +57,7 @@ def guessed(text: str) -> Any:
 
 
 def from_yaml(text: str) -> Any:
-    """The value that YAML reads in a text, where a parameter can hold it.
+    """The value of a string in YAML, if a parameter can hold it.
 
     >>> from_yaml('00012345'), from_yaml('1e5'), from_yaml('[1, 2]')
     (5349, '1e5', [1, 2])
@@ -67,18 +67,18 @@ def from_yaml(text: str) -> Any:
         return uniform(value)
     if type(value) not in SCALARS.values():
         raise SubstitutionError(
-            f"'{text}' is {type_name(value)} to YAML, which is no parameter; for the text itself give 'type: str'"
+            f"'{text}' is {type_name(value)} in YAML, which no parameter holds; for the string itself give 'type: str'"
         )
     return value
 
 
 def retyped(text: str) -> bool:
-    """Whether ROS 2 hands a text over as something else: YAML needs no quotes for it, and rcl then reads no text."""
+    """Whether ROS 2 passes a string as another type: YAML writes it without quotes, and rcl does not read a string."""
     return not isinstance(parse_scalar(text), str) and _yaml(text) == text
 
 
 def as_type(text: str, kind: str) -> Any:
-    """A text as the type that the file asks for with ``type:``."""
+    """A string as the type that the file requests with ``type:``."""
     if kind == 'str':
         return text
     if kind.startswith('list_of_'):
@@ -88,26 +88,26 @@ def as_type(text: str, kind: str) -> Any:
     try:
         return SCALARS[kind](text)
     except ValueError as error:
-        raise SubstitutionError(f"'{text}' is no {kind}") from error
+        raise SubstitutionError(f"'{text}' is not a valid {kind}") from error
 
 
 def literal(value: Any, kind: str | None) -> Any:
-    """A value as it stands in the file: its own type must already be the one asked for."""
+    """A value as written in the file; it must already have the requested type."""
     if kind is not None:
         return _checked(value, kind)
     if isinstance(value, list):
         return uniform(value)
     if type(value) not in SCALARS.values():
-        raise SubstitutionError(f'{type_name(value)} is no parameter')
+        raise SubstitutionError(f'{type_name(value)} cannot be a parameter')
     return value
 
 
 def uniform(values: list[Any]) -> list[Any]:
-    """A list as a parameter may hold: not empty, all bool, all int, all float or all str."""
+    """A list that a parameter can hold: not empty, all bool, all int, all float or all str."""
     kinds = {type(value) for value in values}
     if len(kinds) != 1 or not kinds <= set(SCALARS.values()):
         found = ', '.join(sorted(map(type_name, values))) or 'nothing'
-        raise SubstitutionError(f'a list of a parameter holds values of one type, got {found}')
+        raise SubstitutionError(f'a list parameter must hold values of one type, got {found}')
     return values
 
 
@@ -123,4 +123,4 @@ def _yaml(text: str) -> Any:
     try:
         return yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, LookupError, AttributeError, RecursionError) as error:
-        raise SubstitutionError(f"'{text}' cannot be read as YAML; for the text itself give 'type: str'") from error
+        raise SubstitutionError(f"'{text}' cannot be read as YAML; for the string itself give 'type: str'") from error

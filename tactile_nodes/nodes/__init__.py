@@ -1,4 +1,4 @@
-"""The nodes: one file each, a thin shell around what computes. They meet on the bus, never in an import."""
+"""The nodes: one file each, a thin layer around the computing code. They communicate over the bus, not by imports."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 if Path(sys.argv[0]).name.endswith('_node'):
-    # This process is a node's program, and still imports: asked to end now, it ends. By no exception, which an import
-    # can turn into another or, in the callback of a weak reference, lose. From its start on, `bus.runtime` answers
-    # signals.
+    # This process runs a node's program and is still importing. If it is asked to end now, it exits at once. It raises
+    # no exception, because an import can convert it, and the callback of a weak reference can lose it. Once the node
+    # runs, `bus.runtime` handles signals.
     for _number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(_number, lambda *_: os._exit(0))
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # what came before waits: `launching.processes`
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # earlier signals are pending: `launching.processes`

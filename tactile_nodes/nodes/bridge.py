@@ -1,9 +1,9 @@
-"""Joins the bus of this machine with those of others, over one TCP port; one such node a machine.
+"""Connects the bus of this machine with those of other machines, over one TCP port; one such node per machine.
 
-One side listens, the others connect; for all to see all, each listens, and connects to those before it, or looks for
-the others of its network (``discover``). Topics are sent when somebody over there wants them; services, those of
-parameters too, can be called from there; the nodes over there are in ``tactile node list``. Keys: ``tactile keys create
-NAME`` on each side, then give each the other's public key. Needs the extra `bridge`.
+One side listens, the others connect. For a full mesh, each listens and connects to those before it, or searches
+the network for the others (``discover``). Topics are sent if the other side subscribes to them. Services, including
+parameter services, can be called from there. Remote nodes are listed by ``tactile node list``. Keys: run ``tactile keys
+create NAME`` on each side, then copy each public key to the other side. Needs the extra `bridge`.
 """
 
 from __future__ import annotations
@@ -38,25 +38,25 @@ _CLOCKS_APART_MS = 5.0
 class BridgeParams(NodeParams):
     """Parameters of the bridge node."""
 
-    listen: str = parameter('', 'host:port to listen at (0.0.0.0:7460: all networks)', read_only=True)
-    connect: str = parameter('', 'host:port of the bridges of other machines, with commas between', read_only=True)
+    listen: str = parameter('', 'host:port to listen on (0.0.0.0:7460: all networks)', read_only=True)
+    connect: str = parameter('', 'host:port of the bridges of other machines, separated by commas', read_only=True)
     discover: bool = parameter(
-        False, 'find the bridges of this network that listen at the same port, by multicast', read_only=True
+        False, 'find the bridges of this network that listen on the same port, by multicast', read_only=True
     )
     key: str = parameter('', "name or path of this machine's own keys (tactile keys create NAME)", read_only=True)
     peers: tuple[str, ...] = parameter(
         (), 'public keys of the other machines that may connect: names or paths', read_only=True
     )
     plain_tcp: str = parameter(
-        '', f'to do without keys on a network, in words: {PLAIN_TCP}', choices=('', PLAIN_TCP), read_only=True
+        '', f'to use a network without keys, set this to: {PLAIN_TCP}', choices=('', PLAIN_TCP), read_only=True
     )
-    send: tuple[str, ...] = parameter(('/**',), 'topics that others may have (* one level, ** any)', read_only=True)
+    send: tuple[str, ...] = parameter(('/**',), 'topics that others may receive (* one level, ** any)', read_only=True)
     receive: tuple[str, ...] = parameter(('/**',), 'topics to take from others', read_only=True)
     serve: tuple[str, ...] = parameter(('/**',), 'services that others may call', read_only=True)
 
 
 class BridgeNode(Node):
-    """Starts the bridge, and says how it is."""
+    """Starts the bridge, and reports its state."""
 
     NAME = 'bridge'
     PARAMS = BridgeParams
@@ -65,14 +65,14 @@ class BridgeNode(Node):
         super().__init__(bus, arguments, clock)
         chosen = self.params
         if not isinstance(bus, ZmqBus):
-            raise ConfigurationError('a bridge needs the bus between processes')
+            raise ConfigurationError('a bridge needs the bus between processes (TACTILE_BUS=zeromq)')
         self._host_bus = bus
         self._listen = Address.parse(chosen.listen) if chosen.listen else None
         self._connect = list(map(Address.parse, filter(None, chosen.connect.replace(' ', '').split(','))))
         if not (self._listen or self._connect):
-            raise ConfigurationError('set listen or connect to host:port, say -p connect:=192.168.0.7:7460')
+            raise ConfigurationError('set listen or connect to host:port, e.g. -p connect:=192.168.0.7:7460')
         if chosen.discover and not self._listen:
-            raise ConfigurationError('to be found, listen as well: -p listen:=0.0.0.0:7460')
+            raise ConfigurationError('discover also needs listen, e.g. -p listen:=0.0.0.0:7460')
         self._security = _security(chosen)
         self._group = Group(self._listen) if chosen.discover and self._listen else None
         self._bridge, self._reopens = self._opened(), False
@@ -88,8 +88,8 @@ class BridgeNode(Node):
         return Bridge(self._host_bus, session, Choice(chosen.send, chosen.receive, chosen.serve))
 
     def _say_ends(self) -> None:
-        ends = [f'listens at {self._listen}'] if self._listen else []
-        ends += ['looks for others'] if self._group else []
+        ends = [f'listens on {self._listen}'] if self._listen else []
+        ends += ['searches for others'] if self._group else []
         ends += [f'connects to {", ".join(map(str, self._connect))}'] if self._connect else []
         self.log.info(f'{", ".join(ends)}; {"with keys" if self._security.own else "WITHOUT KEYS"}')
 
@@ -99,7 +99,7 @@ class BridgeNode(Node):
         self._bridge.close()
 
     def _find(self) -> None:
-        """Connect to older bridges than this one that have been found, too."""
+        """Also connect to bridges that were found and are older than this one."""
         if self._finder is not None and not self._reopens:
             if not (missing := self._finder.missing(self._bridge.linked())):
                 return
@@ -118,33 +118,35 @@ class BridgeNode(Node):
         for host, clock in connected:
             apart_ms = (clock.ahead_ns or 0) / 1e6
             level = Level.WARN if abs(apart_ms) > _CLOCKS_APART_MS else Level.OK
-            words = 'their clock and ours are apart: let chrony or PTP set both' if level else 'connected'
+            words = 'the clocks of both machines differ: synchronize them with chrony or PTP' if level else 'connected'
             self.report(
                 'connection', level, f'{host}: {words}', clock_ahead_ms=apart_ms, malformed=self._bridge.malformed
             )
         for version in set(self._bridge.strangers.values()):
-            words = f'a machine there speaks version {version} of the bridge, and this one {VERSION}: update the older'
+            words = f'a machine there has version {version} of the bridge, this one has {VERSION}: update the older one'
             self.report('version', Level.WARN, words)
 
     def _alone(self) -> str:
         if self._group:
-            return f'nobody is found who listens at port {self._group.listen.port} and allows our key; it keeps looking'
+            return f'no bridge found that listens on port {self._group.listen.port} and allows our key; still searching'
         if not self._connect:
-            return f'nobody is connected at {self._listen}'
+            return f'no bridge is connected to {self._listen}'
         ends = ', '.join(map(str, self._connect))
-        return f'no answer from {ends}; it keeps trying: does the bridge there run, and allow our key?'
+        return f'no response from {ends}; still trying: does the bridge run there, and does it allow our key?'
 
 
 def _security(chosen: BridgeParams) -> Security:
     if not chosen.key:
         if chosen.peers:
             raise ConfigurationError(
-                "peers without key have no effect: set key to the name of this machine's own keys (tactile keys create "
+                "peers has no effect without key: set key to the name of this machine's own keys (tactile keys create "
                 'NAME), or leave peers out'
             )
         return Security()
     if not chosen.peers:
-        raise ConfigurationError('set peers to the public keys of the other machines; theirs print: tactile keys show')
+        raise ConfigurationError(
+            'set peers to the public keys of the other machines; print them there with: tactile keys show NAME'
+        )
     return Security(read_pair(chosen.key), tuple(map(read_public, chosen.peers)))
 
 

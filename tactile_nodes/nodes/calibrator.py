@@ -1,7 +1,7 @@
-"""Makes a model for another gel from the presses of a running rig, or of a bag, and has it taken over.
+"""Makes a model for another gel from the presses of a running rig, or of a bag, and switches the estimator to it.
 
-Subscribes ``press``, ``press_image``, ``reference_image``, ``rig_state`` and ``flow_features``; sets the parameter
-``model`` of the force estimator at the end. ``~/finish`` (std_srvs/Trigger) ends the presses at once.
+Subscribes to ``press``, ``press_image``, ``reference_image``, ``rig_state`` and ``flow_features``. At the end it sets
+the parameter ``model`` of the force estimator. ``~/finish`` (std_srvs/Trigger) ends the presses at once.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class CalibratorParams(CalibrationSettings, NodeParams):
 
 
 class CalibratorNode(Node):
-    """The calibration has a thread of its own; this node's thread takes messages in and answers."""
+    """The calibration runs in its own thread; the node's thread receives messages and answers services."""
 
     NAME = 'calibrator'
     PARAMS = CalibratorParams
@@ -56,7 +56,7 @@ class CalibratorNode(Node):
         self._features = self.create_subscription(topics.FLOW_FEATURES, self._on_features)
         self.create_trigger('~/finish', self._finish)
         self._thread: threading.Thread | None = None
-        self.post(self._begin)  # after the latched messages that are there already
+        self.post(self._begin)  # after latched messages that have already arrived
 
     def on_close(self) -> None:
         self._closing = True
@@ -73,9 +73,9 @@ class CalibratorNode(Node):
             presses = BagPresses([Path(bag)], tell=self._tell) if bag else self._rig
             self._session.run(presses, self._live)
         except TactileError as error:
-            if not self._closing:  # else the presses ended because somebody ended this node
+            if not self._closing:  # else the presses ended because this node was asked to end
                 raise
-            self.log.info(f'ended before there was a calibration: {error}')
+            self.log.info(f'ended before the calibration was finished: {error}')
             return
         if not self.params.stay:
             self.stop()
@@ -94,7 +94,7 @@ class CalibratorNode(Node):
             self._rig.reference(received.message)
 
     def _on_features(self, received: Received) -> None:
-        """The first message tells whether the sensor that runs is one for this model."""
+        """The first message shows whether the running sensor fits this model."""
         self._features.close()
         try:
             self._session.require_features(received.message)
@@ -114,12 +114,12 @@ class CalibratorNode(Node):
             answer = self.bus.call(service, services.TRIGGER, types.Trigger_Request())
             self.log.info(f'{self.params.rig}: {answer.message}')
         except BusError as error:
-            self.log.warn(f'{self.params.rig} was not asked to end: {error}')
+            self.log.warn(f'{self.params.rig} could not be asked to end: {error}')
             self._rig.end()
 
     def _finish(self) -> str:
         self._session.calibrator.asked_to_finish = True
-        return 'after the next press the calibration is made of those that came'
+        return 'the calibration starts after the next press, with the presses so far'
 
 
 def main() -> int:

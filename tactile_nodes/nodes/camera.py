@@ -1,8 +1,8 @@
-"""Publishes a camera's frames, cropped and grey, with the stamp of their capture.
+"""Publishes the frames of a camera, cropped and grey, with the stamp of their capture.
 
-Publishes ``image_raw``, ``camera_info``, ``true_force_distribution`` when the camera is the simulated one, and
-``sync_edge`` when a light is watched that follows the digital line. Subscribes ``held`` when it simulates what a
-simulated gripper holds.
+Publishes ``image_raw`` and ``camera_info``. A simulated camera also publishes ``true_force_distribution``. A camera
+that watches a light on the digital line also publishes ``sync_edge``. Subscribes to ``held`` if it simulates an object
+in a simulated gripper.
 """
 
 from __future__ import annotations
@@ -42,24 +42,22 @@ class CameraParams(CameraSettings, NodeParams):
     """Parameters of the camera node."""
 
     crop: int = parameter(
-        440, 'side of the square cut from the middle [px], smaller where the image is; without `sensor`', minimum=40
+        440, 'side of the central square crop [px], smaller if the image is smaller; used without `sensor`', minimum=40
     )
-    wait_s: float = parameter(
-        0.0, 'wait so long at most for somebody to listen before starting the source', minimum=0.0, maximum=10.0
-    )
-    wait_for: str = parameter('', 'node that has to listen before the source starts; empty: anybody')
+    wait_s: float = parameter(0.0, 'longest wait for a subscriber before the source starts', minimum=0.0, maximum=10.0)
+    wait_for: str = parameter('', 'node that must subscribe before the source starts; empty: any node')
     open_within_s: float = parameter(
-        0.0, 'try so long to open a source that is not there yet or answers nothing', minimum=0.0, maximum=60.0
+        0.0, 'how long to try to open a source that is missing or does not respond', minimum=0.0, maximum=60.0
     )
     frame_id: str = parameter('gel_camera_optical_frame', 'frame of the images')
     surface_frame_id: str = parameter(
-        '', 'frame of the true force of a simulated camera; empty: as `sensor` describes it, or gel_surface'
+        '', 'frame of the true force of a simulated camera; empty: that of `sensor`, or gel_surface'
     )
     light: LightSettings = field(default_factory=LightSettings)
 
 
 class CameraNode(Node):
-    """Reads in a thread of its own, so that a camera that hangs keeps nobody from asking this node how it is."""
+    """Reads in its own thread, so that the node still responds if the camera hangs."""
 
     NAME = 'camera'
     PARAMS = CameraParams
@@ -120,15 +118,15 @@ class CameraNode(Node):
             try:
                 frame = self._camera.read(READ_TIMEOUT_S)
             except DeviceTimeoutError:
-                continue  # the camera's health says it, and goes on saying it
+                continue  # reported by the camera's health
             if frame is None:
-                return  # a recording is over, which the camera's health says
+                return  # the recording has ended; reported by the camera's health
             try:
                 self._publish(frame)
             except TactileError:
                 if not self._closing.is_set():
                     raise
-                return  # closed meanwhile: on a busy machine that does not wait for this frame
+                return  # closed meanwhile: on a busy machine, closing does not wait for this frame
 
     def _publish(self, frame: Frame) -> None:
         self._frames += 1
@@ -148,7 +146,7 @@ class CameraNode(Node):
             self._tell_edges(self._edge, frame)
 
     def _crop(self, width: int, height: int) -> Crop:
-        """What is cut from a picture: as the sensor is described, or a square."""
+        """The crop of a picture: as in the sensor description, or a square."""
         if self._sensor is not None:
             return Crop.centred(width, height, *self._sensor.image.crop_px)
         side = largest_side(width, height, self.params.crop)
@@ -175,7 +173,7 @@ class CameraNode(Node):
             return
         taken = f'{crop.width}x{crop.height}'
         if self._sensor is None and crop.width < self.params.crop:
-            told = f'the image is too small for a crop of {self.params.crop}; took {crop.width}'
+            told = f'the image is too small for a crop of {self.params.crop}; using {crop.width}'
             self.report('picture', Level.WARN, told)
         else:
             self.report('picture', Level.OK, taken)

@@ -1,4 +1,4 @@
-"""Several nodes in one process, where messages go from one to the next without a copy.
+"""Several nodes in one process, with messages passed between them without copies.
 
 ``composed_node camera flow_features force_estimator --ros-args …``; each node reads its own block of the files.
 """
@@ -34,11 +34,11 @@ def node_class(name: str) -> type[Node]:
     """The class of the node ``<name>_node``.
 
     Raises:
-        ConfigurationError: there is none.
+        ConfigurationError: there is no such node.
     """
     short = name.removesuffix('_node')
     if short not in KNOWN:
-        raise ConfigurationError(f'there is no node {name!r} to compose; known are: {", ".join(KNOWN)}')
+        raise ConfigurationError(f'there is no node {name!r} to compose; available: {", ".join(KNOWN)}')
     module = importlib.import_module(packages.own_executables()[f'{short}_node'])
     found = [
         entry
@@ -50,11 +50,11 @@ def node_class(name: str) -> type[Node]:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Compose the nodes that the command line names. Returns the exit status."""
+    """Compose the nodes named on the command line. Returns the exit status."""
     try:
         names = parse_arguments(argv).rest
         if not names:
-            raise ConfigurationError(f'name the nodes to compose; known are: {", ".join(KNOWN)}')
+            raise ConfigurationError(f'name the nodes to compose; available: {", ".join(KNOWN)}')
         factories: list[NodeFactory] = [node_class(name) for name in names]
     except TactileError as error:
         sys.stderr.write(f'{error}\n')

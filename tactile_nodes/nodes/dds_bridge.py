@@ -1,7 +1,8 @@
-"""Shows the nodes of this bus in a ROS 2 graph, where ROS 2 itself is not installed here; one such node a machine.
+"""Shows the nodes of this bus in a ROS 2 graph, without a local ROS 2 installation; one such node per machine.
 
-Each node appears there under its own name with its own topics: ``ros2 node list``, ``topic list``, ``topic echo``,
-RViz. ``take`` brings topics of the graph onto this bus. Parameters and services do not cross. Needs the extra `dds`.
+Each node appears there under its own name with its own topics, in ``ros2 node list``, ``topic list``, ``topic echo``
+and RViz. ``take`` brings topics of the graph to this bus. Parameters and services are not bridged. Needs the extra
+`dds`.
 """
 
 from __future__ import annotations
@@ -34,21 +35,23 @@ class DdsBridgeParams(NodeParams):
 
     discovery_range: str = parameter(
         '',
-        f'{LOCALHOST}: this machine only; {SUBNET}: the network too; empty: what {RANGE_VARIABLE} says, or {LOCALHOST}',
+        f'{LOCALHOST}: this machine only; {SUBNET}: the network too; empty: as {RANGE_VARIABLE}, or {LOCALHOST}',
         choices=('', LOCALHOST, SUBNET),
         read_only=True,
     )
     peers: tuple[str, ...] = parameter(
-        (), f'machines to ask besides, where {SUBNET} finds none by itself: names or addresses', read_only=True
+        (), f'further machines to contact if {SUBNET} does not find them: names or addresses', read_only=True
     )
     send: tuple[str, ...] = parameter(('/**',), 'topics to show there (* one level, ** any)', read_only=True)
     take: tuple[str, ...] = parameter(
-        (), 'topics to bring here: name@package/msg/Type, the type for names out of the topic table', read_only=True
+        (),
+        'topics to bring here: name@package/msg/Type; the type is needed for names outside the topic table',
+        read_only=True,
     )
 
 
 class DdsBridgeNode(Node):
-    """Opens the participant, and looks at who comes and goes on either side."""
+    """Opens the participant, and tracks nodes and topics on both sides."""
 
     NAME = BRIDGE
     PARAMS = DdsBridgeParams
@@ -57,9 +60,9 @@ class DdsBridgeNode(Node):
         super().__init__(bus, arguments, clock)
         chosen: DdsBridgeParams = self.params
         if not isinstance(bus, InProcessBus):
-            raise ConfigurationError('this bus is a ROS 2 graph already; nothing has to be shown there')
+            raise ConfigurationError('this bus is already a ROS 2 graph; no DDS bridge is needed')
         if others := other_bridges(bus.graph(), self.full_name):
-            raise ConfigurationError(f'{others[0]} shows this bus over DDS already, all namespaces; one is enough')
+            raise ConfigurationError(f'{others[0]} already shows this bus over DDS, with all namespaces; one is enough')
         wishes = [Wish.parse(text) for text in chosen.take if text]
         discovery = Discovery.chosen(chosen.discovery_range, chosen.peers)
         domain_id = domain_from_environment()

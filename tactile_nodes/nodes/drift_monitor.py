@@ -1,8 +1,8 @@
-"""Whether the calibration still holds: on ``calibration_state`` (latched), on /diagnostics, and so in every force.
+"""Whether the calibration is still valid: on ``calibration_state`` (latched), /diagnostics, and in every force.
 
-Subscribes ``image_raw``, ``reference_image``, ``flow_features``, ``force_distribution``, ``model_in_use``,
-``calibration_image`` and the independent force that ``force_topic`` names. Service: ``~/check_weight`` compares the gel
-with ``weight_g`` on it.
+Subscribes to ``image_raw``, ``reference_image``, ``flow_features``, ``force_distribution``, ``model_in_use``,
+``calibration_image`` and the topic of an independent force sensor (``force_topic``). Service: ``~/check_weight``
+compares the measured force with the weight ``weight_g`` on the gel.
 """
 
 from __future__ import annotations
@@ -37,14 +37,12 @@ KEEP_EVERY_NS = 3600 * NS_PER_S
 class DriftMonitorParams(NodeParams):
     """Parameters of the drift monitor."""
 
-    model: str = parameter(
-        'fast', 'model whose simulated gel stands in where a model holds no rest image', read_only=True
-    )
+    model: str = parameter('fast', 'model whose simulated gel is used if a model holds no rest image', read_only=True)
     source: str = parameter(
-        '', 'the source of the camera; the simulated gel stands in only if it is `simulated`', read_only=True
+        '', 'source of the camera; the simulated gel is used only if it is `simulated`', read_only=True
     )
     check_s: float = parameter(
-        2.0, 'time between two pictures that are looked at; a quarter of it while something seems wrong', minimum=0.05
+        2.0, 'time between two checked pictures; a quarter of it while something seems wrong', minimum=0.05
     )
     force_topic: str = parameter(
         '', 'topic of an independent force sensor (WrenchStamped); empty: none', read_only=True
@@ -53,7 +51,7 @@ class DriftMonitorParams(NodeParams):
 
 
 class DriftMonitorNode(Node):
-    """Looks at a picture now and then; what it concludes is computed in `sensing.drift`."""
+    """Checks a picture now and then; the conclusions are computed in `sensing.judge.drift`."""
 
     NAME = 'drift_monitor'
     PARAMS = DriftMonitorParams
@@ -103,7 +101,7 @@ class DriftMonitorNode(Node):
             self._tell(at_ns)
 
     def _cut(self, message: types.Image) -> np.ndarray:
-        """As the rest image was cut: of other camera nodes come whole pictures."""
+        """The crop of the rest image; other camera nodes publish whole pictures."""
         whole = conversions.image_array(message)
         (height, width), (rest_height, rest_width) = whole.shape, self._rest_shape
         return Crop.centred(width, height, rest_width, rest_height).apply(whole)
@@ -137,7 +135,7 @@ class DriftMonitorNode(Node):
         )  # fmt: skip
 
     def _keep(self, state: types.CalibrationState, at_ns: int) -> None:
-        """In the list of the lab's gels: what is new, and each hour that all is as it was."""
+        """Update the list of the lab's gels: every change, and each hour without one."""
         told = state.model_id, state.level, state.reasons
         if told == self._kept and 0 <= at_ns - self._kept_ns < KEEP_EVERY_NS:
             return

@@ -1,6 +1,6 @@
-"""A rig that is not there: Grbl on a pseudo terminal, a force/torque sensor, a camera stream, in one world.
+"""An emulated rig: Grbl on a pseudo terminal, a force/torque sensor and a camera stream, in one simulated world.
 
-Its faults are parameters, so they can be switched on while a run goes on:
+Its faults are parameters, so they can be switched on during a run:
 ``tactile param set /emulated_rig faults.silent_sensor true``.
 """
 
@@ -28,10 +28,10 @@ class EmulatedRigParams(EmulatedRigSettings, NodeParams):
 
 
 class EmulatedRigNode(Node):
-    """Opens the emulators, and passes faults on to them.
+    """Opens the emulators, and passes faults to them.
 
-    A machine does not vanish when Ctrl-C ends its drivers: asked to end, it stays until nobody commands it any more
-    and it stands still, so that the tip gets up.
+    A real machine does not vanish when Ctrl-C ends its drivers. So this node, when asked to end, stays until no driver
+    is connected and the machine stands still, so that the tip is lifted.
     """
 
     NAME = 'emulated_rig'
@@ -41,7 +41,7 @@ class EmulatedRigNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         self._rig = EmulatedRig(self.params, self.clock)
-        worlds.share(WORLD, self._rig.world)  # an emulated recorder in this process watches its line
+        worlds.share(WORLD, self._rig.world)  # for an emulated recorder in this process
         try:
             self._rig.switch(self.params.faults)
         except BaseException:

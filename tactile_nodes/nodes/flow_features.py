@@ -1,6 +1,6 @@
-"""Images in, features of the gel's motion against the rest image out.
+"""From images to features of the gel's motion relative to the rest image.
 
-Subscribes ``image_raw`` (and ``reference_image`` when told to take the rest image from there); publishes
+Subscribes to ``image_raw`` (and ``reference_image`` if the rest image comes from there); publishes
 ``flow_features`` and the latched ``reference_image``. Services: ``~/capture_reference``, ``~/save_reference`` and
 ``~/save_overlay``.
 """
@@ -33,10 +33,10 @@ from tactile_nodes.sensing.geometry import middle_part
 
 _KEPT, _MEMORY = 'rest_image', 'memory'
 KEEP_NS = NS_PER_S
-"""What was learned is kept for a restart no more often than this."""
+"""Learned state is saved for a restart at most this often."""
 
 SOONEST = 0.75
-"""Of the time between two frames: a picture that comes sooner after the last one is one too many."""
+"""Fraction of the frame interval: a picture that comes sooner after the last one is skipped."""
 CHECK_PERIOD_S = 1.0
 SILENT_NS = 2 * NS_PER_S
 
@@ -48,21 +48,19 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
     reference: str = parameter(
         'capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'), read_only=True
     )
-    compiled: bool = parameter(True, 'compute by loops that numba compiles, as force_estimator does', read_only=True)
+    compiled: bool = parameter(True, 'compute with loops compiled by numba, as force_estimator does', read_only=True)
     crop: int = parameter(
         0,
-        'side of the square cut from the middle of each picture [px]; 0: as the model reads them, or 440 of pictures '
-        'that are not square',
+        'side of the central square crop of each picture [px]; 0: as in the model, or 440 for pictures that are not '
+        'square',
         minimum=0,
     )
-    most_hz: float = parameter(0.0, 'pictures a second that are answered at most; 0: all', minimum=0.0)
-    skip_frames: int = parameter(0, 'frames left out before the capture at start', minimum=0)
-    reference_file: str = parameter('', 'picture (PNG) that a rest image is read from or saved to', read_only=False)
-    overlay_folder: str = parameter(
-        '', 'where pictures of the motion are saved; empty: the working folder', read_only=False
-    )
+    most_hz: float = parameter(0.0, 'most pictures per second that are processed; 0: all', minimum=0.0)
+    skip_frames: int = parameter(0, 'frames to skip before the capture at start', minimum=0)
+    reference_file: str = parameter('', 'PNG file to read the rest image from, or to save it to', read_only=False)
+    overlay_folder: str = parameter('', 'folder for pictures of the motion; empty: the working folder', read_only=False)
     overlay_every: int = parameter(
-        0, 'save a picture of the motion every so many frames; 0: only when asked', minimum=0, read_only=False
+        0, 'save a picture of the motion every N frames; 0: only on request', minimum=0, read_only=False
     )
 
 
@@ -103,30 +101,30 @@ class FlowFeaturesNode(Node):
             self._following.begin_capture(skip=chosen.skip_frames)
 
     def _restored(self) -> bool:
-        """Go on with the rest image that was in use before this launch started us again: something may touch now."""
+        """Continue with the rest image from before a restart within this launch: something may touch the gel now."""
         if (data := self.kept.get(_KEPT)) is None:
             return False
         try:
             message = decode(data, topics.REFERENCE_IMAGE.type_name)
             self._following.use_reference(np.array(conversions.image_array(message)), message.header)
         except TactileError as error:
-            self.report('rest image', Level.WARN, f'the one from before the restart is of no use: {error}')
+            self.report('rest image', Level.WARN, f'the rest image from before the restart cannot be used: {error}')
             return False
         self._tell_reference()
         self._go_on()
         return True
 
     def _go_on(self) -> None:
-        """With all that was remembered before the restart, where that is of use; else with the rest image alone."""
+        """Continue with all state from before the restart if it is usable; else with the rest image alone."""
         if (data := self.kept.get(_MEMORY)) is None:
             return
         try:
             self._following.memory.recall(data)
         except TactileError as error:
-            self.log.warn(f'only the rest image is left from before the restart: {error}')
+            self.log.warn(f'only the rest image was restored after the restart: {error}')
 
     def _keep(self) -> None:
-        """What was learned from many frames, for a restart; seldom, as some of it may change in every frame."""
+        """Save what was learned from many frames, for a restart; rarely, as parts of it change in every frame."""
         learned, now_ns = self._following.memory.learned, self.clock.now_ns()
         if self.params.reference == 'topic' or learned == self._learned or now_ns - self._kept_ns < KEEP_NS:
             return
@@ -151,14 +149,14 @@ class FlowFeaturesNode(Node):
                 self._save_overlay()
 
     def _too_soon(self, at_ns: int) -> bool:
-        """Whether a camera brings more than is wanted of it."""
+        """Whether the camera delivers more frames than are wanted."""
         if self.params.most_hz and 0 <= at_ns - self._answered_ns < SOONEST * NS_PER_S / self.params.most_hz:
             return True
         self._answered_ns = at_ns
         return False
 
     def _picture(self, message: types.Image) -> np.ndarray:
-        """Our camera node has cut it already, others have not."""
+        """The picture, cropped; pictures of our camera node are cropped already, those of other nodes are not."""
         picture = middle_part(conversions.image_array(message), self.params.crop, self._size)
         came = f'{message.width}x{message.height} {message.encoding}'
         if came != self._came:
@@ -169,19 +167,19 @@ class FlowFeaturesNode(Node):
     def _tell_picture(self, came: str, picture: np.ndarray) -> None:
         taken = f'{picture.shape[1]}x{picture.shape[0]}'
         whole = came.startswith(f'{taken} ')
-        how = 'taken whole' if whole else f'{taken} are cut from the middle (parameter crop)'
-        text = f'{self.names.resolve(topics.IMAGE.name)} brings {came}: {how}'
+        how = 'used whole' if whole else f'the central {taken} are used (parameter crop)'
+        text = f'{self.names.resolve(topics.IMAGE.name)} has {came}: {how}'
         self._about = text
         self.diagnostics.report('pictures', Level.OK, text)
         self.log.info(text)
 
     def _check_pictures(self) -> None:
-        """A camera's process that hangs, or its network, says nothing by itself."""
+        """A camera process or a network that hangs does not report it itself."""
         silent_ns = self.clock.now_ns() - self._heard_ns
         if not self._about:
             return
         if silent_ns > max(SILENT_NS, 3 * self._apart_ns):
-            self.report('pictures', Level.WARN, 'no picture comes any more; look at the camera and at its node')
+            self.report('pictures', Level.WARN, 'no more pictures; check the camera and its node')
         else:
             self.report('pictures', Level.OK, self._about)
 
@@ -198,10 +196,10 @@ class FlowFeaturesNode(Node):
         if self.params.reference != 'topic':
             self._reference.publish(message)
             self.kept.put(_KEPT, encode(message))
-        how = 'renewed, while nothing touched,' if self._following.renewed else 'new'
+        how = 'renewed (no contact)' if self._following.renewed else 'new'
         text = f'{self._following.reference_id}, {message.width}x{message.height}'
         if self._following.doubtful:
-            text += ', of a picture that never came to rest: touch nothing, then call capture_reference'
+            text += ', but the picture never was still: do not touch the gel, then call capture_reference'
             self.log.warn(f'{how} rest image {text}')
             self.report('rest image', Level.WARN, text)
         else:
@@ -210,9 +208,9 @@ class FlowFeaturesNode(Node):
 
     def _capture_again(self) -> str:
         if self.params.reference == 'topic':
-            raise ConfigurationError('the rest image comes from a topic here; publish another one there')
+            raise ConfigurationError('the rest image comes from a topic; publish a new one there')
         self._following.begin_capture()
-        return f'capturing the rest image from the next {self.params.reference_frames} frames; touch nothing'
+        return f'capturing the rest image from the next {self.params.reference_frames} frames; do not touch the gel'
 
     def _save_reference(self) -> str:
         if self._following.reference is None:

@@ -1,8 +1,8 @@
-"""Features in, force in newtons out.
+"""From features to force in newtons.
 
-Subscribes ``flow_features`` and ``calibration_state``; publishes ``force_distribution``, ``wrench`` and ``force_field``
-(while somebody listens) and the latched ``model_in_use`` and ``calibration_image``. Setting the parameter ``model``
-lets another model take over between two frames; ``~/undo_calibration`` returns to the one before.
+Subscribes to ``flow_features`` and ``calibration_state``; publishes ``force_distribution``, ``wrench``, ``force_field``
+(only while it has subscribers), and the latched ``model_in_use`` and ``calibration_image``. Setting the parameter
+``model`` switches the model between two frames; ``~/undo_calibration`` returns to the previous model.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ _PREVIOUS = ''
 class ForceEstimatorParams(NodeParams):
     """Parameters of the force estimator node."""
 
-    model: str = parameter('fast', 'name of a model that ships, or path of a model file')
+    model: str = parameter('fast', 'name of a shipped model, or path of a model file')
     sensor: str = parameter(
-        '', 'description of the sensor: `model` has to be one of it, and forces have its `frame`', read_only=True
+        '', 'sensor description: `model` must be made for it, and forces are in its `frame`', read_only=True
     )
-    frame_id: str = parameter('', 'frame of the forces; empty: as described, or gel_surface')
+    frame_id: str = parameter('', 'frame of the forces; empty: that of `sensor`, or gel_surface')
     least_confidence: float = parameter(
-        0.85, 'share of the known regions that must show markers', minimum=0.0, maximum=1.0
+        0.85, 'fraction of the known regions that must show markers', minimum=0.0, maximum=1.0
     )
     compiled: bool = parameter(
         True,
-        'compute by loops that numba compiles; who asks for it waits for that, others take numpy until the next start',
+        'compute with loops compiled by numba; if set: wait for compilation; if not: use numpy until the next start',
         read_only=True,
     )
 
 
 class ForceEstimatorNode(Node):
-    """Applies the model; its messages carry the stamp of the image and what they were computed with."""
+    """Applies the model. Messages carry the stamp of the image and the provenance of the force."""
 
     NAME = 'force_estimator'
     PARAMS = ForceEstimatorParams
@@ -86,7 +86,7 @@ class ForceEstimatorNode(Node):
         except ModelError as error:
             raise ConfigurationError(str(error)) from error
         self._tell_model()
-        self.log.info(f'from now on with model {changed.model}')
+        self.log.info(f'switched to model {changed.model}')
 
     def _on_features(self, received: Received) -> None:
         age_s = max(0.0, self.age_s(received))
@@ -107,7 +107,7 @@ class ForceEstimatorNode(Node):
         self._estimating.calibration.add(stamp_ns(state.valid_from), calibration_reasons(state))
 
     def _ask(self, name: str, find: Callable[[], Ready]) -> None:
-        """In a thread of its own: what comes of it is taken, or refused, between two frames."""
+        """Load a model in its own thread; it is taken over or refused between two frames."""
         try:
             self._asked[name] = find()
         except ModelError as error:
@@ -118,7 +118,7 @@ class ForceEstimatorNode(Node):
 
     def _undo(self) -> str:
         asked = self._asked.pop(_PREVIOUS, None)
-        ready = _found(asked) if asked else self._estimating.previous()  # found for another call, which took it
+        ready = _found(asked) if asked else self._estimating.previous()  # found for another call, which used it
         self._asked[ready.name] = ready
         self._parameters.change({'model': ready.name})
         return f'back to {ready.file.stem} ({ready.loaded.model_id})'

@@ -1,8 +1,8 @@
-"""The force in the standard messages that RViz, Foxglove and other robot software draw.
+"""The force as standard messages that RViz, Foxglove and other robot software display.
 
-Subscribes ``force_distribution``; publishes ``force_map``, ``force_points``, ``contact`` and ``contact_markers``, each
-only while somebody listens to it, and once ``/tf_static``: where the gel's surface is on the sensor. While somebody
-listens to ``pressure_map`` it subscribes ``force_field``, which costs whoever makes it.
+Subscribes to ``force_distribution``; publishes ``force_map``, ``force_points``, ``contact`` and ``contact_markers``,
+each only while it has subscribers, and once ``/tf_static``: the pose of the gel surface on the sensor. While
+``pressure_map`` has subscribers, it subscribes to ``force_field``, which costs the estimator computing time.
 """
 
 from __future__ import annotations
@@ -32,17 +32,19 @@ class ForceViewsParams(NodeParams):
     """Parameters of the force views node."""
 
     sensor: str = parameter(
-        '', 'description of the sensor, whose `frame` holds where the next four are not given', read_only=True
+        '', 'sensor description; its `frame` is used unless the next four are given', read_only=True
     )
-    frame_id: str = parameter('', 'frame of the forces; empty: as described, or gel_surface', read_only=True)
+    frame_id: str = parameter('', 'frame of the forces; empty: that of `sensor`, or gel_surface', read_only=True)
     parent_frame_id: str = parameter(
         'tactile_sensor', 'parent frame of the surface on /tf_static; empty: not published', read_only=True
     )
     xyz_m: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0), "the surface's origin in the parent frame [m]", read_only=True
+        (0.0, 0.0, 0.0), 'origin of the surface in the parent frame [m]', read_only=True
     )
     rpy_rad: tuple[float, ...] = parameter(
-        (0.0, 0.0, 0.0), 'its roll, pitch and yaw about the fixed axes of the parent frame [rad]', read_only=True
+        (0.0, 0.0, 0.0),
+        'roll, pitch and yaw of the surface about the fixed axes of the parent frame [rad]',
+        read_only=True,
     )
 
     def __post_init__(self) -> None:
@@ -52,7 +54,7 @@ class ForceViewsParams(NodeParams):
 
 
 class ForceViewsNode(Node):
-    """Each view carries the stamp of its image; nothing is made that nobody takes."""
+    """Each view carries the stamp of its image; views without subscribers are not computed."""
 
     NAME = 'force_views'
     PARAMS = ForceViewsParams
@@ -86,7 +88,7 @@ class ForceViewsNode(Node):
                 self._made[publisher.topic] += 1
 
     def _look(self) -> None:
-        """Whether anybody wants the field, which is made for its listeners alone."""
+        """Whether anyone subscribes to the field, which is computed only for subscribers."""
         wanted = self._pressure.listeners > 0
         if wanted and self._field is None:
             self._field = self.create_subscription(topics.FORCE_FIELD, self._on_field)
@@ -101,7 +103,7 @@ class ForceViewsNode(Node):
     def _report(self) -> None:
         made = self._publishers
         wanted = sum(publisher.listeners > 0 for publisher in made)
-        self.report('views', Level.OK, f'somebody listens to {wanted} of {len(made)}', **self._made)
+        self.report('views', Level.OK, f'{wanted} of {len(made)} views have subscribers', **self._made)
 
     def _tell_transform(self) -> None:
         described = mounting_of(self.params.sensor)

@@ -1,4 +1,4 @@
-"""Shows every topic in Foxglove or Lichtblick on this machine; nothing can be changed from there.
+"""Shows every topic in Foxglove or Lichtblick on this machine, read-only.
 
 A topic is received only while a panel draws it.
 """
@@ -24,7 +24,7 @@ from tactile_nodes.web.port import listen
 LOOK_EVERY_S = 0.2
 _REPORT_PERIOD_S = 1.0
 ORIGINS = ('https://app.foxglove.dev', 'file://', 'http://localhost:8080', 'http://127.0.0.1:8080')
-"""Foxglove in a browser, applications of the desktop, and Lichtblick as it is served to a browser of this machine."""
+"""Foxglove in a browser, desktop applications, and Lichtblick served to a browser of this machine."""
 
 
 @dataclass(frozen=True)
@@ -32,18 +32,20 @@ class FoxgloveBridgeParams(NodeParams):
     """Parameters of the Foxglove bridge."""
 
     address: str = parameter(
-        '127.0.0.1', 'address to serve at; from other machines only guests come, see there', read_only=True
+        '127.0.0.1',
+        'address to serve on; connections from other machines count as guests, see `guests`',
+        read_only=True,
     )
     port: int = parameter(
-        8765, 'port to serve at, or the next one that is free; 0: any', minimum=0, maximum=65535, read_only=True
+        8765, 'port to serve on, or the next free one; 0: any', minimum=0, maximum=65535, read_only=True
     )
-    origins: tuple[str, ...] = parameter(
-        ORIGINS, 'where pages in a browser may come from that look (docs/foxglove.md)', read_only=True
+    origins: tuple[str, ...] = parameter(ORIGINS, 'allowed origins of web pages (docs/foxglove.md)', read_only=True)
+    host_names: tuple[str, ...] = parameter(
+        (), 'host names, besides addresses, under which it may be reached', read_only=True
     )
-    host_names: tuple[str, ...] = parameter((), 'names, besides addresses, to be reached by', read_only=True)
     guests: str = parameter(
         Guests.NONE.value,
-        'what other accounts of this machine, and other machines, may: nothing, or watch',
+        'what other users of this machine, and other machines, may do: nothing, or watch',
         choices=[Guests.NONE.value, Guests.WATCH.value],
         read_only=True,
     )
@@ -51,7 +53,7 @@ class FoxgloveBridgeParams(NodeParams):
 
 
 class FoxgloveBridgeNode(Node):
-    """Opens the server, and looks at who publishes and who watches."""
+    """Opens the server, and tracks publishers and viewers."""
 
     NAME = 'foxglove_bridge'
     PARAMS = FoxgloveBridgeParams
@@ -78,17 +80,15 @@ class FoxgloveBridgeNode(Node):
     def _announce(self) -> None:
         layout = share_directory() / 'config' / 'foxglove' / 'tactile.json'
         server, address = self.server, self.params.address
-        self.log.info(
-            f'serving {server.address}; open {server.link} or connect Lichtblick; a layout to import: {layout}'
-        )
+        self.log.info(f'serving {server.address}; open {server.link} or connect Lichtblick; layout to import: {layout}')
         if self.params.guests == Guests.WATCH.value:
-            who = 'every account of this machine' if is_loopback(address) else f'anyone who reaches {address}'
+            who = 'every user of this machine' if is_loopback(address) else f'anyone who can reach {address}'
             self.log.warn(f'{who} can watch')
         elif not is_loopback(address):
-            self.log.warn(f'{address} is open to other machines, but only guests come from there: set guests')
+            self.log.warn(f'{address} is reachable from other machines, but they count as guests: set guests')
 
     def _on_interest(self, topic: str) -> None:
-        """In a thread of the server's."""
+        """Called in a thread of the server."""
         self.post(lambda: self._showing.welcome(topic))
 
     def _report(self) -> None:

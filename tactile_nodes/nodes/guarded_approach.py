@@ -1,9 +1,9 @@
-"""An example of a controller on the force topic: goes down until the gel feels 0.2 N, holds it, goes up, and ends.
+"""Example controller on the force topic: moves down until the gel measures 0.2 N, holds, moves up, and ends.
 
-Subscribes ``force_distribution``; drives the machine of a rig; offers ``~/stop`` and ``~/acknowledge``
-(std_srvs/Trigger), which answers what is asked after a run that was cut off. It gives up, with
-the tip up, when the force is invalid, old or too large (docs/robots.md). On the bus it is called ``rig``, as the
-node that collects is: it drives the same machine, by the same file of devices, and the two must not do so at once.
+Subscribes to ``force_distribution``; drives the machine of a rig; offers ``~/stop`` and ``~/acknowledge``
+(std_srvs/Trigger), which answers the question after a run that was cut off. It gives up, with the tip lifted, if the
+force is invalid, old or too large (docs/robots.md). On the bus it is called ``rig``, like the node that collects. Both
+drive the same machine with the same device file, and must not run at the same time.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class GuardedApproachParams(GuardedRunSettings, NodeParams):
 
 
 class GuardedApproachNode(Node):
-    """The approach has a thread of its own; this node's thread takes forces in and answers."""
+    """The approach runs in its own thread; the node's thread receives forces and answers services."""
 
     NAME = 'rig'
     PARAMS = GuardedApproachParams
@@ -45,7 +45,7 @@ class GuardedApproachNode(Node):
         super().__init__(bus, arguments, clock)
         self._felt: Felt | None = None
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
-        self._person = Person(answer, lambda _: None, self.clock)  # told by the timer
+        self._person = Person(answer, lambda _: None, self.clock)  # reported by the timer
         self._guarded = GuardedRun(self.params, self.clock, lambda: self._felt, self._person)
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
         self.create_trigger('~/stop', self._stop_approach)
@@ -54,7 +54,7 @@ class GuardedApproachNode(Node):
         self._thread = self.run_beside('approach', self._approach)
 
     def stop(self) -> None:
-        """Also ends the approach, at once: by the time that this node closes, the sensor may be gone."""
+        """Also ends the approach at once: when this node closes, the sensor may already be gone."""
         self._guarded.stop()
         super().stop()
 
@@ -76,7 +76,7 @@ class GuardedApproachNode(Node):
 
     def _stop_approach(self) -> str:
         self._guarded.stop()
-        return 'stopping: the tip goes up, and the approach ends'
+        return 'stopping: the tip is lifted, and the approach ends'
 
 
 def main() -> int:

@@ -1,8 +1,8 @@
-"""The live view in the browser: a page on this machine, with picture, motion, force, health and a few buttons.
+"""The live view in the browser: a page on this machine with picture, motion, force, health and a few buttons.
 
-Subscribes ``/diagnostics``, ``/rosout``, ``calibration_state``, ``force_distribution`` and ``true_force_distribution``,
-and, while somebody watches, ``image_raw``, ``flow_features`` and ``force_field``; of a hand those of each sensor, and
-``hand_wrench``.
+Subscribes to ``/diagnostics``, ``/rosout``, ``calibration_state``, ``force_distribution`` and
+``true_force_distribution``, and, while a page is open, ``image_raw``, ``flow_features`` and ``force_field``. For a hand
+it subscribes to these topics of each sensor, and ``hand_wrench``.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from tactile_nodes.web.scene import Scene
 from tactile_nodes.web.server import PageServer
 
 LOOK_EVERY_S = 0.5
-IMAGES = 4  # kept between two looks
+IMAGES = 4  # kept between two polls
 
 
 @dataclass(frozen=True)
@@ -36,28 +36,32 @@ class LiveViewParams(NodeParams):
     """Parameters of the live view."""
 
     address: str = parameter(
-        '127.0.0.1', 'address to serve at; from other machines only guests come, see there', read_only=True
+        '127.0.0.1',
+        'address to serve on; connections from other machines count as guests, see `guests`',
+        read_only=True,
     )
     port: int = parameter(
-        7470, 'port to serve at, or the next free one; 0: any', minimum=0, maximum=65535, read_only=True
+        7470, 'port to serve on, or the next free one; 0: any', minimum=0, maximum=65535, read_only=True
     )
-    host_names: tuple[str, ...] = parameter((), 'names, besides addresses, to be reached by', read_only=True)
+    host_names: tuple[str, ...] = parameter(
+        (), 'host names, besides addresses, under which it may be reached', read_only=True
+    )
     guests: str = parameter(
         Guests.NONE.value,
-        'what other accounts of this machine, and other machines, may: nothing, watch, or act as well',
+        'what other users of this machine, and other machines, may do: nothing, watch, or also act',
         choices=[each.value for each in Guests],
         read_only=True,
     )
-    rate_hz: float = parameter(30.0, 'looks a second', minimum=1.0, maximum=60.0, read_only=True)
+    rate_hz: float = parameter(30.0, 'updates per second', minimum=1.0, maximum=60.0, read_only=True)
     hand: str = parameter(
-        '', 'show the sensors of this hand, by name or file; empty: that of the namespace', read_only=True
+        '', 'show the sensors of this hand (name or file); empty: the sensor of the namespace', read_only=True
     )
-    viewers: int = parameter(16, 'pages at most that watch at once', minimum=1, maximum=100, read_only=True)
+    viewers: int = parameter(16, 'most pages that may watch at the same time', minimum=1, maximum=100, read_only=True)
 
 
 @dataclass
 class _Shown:
-    """One sensor: what comes in of it, and what is shown."""
+    """One sensor: its incoming messages, and its view."""
 
     name: str
     scene: Scene
@@ -70,7 +74,7 @@ class _Shown:
 
 
 class LiveViewNode(Node):
-    """Looks at what has come in, and shows it to those who watch; while nobody does, it takes in no pictures."""
+    """Shows incoming messages to the viewers; without viewers, it receives no pictures."""
 
     NAME = 'live_view'
     PARAMS = LiveViewParams
@@ -117,11 +121,11 @@ class LiveViewNode(Node):
         guests, is_alone = Guests(self.params.guests), guard.is_loopback(self.params.address)
         if guests is not Guests.NONE:
             may = 'watch and press the buttons' if guests is Guests.ACT else 'watch'
-            who = 'every account of this machine' if is_alone else f'anyone who reaches {self.params.address}'
+            who = 'every user of this machine' if is_alone else f'anyone who can reach {self.params.address}'
             self.log.warn(f'{who} can {may}')
         elif not is_alone:
             self.log.warn(
-                f'{self.params.address} is open to other machines, but only guests come from there: set guests'
+                f'{self.params.address} is reachable from other machines, but they count as guests: set guests'
             )
 
     def _on_hand(self, received: Received) -> None:
@@ -129,10 +133,10 @@ class LiveViewNode(Node):
             each.scene.hand = received.message
 
     def _look(self) -> None:
-        """Who watches, and whom the buttons would reach."""
+        """Report the number of viewers, and the nodes that the buttons control."""
         server, watching = self.server, self.server.watching
         self.report(
-            'page', Level.OK, f'{server.url}, {watching or "nobody"} watching', viewers=watching,
+            'page', Level.OK, f'{server.url}, viewers: {watching}', viewers=watching,
             turned_away=server.door.refused, refused=server.complaints.refused,
         )  # fmt: skip
         graph = self.bus.graph() if watching else Graph()
@@ -160,7 +164,7 @@ class LiveViewNode(Node):
             self._show_of(each)
 
     def _show_of(self, each: _Shown) -> None:
-        each.forces.drain()  # first: what belongs to a force is published before or right after it
+        each.forces.drain()  # first: messages that belong to a force are published before or right after it
         each.pictures.drain()
         each.scene.view.malformed = each.forces.malformed + each.pictures.malformed
         now_ns = self.bus.clock.now_ns()
@@ -170,10 +174,10 @@ class LiveViewNode(Node):
             self.server.remember(samples, each.name)
 
     def _act(self, action: str, insist: bool, sensor: str) -> Outcome:
-        """In a thread of the server's."""
+        """Called in a thread of the server."""
         each = self._sensors[sensor]
         outcome = each.controls.act(action, each.scene.touching_n(self.bus.clock.now_ns()), insist=insist)
-        self.log.info(f'{action!r}, asked for on the page: {outcome.text}')
+        self.log.info(f'{action!r}, requested on the page: {outcome.text}')
         return outcome
 
 

@@ -1,9 +1,9 @@
-"""Publishes a bag again: the same bytes, with the same distances in time.
+"""Plays a bag: publishes the same bytes with the same time intervals.
 
-Forces of an earlier release are completed: what they did not tell is not known.
+Forces of earlier releases are completed: missing fields are marked as unknown.
 
-Offers ``~/pause``, ``~/resume``, ``~/toggle_paused`` and ``~/play_next`` (std_srvs/Trigger); the parameter ``rate`` can
-be changed on the way. The node ends when it has played everything.
+Offers ``~/pause``, ``~/resume``, ``~/toggle_paused`` and ``~/play_next`` (std_srvs/Trigger). The parameter ``rate`` can
+be changed while playing. The node ends after it has played everything.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from tactile_nodes.errors import BagError, ConfigurationError, TactileError
 from tactile_nodes.messages import encode, time_from_ns, types
 from tactile_nodes.params import parameter
 
-MEET_S = 0.3  # in which a subscriber that is there already connects, if it is not busy
+MEET_S = 0.3  # time in which a running subscriber connects, if it is not busy
 _MEET_AT_MOST_S, _LISTENS_AT_MOST_S = 2.1, 30.0
-_REST_S = 0.5  # in which others finish what follows from the last message, before a launch ends with this node
-_QUIET_S = 1.0  # of a topic that follows from the bag: so long nothing comes when all of it was dealt with
+_REST_S = 0.5  # time for others to process the last message, before a launch ends with this node
+_QUIET_S = 1.0  # a topic computed from the bag is complete after this time without a message
 _HEALTH_PERIOD_S = 0.5
-_SHORTEST_QUEUE = 100  # a replay shall lose nothing, also at ten times the rate
+_SHORTEST_QUEUE = 100  # a replay must lose nothing, even at ten times the rate
 
 
 @dataclass(frozen=True)
@@ -43,30 +43,30 @@ class PlayerParams(NodeParams):
 
     bag: str = parameter('', 'folder, .mcap or .db3 file to play', read_only=True)
     rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001)
-    loop: bool = parameter(False, 'begin again at the end', read_only=True)
-    start_offset: float = parameter(0.0, 'seconds into the bag to begin at', minimum=0.0, read_only=True)
+    loop: bool = parameter(False, 'start again at the end', read_only=True)
+    start_offset: float = parameter(0.0, 'start this many seconds into the bag', minimum=0.0, read_only=True)
     wait_for: str = parameter(
-        '', 'node that has to listen to all topics before playing, for half a minute at most', read_only=True
+        '', 'node that must subscribe to all topics before playing starts; waits 30 s at most', read_only=True
     )
     delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
     clock_hz: float = parameter(
-        0.0, 'publish the time of the bag on /clock at this rate; 0.0: not', minimum=0.0, read_only=True
+        0.0, 'publish the time of the bag on /clock at this rate; 0.0: off', minimum=0.0, read_only=True
     )
     topics: tuple[str, ...] = parameter(
-        (), "topics to play; '*/image_raw' are those of that name of every sensor; empty: all", read_only=True
+        (), "topics to play; '*/image_raw' means this topic of every sensor; empty: all", read_only=True
     )
     topics_if_there: tuple[str, ...] = parameter((), 'further topics, played if the bag holds them', read_only=True)
-    remap: tuple[str, ...] = parameter((), 'rules from:=to for the names of topics', read_only=True)
-    paused: bool = parameter(False, 'begin paused', read_only=True)
+    remap: tuple[str, ...] = parameter((), 'rules from:=to for topic names', read_only=True)
+    paused: bool = parameter(False, 'start paused', read_only=True)
     answer: str = parameter(
         '',
-        "topic that follows from what is played, or '*/' and its name: the player ends when nothing more comes of it",
+        "topic computed from the played ones, or '*/' and its name: the player ends when no more messages of it come",
         read_only=True,
     )
 
 
 class PlayerNode(Node):
-    """Plays in a thread of its own, so that services are answered at any time."""
+    """Plays in its own thread, so that services are answered at any time."""
 
     NAME = 'player'
     PARAMS = PlayerParams
@@ -74,7 +74,7 @@ class PlayerNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         if not self.params.bag:
-            raise BagError('there is no bag to play; set the parameter bag')
+            raise BagError('no bag to play; set the parameter bag')
         self.reader = BagReader(self.params.bag)
         try:
             self._require_something()
@@ -96,12 +96,12 @@ class PlayerNode(Node):
         self._thread = self.run_beside('bag', self._play)
 
     def pause(self) -> str:
-        """Stand still."""
+        """Pause playing."""
         self.playback.pause()
         return 'paused'
 
     def resume(self) -> str:
-        """Go on."""
+        """Continue playing."""
         self.playback.resume()
         return 'playing'
 
@@ -110,11 +110,11 @@ class PlayerNode(Node):
         return self.resume() if self.playback.timeline.paused else self.pause()
 
     def play_next(self) -> str:
-        """While paused, publish one message more. Raises BagError when it is not paused."""
+        """While paused, publish one more message. Raises BagError if it is not paused."""
         if not self.playback.timeline.paused:
-            raise BagError('it is playing; pause it first')
+            raise BagError('playing; pause first')
         self.playback.step()
-        return 'one message more'
+        return 'published one message'
 
     def on_parameters(self, changed: PlayerParams) -> None:
         self.playback.set_rate(changed.rate)
@@ -127,7 +127,7 @@ class PlayerNode(Node):
     def _require_something(self) -> None:
         lasts_s, offset_s = self.reader.extent.duration_ns / NS_PER_S, self.params.start_offset
         if offset_s > lasts_s:
-            raise BagError(f'{self.reader.path} lasts {lasts_s:.1f} s; nothing is left to play after {offset_s:g} s')
+            raise BagError(f'{self.reader.path} lasts {lasts_s:.1f} s; there is nothing to play after {offset_s:g} s')
 
     def _advertise(self) -> dict[str, Publisher]:
         rules = tuple(parse_remap(rule) for rule in self.params.remap)
@@ -140,7 +140,7 @@ class PlayerNode(Node):
         return {topic.name: self._publisher(topic, names.resolve(topic.name)) for topic in played}
 
     def _named(self, names: tuple[str, ...]) -> set[str]:
-        """Full names; those with a star are looked for in the bag, and stay as they are where none is found."""
+        """Full names; names with a star are searched in the bag, and kept if nothing matches."""
         found = set[str]()
         for name in names:
             like = fnmatch.filter(self.reader.topics, name) if '*' in name else [self.names.resolve(name)]
@@ -148,19 +148,19 @@ class PlayerNode(Node):
         return found
 
     def _others(self, unknown: set[str]) -> str:
-        """Of topics that are not there: whose there are."""
+        """For missing topics: which sensors have them."""
         last = {each.rpartition('/')[2] for each in unknown}
         others = sorted(topic for topic in self.reader.topics if topic.rpartition('/')[2] in last)
         if not others:
             return '; see: tactile bag info'
-        return f', but {", ".join(others)}; name the sensor (namespace:=), or its hand (tactile launch replay_hand)'
+        return f', but {", ".join(others)}; give the sensor (namespace:=), or its hand (tactile launch replay_hand)'
 
     def _hear_answers(self) -> tuple[Subscription, ...]:
-        """One subscription for each sensor of which something is played."""
+        """One subscription for each sensor with played topics."""
         if not (answer := self.params.answer):
             return ()
         if (topic := topics.in_table(answer)) is None:
-            raise ConfigurationError(f'answer: {answer} is no topic of this package; see docs/topics.md')
+            raise ConfigurationError(f'answer: {answer} is not a topic of this package; see docs/topics.md')
         sensors = sorted({each.rpartition('/')[0] for each in self._wanted})
         names = [answer.replace('*', sensor) for sensor in sensors] if '*' in answer else [self.names.resolve(answer)]
         made = tuple(self.bus.subscribe(name, topic.type_name, Qos('latest', 1), self.full_name) for name in names)
@@ -171,10 +171,10 @@ class PlayerNode(Node):
         if not self.reader.counts.get(topic.name) or (wanted and topic.name not in wanted):
             return False
         if topic.name == topics.CLOCK.name and self.params.clock_hz > 0:
-            return False  # there is one time only, and we tell it
+            return False  # there is only one clock, and this node publishes it
         known = self.reader.types
         if not known.is_ours(topic.type_name) and not known.is_completed(topic.type_name):
-            self.log.warn(f'{topic.name} is not played: {topic.type_name} is unknown here, or is another version')
+            self.log.warn(f'{topic.name} is not played: {topic.type_name} is unknown here, or has another version')
             return False
         return True
 
@@ -187,7 +187,7 @@ class PlayerNode(Node):
 
     def _play(self) -> None:
         try:
-            self.playback.announce(self.params.start_offset)  # a rest image shall be there before the first picture
+            self.playback.announce(self.params.start_offset)  # a rest image must arrive before the first picture
             self._wait_until(self._is_heard, _LISTENS_AT_MOST_S)
             self.playback.wait(MEET_S)
             self._wait_until(self._has_met_all, _MEET_AT_MOST_S)
@@ -213,7 +213,7 @@ class PlayerNode(Node):
             self.playback.wait(MEET_S)
 
     def _is_heard(self) -> bool:
-        """Whether the node that is waited for, if one is, listens; of several sensors that of each."""
+        """Whether the node that is waited for subscribes, if there is one; with several sensors, that of each."""
         if not self.params.wait_for:
             return True
         ends = [end for peer in self.bus.graph().participants for end in peer.subscriptions]
@@ -222,8 +222,8 @@ class PlayerNode(Node):
         return all(any(topic.startswith(f'{sensor}/') for topic in heard) for sensor in sensors)
 
     def _has_met_all(self) -> bool:
-        """Whether those are connected who are there already, so that they hear the first message."""
-        # A process counts once, however many of its nodes listen.
+        """Whether all running subscribers are connected, so that they receive the first message."""
+        # A process counts once, however many of its nodes subscribe.
         peers = self.bus.graph().participants
         wanted = [what for peer in peers for what in {(end.name, end.type_name) for end in peer.subscriptions}]
         return all(

@@ -1,4 +1,4 @@
-"""Records topics into a bag: the bytes that travelled, with capture stamp and time of receipt.
+"""Records topics into a bag: the serialized bytes, with capture stamp and time of receipt.
 
 Offers the services ``~/start`` and ``~/stop`` (std_srvs/Trigger).
 """
@@ -30,11 +30,11 @@ from tactile_nodes.params import parameter
 LOOK_EVERY_S = 0.1
 HEALTH_PERIOD_S = 0.5
 PATIENCE_S = 0.5
-"""A disk that needs longer than this for what waits at the end is worth a word."""
+"""Warn if the disk needs longer than this for the data that is still queued at the end."""
 ABSENT_AFTER_S = 5.0
-"""So long a topic that was named may take to be published."""
+"""How long a named topic may take to be published."""
 AWAITED_HZ = 5.0
-"""Recording begins when something came of every topic of this rate or more, and of each latched one."""
+"""Recording starts when a message has come on every topic of at least this rate, and on each latched topic."""
 _RECORDING = 'recording'
 _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 
@@ -43,29 +43,29 @@ _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 class RecorderParams(NodeParams):
     """Parameters of the recorder."""
 
-    bag: str = parameter('', 'folder to write, which must not exist; empty or ending in a slash: rosbag2_<date> in it')
-    topics: tuple[str, ...] = parameter((), 'topics to record; empty: those that the topic table marks as recorded')
-    all: bool = parameter(False, 'record every topic there is')
-    regex: str = parameter('', 'record also the topics in which this expression is found')
-    exclude: str = parameter('', 'leave out the topics in which this expression is found')
-    compression: str = parameter('none', 'of the chunks', choices=tuple(COMPRESSIONS))
-    queue_mb: int = parameter(256, 'what may wait for a slow disk before messages are dropped [MB]', minimum=1)
-    max_file_bytes: int = parameter(0, 'begin another file when one is this long; 0: never', minimum=0)
-    max_file_s: float = parameter(0.0, 'begin another file after these seconds; 0: never', minimum=0.0)
+    bag: str = parameter('', 'folder to create; if empty or with a final slash: rosbag2_<date> in it')
+    topics: tuple[str, ...] = parameter((), 'topics to record; empty: those marked as recorded in the topic table')
+    all: bool = parameter(False, 'record every topic')
+    regex: str = parameter('', 'also record topics that match this regular expression')
+    exclude: str = parameter('', 'do not record topics that match this regular expression')
+    compression: str = parameter('none', 'compression of the chunks', choices=tuple(COMPRESSIONS))
+    queue_mb: int = parameter(256, 'buffer for a slow disk, after which messages are dropped [MB]', minimum=1)
+    max_file_bytes: int = parameter(0, 'start a new file at this size [bytes]; 0: never', minimum=0)
+    max_file_s: float = parameter(0.0, 'start a new file after this time [s]; 0: never', minimum=0.0)
     begins_with: str = parameter(
         '',
-        "topic, or '*/' and its name, with whose first message the recording begins; where none comes, no bag is left",
+        "topic, or '*/' and its name, with whose first message recording starts; if none comes, no bag is written",
         read_only=True,
     )
     autostart: bool = parameter(True, 'record from the start; otherwise wait for ~/start', read_only=True)
 
 
 class RecorderNode(Node):
-    """Takes what comes in to a `BagWriter`, and subscribes to what is published later, too."""
+    """Passes received messages to a `BagWriter`, and also subscribes to topics that are published later."""
 
     NAME = 'recorder'
     PARAMS = RecorderParams
-    END_WITHIN_S = 4.8  # what waits for a slow disk is to be written; a launch sends the next signal after 5 s
+    END_WITHIN_S = 4.8  # data that waits for a slow disk must be written; a launch sends the next signal after 5 s
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
@@ -80,7 +80,7 @@ class RecorderNode(Node):
         self._woken = False
         if (before := self.kept.get(_RECORDING)) is not None:
             folder = self._begin(free_folder(folder_of(self.params.bag)), begins_with='')
-            self.log.warn(f'started again while recording into {before.decode(errors="replace")}: goes on in {folder}')
+            self.log.warn(f'restarted while recording into {before.decode(errors="replace")}: continues in {folder}')
         elif self.params.autostart:
             self.start_recording()
         self.create_trigger('~/start', self.start_recording)
@@ -89,9 +89,9 @@ class RecorderNode(Node):
         self.create_timer(HEALTH_PERIOD_S, self._report_health)
 
     def start_recording(self) -> str:
-        """Begin a bag. Raises BagError, ConfigurationError."""
+        """Start a bag. Raises BagError, ConfigurationError."""
         if self.writer is not None:
-            raise BagError(f'{self.writer.folder} is being recorded already; stop it first')
+            raise BagError(f'{self.writer.folder} is already being recorded; stop it first')
         return f'recording into {self._begin(folder_of(self.params.bag), self._begins_with)}'
 
     def _begin(self, folder: Path, begins_with: str) -> Path:
@@ -117,7 +117,7 @@ class RecorderNode(Node):
         if opening is None or writer is None or not opening.is_over(self.clock.now_ns()):
             return
         if opening.silent:
-            self.log.info(f'recording begins; nothing has come yet on {", ".join(opening.silent)}')
+            self.log.info(f'recording starts; no message yet on {", ".join(opening.silent)}')
         self._write_what_was_held(opening, writer)
 
     def _write_what_was_held(self, opening: Opening, writer: BagWriter) -> None:
@@ -128,7 +128,7 @@ class RecorderNode(Node):
                 self._write(arrival, log_ns, writer)
 
     def stop_recording(self) -> str:
-        """End the bag. Raises BagError when there is none, or not all of it could be written."""
+        """End the bag. Raises BagError if there is none, or if not all of it could be written."""
         if self.writer is None:
             raise BagError('nothing is being recorded')
         self._drain()
@@ -136,24 +136,26 @@ class RecorderNode(Node):
             return self._give_up()
         if self._opening is not None:
             self._write_what_was_held(self._opening, self.writer)
-        if self.writer is None:  # the last messages did not fit any more
+        if self.writer is None:  # the last messages could not be written
             raise self.failure or BagError('nothing was recorded')
         writer = self._let_go()
         if waiting := writer.begin_to_close(PATIENCE_S):
-            self.log.warn(f'{waiting} messages still wait for the disk; they are lost if this ends before it has them')
+            self.log.warn(
+                f'{waiting} messages still wait for the disk; they are lost if this ends before they are written'
+            )
         totals = writer.close()
         silent = sorted(name for name in self._filter.names if not writer.counts[name])
-        nothing = f'; nothing came on {", ".join(silent)}' if silent else ''
+        nothing = f'; no messages on {", ".join(silent)}' if silent else ''
         losses = self.tally.losses(writer.dropped_of, _lost)
         self.last = f'wrote {describe(totals)} into {writer.folder.absolute()}{nothing}{losses}'
         self._ended = self._figures(writer)
         return self.last
 
     def _give_up(self) -> str:
-        """End a bag in which nothing stands."""
+        """End a bag that holds nothing."""
         self._opening = None
         self._let_go().discard_empty()
-        self.last = f'recorded nothing, since nothing came on {self._begins_with}'
+        self.last = f'recorded nothing, because no message came on {self._begins_with}'
         self._ended = {}
         return self.last
 
@@ -200,7 +202,7 @@ class RecorderNode(Node):
         except MessageError as error:
             self.log.warn(f'{end.name} is not recorded: {error}', once=end.name)
             return
-        # What a latched topic said before we came, we receive now; else a bag would begin before its recording.
+        # Latched messages published before we subscribed are received now; else a bag would begin before its recording.
         self._since_ns[end.name] = self.clock.now_ns() if end.latched else 0
         if self._opening is not None:
             self._opening.expect(end.name, latched=end.latched, awaited=end.latched or _comes_often(end.name))
@@ -225,7 +227,7 @@ class RecorderNode(Node):
         arrival = Arrival(name, received.publisher, received.sequence, received.source_ns, log_ns, received)
         if self._opening is None:
             self._write(arrival, log_ns, writer)
-        elif received.publisher not in self._own:  # what this node says of connecting is no part of the recording
+        elif received.publisher not in self._own:  # messages of this node about connecting are not recorded
             self._opening.hold(arrival)
             self._begin_when_connected()
 
@@ -246,10 +248,10 @@ class RecorderNode(Node):
         self.report('bag', Level.ERROR, str(error))
 
     def _absent(self) -> str:
-        """Which topics that were named nobody publishes, when they had the time to come."""
+        """Named topics that still have no publisher after the time allowed for it."""
         absent = ', '.join(sorted(self._filter.names - self._subscriptions.keys()))
         is_late = self.clock.now_ns() - self._begun_ns >= ABSENT_AFTER_S * NS_PER_S
-        return f'nobody publishes {absent}' if absent and is_late else ''
+        return f'no publisher of {absent}' if absent and is_late else ''
 
     def _report_health(self) -> None:
         if self.writer is None:
@@ -279,7 +281,7 @@ class RecorderNode(Node):
 
 
 def _lost(topic: str) -> str:
-    """What a bag is good for in which messages of `topic` are missing."""
+    """What a bag without some messages of `topic` can still be used for."""
     known = topics.in_table(topic)
     return known.lost if known is not None else topics.Topic.lost
 

@@ -1,9 +1,9 @@
-"""Presses the gel by a plan; publishes what it measures: machine, force/torque sensor, images of a camera node.
+"""Presses the gel as in a plan; publishes machine state, force/torque samples, and images of a camera node.
 
 Publishes ``force_torque``, ``force_torque_counts``, ``serial_traffic``, ``rig_state``, ``sync_edge``, ``press``,
-``press_image`` and ``reference_image``; takes ``image_raw``; offers ``~/pause``, ``~/resume``, ``~/stop`` and
-``~/acknowledge`` (std_srvs/Trigger). It ends by itself with the plan. Killed, it may be started again at once, and then
-asks a person before anything moves, unless ``after_kill`` is ``go_on``; where a run failed, a person has to look.
+``press_image`` and ``reference_image``; subscribes to ``image_raw``; offers ``~/pause``, ``~/resume``, ``~/stop`` and
+``~/acknowledge`` (std_srvs/Trigger). It ends with the plan. If it was killed, it can be started again at once. It then
+asks a person before anything moves, unless ``after_kill`` is ``go_on``; after a failed run, a person has to check.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from tactile_nodes.sensing.geometry import middle_part
 
 STATUS_S = 1.0
 _PAUSED = 'paused'
-SELDOM_S = 10.0  # how often the progress is said where nobody looks at a terminal
+SELDOM_S = 10.0  # interval of progress messages without a terminal
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class RigParams(RigSettings, NodeParams):
 
 
 class RigNode(Node):
-    """The run has a thread of its own; this node's thread takes images in and answers."""
+    """The run has its own thread; the node's thread receives images and answers services."""
 
     NAME = 'rig'
     PARAMS = RigParams
@@ -93,20 +93,20 @@ class RigNode(Node):
 
     def _on_image(self, received: Received) -> None:
         message = received.message
-        picture = middle_part(conversions.image_array(message))  # as the flow features node cuts it
+        picture = middle_part(conversions.image_array(message))  # the same crop as the flow features node
         self._session.image(stamp_ns(message.header.stamp), picture)
 
     def _pause(self, paused: bool) -> str:
         self._session.campaign.paused = paused
         if paused:
-            self.kept.put(_PAUSED, b'')  # else a rig that is killed while it pauses would press again by itself
+            self.kept.put(_PAUSED, b'')  # else a rig that is killed while paused would press again without being asked
         else:
             self.kept.drop(_PAUSED)
-        return 'pausing after this press' if paused else 'going on'
+        return 'pausing after this press' if paused else 'continuing'
 
     def _stop_run(self) -> str:
         self._session.stop()
-        return 'stopping: the tip goes up, and the run ends; started again it goes on with the next press'
+        return 'stopping: the tip is lifted, and the run ends; when started again it continues with the next press'
 
 
 def main() -> int:

@@ -1,7 +1,7 @@
 """Publishes the edges of the digital line that this host sees on a control line of a serial port.
 
-Publishes ``sync_edge`` with the name of the recorder as frame, beside the edges that the rig tells of its own
-switching: a bag then holds both, and whoever reads it can compare the clocks.
+Publishes ``sync_edge`` with the name of the recorder as frame. The rig publishes the edges that it switches, so a bag
+holds both, and the clocks can be compared.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ SIMULATED = 'simulated'
 
 @dataclass(frozen=True)
 class EmulatedRecorderSettings:
-    """The clock of the recorder where the device is ``simulated``: the line of a rig that is not there."""
+    """The clock of a ``simulated`` recorder, which watches the line of an emulated rig."""
 
-    ahead_s: float = parameter(0.0, 'how much more it reads than the true time when it begins')
-    drift_ppm: float = parameter(0.0, 'how much too fast it runs')
+    ahead_s: float = parameter(0.0, 'offset of the clock from the true time at the start')
+    drift_ppm: float = parameter(0.0, 'drift: how much too fast the clock runs')
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class SyncInputParams(SyncInputSettings, NodeParams):
 
     READ_ONLY: ClassVar[bool] = True
 
-    recorder: str = parameter('sync_input', 'frame of the edges: the name of whatever has the clock that stamps them')
-    line_name: str = parameter('press', 'what to call the line')
+    recorder: str = parameter('sync_input', 'frame of the edges: name of the recorder whose clock stamps them')
+    line_name: str = parameter('press', 'name of the line')
     emulated: EmulatedRecorderSettings = field(default_factory=EmulatedRecorderSettings)
 
 
 class SyncInputNode(Node):
-    """Reads in a thread of its own; without a device it does nothing, and says so."""
+    """Reads in its own thread; without a device it does nothing, and reports that."""
 
     NAME = 'sync_input'
     PARAMS = SyncInputParams
@@ -66,7 +66,7 @@ class SyncInputNode(Node):
         self._running = True
         self._reader: threading.Thread | None = None
         if not self.params.device:
-            self.report('sync input', Level.OK, 'no device is named, so nothing is watched')
+            self.report('sync input', Level.OK, 'no device is set, so no line is watched')
             return
         self._input.open()
         self._reader = self.run_beside('sync input', self._read)
@@ -97,7 +97,7 @@ class SyncInputNode(Node):
                 for edge in self._input.read(READ_S):
                     self._edge.publish(self._message(edge))
             except DeviceTimeoutError:
-                continue  # still, or lost and looked for: the health says which
+                continue  # no edge, or the device is lost; reported by the health
             except TactileError:
                 if self._running:  # else closed meanwhile
                     raise

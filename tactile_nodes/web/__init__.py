@@ -1,1 +1,1 @@
-"""The live view in a browser: what the page shows, the server that brings it there, and the page itself."""
+"""The live view in a browser: its content, the server, and the page itself."""

@@ -1,6 +1,6 @@
-"""Which account of this machine a TCP connection comes from, by the kernel's own table of sockets (proc(5)).
+"""Which user of this machine a TCP connection comes from, according to the kernel's table of sockets (proc(5)).
 
-A name of a user, a word or an address can be sent by anybody; that a socket is somebody's only the kernel says.
+A user name, a password or an address can be forged; only the kernel knows who owns a socket.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 TABLES = (Path('/proc/net/tcp'), Path('/proc/net/tcp6'))
-_LOOKS = 3  # the table is no snapshot: a row may be missed while others come and go
-_NO_INODE = '0'  # of a socket that its program has closed, and that is then shown as root's
-_ROW = 10  # columns that are read of a row
+_LOOKS = 3  # the table is not a snapshot: a row may be missed while others change
+_NO_INODE = '0'  # of a socket that its program has closed; it is then listed as root's
+_ROW = 10  # columns that are read from a row
 
 End = tuple[str, int]
 """Address and port of one end of a connection."""
 
 
 def owners() -> frozenset[int]:
-    """The accounts to whom a program belongs: the one that started it, and root, who may do anything anyway."""
+    """The users who own a program: the one who started it, and root."""
     return frozenset({os.getuid(), 0})
 
 
 def account_of(peer: End, here: End, tables: Sequence[Path] = TABLES) -> int | None:
-    """The uid of the program at `peer`, which is connected to `here`; None: none of this machine, or it has gone."""
+    """The uid of the program at `peer`, connected to `here`; None if it is not on this machine, or has ended."""
     wanted = {tuple(_written(end, wide) for end in (peer, here)) for wide in (False, True)} - {(None, None)}
     for _ in range(_LOOKS):
         for table in tables:
@@ -38,7 +38,7 @@ def account_of(peer: End, here: End, tables: Sequence[Path] = TABLES) -> int | N
 def _uid_in(table: Path, wanted: set[tuple[str | None, ...]]) -> int | None:
     try:
         rows = table.read_text('ascii').splitlines()[1:]
-    except FileNotFoundError:  # no IPv6, or no Linux: then nobody is known
+    except FileNotFoundError:  # no IPv6, or not Linux: then no user is known
         return None
     for row in rows:
         columns = row.split(maxsplit=_ROW)
@@ -48,7 +48,7 @@ def _uid_in(table: Path, wanted: set[tuple[str | None, ...]]) -> int | None:
 
 
 def _written(end: End, wide: bool) -> str | None:
-    """An end as the table writes it, `wide` in that of IPv6; None where it has no such form.
+    """An end in the format of the table (`wide`: that of IPv6); None if it has no such form.
 
     >>> _written(('127.0.0.1', 7470), wide=False)  # on a little-endian machine
     '0100007F:1D2E'

@@ -1,4 +1,4 @@
-"""What a server complains of: of requests that it refused a line a minute with their number, of a bug once."""
+"""Log lines of a server: refused requests are counted and reported once a minute, bugs are reported once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONGEST = 160  # characters of a reason
 
 
 class Complaints(logging.Handler):
-    """Takes what aiohttp and asyncio report instead of the terminal; `say` gets the lines that a person should read."""
+    """Takes reports of aiohttp and asyncio away from the terminal; `say` gets the lines that a person should read."""
 
     def __init__(self, say: Callable[[str], None], now_s: Callable[[], float]) -> None:
         super().__init__()
@@ -35,24 +35,24 @@ class Complaints(logging.Handler):
             self._report(error, record.getMessage())
 
     def take(self, _: object, context: dict[str, Any]) -> None:
-        """What asyncio's loop says of an exception that nobody caught (``loop.set_exception_handler``)."""
+        """Report of asyncio's loop about an exception that was not caught (``loop.set_exception_handler``)."""
         self._report(context.get('exception'), context['message'])
 
     def count(self, reason: str) -> None:
-        """A request was refused that no honest program makes."""
+        """Count a refused request that no correct client sends."""
         self.refused += 1
         now_s = self._now_s()
         if now_s < self._next_s:
             return
         more = self.refused - self._told
         self._told, self._next_s = self.refused, now_s + SAY_EVERY_S
-        self._say(f'requests refused: {more}, {self.refused} in all; the last: {" ".join(reason.split())[:LONGEST]}')
+        self._say(f'requests refused: {more}, {self.refused} in total; last: {" ".join(reason.split())[:LONGEST]}')
 
     def _report(self, error: BaseException | None, text: str) -> None:
         if error is not None:
             text += '\n' + ''.join(traceback.format_exception(error))
-        # Told once for each place in the code: what a request says would be new each time.
+        # Reported once per place in the code: the text of a request may be new each time.
         where = text if error is None else ''.join(traceback.format_tb(error.__traceback__))
         if where not in self._bugs:
             self._bugs.add(where)
-            self._say(f'a bug in the server, which goes on: {text}')
+            self._say(f'bug in the server, which continues: {text}')

@@ -1,4 +1,4 @@
-"""What the page's buttons do: they call the services of the nodes, and say what came of it."""
+"""The buttons of the page: they call services of the nodes and report the result."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TIMEOUT_S = 5.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """Whether it was done, and a sentence. `insistable`: it was refused by us, and the person may know better."""
+    """Whether it was done, and a sentence. `insistable`: it was refused, but the person may insist."""
 
     done: bool
     text: str
@@ -28,23 +28,23 @@ class Outcome:
 
 
 class Controls:
-    """The actions of the nodes of one namespace; each is a std_srvs/Trigger."""
+    """The actions of the nodes in one namespace; each is a std_srvs/Trigger service."""
 
     def __init__(self, bus: Bus, namespace: str = '/') -> None:
         self._bus = bus
         self._services = {action: f'{namespace.rstrip("/")}/{name}' for action, name in _SERVICES.items()}
 
     def available(self) -> dict[str, bool]:
-        """Which actions somebody serves."""
+        """The actions whose service exists."""
         served = {end.name for end in self._bus.graph().services() if end.type_name == services.TRIGGER}
         return {action: name in served for action, name in self._services.items()}
 
     def act(self, action: str, touching_n: float | None = None, *, insist: bool = False) -> Outcome:
-        """Do it, from any thread; a rest image is refused while something touches, unless a person insists."""
+        """Do it, from any thread; a rest image is refused while there is contact, unless a person insists."""
         if action not in self._services:
             return Outcome(False, f'There is no action {action!r}.')
         if action == REST_IMAGE and touching_n is not None and not insist:
-            text = f'Something seems to touch the gel ({touching_n:.3f} N): lift it first.'
+            text = f'Something seems to touch the gel ({touching_n:.3f} N). Remove it first.'
             return Outcome(False, text, insistable=True)
         try:
             answer = self._bus.call(

@@ -1,4 +1,4 @@
-"""Who may connect to a server at all, judged when a connection comes in, before a byte of it is read."""
+"""Decides who may connect to a server. It checks a new connection before reading any byte of it."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from weakref import WeakKeyDictionary, WeakSet
 
 from tactile_nodes.web import accounts
 
-MOST_CONNECTIONS = 128  # of owners, and of guests
-MOST_TURNED_AWAY = 32  # at once; the others are cut off without a word
+MOST_CONNECTIONS = 128  # for owners, and the same number for guests
+MOST_TURNED_AWAY = 32  # at once; further ones are closed without a response
 TURNED_AWAY_WITHIN_S = 5.0
 _REFUSAL = (
     'HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {length}\r\n'
     'Connection: close\r\nX-Content-Type-Options: nosniff\r\n\r\n'
 )
 _TEXT = (
-    'This is served to the account that started it (uid {owner}), and this request comes from {who}. '
-    'Open it from that account on that machine; from another machine go through ssh. '
-    'How to let others in stands in the documentation under "guests".\n'
+    'This server is for the user who started it (uid {owner}), and this request comes from {who}. '
+    'Open it as that user on that machine; from another machine use an ssh tunnel. '
+    'To allow others, see "guests" in the documentation.\n'
 )
 
 
 class Door:
-    """Lets the programs of the `owners` in, and, where there are to be `guests`, everybody; knows who is which.
+    """Admits programs of the `owners` and, if `guests` is set, everyone; knows which connection is which.
 
-    Guests may take all places of theirs, and none of an owner's. `refused` counts who was not let in.
+    Guests can use up all guest connections, but none of an owner's. `refused` counts the refused connections.
     """
 
     def __init__(self, *, guests: bool, owners: frozenset[int] | None = None) -> None:
@@ -38,15 +38,15 @@ class Door:
         self._turned_away: WeakSet[_TurnedAway] = WeakSet()
 
     def is_owner(self, transport: asyncio.BaseTransport | None) -> bool:
-        """Whether a connection that was let in is an owner's."""
+        """Whether an admitted connection is an owner's."""
         return transport is not None and self._inside.get(transport, False)
 
     def opening_to(self, serve: Callable[[], Any]) -> Callable[[], asyncio.Protocol]:
-        """The factory of protocols for asyncio; `serve` makes the one that answers those who are let in."""
+        """The protocol factory for asyncio; `serve` creates the protocol for admitted connections."""
         return lambda: _Arriving(lambda transport: self._admit(transport, serve))
 
     def close(self) -> None:
-        """Cut off all who are still connected, whatever they have not read yet."""
+        """Close all open connections, even with unsent data."""
         connected = *self._inside, *(each.transport for each in self._turned_away)
         for transport in connected:
             if isinstance(transport, asyncio.Transport) and not _is_gone(transport):
@@ -78,7 +78,7 @@ class Door:
 
 
 class _Arriving(asyncio.Protocol):
-    """A connection of whom nobody knows yet."""
+    """A connection that is not identified yet."""
 
     def __init__(self, admit: Callable[[asyncio.Transport], None]) -> None:
         self._admit = admit
@@ -88,7 +88,7 @@ class _Arriving(asyncio.Protocol):
 
 
 class _TurnedAway(asyncio.Protocol):
-    """Is told why as soon as it has said anything, and cut off if it says nothing."""
+    """Sends the reason after the first received byte; closes the connection if none comes."""
 
     def __init__(self, text: bytes) -> None:
         self._answer = _REFUSAL.format(length=len(text)).encode() + text
@@ -106,7 +106,7 @@ class _TurnedAway(asyncio.Protocol):
 
 
 def _is_gone(transport: asyncio.Transport) -> bool:
-    """Whether it is closed, or will be at once: `abort` of asyncio fails on a closed one."""
+    """Whether it is closed, or about to be closed: `abort` of asyncio fails on a closed one."""
     return transport.is_closing() and not transport.get_write_buffer_size()
 
 

@@ -1,10 +1,10 @@
-"""Who may talk to the page's server. Functions on the words of a request.
+"""Which requests the page's server accepts. Functions of the header fields of a request.
 
-Whatever page a browser shows may send requests to this machine's own addresses. Two things betray it: the browser
-says in `Origin` whose page it is, and a foreign name that was made to point here (DNS rebinding) stands in `Host`. So
-`Host` must be an address, which cannot be made to point elsewhere, or a name that we know; and what acts, or opens a
-WebSocket, must come from a page of ours. Programs that are no browser can say what they like in both: whose program it
-is, `accounts` finds out.
+Any page in a browser can send requests to the addresses of this machine. Two header fields reveal such requests. The
+browser puts the origin of the page into `Origin`. A foreign name that was made to resolve to this machine (DNS
+rebinding) appears in `Host`. So `Host` must be an IP address, which cannot be rebound, or a known name. Requests that
+act, or that open a WebSocket, must come from our own page. Programs other than browsers can forge both fields;
+`accounts` identifies their user.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _HOST = re.compile(r'(?P<name>\[[0-9a-fA-F:.]+\]|[\w.-]+)(:\d{1,5})?', re.ASCII)
 
 
 class Guests(Enum):
-    """What those may who are not the owner of a server: other accounts of this machine, and other machines."""
+    """What non-owners of a server may do: other users of this machine, and other machines."""
 
     NONE = 'none'
     WATCH = 'watch'
@@ -26,7 +26,7 @@ class Guests(Enum):
 
 
 def is_known_host(host: str, names: Collection[str] = ()) -> bool:
-    """Whether a `Host` header names this machine: an IP address, localhost or one of `names`; the port is free.
+    """Whether a `Host` header names this machine: an IP address, localhost or one of `names`, with any port.
 
     >>> is_known_host('127.0.0.1:7470'), is_known_host('localhost:9000'), is_known_host('evil.example:7470')
     (True, True, False)
@@ -43,7 +43,7 @@ def is_known_host(host: str, names: Collection[str] = ()) -> bool:
 
 
 def is_own_page(origin: str | None, host: str) -> bool:
-    """Whether a request to `host` comes from a page that was loaded from there.
+    """Whether a request to `host` comes from a page that was loaded from that host.
 
     >>> is_own_page('http://127.0.0.1:7470', '127.0.0.1:7470'), is_own_page(None, '127.0.0.1:7470')
     (True, False)

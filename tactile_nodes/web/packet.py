@@ -1,15 +1,15 @@
-"""What travels to the page: one binary WebSocket message a look, which the page takes apart again (js/packet.js).
+"""The format of data for the page: one binary WebSocket message per update, decoded by js/packet.js.
 
 ::
 
     uint32                length of the JSON text, little-endian
-    JSON, UTF-8           numbers and words; `sections` lists name and length [bytes] of what follows
+    JSON, UTF-8           numbers and words; `sections` lists name and length [bytes] of the sections
     the sections          bins (float32 [N]), surface (float32, pressure, shear x, shear y [kPa], pressure over half of
                           the highest of its contact, a cell of a force field), motion (float32, dx dy confidence a
                           region), image (JPEG)
     samples               the rest: stamp (float64 [s]), total and true total (float32 [N]) each
 
-The samples come last because they differ from viewer to viewer: who was passed over gets those that it missed.
+The samples come last because they differ between viewers: a viewer that was skipped gets the samples that it missed.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _SAMPLE = struct.Struct('<dff')
 
 @dataclass(frozen=True)
 class Packet:
-    """The same `body` for all viewers, and what is new in the course of the force since the packet before."""
+    """The same `body` for all viewers, and the new samples of the force since the previous packet."""
 
     body: bytes
     samples: bytes = b''
 
 
 def body(told: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
-    """JSON and sections as above; numbers that are none become null."""
+    """JSON and sections as above; NaN and infinities become null."""
     lengths = [[name, len(data)] for name, data in sections.items()]
     text = json.dumps(finite({**told, 'sections': lengths}), separators=(',', ':'), ensure_ascii=False).encode()
     return b''.join((_LENGTH.pack(len(text)), text, *sections.values()))
@@ -61,7 +61,7 @@ def finite(value: Any) -> Any:
 
 
 def taken_apart(message: bytes) -> tuple[dict[str, Any], dict[str, bytes], list[tuple[float, float, float]]]:
-    """What the page makes of a message: JSON, sections, samples. For whoever watches without a browser."""
+    """Decode a message as the page does: JSON, sections, samples. For clients other than the browser."""
     (length,) = _LENGTH.unpack_from(message)
     place = _LENGTH.size + length
     told = json.loads(message[_LENGTH.size : place])

@@ -16,15 +16,15 @@ _POLAR, _CARTESIAN = 'polar_mean', 'cartesian_mean'
 
 
 def jpeg(message: types.Image) -> bytes:
-    """The grey picture, no side of it longer than `LARGEST_PX`.
+    """The grey picture as JPEG, with no side longer than `LARGEST_PX`.
 
     Raises:
-        ImageError: nothing that could be shown.
+        ImageError: the image has no pixels.
     """
     picture = conversions.image_array(message)
     longest = max(picture.shape)
     if not picture.size:
-        raise ImageError('an image without pixels came in; check the node that publishes it')
+        raise ImageError('received an image without pixels; check the node that publishes it')
     if longest > LARGEST_PX:
         scale = LARGEST_PX / longest
         picture = np.asarray(cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
@@ -34,7 +34,7 @@ def jpeg(message: types.Image) -> bytes:
 
 
 def arrows(message: types.FlowFeatures) -> Float32[np.ndarray, 'rows cols 3'] | None:
-    """Motion of each region (dx right, dy down [px]) and its confidence; None for an encoding that is no motion.
+    """Motion of each region (dx right, dy down [px]) and its confidence; None if the encoding is not a motion.
 
     A region of 5 px at 0.9273 rad (polar_mean) moves by (3, 4) px.
 

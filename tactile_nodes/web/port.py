@@ -11,11 +11,11 @@ TRIES = 20
 
 
 def listen(address: str, port: int, what: str = 'the page', argument: str = 'page_port:=') -> socket.socket:
-    """A listening socket at `port`, or at the next one that is free; 0: at any. `what` it serves is told if it cannot.
+    """A listening socket at `port`, or at the next free one; 0: any. `what` is named in error messages.
 
     Raises:
-        AddressInUseError: twenty in a row are taken.
-        BusError: the address is not this machine's, or the port may not be used.
+        AddressInUseError: twenty ports in a row are in use.
+        BusError: the address does not belong to this machine, or the port is not allowed.
     """
     for wanted in range(port, min(port + TRIES, 65536)) if port else (0,):
         try:
@@ -23,9 +23,9 @@ def listen(address: str, port: int, what: str = 'the page', argument: str = 'pag
         except OSError as error:
             if error.errno != errno.EADDRINUSE:
                 reason = error.strerror or error
-                raise BusError(f'cannot serve {what} at {address} port {wanted}: {reason}') from error
+                raise BusError(f'cannot serve {what} on {address} port {wanted}: {reason}') from error
     raise AddressInUseError(
-        f'the ports {port} to {port + TRIES - 1} of {address} are all taken; choose another with {argument}'
+        f'ports {port} to {port + TRIES - 1} of {address} are all in use; choose another with {argument}'
     )
 
 
@@ -35,7 +35,7 @@ def _bound(address: str, port: int) -> socket.socket:
 
 
 def url(bound: socket.socket) -> str:
-    """What to open in a browser."""
+    """The address to open in a browser."""
     host, port = bound.getsockname()[:2]
     shown = {'0.0.0.0': '127.0.0.1', '::': '[::1]'}.get(host, f'[{host}]' if ':' in host else host)  # noqa: S104
     return f'http://{shown}:{port}/'

@@ -1,4 +1,4 @@
-"""Whether the sensor is being recorded, from what the recorder says of itself."""
+"""Whether the sensor is being recorded, from the diagnostics of the recorder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _OK = 0
 
 
 class Recording:
-    """Listens to the recorder of one namespace."""
+    """Reads the diagnostics of the recorder in one namespace."""
 
     def __init__(self, namespace: str = '/') -> None:
         self._name = f'{namespace.strip("/")}/{RECORDER}: {_PART}'.lstrip('/')
@@ -26,9 +26,9 @@ class Recording:
                 self._heard_ns = received.received_ns
 
     def told(self) -> dict[str, Any] | None:
-        """On or off, how much, and in the recorder's own words; None when no recorder was heard.
+        """On or off, how much, and the recorder's message; None if there is no recorder.
 
-        After a recording `text` says where the bag is, what was lost of which topics, and what that means for its use.
+        After a recording, `text` says where the bag is, what was lost on which topics, and what this means for its use.
         """
         if self._status is None:
             return None

@@ -1,4 +1,4 @@
-"""What the page shows: fed with messages as they came in and asked for packets; it reads no clock."""
+"""The content of the page: fed with received messages and asked for packets; it reads no clock."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from tactile_nodes.web import packet, picture, telling
 from tactile_nodes.web.packet import Packet
 from tactile_nodes.web.recording import Recording
 
-FRESH_S = 0.5  # a force older than this does not hold back the pictures that come without one
-FIELD_WITHIN_S = 0.1  # a force field comes a moment after its force: so long the force before it is shown
-SLOW_EVERY_S = 0.5  # what a person cannot follow faster: rates, latencies, words
-_KEPT = 12  # frames: images wait so long for the force that was made of them
+FRESH_S = 0.5  # pictures without a force are not held back for a force older than this
+FIELD_WITHIN_S = 0.1  # a force field comes shortly after its force: until then the previous force is shown
+SLOW_EVERY_S = 0.5  # values that a person cannot read faster: rates, latencies, text
+_KEPT = 12  # frames: an image waits this long for the force computed from it
 
 
 class Scene:
-    """Picture, motion and force of one instant belong together: they carry the same stamp."""
+    """Keeps picture, motion and force of one instant together: they carry the same stamp."""
 
     def __init__(self, namespace: str = '/', start_ns: int = 0) -> None:
         self.view = ViewState(namespace, start_ns)
         self.recording = Recording(namespace)
         self.controls: dict[str, bool] = {}
         self.hand: Any = None
-        """The last HandWrench, of a sensor that is one of a hand."""
+        """The last HandWrench, if the sensor is one of a hand."""
         self.host = ''
-        """The machine that the force comes from, where it is another one."""
+        """The machine that the force comes from, if it is another one."""
         self._images: OrderedDict[int, Received] = OrderedDict()
         self._motions: OrderedDict[int, Any] = OrderedDict()
         self._truths: OrderedDict[int, Any] = OrderedDict()
@@ -47,7 +47,7 @@ class Scene:
         self._new = True
         self._slow: tuple[int, dict[str, Any]] = (-NS_PER_S, {})
 
-    # --- what comes in ------------------------------------------------------------------------------------------
+    # --- input ------------------------------------------------------------------------------------------
 
     def add_image(self, received: Received) -> None:
         self._new = True
@@ -71,7 +71,7 @@ class Scene:
         self._samples.append((captured_ns / NS_PER_S, total, math.nan if truth is None else truth.total))
 
     def add_field(self, received: Received) -> None:
-        """A force field came in.
+        """Add a received force field.
 
         Raises:
             MessageError: its arrays do not fill its grid.
@@ -85,37 +85,37 @@ class Scene:
         self.recording.add_diagnostics(received)
 
     def add_calibration(self, received: Received) -> None:
-        """The drift monitor's word on whether the calibration still holds."""
+        """The drift monitor's statement on the validity of the calibration."""
         self._calibration = received.message
 
     def add_log(self, received: Received) -> None:
         self.view.add_log(received)
 
-    # --- what is to be seen -------------------------------------------------------------------------------------
+    # --- output -------------------------------------------------------------------------------------
 
     def look_again(self) -> None:
-        """Somebody watches again after a time in which no pictures were received."""
+        """Start again after a time without viewers, in which no pictures were received."""
         self._images.clear()
         self._motions.clear()
         self._surfaces.clear()
 
     def touching_n(self, now_ns: int) -> float | None:
-        """The total force [N] when something touches; None when nothing does, or nobody knows. From any thread."""
+        """The total force [N] if there is contact; None if there is none, or if it is unknown. From any thread."""
         force = self.view.force_within(now_ns, FRESH_S)
         return float(force.total) if force is not None and force.in_contact else None
 
     def is_due(self, now_ns: int) -> bool:
-        """Whether there is anything to tell that was not told before, if only for how long nothing has come."""
+        """Whether there is anything new to send, even if only the time since the last message."""
         return self._new or now_ns - self._slow[0] >= SLOW_EVERY_S * NS_PER_S
 
     def samples(self) -> bytes:
-        """The course of the force since the last time that somebody asked."""
+        """The samples of the force since the previous call."""
         found = packet.samples(self._samples)
         self._samples.clear()
         return found
 
     def packet(self, now_ns: int, viewers: int) -> Packet:
-        """All that there is to see now."""
+        """Everything that is shown now."""
         self._new = False
         shot = self._shown(now_ns)
         at_ns = self._instant_ns(shot)
@@ -139,7 +139,7 @@ class Scene:
         return Packet(packet.body(told, sections), self.samples())
 
     def _shown(self, now_ns: int) -> Snapshot:
-        """What to show; of a force whose field is still on its way the one before, so that both are of one instant."""
+        """The snapshot to show; while the field of a force is on its way, the previous one, so that both match."""
         shot = self.view.current(now_ns)
         last_ns = next(reversed(self._surfaces), 0)
         behind_ns = _stamp_ns(shot.force) - last_ns
@@ -150,7 +150,7 @@ class Scene:
         return replace(shot, force=self._forces[last_ns], truth=truth)
 
     def _instant_ns(self, shot: Snapshot) -> int:
-        """The stamp of the picture to show: that of the force, unless none has come for a while."""
+        """The stamp of the picture to show: that of the force, unless there has been none for a while."""
         forced_ns = _stamp_ns(shot.force)
         if forced_ns in self._images and shot.age_s < FRESH_S:
             return forced_ns
@@ -208,7 +208,7 @@ def _bins(force: Any) -> bytes:
 
 
 def _cells(surface: Surface | None, force: Any) -> bytes:
-    """Of each cell pressure, shear along x and y [kPa], and pressure over half of the highest of its contact."""
+    """Of each cell: pressure, shear along x and y [kPa], and pressure over half of the maximum of its contact."""
     if surface is None:
         return b''
     outlines = over_half(surface, force.contacts)

@@ -1,9 +1,8 @@
 """The page's server.
 
-``/`` and ``/static/…`` are the page, ``/live`` the WebSocket that it watches a sensor through, ``/control/<action>``
-what its buttons post to. Where there are several sensors, ``/`` shows them all, ``?sensor=NAME`` means one of them, and
-``/sensors`` lists their names. See `door` and `guard` for who may, `packet` for what travels, `viewers` for what
-happens to slow ones.
+``/`` and ``/static/…`` are the page. ``/live`` is the WebSocket through which it watches a sensor. Its buttons post to
+``/control/<action>``. If there are several sensors, ``/`` shows all of them, ``?sensor=NAME`` selects one, and
+``/sensors`` lists their names. See `door` and `guard` for access, `packet` for the format, `viewers` for slow clients.
 """
 
 from __future__ import annotations
@@ -43,16 +42,16 @@ _HEADERS = {
 }
 
 Act = Callable[[str, bool, str], Outcome]
-"""Does an action by name, insisting or not, of a sensor; called in a thread that may wait."""
+"""Does an action by name, insisting or not, for a sensor; called in a thread that may wait."""
 
 Changed = Callable[[], None]
-"""Told, in the server's thread, that somebody has come or gone."""
+"""Called in the server's thread when a viewer has come or gone."""
 
 
 class PageServer:
-    """Serves on `listening` from now on, and closes it in the end; `names` are hosts to be known by besides addresses.
+    """Serves on `listening`, and closes it at the end; `names` are accepted host names besides addresses.
 
-    Each of the `sensors` has an audience of its own, of at most `viewers`; one sensor alone needs no name.
+    Each of the `sensors` has its own audience of at most `viewers`; a single sensor needs no name.
     """
 
     def __init__(
@@ -80,32 +79,32 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """What to open in a browser."""
+        """The address to open in a browser."""
         return self._serving.url
 
     @property
     def watching(self) -> int:
-        """How many take what they are sent; a page of all sensors counts once for each."""
+        """Number of active viewers; a page with all sensors counts once per sensor."""
         return sum(map(self.watching_of, self._audiences))
 
     def watching_of(self, sensor: str = '') -> int:
-        """How many of them watch a sensor."""
+        """Number of active viewers of a sensor."""
         return self._audiences[sensor].watching(monotonic_s())
 
     def has_room_for(self, sensor: str = '') -> bool:
-        """Whether anybody could be sent a packet of a sensor now."""
+        """Whether any viewer can receive a packet of a sensor now."""
         return self._audiences[sensor].has_room
 
     def show(self, packet: Packet, sensor: str = '') -> None:
-        """Show it to all who watch; returns at once."""
+        """Show it to all viewers; returns at once."""
         self._serving.post(self._offer, packet, sensor)
 
     def remember(self, samples: bytes, sensor: str = '') -> None:
-        """Keep the course of the force for those who come, and for those who could not be sent a packet."""
+        """Keep the samples of the force for new viewers, and for viewers that could not receive a packet."""
         self._serving.post(self._audiences[sensor].remember, samples)
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop serving."""
         self._serving.close()
 
     # --- in the server's thread ---------------------------------------------------------------------------------
@@ -158,7 +157,7 @@ class PageServer:
         self._check_page(request)
         audience = self._audiences[self._sensor_of(request)]
         if audience.is_full:
-            raise web.HTTPServiceUnavailable(text='Too many pages watch already; close one.')
+            raise web.HTTPServiceUnavailable(text='Too many pages are open already. Close one.')
         channel = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_WORD)
         may_act = self._may_act(request)
         await self._serving.open_channel(request, channel)
@@ -184,11 +183,11 @@ class PageServer:
                 self._news[viewer].clear()
                 while (message := viewer.take()) is not None:
                     await channel.send_bytes(message)
-        except ConnectionError:  # it has gone; whoever hears it ends this
+        except ConnectionError:  # the client has gone; `_hear` ends the connection
             return
 
     async def _hear(self, channel: web.WebSocketResponse, viewer: Viewer) -> None:
-        """Whatever a page says means that it has drawn a packet."""
+        """Any message of a page means that it has drawn a packet."""
         async for said in channel:
             if said.type in {WSMsgType.TEXT, WSMsgType.BINARY}:
                 viewer.acknowledge(monotonic_s())
@@ -199,7 +198,7 @@ class PageServer:
     async def _control(self, request: web.Request) -> web.StreamResponse:
         self._check_page(request)
         if not self._may_act(request):
-            raise web.HTTPForbidden(text='You may watch, but only the account that started this may act.')
+            raise web.HTTPForbidden(text='You may watch, but only the user who started this may act.')
         insist = request.query.get('insist') == 'yes'
         sensor = self._sensor_of(request)
         outcome = await asyncio.to_thread(self._act, request.match_info['action'], insist, sensor)
@@ -208,5 +207,5 @@ class PageServer:
 
 async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
     response.headers.update(_HEADERS)
-    if response.status != web.HTTPMisdirectedRequest.status_code:  # else the host is none that we know
+    if response.status != web.HTTPMisdirectedRequest.status_code:  # else the host is unknown
         response.headers['Content-Security-Policy'] = _POLICY.format(host=request.host)

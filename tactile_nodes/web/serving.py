@@ -1,4 +1,4 @@
-"""HTTP in a thread of its own, so that no viewer can make a node wait, and with limits to all that a stranger sends."""
+"""HTTP in a thread of its own, so that no viewer can block a node, with limits on everything that clients send."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from tactile_nodes.web import guard, port
 from tactile_nodes.web.complaints import Complaints
 from tactile_nodes.web.door import Door
 
-HEADER_WITHIN_S = 10.0  # of connecting, or of the last answer: who sends a header by single bytes is cut off
-LONGEST_WORD = 4096  # bytes of what a request may hold
+HEADER_WITHIN_S = 10.0  # after connecting or the last response, against clients that send a header byte by byte
+LONGEST_WORD = 4096  # bytes of a request body
 CLOSE_WITHIN_S = 0.5
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Serving:
-    """Answers at `listening`, which it closes in the end, those whom `door` lets in.
+    """Serves on `listening` to clients that `door` admits; closes it at the end.
 
     Args:
-        routes: adds to the application what there is to be had.
-        names: hosts to be known by besides addresses.
+        routes: adds the routes to the application.
+        names: accepted host names besides addresses.
     """
 
     def __init__(
@@ -53,17 +53,17 @@ class Serving:
     # --- from other threads -------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Serve; returns when connections are taken."""
+        """Start serving; returns when connections are accepted."""
         self._thread.start()
         self._ready.wait()
 
     def post(self, work: Callable[..., object], *arguments: Any) -> None:
-        """Do `work` in the server's thread, soon; after the end, nothing happens."""
+        """Run `work` in the server's thread soon; no effect after the server has ended."""
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(work, *arguments)
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop serving."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._thread.join()
@@ -72,12 +72,12 @@ class Serving:
     # --- the thread ---------------------------------------------------------------------------------------------
 
     async def open_channel(self, request: web.Request, channel: web.WebSocketResponse) -> None:
-        """Take up a WebSocket, which is then closed in order when the server ends."""
+        """Register a WebSocket, which is closed properly when the server ends."""
         await channel.prepare(request)
         self._channels.add(channel)
 
     def forget_channel(self, channel: web.WebSocketResponse) -> None:
-        """It has ended."""
+        """Unregister a WebSocket that has ended."""
         self._channels.discard(channel)
 
     def _run(self) -> None:
@@ -109,10 +109,10 @@ class Serving:
             await asyncio.wait(closing, timeout=CLOSE_WITHIN_S)
         await runner.cleanup()
         self.door.close()
-        await asyncio.sleep(0)  # in which what was cut off is forgotten
+        await asyncio.sleep(0)  # lets closed connections be removed
 
     @web.middleware
     async def _check_host(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if not guard.is_known_host(request.headers.get('Host', ''), self._names):
-            raise web.HTTPMisdirectedRequest(text='This is not served under that name.')
+            raise web.HTTPMisdirectedRequest(text='This server does not have that name.')
         return await handler(request)

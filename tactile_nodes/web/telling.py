@@ -1,4 +1,4 @@
-"""Snapshots in the page's own terms: millimetres, newtons, milliseconds, words. NaN stands for what nobody knows."""
+"""Snapshots as data for the page: millimetres, newtons, milliseconds, words. NaN means unknown."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MM = 1000.0
 
 
 def force(message: Any) -> dict[str, Any] | None:
-    """A ForceDistribution but for its bins."""
+    """A ForceDistribution without its bins."""
     if message is None:
         return None
     return {
@@ -41,7 +41,7 @@ def force(message: Any) -> dict[str, Any] | None:
 
 
 def surface(found: Surface | None) -> dict[str, Any] | None:
-    """The grid of a ForceField; its cells travel beside."""
+    """The grid of a ForceField; its cells are a section of the packet."""
     if found is None:
         return None
     rows, cols = found.pressure_kpa.shape
@@ -49,7 +49,7 @@ def surface(found: Surface | None) -> dict[str, Any] | None:
 
 
 def truth(message: Any) -> dict[str, Any] | None:
-    """What really presses, where a simulator knows it."""
+    """The true contact, if a simulator publishes it."""
     if message is None:
         return None
     place = [message.contact.x * _MM, message.contact.y * _MM] if message.in_contact else None
@@ -57,7 +57,7 @@ def truth(message: Any) -> dict[str, Any] | None:
 
 
 def motion(message: Any) -> dict[str, Any] | None:
-    """The grid of a FlowFeatures; its arrows travel beside."""
+    """The grid of a FlowFeatures; its arrows are a section of the packet."""
     if message is None:
         return None
     return {
@@ -69,14 +69,14 @@ def motion(message: Any) -> dict[str, Any] | None:
 
 
 def calibration(message: Any) -> dict[str, str] | None:
-    """Whether the calibration still holds, in the drift monitor's words; None where none speaks."""
+    """Validity of the calibration, in the drift monitor's words; None without drift monitor."""
     if message is None:
         return None
     return {'level': _CALIBRATION[min(message.level, 4)], 'text': message.text}
 
 
 def slowly(shot: Snapshot) -> dict[str, Any]:
-    """What a person reads of the sensor: it changes a few times a second at most."""
+    """Values for reading, which change a few times per second at most."""
     return {
         'namespace': shot.namespace,
         'rates': {
@@ -96,7 +96,7 @@ def slowly(shot: Snapshot) -> dict[str, Any]:
 
 
 def hand(message: Any) -> dict[str, Any] | None:
-    """A HandWrench: the net force [N] and its standard deviations, the moment [N mm], and who slips first."""
+    """A HandWrench: net force [N] with standard deviations, moment [N mm], and the contact that slips first."""
     if message is None:
         return None
     covariance = message.wrench_covariance

@@ -1,8 +1,8 @@
-"""Who watches, and what each is sent next. Plain objects; times are handed in.
+"""The viewers, and what each receives next. Plain objects; times are passed in.
 
-A viewer says when it has drawn what it was sent, and has at most `IN_FLIGHT` messages on their way to it. So a slow
-one sees fewer frames, never older ones, and one that hangs, or whose window is hidden, is sent nothing more: for it
-nothing is computed, encoded or kept but the course of the force.
+A viewer acknowledges each message that it has drawn, and has at most `IN_FLIGHT` messages on their way. So a slow
+viewer sees fewer frames, but never older ones. A viewer that hangs, or whose window is hidden, receives nothing: only
+the force samples are kept for it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ STUCK_AFTER_S = 3.0
 
 
 class Viewer:
-    """One page: the newest packet that it has not been sent, with the samples of all those it was passed over for."""
+    """One page: the newest packet that it has not received, with the samples of all packets that it missed."""
 
     def __init__(self, history: deque[bytes], now_s: float) -> None:
         self.sent = self.passed_over = 0
@@ -27,17 +27,17 @@ class Viewer:
         self._heard_s = now_s
 
     def offer(self, packet: Packet) -> None:
-        """There is something new to see."""
+        """Offer a new packet."""
         self.passed_over += self._body is not None
         self._body = packet.body
         self.remember(packet.samples)
 
     def remember(self, samples: bytes) -> None:
-        """To be sent with the next packet."""
+        """Add samples to the next packet."""
         self._samples.append(samples)
 
     def take(self) -> bytes | None:
-        """What to send now, if anything."""
+        """The message to send now, if any."""
         if self._body is None or not self.has_room:
             return None
         message = b''.join((self._body, *self._samples))
@@ -57,12 +57,12 @@ class Viewer:
         return self._in_flight < IN_FLIGHT
 
     def is_watching(self, now_s: float) -> bool:
-        """Whether it takes what it is sent."""
+        """Whether it still draws the packets that it gets."""
         return self.has_room or now_s - self._heard_s < STUCK_AFTER_S
 
 
 class Audience:
-    """All viewers, and the last minute of the force for those who come. One thread changes it, any may ask."""
+    """All viewers, and the last minute of force samples for new ones. One thread changes it, any thread may read."""
 
     def __init__(self, most: int = 16) -> None:
         self.viewers: list[Viewer] = []
@@ -74,7 +74,7 @@ class Audience:
         return len(self.viewers) >= self._most
 
     def join(self, now_s: float) -> Viewer:
-        """Somebody opens the page."""
+        """A page is opened."""
         made = Viewer(self._history, now_s)
         self.viewers.append(made)
         return made
@@ -83,23 +83,23 @@ class Audience:
         self.viewers.remove(viewer)
 
     def offer(self, packet: Packet) -> None:
-        """Show it to all."""
+        """Offer a packet to all viewers."""
         if packet.samples:
             self._history.append(packet.samples)
         for viewer in self.viewers:
             viewer.offer(packet)
 
     def remember(self, samples: bytes) -> None:
-        """What belongs to the course of the force, and comes with no packet."""
+        """Add force samples that come without a packet."""
         self._history.append(samples)
         for viewer in self.viewers:
             viewer.remember(samples)
 
     def watching(self, now_s: float) -> int:
-        """How many take what they are sent."""
+        """Number of active viewers."""
         return sum(viewer.is_watching(now_s) for viewer in list(self.viewers))
 
     @property
     def has_room(self) -> bool:
-        """Whether anybody could be sent something now; else there is no need to make it."""
+        """Whether any viewer can receive a packet now; if not, none needs to be made."""
         return any(viewer.has_room for viewer in list(self.viewers))

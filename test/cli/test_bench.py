@@ -60,6 +60,6 @@ def test_benchmarks_run_with_one_thread_of_linear_algebra() -> None:
 
 
 def test_a_package_that_lies_beside_no_benchmarks_says_where_they_run(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match='this runs from a checkout of the source') as refused:
+    with pytest.raises(ConfigurationError, match='this needs a checkout of the source') as refused:
         bench.checkout(tmp_path / 'site-packages' / 'tactile_nodes')
     assert 'pip install --editable .' in str(refused.value)

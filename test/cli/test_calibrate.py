@@ -143,7 +143,7 @@ def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
     assert 'the calibration would not help: held-out presses are read' in capsys.readouterr().err
     assert not output.exists()
     assert main([*words, '--force']) == 0
-    assert 'written by --force: the calibration would not help' in capsys.readouterr().out
+    assert 'written because of --force: the calibration would not help' in capsys.readouterr().out
     assert 'would not help' in load_model(output).card['training']['calibration']['objection']
 
 
@@ -158,7 +158,7 @@ def test_a_calibration_for_this_gel_is_not_calibrated_again(
 
 def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['calibrate', '--model', 'fast', '-o', 'none']) == 1
-    assert 'either bags or --dataset FILE' in capsys.readouterr().err
+    assert 'bags, --dataset FILE or --pictures CSV' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -255,7 +255,7 @@ def test_a_description_alone_makes_a_model(tmp_path: Path, capsys: pytest.Captur
     assert main(['calibrate', '--model', 'field', '--sensor', 'simulated', '--gel', 'mine', '-o', str(output)]) == 0
     loaded = load_model(output)
     assert (loaded.gel, loaded.model.readout.kind) == ('mine', 'field')
-    assert 'from the description simulated and no press' in capsys.readouterr().out
+    assert 'from the description simulated without presses' in capsys.readouterr().out
 
 
 def test_a_network_of_other_features_is_refused(
@@ -329,8 +329,8 @@ def test_the_model_to_begin_with_is_not_replaced(
     ('unused', 'said'),
     [
         (['--gel', 'gel-7'], '--gel does not go with --dataset'),
-        (['--curve'], '--curve goes with bags'),
-        (['--namespace', 'left'], '--namespace goes with bags'),
+        (['--curve'], '--curve needs bags'),
+        (['--namespace', 'left'], '--namespace needs bags'),
     ],
 )
 def test_an_option_that_would_have_no_effect_is_refused(

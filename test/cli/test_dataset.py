@@ -107,8 +107,8 @@ def test_a_damaged_file_is_one_sentence(file: Path, tmp_path: Path, capsys: pyte
     ('words', 'sentence'),
     [
         (['--profile', 'none.yaml'], 'none.yaml'),
-        (['--profile', 'paper', '--model', 'fast'], '--profile does not go with --model'),
-        (['--without-contact', '2'], 'share between 0 and 0.5'),
+        (['--profile', 'paper', '--model', 'fast'], '--profile cannot be used with --model'),
+        (['--without-contact', '2'], 'must be between 0 and 0.5'),
         (['--gel', 'none.yaml'], 'cannot read none.yaml'),
     ],
 )

@@ -183,7 +183,7 @@ class Terminal(io.TextIOWrapper):
 def test_the_doctor_says_how_the_view_will_show(environment: dict[str, str], draws: bool) -> None:
     terminal = Terminal(io.BytesIO(), encoding='utf-8')
     assert view.can_draw(terminal, environment) == draws
-    assert ('prints a line a second' in checks.terminal(terminal, environment).found) != draws
+    assert ('prints one line per second' in checks.terminal(terminal, environment).found) != draws
 
 
 def test_only_problems_make_the_exit_status_one() -> None:
@@ -194,9 +194,9 @@ def test_only_problems_make_the_exit_status_one() -> None:
 
 def test_the_summary_names_what_to_mend_first() -> None:
     findings = [Finding('a', 'ok', ''), Finding('b', 'warning', ''), Finding('c', 'problem', '')]
-    assert doctor.summary(findings).endswith('mend first: c.')
-    assert doctor.summary(findings[:2]).endswith('worth a look: b.')
-    assert doctor.summary(findings[:1]) == 'This machine lacks nothing.'
+    assert doctor.summary(findings).endswith('Fix first: c.')
+    assert doctor.summary(findings[:2]).endswith('Warnings: b.')
+    assert doctor.summary(findings[:1]) == 'All checks passed.'
 
 
 def test_the_table_shows_texts_as_they_are() -> None:

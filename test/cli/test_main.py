@@ -160,5 +160,5 @@ def test_what_the_system_refuses_is_one_sentence(
     monkeypatch.setattr('tactile_nodes.cli.doctor.run', full)
     assert command.main(['doctor']) == 1
     assert capsys.readouterr().err == (
-        "the system refused: 'scores.json': No space left on device; look at space and permissions\n"
+        "operating system error: 'scores.json': No space left on device; check disk space and permissions\n"
     )

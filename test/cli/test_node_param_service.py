@@ -50,7 +50,7 @@ def test_node_info_tells_that_a_node_is_stuck(lamp: LampNode, tactile: Tactile) 
         last = tactile('node', 'info', '/lamp', '--timeout', '0.2').out.splitlines()[-1]
     finally:
         free.set()
-    assert last.endswith('but the node itself not within 0.2 s: it is busy or stuck')
+    assert last.endswith('but the node itself did not respond within 0.2 s: it is busy or stuck')
 
 
 def test_an_unknown_node_is_told(tactile: Tactile) -> None:
@@ -193,7 +193,7 @@ def test_a_service_is_called(lamp: LampNode, tactile: Tactile) -> None:
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (('/nothing', 'std_srvs/srv/Trigger'), 'there is no service /nothing'),
+        (('/nothing', 'std_srvs/srv/Trigger'), 'no node offers the service /nothing'),
         (('/lamp/blink', 'std_srvs/srv/SetBool'), '/lamp/blink is a std_srvs/srv/Trigger, not a std_srvs/srv/SetBool'),
         (('/lamp/blink', 'std_srvs/srv/Tricker'), "there is no message type 'std_srvs/srv/Tricker_Request'"),
         (('/lamp/blink', 'std_srvs/srv/Trigger', '{data: 1}'), "has no field 'data'"),

@@ -86,9 +86,9 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
     assert main([*words, '2']) == 0
     told = capsys.readouterr().out
     assert '2 of 2 presses (1 of about 0.2 N, 1 of about 0.59 N)' in told
-    assert told.endswith('2 presses calibrate nothing, 5 at least do: go on with the same command and --presses 30\n')
+    assert told.endswith('2 presses are too few: a calibration needs at least 5. Continue with --presses 30\n')
     assert main([*words, '10']) == 0
-    assert 'enough. What to do with them:' in capsys.readouterr().out
+    assert 'enough presses. Next steps:' in capsys.readouterr().out
     table = tmp_path / 'by_hand' / 'presses.csv'
     rows = read_table(table).rows
     assert [row.touches for row in rows] == [False] * RESTS + [True] * 10
@@ -103,7 +103,7 @@ def test_what_is_printed_at_the_end_calibrates_a_described_sensor(
     words = ['press', str(tmp_path / 'by hand'), '--sensor', 'printed_dots', '--indenter', 'ball:5', '--presses', '12']
     assert main(words) == 0
     told = capsys.readouterr().out
-    assert 'under ball:5 the gel answers in proportion up to about 150 g' in told
+    assert 'under ball:5 the gel responds linearly up to about 150 g' in told
     commands = [shlex.split(line)[1:] for line in told.splitlines() if line.startswith('  tactile ')]
     assert [each[0] for each in commands] == ['calibrate', 'calibrate', 'dataset']
     for command in commands:
@@ -271,9 +271,9 @@ def test_a_sketch_has_y_downwards_as_the_picture_has() -> None:
         ('50,5', (50.5, (3.0, -2.0))),
         ('50 3.5 -2', (50.0, (3.5, -2.0))),
         ('s', None),
-        ('', 'write the reading alone, as 50, or with a place, as 50 3.5 -2'),
-        ('50 3', 'write the reading alone, as 50, or with a place, as 50 3.5 -2'),
-        ('fifty', 'write the reading alone, as 50, or with a place, as 50 3.5 -2'),
+        ('', 'enter the reading alone, e.g. 50, or with a position, e.g. 50 3.5 -2'),
+        ('50 3', 'enter the reading alone, e.g. 50, or with a position, e.g. 50 3.5 -2'),
+        ('fifty', 'enter the reading alone, e.g. 50, or with a position, e.g. 50 3.5 -2'),
         ('0', 'the reading must be above 0; tare the scale with the sensor on it'),
     ],
 )

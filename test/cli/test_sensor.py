@@ -97,7 +97,7 @@ def test_a_person_is_asked_until_the_answer_can_be_read(
     assert sensor.camera.position_mm[2] == -20.0
     said = capsys.readouterr().out
     assert "'soft' is not a number above 0" in said
-    assert "'0.6-0.3' does not go down" in said
+    assert "'0.6-0.3' is not in order" in said
 
 
 def test_of_dots_their_pitch_is_asked_for_first(
@@ -110,8 +110,8 @@ def test_of_dots_their_pitch_is_asked_for_first(
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml']) == 0
     assert load_sensor('mine.yaml').pattern.pitch_mm == 2.5
     assert load_sensor('mine.yaml').camera.focal_px[0] == pytest.approx(340, rel=0.01)
-    assert 'by the pitch given' in Path('mine.yaml').read_text()
-    assert 'How many mm of gel' not in capsys.readouterr().out
+    assert 'the pitch given' in Path('mine.yaml').read_text()
+    assert 'How wide is the gel' not in capsys.readouterr().out
 
 
 def test_questions_that_end_early_name_the_flag(
@@ -128,16 +128,16 @@ def test_questions_that_end_early_name_the_flag(
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (['rest'], 'No picture shows that: say it with --width, or of dots with --pitch'),
-        (['rest', 'other.png', '--width', '18'], 'other.png has 640x480 pixels, and picture 0 of rest 320x240'),
-        (['flat.png', '--width', '18'], 'mine.yaml is not written: mend what is bad first'),
+        (['rest'], 'No picture shows this; give it with --width, or of dots with --pitch'),
+        (['rest', 'other.png', '--width', '18'], 'other.png has 640x480 pixels, but picture 0 of rest has 320x240'),
+        (['flat.png', '--width', '18'], 'mine.yaml was not written: fix the findings marked bad first'),
         (['black.png', '--width', '18'], 'the camera image is black'),
         (['rest', '--width', '18', '--mask', 'black.png'], 'the mask covers the whole image'),
         (['rest', '--width', '18', '--mask', 'other.png'], 'has 640x480 pixels, but image says 320x240'),
         (['rest', '--width', '18', '--camera-info', 'ost.yaml'], 'was calibrated with pictures of 640x240'),
         (['rest', '--width', '18', '--crop', '400x200'], 'cannot cut 400x200 pixels from an image of 320x240'),
-        (['rest', '--width', '18', '--skip', '9'], 'ends before its picture 9'),
-        (['rest/0.png', '--pitch', '2.5', '--fisheye'], '--fisheye says what lens a calibration is of'),
+        (['rest', '--width', '18', '--skip', '9'], 'ends before picture 9'),
+        (['rest/0.png', '--pitch', '2.5', '--fisheye'], '--fisheye is the lens model of a calibration'),
         (['none.png', '--width', '18'], 'cannot read the image none.png'),
     ],
 )
@@ -157,7 +157,7 @@ def test_what_no_description_follows_from_is_refused_and_nothing_written(
 def test_a_description_that_is_there_is_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path('mine.yaml').write_text('name: precious\n')
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', '--width', '18', '--yes']) == 1
-    assert 'mine.yaml is there; choose another name, or replace it with --force' in capsys.readouterr().err
+    assert 'mine.yaml exists; choose another name, or replace it with --force' in capsys.readouterr().err
     assert Path('mine.yaml').read_text() == 'name: precious\n'
 
 

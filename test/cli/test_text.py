@@ -77,7 +77,7 @@ def test_an_element_is_found_by_its_number() -> None:
 
 
 def test_a_wrong_field_is_answered_with_those_there_are() -> None:
-    with pytest.raises(MessageError, match=r"has no 'wrench.froce': there are force, torque"):
+    with pytest.raises(MessageError, match=r"has no 'wrench.froce': its fields are force, torque"):
         field_of(wrench(), 'wrench.froce')
 
 

@@ -86,14 +86,14 @@ def test_what_listens_waits_for_an_unknown_topic_and_gives_up(
     ended = tactile('topic', command, '/nothing')
     assert (ended.status, ended.out) == (1, '')
     waiting, given_up = ended.err.splitlines()
-    assert waiting == 'nobody publishes or subscribes /nothing yet; waiting 0.1 s for it'
+    assert waiting == 'no publisher and no subscriber of /nothing yet; waiting up to 0.1 s'
     assert given_up.startswith('there is no topic /nothing')
 
 
 def test_echo_waits_for_an_unknown_topic_no_longer_than_its_timeout(tactile: Tactile) -> None:
     ended = tactile('topic', 'echo', '/nothing', '--timeout', '0.1')
     assert ended.status == 1
-    assert 'waiting 0.1 s for it\nthere is no topic /nothing' in ended.err
+    assert 'waiting up to 0.1 s\nthere is no topic /nothing' in ended.err
 
 
 def test_a_topic_that_appears_after_four_seconds_is_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
@@ -106,7 +106,7 @@ def test_a_topic_that_appears_after_four_seconds_is_waited_for(capsys: pytest.Ca
     bus = InProcessBus(Advertising())
     assert awaited_type(bus, '/late') == STRING
     assert bus.clock.now_ns() == 4000 * MS
-    assert capsys.readouterr().err.count('waiting 10 s for it') == 1
+    assert capsys.readouterr().err.count('waiting up to 10 s') == 1
 
 
 def test_a_topic_of_two_types_needs_the_type(other: ZmqBus, tactile: Tactile) -> None:
@@ -156,14 +156,14 @@ def test_a_name_that_ros_2_refuses_is_refused_here(tactile: Tactile, words: tupl
 def test_echo_ends_with_an_error_when_nothing_comes(other: ZmqBus, tactile: Tactile) -> None:
     other.advertise('/b', STRING, QUEUE)
     ended = tactile('topic', 'echo', '/b', '--timeout', '0.2')
-    assert (ended.status, ended.err) == (1, 'nothing came on /b within 0.2 s\n')
+    assert (ended.status, ended.err) == (1, 'no message on /b within 0.2 s\n')
 
 
 def test_echo_of_a_wrong_field_names_those_there_are(other: ZmqBus, tactile: Tactile, repeating: Repeating) -> None:
     publisher = other.advertise('/b', STRING, QUEUE)
     repeating(lambda: publisher.publish(types.String(data='hello')))
     ended = tactile('topic', 'echo', '/b', '--field', 'date')
-    assert (ended.status, ended.err) == (1, f"{STRING} has no 'date': there are data\n")
+    assert (ended.status, ended.err) == (1, f"{STRING} has no 'date': its fields are data\n")
 
 
 def test_gaps_are_counted_for_each_publisher_by_itself() -> None:
@@ -201,7 +201,7 @@ def test_pub_reaches_a_subscriber_that_comes_later(other: ZmqBus, tactile: Tacti
 def test_pub_gives_up_waiting_when_told_so(tactile: Tactile) -> None:
     ended = tactile('topic', 'pub', '-1', '--max-wait-time-secs', '0.1', '/b', STRING)
     assert ended.status == 1
-    assert ended.err.startswith('nothing was published: 0 of 1 subscribers came within 0.1 s')
+    assert ended.err.startswith('nothing was published: 0 of 1 subscribers appeared within 0.1 s')
 
 
 def test_pub_times_publishes_that_often(other: ZmqBus, tactile: Tactile) -> None:
@@ -227,8 +227,8 @@ def test_pub_fills_in_the_stamp(other: ZmqBus, tactile: Tactile) -> None:
     [
         (('/b', 'std_msgs/msg/Sting'), "there is no message type 'std_msgs/msg/Sting'"),
         (('/b', STRING, '{date: x}'), "has no field 'date'; it has: data"),
-        (('/b', STRING, 'hello'), "'hello' names no fields"),
-        (('/b', STRING, '{data'), 'is no YAML'),
+        (('/b', STRING, 'hello'), "'hello' has no field names"),
+        (('/b', STRING, '{data'), 'is not valid YAML'),
     ],
 )
 def test_pub_of_a_wrong_message_is_one_line(words: tuple[str, ...], said: str, tactile: Tactile) -> None:

@@ -37,7 +37,7 @@ def test_the_plan_may_be_another_than_the_files(grid: str):
 
 
 def test_a_data_set_has_the_plan_that_it_was_recorded_by():
-    with pytest.raises(ConfigurationError, match='a data set holds what it holds'):
+    with pytest.raises(ConfigurationError, match='cannot be used with a data set'):
         verb.chosen_config(asked('--dataset', 'presses.npz', '--plan', 'random'))
 
 
@@ -54,7 +54,7 @@ def test_a_grid_can_be_split_by_position(grid: str):
 
 def test_random_presses_are_not_split(tmp_path: Path):
     (tmp_path / 'run.yaml').write_text('data: {plan: random}\n')
-    with pytest.raises(ConfigurationError, match='of random ones nothing is put aside'):
+    with pytest.raises(ConfigurationError, match='random presses have no held-out set'):
         verb.chosen_config(asked(str(tmp_path / 'run.yaml'), '--split', 'position'))
 
 

@@ -188,7 +188,7 @@ def test_a_bridge_that_is_told_to_end_leaves_the_graph(other: Other, tmp_path: P
 
 def test_a_second_bridge_on_a_bus_is_refused(bridge: Start, bus: InProcessBus) -> None:
     bus.add_node('/left/dds_bridge')
-    with pytest.raises(ConfigurationError, match='/left/dds_bridge shows this bus over DDS already'):
+    with pytest.raises(ConfigurationError, match='/left/dds_bridge already shows this bus over DDS'):
         bridge()
 
 

@@ -128,7 +128,7 @@ def test_an_episode_begins_with_the_pictures_of_the_last_finger(
     assert export_pictures(write_pictures(tmp_path / 'both', {'left': 0, 'right': 3})) == 0
     frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
     assert frames['stamp_ns'][0].as_py() == START_NS + 3 * STEP_NS
-    assert 'the first 0.05 s of the forces, until /right/image_raw spoke' in capsys.readouterr().out
+    assert 'the first 0.05 s of the forces, before the first message of /right/image_raw' in capsys.readouterr().out
 
 
 def test_pictures_that_begin_after_the_last_force_are_refused_before_any_frame(

@@ -291,7 +291,7 @@ def test_another_page_in_the_browser_may_not_look(
 ) -> None:
     node = bridge()
     assert status_for(node, origin=origin) == 403
-    assert f'requests refused: 1, 1 in all; the last: a page of {origin!a}' in capfd.readouterr().err
+    assert f'requests refused: 1, 1 in total; last: a page of {origin!a}' in capfd.readouterr().err
 
 
 def test_origins_are_those_that_the_parameter_names(bridge: Start) -> None:

@@ -46,8 +46,8 @@ def launched(tmp_path: Path, *texts: str) -> tuple[LaunchedAgain, list[Line]]:
 def test_one_that_fails_is_told_and_started_again_until_it_lasts(tmp_path: Path) -> None:
     tested, lines = launched(tmp_path, FAILS, LASTS)
     tested.start()
-    until(lambda: 'started again' in tested.trouble)
-    assert tested.trouble == 'started again, and not settled yet; before: sh-1 failed: no camera'
+    until(lambda: 'restarted' in tested.trouble)
+    assert tested.trouble == 'restarted, not stable yet; last failure: sh-1 failed: no camera'
     until(lambda: any('sleep-1' in line.source for line in lines))
     began_s = monotonic_s()
     tested.stop()
@@ -76,7 +76,7 @@ def test_one_that_has_settled_is_no_trouble_any_more(tmp_path: Path, monkeypatch
     monkeypatch.setattr(again, 'SETTLED_S', 0.5)
     tested, _ = launched(tmp_path, FAILS, LASTS)
     tested.start()
-    until(lambda: 'started again' in tested.trouble)
+    until(lambda: 'restarted' in tested.trouble)
     until(lambda: tested.trouble == '')
     tested.stop()
     tested.join(10.0)

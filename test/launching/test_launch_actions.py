@@ -68,7 +68,7 @@ def test_if_and_unless_take_true_1_false_and_0(interpret, text, said):
 
 @pytest.mark.parametrize('text', ['yes', 'on', '2', ''])
 def test_any_other_condition_is_an_error(interpret, text):
-    assert f"a condition is 'true', '1', 'false' or '0', got '{text}'" in refusal(
+    assert f"a condition must be 'true', '1', 'false' or '0', got '{text}'" in refusal(
         interpret, f"- log: {{message: x, if: '{text}'}}\n"
     )
 
@@ -182,8 +182,8 @@ def test_a_timer_runs_its_children_later_in_the_scope_then_in_force(interpret):
 def test_the_period_of_a_timer_may_be_a_substitution(interpret):
     actions = "- timer: {period: '$(var t)', cancel_on_shutdown: false, children: []}\n"
     assert [timer[0::3] for timer in interpret(actions, t='2').timers] == [(2.0, False)]
-    assert "'soon' is no number" in refusal(interpret, actions, t='soon')
-    assert "'inf' is no finite number" in refusal(interpret, actions, t='inf')
+    assert "'soon' is not a number" in refusal(interpret, actions, t='soon')
+    assert "'inf' is not a finite number" in refusal(interpret, actions, t='inf')
 
 
 def test_shutdown_gives_its_reason(interpret):

@@ -18,7 +18,7 @@ import pytest
         ),
         ('raise ValueError("a bug")', 'ValueError: a bug'),
         ('raise SystemExit(3)', 'exit code 3'),
-        ('import os; os.kill(os.getpid(), 9)', 'it was ended by SIGKILL'),
+        ('import os; os.kill(os.getpid(), 9)', 'it was killed by SIGKILL'),
     ],
 )
 def test_a_launch_that_fails_ends_with_the_cause(launch, program, code, cause):

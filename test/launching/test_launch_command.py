@@ -165,7 +165,7 @@ def test_an_argument_that_nothing_declares_is_refused_with_the_nearest_name(star
     process = start(launch_file('- arg: {name: source, default: a}\n'), 'sorce:=b')
     output = process.stdout.read()
     assert process.wait(5) == 1
-    assert output == ("test.launch.yaml has no argument 'sorce'; did you mean 'source'? (--show-args lists all)\n")
+    assert output == ("test.launch.yaml has no argument 'sorce'; did you mean 'source'? (--show-args lists them all)\n")
 
 
 def test_a_launch_within_a_launch_leaves_nothing_either(start, launch_file, program):

@@ -145,7 +145,7 @@ def test_run_takes_the_package_or_leaves_it_out(words, expected, prefix, monkeyp
 
 def test_run_lists_the_executables_of_a_package(prefix, monkeypatch):
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(prefix))
-    with pytest.raises(ConfigurationError, match="name an executable of package 'demo'; there are: talker"):
+    with pytest.raises(ConfigurationError, match="name an executable of package 'demo'; available: talker"):
         run_command.split(['demo'])
 
 

@@ -31,7 +31,7 @@ def test_an_item_has_one_key(launch_file):
         - log: {message: b}
           let: {name: a, value: b}
         """)
-    assert refusal(file) == f'{file}:3: an action is a map of one key, its name; here: log, let'
+    assert refusal(file) == f'{file}:3: an action is a map with one key, its name; found: log, let'
 
 
 def test_an_unknown_action_is_named_with_its_line(launch_file):
@@ -121,7 +121,7 @@ def test_the_number_of_respawns_is_an_integer(launch_file):
         ('node: {exec: a, respawn_delay: -1.0}', 'must not be negative'),
         ('node: {exec: a, param: []}', 'list of maps'),
         ('node: {exec: a, remap: {from: a, to: b}}', 'list of maps'),
-        ("log: {message: a, if: 'true', unless: 'true'}", 'exclude each other'),
+        ("log: {message: a, if: 'true', unless: 'true'}", 'cannot be used together'),
         ('log: {message: a, message: b}', 'given twice'),
         ('log:', 'expected a map, got nothing'),
         ('set_env: {name: A, value: b}', 'is not supported: give each process its env'),

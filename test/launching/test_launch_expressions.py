@@ -52,7 +52,7 @@ def test_an_expression_has_pythons_value(expression, result):
         ("f'{1}'", "f'"),
         ('(x := 1)', 'x := 1'),
         ('int(x=1)', 'int(x=1)'),
-        ('sim', "put a text in quotes: 'sim'"),
+        ('sim', "put strings in quotes: 'sim'"),
         ('factorial(9)', "'factorial'"),
         ('1 << 99', '1 << 99'),
     ],

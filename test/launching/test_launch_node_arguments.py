@@ -91,7 +91,7 @@ def test_pushed_namespaces_add_up(interpret):
 
 @pytest.mark.parametrize('action', ['namespace: 1st', 'namespace: a//b', 'name: a-b', 'name: /a', "name: ''"])
 def test_an_invalid_name_is_an_error(interpret, action):
-    assert 'is no valid' in refusal(interpret, f'- node: {{exec: /n, {action}}}\n')
+    assert 'is not a valid' in refusal(interpret, f'- node: {{exec: /n, {action}}}\n')
 
 
 # --- splitting -------------------------------------------------------------------------------------------------------
@@ -168,7 +168,7 @@ def test_timeouts_are_set_by_key_or_by_launch_argument(interpret):
 
 def test_respawn_is_a_text_with_a_yaml_boolean(interpret):
     assert interpret("- executable: {cmd: ls, respawn: '$(var r)'}\n", r='on').plans[0].respawn
-    assert "'1' is no boolean" in refusal(interpret, "- executable: {cmd: ls, respawn: '1'}\n")
+    assert "'1' is not a boolean" in refusal(interpret, "- executable: {cmd: ls, respawn: '1'}\n")
 
 
 def test_an_unknown_output_is_an_error(interpret):

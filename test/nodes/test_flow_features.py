@@ -99,7 +99,7 @@ def test_a_camera_from_which_no_picture_comes_any_more_is_told_and_when_it_is_ba
     assert told(0.0, comes=True)[0] is Level.OK
     assert told(0.1, comes=True)[0] is Level.OK
     assert told(1.5)[0] is Level.OK
-    assert told(1.0) == (Level.WARN, 'no picture comes any more; look at the camera and at its node')
+    assert told(1.0) == (Level.WARN, 'no more pictures; check the camera and its node')
     assert told(1.0, comes=True)[0] is Level.OK
     assert told(5.0, comes=True)[0] is Level.OK
     assert told(10.0)[0] is Level.OK
@@ -127,7 +127,7 @@ def test_of_a_whole_picture_of_another_camera_node_the_middle_is_measured_and_th
     rows, columns = slice(240 - side // 2, 240 + side // 2), slice(320 - side // 2, 320 + side // 2)
     np.testing.assert_array_equal(conversions.image_array(received.message), WHOLE[rows, columns])
     lines = [line for line in told(said) if 'image_raw' in line]
-    assert lines == [f'/image_raw brings 640x480 rgb8: {side}x{side} are cut from the middle (parameter crop)']
+    assert lines == [f'/image_raw has 640x480 rgb8: the central {side}x{side} are used (parameter crop)']
 
 
 def test_pictures_that_our_camera_node_has_cut_are_measured_whole(
@@ -136,7 +136,7 @@ def test_pictures_that_our_camera_node_has_cut_are_measured_whole(
     said, camera, tested = listen(topics.ROSOUT), publisher(topics.IMAGE), node(bus, clock)
     camera.publish(image(WHOLE[:, :480]))
     run(tested)
-    assert '/image_raw brings 480x480 mono8: taken whole' in told(said)
+    assert '/image_raw has 480x480 mono8: used whole' in told(said)
 
 
 def told(said: Subscription) -> list[str]:
@@ -209,7 +209,7 @@ def test_a_rest_image_of_a_picture_that_never_rests_is_told_with_what_to_do(
         run(tested)
     (status,) = (each for each in tested.diagnostics.message(0).status if each.name == 'flow_features: rest image')
     assert status.level == Level.WARN
-    assert 'of a picture that never came to rest: touch nothing, then call capture_reference' in status.message
+    assert 'but the picture never was still: do not touch the gel, then call capture_reference' in status.message
 
 
 def test_rest_image_is_captured_again_on_request(

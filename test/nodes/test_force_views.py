@@ -133,7 +133,7 @@ def test_diagnostics_say_what_was_made_of_which_view(
     assert (status.name, status.hardware_id, status.message) == (
         'force_views: views',
         'none',
-        'somebody listens to 1 of 5',
+        '1 of 5 views have subscribers',
     )
     assert {entry.key: entry.value for entry in status.values} == {
         '/force_map': '0', '/force_points': '0', '/contact': '2', '/contact_markers': '0',

@@ -112,7 +112,7 @@ def test_the_address_of_the_page_is_told_on_diagnostics(clock: SteppedClock, nod
     pass_time(node, clock, 1.0)
     (status,) = node.diagnostics.message(clock.now_ns()).status
     assert status.level == Level.OK
-    assert status.message == f'{node.server.url}, nobody watching'
+    assert status.message == f'{node.server.url}, viewers: 0'
 
 
 def test_a_port_that_is_none_is_refused(bus: InProcessBus, clock: SteppedClock) -> None:
@@ -124,9 +124,9 @@ def test_a_port_that_is_none_is_refused(bus: InProcessBus, clock: SteppedClock) 
 @pytest.mark.parametrize(
     ('values', 'said'),
     [
-        ({'guests': 'watch'}, 'every account of this machine can watch'),
-        ({'guests': 'act', 'address': '0.0.0.0'}, 'anyone who reaches 0.0.0.0 can watch and press the buttons'),
-        ({'address': '0.0.0.0'}, '0.0.0.0 is open to other machines, but only guests come from there: set guests'),
+        ({'guests': 'watch'}, 'every user of this machine can watch'),
+        ({'guests': 'act', 'address': '0.0.0.0'}, 'anyone who can reach 0.0.0.0 can watch and press the buttons'),
+        ({'address': '0.0.0.0'}, '0.0.0.0 is reachable from other machines, but they count as guests: set guests'),
     ],
 )
 def test_who_else_may_is_said_at_the_start(

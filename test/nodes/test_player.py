@@ -219,7 +219,7 @@ def test_paused_player_that_resumes_plays_the_rest(bus, play) -> None:
 
 def test_next_is_refused_while_playing(play) -> None:
     node = play(loop=True)
-    with pytest.raises(BagError, match='pause it first'):
+    with pytest.raises(BagError, match='pause first'):
         node.play_next()
 
 
@@ -257,5 +257,5 @@ def test_further_topics_are_played_if_the_bag_holds_them(bus, play) -> None:
 
 
 def test_an_offset_beyond_the_end_is_refused(play) -> None:
-    with pytest.raises(BagError, match=r'lasts \d+\.\d s; nothing is left to play after 1000 s'):
+    with pytest.raises(BagError, match=r'lasts \d+\.\d s; there is nothing to play after 1000 s'):
         play(start_offset=1000.0)

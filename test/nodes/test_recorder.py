@@ -65,7 +65,7 @@ def test_without_the_topic_that_a_recording_begins_with_no_bag_is_left(
     node = start(all=True, begins_with=begins_with)
     talker.publish(types.String(data='before'))
     run(node)
-    assert 'recorded nothing, since nothing came on' in node.stop_recording()
+    assert 'recorded nothing, because no message came on' in node.stop_recording()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -263,8 +263,8 @@ def test_a_topic_that_was_named_and_that_nobody_publishes_is_told_of(bus, clock,
         node.spin_once()
         told += [(each.level, each.message) for each in node.diagnostics.message(0).status if 'bag' in each.name]
     assert [level for level, _ in told] == [Level.OK] * 4 + [Level.WARN] * 2
-    assert told[-1][1] == 'nobody publishes /chater'
-    assert node.stop_recording().endswith('; nothing came on /chater')
+    assert told[-1][1] == 'no publisher of /chater'
+    assert node.stop_recording().endswith('; no messages on /chater')
 
 
 def test_folder_that_exists_ends_the_node_before_it_begins(start: Start, tmp_path: Path) -> None:

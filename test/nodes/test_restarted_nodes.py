@@ -106,7 +106,7 @@ def test_a_kept_rest_image_that_is_damaged_is_told_and_a_new_one_captured(
     launch.mkdir()
     (launch / 'flow_features.rest_image').write_bytes(data)
     assert features_of(born, PATTERN).reasons == types.ForceDistribution.REASON_NO_REFERENCE
-    assert 'the one from before the restart is of no use' in ''.join(capsys.readouterr())
+    assert 'the rest image from before the restart cannot be used' in ''.join(capsys.readouterr())
 
 
 def features_after_a_knock(born: Born, clock: SteppedClock, killed: bool) -> types.FlowFeatures:
@@ -145,7 +145,7 @@ def test_a_kept_memory_that_is_damaged_leaves_the_rest_image(
     assert features_of(born, PATTERN).reasons == 0
     (launch / 'flow_features.memory').write_bytes(b'damaged')
     assert features_of(born, PATTERN).reasons == 0
-    assert 'only the rest image is left' in ''.join(capsys.readouterr())
+    assert 'only the rest image was restored' in ''.join(capsys.readouterr())
 
 
 def test_the_force_estimator_comes_back_with_the_model_that_took_over(

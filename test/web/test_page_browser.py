@@ -468,7 +468,7 @@ def test_a_guest_watches_and_finds_the_buttons_closed(
         page = context.new_page()
         page.goto(node.server.url)
         text(page, '#total').to_have_text('0.730')
-        text(page, '#answer').to_contain_text('Only the account that started the sensor')
+        text(page, '#answer').to_contain_text('Only the user who started the sensor')
         expect(page.locator('#rest')).to_be_disabled()
 
 
@@ -480,7 +480,7 @@ def test_another_account_reads_why_it_sees_nothing(
     with chromium.new_context() as context:
         page = context.new_page()
         page.goto(node.server.url)
-        text(page, 'body').to_contain_text('This is served to the account that started it')
+        text(page, 'body').to_contain_text('This server is for the user who started it')
 
 
 def test_nothing_lies_beyond_the_edge(page: Any) -> None:

@@ -221,7 +221,7 @@ class TestAnotherAccount:
                 assert response.status == 403
                 return await response.text()
 
-        assert f'served to the account that started it (uid {os.getuid()})' in run(talk())
+        assert f'for the user who started it (uid {os.getuid()})' in run(talk())
         for path in ('/static/page.css', '/live', '/control/good'):
             assert run(status_of('POST', served.url + path, Origin=served.url)) == 403
         assert served.asked == []

@@ -113,7 +113,7 @@ def test_of_many_malformed_requests_a_line_a_minute_tells_how_many(serve: Serve,
     for _ in range(20):
         answer_to(serving, MALFORMED[1])
     assert len(said) == 1
-    assert said[0].startswith("requests refused: 1, 1 in all; the last: malformed, 'Invalid header")
+    assert said[0].startswith("requests refused: 1, 1 in total; last: malformed, 'Invalid header")
     clock.now_s += SAY_EVERY_S
     answer_to(serving, MALFORMED[1])
     assert len(said) == 2

@@ -1,4 +1,4 @@
-"""`tactile bag`: record, look at, play and compare recordings, with the words and flags of ``ros2 bag``."""
+"""`tactile bag`: record, inspect, play and compare recordings, with the commands and flags of ``ros2 bag``."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tactile_nodes.cli.bag import sync as bag_sync
 from tactile_nodes.cli.running.session import duration
 from tactile_nodes.clock import NS_PER_S
 
-DESCRIPTION = 'Record topics into rosbag2 MCAP folders, and play them again.'
+DESCRIPTION = 'Record topics into rosbag2 MCAP folders and play them back.'
 EPILOG = """\
 examples:
-  tactile bag record                          what the topic table marks as recorded, until Ctrl-C
+  tactile bag record                          the topics marked as recorded in the topic table, until Ctrl-C
   tactile bag record -o press1 image_raw force_distribution
   tactile bag info press1
   tactile bag play press1 --rate 0.5 --clock
@@ -28,7 +28,7 @@ examples:
   tactile bag sync collected_1 --picture sync.png    offset and drift of each recorder's clock
 """
 _MEGABYTE = 1_000_000
-_DEFAULT_CLOCK_HZ = 40.0  # of ros2 bag play
+_DEFAULT_CLOCK_HZ = 40.0  # the default of ros2 bag play
 _LABEL = 19
 
 
@@ -36,43 +36,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `tactile bag`."""
     verbs = parser.add_subparsers(dest='bag_verb', required=True, metavar='record|info|play|compare|sync')
     _add_record(verbs.add_parser('record', help='record topics', description='Record until Ctrl-C.'))
-    _add_info(verbs.add_parser('info', help='say what a bag holds', description='Say what a bag holds.'))
-    _add_play(verbs.add_parser('play', help='publish a bag again', description=_KEYS))
+    _add_info(verbs.add_parser('info', help='show the contents of a bag', description='Show the contents of a bag.'))
+    _add_play(verbs.add_parser('play', help='play a bag', description=_KEYS))
     _add_compare(verbs.add_parser('compare', help='compare two bags bit for bit', description=_BITS))
     bag_sync.add_arguments(
         verbs.add_parser('sync', help="fit the recorders' clocks to each other", description=bag_sync.DESCRIPTION)
     )
 
 
-_KEYS = 'Publish a bag again. Keys: space pauses and resumes, right plays one message, up and down change the rate.'
+_KEYS = 'Play a bag. Keys: space pauses and resumes, right plays one message, up and down change the rate.'
 
 _BITS = (
-    'Match two recordings of a topic by the stamps of their messages and compare all numbers bit for bit. '
-    'The exit status is 1 when any differs, or nothing matches.'
+    'Match the messages of a topic in two recordings by their stamps and compare all numbers bit for bit. '
+    'The exit status is 1 if any number differs, or if no messages match.'
 )
 
 
 def _add_record(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('topics', nargs='*', help='default: those that the topic table marks as recorded')
+    parser.add_argument('topics', nargs='*', help='default: those marked as recorded in the topic table')
     parser.add_argument('-a', '--all', action='store_true', help='record all topics')
-    parser.add_argument('-e', '--regex', default='', help='record the topics in which this is found')
-    parser.add_argument('-x', '--exclude', '--exclude-regex', default='', help='but not those in which this is found')
-    parser.add_argument('-o', '--output', default='', help='the folder to make; default: rosbag2_<date>')
-    parser.add_argument('-s', '--storage', choices=['mcap'], default='mcap', help='the kind of file')
+    parser.add_argument('-e', '--regex', default='', help='record the topics that match this regular expression')
+    parser.add_argument('-x', '--exclude', '--exclude-regex', default='', help='but not those that match this one')
+    parser.add_argument('-o', '--output', default='', help='folder to create (default: rosbag2_<date>)')
+    parser.add_argument('-s', '--storage', choices=['mcap'], default='mcap', help='file format')
     parser.add_argument('-b', '--max-bag-size', type=int, default=0, metavar='BYTES', help='split at this size')
     parser.add_argument(
         '-d', '--max-bag-duration', type=duration, default=0.0, metavar='S', help='split after this time'
     )
-    parser.add_argument('--duration', type=duration, default=0.0, metavar='S', help='end after this time')
+    parser.add_argument('--duration', type=duration, default=0.0, metavar='S', help='stop after this time')
     parser.add_argument(
-        '--max-cache-size', type=int, default=256 * _MEGABYTE, metavar='BYTES', help='what may wait for a slow disk'
+        '--max-cache-size', type=int, default=256 * _MEGABYTE, metavar='BYTES', help='buffer for a slow disk'
     )
     parser.add_argument(
         '--compression',
         '--compression-format',
         choices=list(COMPRESSIONS),
         default='none',
-        help='of the chunks of the file',
+        help='compression of the chunks of the file',
     )
     parser.set_defaults(bag_run=_record)
 
@@ -85,22 +85,22 @@ def _add_info(parser: argparse.ArgumentParser) -> None:
 def _add_play(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bag', help='a folder, a .mcap file or a .db3 file')
     parser.add_argument('-r', '--rate', type=float, default=1.0, help='speed')
-    parser.add_argument('-l', '--loop', action='store_true', help='begin again at the end')
-    parser.add_argument('-p', '--start-paused', action='store_true', help='begin paused')
+    parser.add_argument('-l', '--loop', action='store_true', help='start again at the end')
+    parser.add_argument('-p', '--start-paused', action='store_true', help='start paused')
     parser.add_argument('-d', '--delay', type=duration, default=0.0, metavar='S', help='wait before playing')
-    parser.add_argument('--start-offset', type=float, default=0.0, metavar='S', help='begin there')
+    parser.add_argument('--start-offset', type=float, default=0.0, metavar='S', help='start this far into the bag')
     parser.add_argument(
         '--clock', type=float, nargs='?', const=_DEFAULT_CLOCK_HZ, default=0.0, metavar='HZ', help='publish /clock'
     )
     parser.add_argument('--topics', nargs='+', default=[], help='play only these')
-    parser.add_argument('-m', '--remap', nargs='+', default=[], metavar='FROM:=TO', help='publish under other names')
+    parser.add_argument('-m', '--remap', nargs='+', default=[], metavar='FROM:=TO', help='publish under another name')
     parser.set_defaults(bag_run=_play)
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('first', help='a bag')
-    parser.add_argument('second', help='another one, a replay of it say')
-    parser.add_argument('--topic', default=FORCE_DISTRIBUTION.name, help='a full name, or its last part')
+    parser.add_argument('second', help='another bag, for example a replay of the first')
+    parser.add_argument('--topic', default=FORCE_DISTRIBUTION.name, help='full name of the topic, or its last part')
     parser.add_argument('--ignore', nargs='*', default=sorted(TIMINGS), metavar='FIELD', help='fields that may differ')
     parser.set_defaults(bag_run=_compare)
 
@@ -146,7 +146,7 @@ def _warn(bag: BagReader) -> None:
 
 
 def info_lines(bag: BagReader) -> list[str]:
-    """What ``ros2 bag info`` prints, counted from the files themselves."""
+    """The output of ``ros2 bag info``, counted from the files themselves."""
     topics = [
         f'Topic: {topic.name} | Type: {topic.type_name} | Count: {bag.counts.get(topic.name, 0)} | '
         f'Serialization Format: {topic.encoding}'

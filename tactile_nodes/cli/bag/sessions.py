@@ -1,4 +1,4 @@
-"""Recording and playing from a terminal: until Ctrl-C, with a line that says how it goes."""
+"""Recording and playing in a terminal until Ctrl-C, with a progress line."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _MEGABYTE = 1_000_000
 
 
 def record(arguments: argparse.Namespace) -> int:
-    """Record until Ctrl-C, or for ``--duration``; 1 when not everything could be written, or not be awaited."""
+    """Record until Ctrl-C, or for ``--duration``; 1 if not everything could be received and written."""
     parameters: dict[str, Value] = {
         'bag': arguments.output,
         'topics': arguments.topics,
@@ -49,11 +49,11 @@ def record(arguments: argparse.Namespace) -> int:
             return node.failure is not None or monotonic_s() >= end_s
 
         with _watched(done, lambda: _recording_line(node), is_over):
-            return run_until([node], done)  # the node has said why
+            return run_until([node], done)  # the node has logged the reason
 
 
 def play(arguments: argparse.Namespace) -> int:
-    """Play to the end or until Ctrl-C; 1 when the bag could not be read to its end."""
+    """Play to the end or until Ctrl-C; 1 if the bag could not be read to its end."""
     parameters: dict[str, Value] = {
         'bag': arguments.bag,
         'rate': arguments.rate,
@@ -68,7 +68,7 @@ def play(arguments: argparse.Namespace) -> int:
     with ended_by_signals() as done, joined() as bus:
         node = PlayerNode(bus, _node_arguments(parameters))
         with _keys(node, done), _watched(done, lambda: _playing_line(node)):
-            return run_until([node], done)  # the node has said why
+            return run_until([node], done)  # the node has logged the reason
 
 
 def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:
@@ -77,7 +77,7 @@ def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:
 
 
 def _recording_line(node: RecorderNode) -> str:
-    writer = node.writer  # the node's own thread may let go of it meanwhile
+    writer = node.writer  # the node's own thread may release it meanwhile
     if writer is None:
         return ''
     totals = writer.totals
@@ -96,7 +96,7 @@ def _playing_line(node: PlayerNode) -> str:
 def _watched(
     done: threading.Event, line: Callable[[], str], is_over: Callable[[], bool] = lambda: False
 ) -> Iterator[None]:
-    """Meanwhile, write `line` over and over on a terminal, and set `done` when `is_over`."""
+    """Within the context, rewrite `line` on the terminal again and again; set `done` when `is_over` returns true."""
 
     def watch() -> None:
         while not done.wait(_LOOK_EVERY_S):
@@ -119,7 +119,10 @@ def _watched(
 
 @contextmanager
 def _keys(node: PlayerNode, done: threading.Event) -> Iterator[None]:
-    """Meanwhile, let the terminal's keys steer `node`; not in the background, where reading would stop the process."""
+    """Within the context, let the terminal's keys control `node`.
+
+    Not in the background, where reading from the terminal would stop the process.
+    """
     if not sys.stdin.isatty() or os.tcgetpgrp(sys.stdin.fileno()) != os.getpgrp():
         yield
         return

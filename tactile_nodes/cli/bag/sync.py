@@ -1,4 +1,4 @@
-"""`tactile bag sync`: the clocks of a bag's recorders against each other, by the edges that all of them saw."""
+"""`tactile bag sync`: compare the clocks of a bag's recorders by the edges that all of them saw."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.recorded.clocks import Clocks
 
 DESCRIPTION = (
-    'Fit the clock of each recorder in a bag to that of the machine, by the edges of the digital line. The exit status '
-    'is 1 when a clock cannot be fitted, or nobody but the machine saw the line.'
+    'Fit the clock of each recorder in a bag to the clock of the machine, by the edges of the digital line. The exit '
+    'status is 1 if a clock cannot be fitted, or if no recorder other than the machine saw the line.'
 )
 _COLUMNS = ('edges', 'matched', 'offset [s]', 'drift [ppm]', 'median [ms]', 'largest [ms]', 'known to [ms]')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     parser.add_argument('bag', type=Path, help='a folder, a .mcap file or a .db3 file')
-    parser.add_argument('--reference', metavar='RECORDER', help='fit to the clock of this one (default: the machine)')
-    parser.add_argument('--namespace', help='of the sensor, if the bag holds several')
-    parser.add_argument('--picture', type=Path, metavar='FILE.png', help='draw what the fits leave')
+    parser.add_argument('--reference', metavar='RECORDER', help="fit to this recorder's clock (default: the machine)")
+    parser.add_argument('--namespace', help='namespace of the sensor, if the bag holds several')
+    parser.add_argument('--picture', type=Path, metavar='FILE.png', help='draw the residuals of the fits')
     parser.set_defaults(bag_run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the fits; the result is the exit status."""
+    """Print the fits; returns the exit status."""
     from tactile_nodes.bag.reader import BagReader
     from tactile_nodes.learning.recorded.clocks import bag_clocks
 
@@ -38,15 +38,15 @@ def run(arguments: argparse.Namespace) -> int:
         from tactile_nodes.learning.recorded.clocks_picture import draw
 
         draw(clocks, arguments.picture)
-        print(f'drawn: {arguments.picture}')
+        print(f'wrote {arguments.picture}')
     return 0 if clocks.others and not clocks.warnings else 1
 
 
 def lines(clocks: Clocks) -> list[str]:
-    """A table of the clocks that were fitted, and a sentence for each that was not."""
+    """A table of the fitted clocks, and a sentence for each clock that could not be fitted."""
     told = clocks.as_list()
     if not told:
-        return [f'{clocks.reference} alone saw {len(clocks.shared)} edges of the line: there is nothing to compare']
+        return [f'only {clocks.reference} saw the {len(clocks.shared)} edges of the line: there is nothing to compare']
     fitted = [clock for clock in told if 'refused' not in clock]
     wide = max(len('recorder'), *(len(clock['recorder']) for clock in told))
     head = (

@@ -1,10 +1,10 @@
-"""``tactile completion``: print what makes the shell complete ``tactile``."""
+"""``tactile completion``: print the shell code that completes ``tactile``."""
 
 from __future__ import annotations
 
 import argparse
 
-DESCRIPTION = 'Print what to source so that the shell completes verbs, flags, and the names of what is running.'
+DESCRIPTION = 'Print shell code that completes commands, flags and the names of running nodes, topics and services.'
 EPILOG = """\
 for this shell alone:
   eval "$(tactile completion bash)"
@@ -19,7 +19,7 @@ for every new shell:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     parser.add_argument('shell', choices=['bash', 'zsh', 'fish'], help='your shell')
 
 

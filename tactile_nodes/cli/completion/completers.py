@@ -1,4 +1,4 @@
-"""What the shell offers when Tab is pressed: names of what runs now; quickly, and silently if it fails."""
+"""Completers for the shell: names of what runs now. They are quick, and silent if they fail."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Completer = Callable[..., list[str]]
 
 
 def _live(names: Callable[[ProcessBus, argparse.Namespace], Iterable[str]]) -> Completer:
-    """A completer from what is on the bus; a person who pressed Tab has no use for an error."""
+    """A completer that looks at the bus. Errors give no completions, since a message would disturb the command line."""
 
     def complete(prefix: str, parsed_args: argparse.Namespace, **_: object) -> list[str]:
         try:
@@ -32,7 +32,7 @@ def _live(names: Callable[[ProcessBus, argparse.Namespace], Iterable[str]]) -> C
 
 
 def _as_typed(names: list[str], prefix: str) -> list[str]:
-    """Those that continue `prefix`, with a leading slash only if it was typed or nothing was."""
+    """The names that start with `prefix`, with a leading slash only if it was typed or nothing was."""
     return [name for name in names if name.startswith(prefix)] or [
         name[1:] for name in names if name.startswith(f'/{prefix}')
     ]

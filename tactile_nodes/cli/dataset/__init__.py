@@ -8,7 +8,7 @@ from pathlib import Path
 from tactile_nodes.cli.dataset import building, importing
 from tactile_nodes.cli.running.session import Verbs
 
-DESCRIPTION = 'Make a training set of the bags of a collection, or of pictures and a table, and say what it holds.'
+DESCRIPTION = 'Build a training set from the bags of a collection, or from pictures and a table; show what it holds.'
 EPILOG = """\
 examples:
   tactile dataset build collected_1 collected_2 -o presses.npz --gel gel-7
@@ -24,20 +24,20 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     verbs = Verbs(parser)
-    building.add_arguments(verbs.add('build', building.run, 'make a data set of bags'))
-    importing.add_arguments(verbs.add('import', importing.run, 'make a data set of pictures and a table'))
-    info = verbs.add('info', _info, 'say what a data set holds')
+    building.add_arguments(verbs.add('build', building.run, 'build a data set from bags'))
+    importing.add_arguments(verbs.add('import', importing.run, 'build a data set from pictures and a table'))
+    info = verbs.add('info', _info, 'show what a data set holds')
     info.add_argument('file', type=Path, help='a data set')
     info.add_argument(
-        '--picture', type=Path, metavar='FILE.png', help='draw coverage, force over depth, forces, a label'
+        '--picture', type=Path, metavar='FILE.png', help='draw coverage, force against depth, forces and a label'
     )
     info.add_argument('--left-out', action='store_true', help='list every attempt that was left out')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what the second word says."""
+    """Run the chosen subcommand."""
     status: int = arguments.action(arguments)
     return status
 
@@ -54,5 +54,5 @@ def _info(arguments: argparse.Namespace) -> int:
         from tactile_nodes.learning.datasets.picture import draw
 
         draw(presses, arguments.picture)
-        print(f'drawn: {arguments.picture}')
+        print(f'wrote {arguments.picture}')
     return 0

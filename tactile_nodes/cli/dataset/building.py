@@ -1,4 +1,4 @@
-"""``tactile dataset build``: a data set of the bags of a collection."""
+"""``tactile dataset build``: a data set from the bags of a collection."""
 
 from __future__ import annotations
 
@@ -17,32 +17,34 @@ if TYPE_CHECKING:
 LIMITS = {
     'max_force_rate': ('force_rate_n_per_s', 'N/s', 'leave out presses whose force changed faster in the window'),
     'max_deviation': ('force_deviation_n', 'N', 'leave out presses whose force spread more in the window'),
-    'max_depth_error': ('depth_error_mm', 'MM', 'leave out presses that were that far from the depth commanded'),
-    'max_force': ('largest_force_n', 'N', 'leave out presses with more force'),
+    'max_depth_error': ('depth_error_mm', 'MM', 'leave out presses with a larger error from the commanded depth'),
+    'max_force': ('largest_force_n', 'N', 'leave out presses with a larger force'),
 }
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the command."""
+    """Add the arguments of this command."""
     parser.add_argument('bags', nargs='+', type=Path, metavar='BAG', help='a bag of a collection')
     methods.add_arguments(parser)
     parser.add_argument(
         '--without-contact', type=float, default=0.05, metavar='SHARE',
-        help='share of samples of the untouched gel, where the bags hold such images (default: 0.05)',
+        help='share of samples without contact, if the bags hold such images (default: 0.05)',
     )  # fmt: skip
-    parser.add_argument('--separate-runs', action='store_true', help='bags of one plan are runs, not one run resumed')
-    parser.add_argument('--namespace', help='of the sensor, if the bags hold several')
+    parser.add_argument(
+        '--separate-runs', action='store_true', help='bags of one plan are separate runs, not one resumed run'
+    )
+    parser.add_argument('--namespace', help='namespace of the sensor, if the bags hold several')
     parser.add_argument(
         '--reference-clock',
         metavar='RECORDER',
-        help='recorder whose clock the others are brought to (default: the machine)',
+        help='recorder whose clock the others are converted to (default: the machine)',
     )
     for name, (_, unit, line) in LIMITS.items():
         parser.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=unit, help=line)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Build the data set, write it, and say what it holds."""
+    """Build the data set, write it, and print what it holds."""
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.learning.recorded.building import build
     from tactile_nodes.paths import check_output
@@ -53,13 +55,13 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         presses = build(arguments.bags, build_options(arguments), progress, command=command)
     except KeyboardInterrupt:
-        progress.say('stopped; what was measured is kept, and the same command goes on from there')
+        progress.say('stopped; finished measurements are kept, and the same command continues from there')
         raise
     return methods.written(presses, arguments.output)
 
 
 def build_options(arguments: argparse.Namespace) -> BuildOptions:
-    """The options that the command line says.
+    """The options given on the command line.
 
     Raises:
         ConfigurationError: one of them cannot be used.
@@ -69,7 +71,7 @@ def build_options(arguments: argparse.Namespace) -> BuildOptions:
     from tactile_nodes.learning.recorded.exclusions import Limits
 
     if not 0 <= arguments.without_contact <= 0.5:
-        raise ConfigurationError(f'--without-contact is a share between 0 and 0.5, got {arguments.without_contact}')
+        raise ConfigurationError(f'--without-contact must be between 0 and 0.5, got {arguments.without_contact}')
     given = {field: value for name, (field, *_) in LIMITS.items() if (value := getattr(arguments, name)) is not None}
     return BuildOptions(
         **methods.method_options(arguments),

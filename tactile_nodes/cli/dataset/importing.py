@@ -1,4 +1,4 @@
-"""``tactile dataset import``: a data set of pictures, or a video, and a table that says what was pressed."""
+"""``tactile dataset import``: a data set from pictures, or a video, and a table that lists the presses."""
 
 from __future__ import annotations
 
@@ -15,22 +15,24 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the command."""
-    parser.add_argument('tables', nargs='+', type=Path, metavar='TABLE', help='CSV or Parquet; each with its own rest')
+    """Add the arguments of this command."""
+    parser.add_argument(
+        'tables', nargs='+', type=Path, metavar='TABLE', help='CSV or Parquet, each with its rest images'
+    )
     parser.add_argument(
         '--pictures', type=Path, metavar='FOLDER|VIDEO', help='where the pictures are, if not beside the table'
     )
     parser.add_argument(
-        '--untouched-below', type=float, default=0.0, metavar='N', help='forces up to so much are the gel untouched'
+        '--untouched-below', type=float, default=0.0, metavar='N', help='forces up to this value count as no contact'
     )
     parser.add_argument(
-        '--force', action='store_true', help='take tables also whose places or forces contradict the pictures'
+        '--force', action='store_true', help='accept tables whose positions or forces contradict the pictures'
     )
     methods.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Import the tables, write the data set, and say what it holds."""
+    """Import the tables, write the data set, and print what it holds."""
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.imported.importing import Imported, import_presses
     from tactile_nodes.learning.progress import TerminalProgress
@@ -40,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.paths import check_output
 
     if arguments.pictures is not None and not arguments.pictures.exists():
-        raise ConfigurationError(f'there is no folder and no video {arguments.pictures}; name where the pictures are')
+        raise ConfigurationError(f'no folder or video {arguments.pictures}; give the path of the pictures')
     check_output(arguments.output, *arguments.tables, arguments.pictures)
     options = BuildOptions(**methods.method_options(arguments))
     reach_mm = options.bins.width_mm / 2, options.bins.height_mm / 2
@@ -57,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _known(arguments: argparse.Namespace) -> Known:
-    """The description of the sensor: as somebody gives it, or as the model holds it that pictures are measured for."""
+    """The description of the sensor: as given, or the one in the model that the pictures are measured for."""
     from tactile_nodes.learning.agreement.known import Known
     from tactile_nodes.model_file import find_model, load_model
     from tactile_nodes.sensors import load_sensor

@@ -1,4 +1,4 @@
-"""What both ways to a data set ask: how pictures are measured, what is cut from them, and the bins of the labels."""
+"""Arguments of both ways to build a data set: measurement of pictures, crop, and label bins."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('-o', '--output', type=Path, required=True, metavar='FILE', help='the file to write (.npz)')
     parser.add_argument('--gel', default='', help='name of the gel, or the YAML file of a simulated one')
     parser.add_argument(
-        '--model', metavar='FILE', help='measure as this model does: flow, features, bins and crop (file or name)'
+        '--model', metavar='FILE', help='use the flow, features, bins and crop of this model (file or name)'
     )
     parser.add_argument(
         '--profile', metavar='RUN',
-        help='measure as this training run says: its YAML file, or the name of one in config/train (default: fast)',
+        help='use the settings of this training run: its YAML file, or the name of one in config/train (default: fast)',
     )  # fmt: skip
-    parser.add_argument('--sensor', metavar='YAML', help='description of the sensor: crop, bins and size of pictures')
+    parser.add_argument('--sensor', metavar='YAML', help='sensor description: crop, bins and picture size')
     parser.add_argument(
         '--frames', choices=FRAMES, default='first',
-        help='which images of a window are measured; for calibrations: each (default: first)',
+        help='which images of a window are measured; calibrations need "each" (default: first)',
     )  # fmt: skip
 
 
@@ -36,7 +36,7 @@ def method_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """`flow`, `encoding`, `bins`, `crop`, `frames` and `gel`, as `BuildOptions` takes them.
 
     Raises:
-        ConfigurationError: one of them cannot be used, or goes beside another one.
+        ConfigurationError: an option cannot be used, or excludes another one that was given.
         ModelError: there is no such model.
     """
     from tactile_nodes.learning.recorded.building import gel_told
@@ -55,7 +55,7 @@ def _of_model(arguments: argparse.Namespace) -> Measuring:
     from tactile_nodes.model_file import find_model, load_model
 
     if given := [name for name in ('profile', 'sensor') if getattr(arguments, name)]:
-        raise ConfigurationError(f'--{given[0]} does not go with --model, which decides it')
+        raise ConfigurationError(f'--{given[0]} cannot be used with --model, which sets it')
     loaded = load_model(find_model(arguments.model))
     return Choice(*loaded.flow), Choice(*loaded.encoding), loaded.model.bins, loaded.image_size
 
@@ -76,12 +76,12 @@ def _of_run(arguments: argparse.Namespace) -> Measuring:
 
 
 def written(presses: RecordedPresses, output: Path) -> int:
-    """Write the file, and say what it holds."""
+    """Write the file, and print what it holds."""
     from tactile_nodes.learning.datasets.file import save_dataset
     from tactile_nodes.learning.datasets.report import report
 
     save_dataset(output, presses)
     print(report(presses))
     if presses.card['left_out']:
-        print(f'each of them: tactile dataset info {output} --left-out')
+        print(f'list them: tactile dataset info {output} --left-out')
     return 0

@@ -1,4 +1,4 @@
-"""``tactile doctor``: what this machine lacks, and what to do about it."""
+"""``tactile doctor``: check this machine and suggest how to fix what is missing."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rich.table import Table
 
 from tactile_nodes.cli.doctor.checks import CHECKS, Finding
 
-DESCRIPTION = 'Say what this machine lacks for force sensing, and what to do about it'
+DESCRIPTION = 'Check this machine for force sensing and suggest how to fix what is missing'
 EPILOG = """\
-The exit status is 1 only if something keeps the live view of the simulated sensor from running.
+The exit status is 1 only if the live view of the simulated sensor cannot run.
 
 examples:
   tactile doctor
@@ -26,12 +26,12 @@ STYLES = {'ok': 'green', 'warning': 'yellow', 'problem': 'bold red'}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     parser.add_argument('--json', action='store_true', help='print the findings as JSON')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Look at everything and say it; 1 if there is a problem."""
+    """Run all checks and print them; 1 if there is a problem."""
     findings = [check() for check in CHECKS]
     if arguments.json:
         print(json.dumps([dataclasses.asdict(finding) for finding in findings], indent=2))
@@ -41,12 +41,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def exit_status(findings: Sequence[Finding]) -> int:
-    """1 if something prevents the main job, else 0."""
+    """1 if there is a problem that prevents the live view, else 0."""
     return int(any(finding.level == 'problem' for finding in findings))
 
 
 def show(findings: Sequence[Finding], console: Console) -> None:
-    """A table of what was found, and one line that sums it up."""
+    """Print a table of the findings and a one-line summary."""
     table = Table('', 'check', 'found', 'what to do', box=box.SIMPLE_HEAD)
     for finding in findings:
         mark = f'[{STYLES[finding.level]}]{finding.level}[/]'
@@ -56,11 +56,11 @@ def show(findings: Sequence[Finding], console: Console) -> None:
 
 
 def summary(findings: Sequence[Finding]) -> str:
-    """One sentence on all findings."""
+    """A one-sentence summary of all findings."""
     problems = [finding.name for finding in findings if finding.level == 'problem']
     warnings = [finding.name for finding in findings if finding.level == 'warning']
     if problems:
-        return f'This machine cannot run the live view yet; mend first: {", ".join(problems)}.'
+        return f'This machine cannot run the live view yet. Fix first: {", ".join(problems)}.'
     if warnings:
-        return f'This machine can run the live view; worth a look: {", ".join(warnings)}.'
-    return 'This machine lacks nothing.'
+        return f'This machine can run the live view. Warnings: {", ".join(warnings)}.'
+    return 'All checks passed.'

@@ -1,7 +1,7 @@
-"""What `tactile doctor` looks at: one small function a subject, each handed the paths and values it judges.
+"""The checks of `tactile doctor`: one small function per subject, which takes the paths and values it checks.
 
-A *problem* keeps the live view of the simulated sensor from running; everything that costs only speed, a device or
-comfort is a *warning*.
+A *problem* prevents the live view of the simulated sensor. Anything that costs only speed, a device or comfort is a
+*warning*.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ LEAST_CORES = 2
 LEAST_MEMORY = 1 * GB
 LEAST_DISK = 5 * GB
 LEAST_SHARED_MEMORY = 64e6
-SHARED_MEMORY = Path('/dev/shm')  # noqa: S108, the mount itself is what is judged
-LONGEST_SOCKET_PATH = 107  # bytes: sockaddr_un.sun_path holds 108 with its end, see unix(7)
+SHARED_MEMORY = Path('/dev/shm')  # noqa: S108, the mount itself is checked
+LONGEST_SOCKET_PATH = 107  # bytes: sockaddr_un.sun_path holds 108 with the final NUL, see unix(7)
 SOCKET_NAME = 'd232/' + 'x' * 32 + '.999.sock'
 IMAGES_PER_S, IMAGE_BYTES = 60, 440 * 440
 NARROWEST_TERMINAL = 80
@@ -60,7 +60,7 @@ PACKAGES = {
 
 @dataclass(frozen=True)
 class Finding:
-    """What was looked at, how it is, and what to do about it (empty if nothing)."""
+    """The result of a check: its name, level, what was found, and the remedy (empty if none is needed)."""
 
     name: str
     level: Level
@@ -73,37 +73,37 @@ def python(version: tuple[int, ...] = sys.version_info[:3]) -> Finding:
     text = '.'.join(map(str, version))
     if version[:2] >= OLDEST_PYTHON:
         return Finding('Python', 'ok', text)
-    return Finding('Python', 'problem', text, 'install Python 3.10 or newer and make the environment again')
+    return Finding('Python', 'problem', text, 'install Python 3.10 or newer and recreate the environment')
 
 
 def cores(count: int | None = None) -> Finding:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     count = count or len(os.sched_getaffinity(0))
     if count >= LEAST_CORES:
         return Finding('cores', 'ok', str(count))
-    return Finding('cores', 'warning', str(count), 'give it two: one takes and renders images, one computes forces')
+    return Finding('cores', 'warning', str(count), 'use two: one captures and renders images, one computes forces')
 
 
 def memory(meminfo: Path = Path('/proc/meminfo')) -> Finding:
-    """Memory that is free or can be freed at once (MemAvailable of proc(5))."""
+    """Available memory (MemAvailable of proc(5))."""
     values = _meminfo(meminfo)
     if 'MemAvailable' not in values:
         return Finding('memory', 'ok', 'not readable')
     text = f'{values["MemAvailable"] / GB:.1f} GB available of {values.get("MemTotal", 0) / GB:.1f}'
     if values['MemAvailable'] >= LEAST_MEMORY:
         return Finding('memory', 'ok', text)
-    return Finding('memory', 'warning', text, 'end other programs; the live view takes about 0.5 GB')
+    return Finding('memory', 'warning', text, 'close other programs; the live view needs about 0.5 GB')
 
 
 def governor(cpu: Path = Path('/sys/devices/system/cpu/cpu0/cpufreq')) -> Finding:
-    """How the processor chooses its clock rate."""
+    """The CPU frequency governor."""
     try:
         chosen = (cpu / 'scaling_governor').read_text(encoding='ascii').strip()
         driver = (cpu / 'scaling_driver').read_text(encoding='ascii').strip()
     except OSError:
         return Finding('CPU governor', 'ok', 'not readable, as in most virtual machines')
     text = f'{chosen} ({driver})'
-    if chosen != 'powersave' or driver in {'intel_pstate', 'amd-pstate-epp'}:  # theirs follows the load
+    if chosen != 'powersave' or driver in {'intel_pstate', 'amd-pstate-epp'}:  # their "powersave" follows the load
         return Finding('CPU governor', 'ok', text)
     return Finding('CPU governor', 'warning', text, 'for even latencies: sudo cpupower frequency-set -g performance')
 
@@ -129,25 +129,25 @@ def torch() -> Finding:
 
 
 def share(locate: Callable[[], Path] = paths.share_directory) -> Finding:
-    """The data that the package ships, and a model in it."""
+    """The data files of the package, with at least one model."""
     try:
         folder = locate()
     except ConfigurationError as error:
         return Finding('data files', 'problem', str(error), 'pip install --force-reinstall tactile_nodes')
     models = sorted((folder / 'models').rglob('*.safetensors'))
     if not models:
-        return Finding('data files', 'problem', f'{folder} holds no model', 'make one with: tactile train')
+        return Finding('data files', 'problem', f'{folder} holds no model', 'train one with: tactile train')
     return Finding('data files', 'ok', f'{folder}, models: {", ".join(model.stem for model in models)}')
 
 
 def run_directory(locate: Callable[[], Path] = paths.run_directory) -> Finding:
-    """The folder of the bus's sockets."""
+    """The folder for the sockets of the bus."""
     try:
         folder = locate()
     except ConfigurationError as error:
         return Finding('run folder', 'problem', str(error), 'set TACTILE_RUN_DIR to a folder of your own, mode 700')
     if not os.access(folder, os.W_OK | os.X_OK):
-        return Finding('run folder', 'problem', f'{folder} is not writable', 'set TACTILE_RUN_DIR to one that is')
+        return Finding('run folder', 'problem', f'{folder} is not writable', 'set TACTILE_RUN_DIR to a writable folder')
     if len(os.fsencode(folder / SOCKET_NAME)) > LONGEST_SOCKET_PATH:
         return Finding(
             'run folder', 'problem', f'{folder} is too long for sockets', 'set TACTILE_RUN_DIR to a shorter path'
@@ -156,7 +156,7 @@ def run_directory(locate: Callable[[], Path] = paths.run_directory) -> Finding:
 
 
 def domain(environment: Mapping[str, str] = os.environ) -> Finding:
-    """The domain that keeps robots on one host apart."""
+    """The domain, which separates robots on one host."""
     text = environment.get('ROS_DOMAIN_ID', '').strip()
     if not text:
         return Finding('domain', 'ok', '0 (ROS_DOMAIN_ID is not set)')
@@ -166,7 +166,7 @@ def domain(environment: Mapping[str, str] = os.environ) -> Finding:
 
 
 def ros(environment: Mapping[str, str] = os.environ, rclpy: bool | None = None) -> Finding:
-    """ROS 2, which is not needed."""
+    """ROS 2, which is optional."""
     distribution = environment.get('ROS_DISTRO', '')
     found = _importable('rclpy') if rclpy is None else rclpy
     if distribution and found:
@@ -178,14 +178,14 @@ def ros(environment: Mapping[str, str] = os.environ, rclpy: bool | None = None) 
             f'{distribution} is sourced, but this Python has no rclpy',
             "use ROS 2's own Python: python3 -m venv --system-site-packages",
         )
-    return Finding('ROS 2', 'ok', 'not sourced', 'only a bridge needs it: source /opt/ros/<distribution>/setup.bash')
+    return Finding('ROS 2', 'ok', 'not sourced', 'only the bridge needs it: source /opt/ros/<distribution>/setup.bash')
 
 
 def cameras(dev: Path = Path('/dev'), sysfs: Path = Path('/sys/class/video4linux')) -> Finding:
     """Video devices, their names, and whether this user may open them."""
     nodes = sorted(dev.glob('video[0-9]*'), key=lambda node: int(node.name[5:]))
     if not nodes:
-        return Finding('cameras', 'warning', 'none', 'plug one in; without one the simulated camera runs')
+        return Finding('cameras', 'warning', 'none', 'connect one, or use the simulated camera')
     text = ', '.join(f'{node.name} {_card(sysfs / node.name)}'.strip() for node in nodes)
     if names := _links(dev / 'v4l' / 'by-id'):
         text += f'; by id: {", ".join(names)}'
@@ -204,18 +204,18 @@ def serial_ports(dev: Path = Path('/dev')) -> Finding:
 
 
 def disk(folder: Path | None = None) -> Finding:
-    """Room for recordings, in minutes of 440x440 images at 60 a second."""
+    """Disk space for recordings, in minutes of 440x440 images at 60 a second."""
     folder = folder or Path.cwd()
     free = shutil.disk_usage(folder).free
     minutes = free / (IMAGES_PER_S * IMAGE_BYTES) / 60
     text = f'{free / GB:.1f} GB free in {folder}: {minutes:.0f} minutes of images'
     if free >= LEAST_DISK:
         return Finding('disk', 'ok', text)
-    return Finding('disk', 'warning', text, 'free some, or record elsewhere: tactile bag record -o FOLDER')
+    return Finding('disk', 'warning', text, 'free some space, or record elsewhere: tactile bag record -o FOLDER')
 
 
 def shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
-    """Shared memory, which OpenCV, torch and ROS 2's transports use."""
+    """Shared memory, which OpenCV, torch and the transports of ROS 2 use."""
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         return Finding('shared memory', 'warning', f'{folder} is not there or not writable', 'mount a tmpfs on it')
     free = shutil.disk_usage(folder).free
@@ -226,15 +226,15 @@ def shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
 
 
 def terminal(stream: TextIO = sys.stdout, environment: Mapping[str, str] = os.environ) -> Finding:
-    """Whether the live view can be drawn here."""
+    """Whether the live view can be drawn in this terminal."""
     encoding = (stream.encoding or 'ascii').lower().replace('-', '')
     if encoding != 'utf8':
         return Finding('terminal', 'warning', f'encoding {stream.encoding}', 'export LANG=C.UTF-8 to see the force map')
     if not stream.isatty():
         return Finding('terminal', 'ok', 'output goes to a file or pipe')
     if not view.can_draw(stream, environment):
-        found = 'TERM is dumb, unknown or not set: the live view prints a line a second'
-        return Finding('terminal', 'warning', found, 'to see it drawn, use a terminal with colours')
+        found = 'TERM is dumb, unknown or not set: the live view prints one line per second'
+        return Finding('terminal', 'warning', found, 'use a terminal with colours')
     width = shutil.get_terminal_size().columns
     if width < NARROWEST_TERMINAL:
         return Finding('terminal', 'warning', f'{width} columns', f'make it {NARROWEST_TERMINAL} wide or more')
@@ -266,12 +266,12 @@ def _access(name: str, text: str, nodes: Sequence[Path], group: str) -> Finding:
         return Finding(name, 'ok', text)
     remedy = f'sudo usermod -aG {group} $USER, then log in again'
     if _member(group):
-        remedy = f'you are in group {group} since after you logged in: log in again'
+        remedy = f'you were added to group {group} after you logged in: log in again'
     return Finding(name, 'warning', f'{text}; no permission for {", ".join(node.name for node in closed)}', remedy)
 
 
 def _member(group: str) -> bool:
-    """Whether the user database has this user in the group, also if this session does not know yet."""
+    """Whether the user database lists this user in the group, even if this login session does not have it yet."""
     try:
         return os.environ.get('USER', '') in grp.getgrnam(group).gr_mem
     except KeyError:
@@ -309,4 +309,4 @@ def _version(distributions: Sequence[str]) -> str:
     for name in distributions:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             return importlib.metadata.version(name)
-    return 'of unknown version'
+    return '(unknown version)'

@@ -1,4 +1,4 @@
-"""`tactile launch`: run a launch file, with the words and flags of ``ros2 launch``."""
+"""`tactile launch`: run a launch file, with the arguments and flags of ``ros2 launch``."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from tactile_nodes.launching.document import suggestion
 from tactile_nodes.launching.processes.output import Screen, print_line
 from tactile_nodes.launching.service import LaunchService
 
-DESCRIPTION = 'Run a launch file: start its nodes, watch them, and end them all together.'
+DESCRIPTION = 'Run a launch file: start its nodes, monitor them and stop them together.'
 EPILOG = """\
 examples:
   tactile launch live                                 the live view of the simulated sensor
-  tactile launch live --view                          the same, seen in this terminal; output goes to the log
-  tactile launch live --show-args                     the arguments it takes
+  tactile launch live --view                          the same, shown in this terminal; output goes to the log
+  tactile launch live --show-args                     list its arguments
   tactile launch live source:=/dev/video0             the same with a camera
-  tactile launch tactile_nodes live.launch.yaml       the words of ros2 launch
+  tactile launch tactile_nodes live.launch.yaml       the syntax of ros2 launch
   tactile launch ./my.launch.yaml rate:=60            a file of yours
 
-The exit status is 1 if the file is wrong, a required process (on_exit: shutdown) failed, or one could not be started.
+The exit status is 1 if the file has an error, if a required process (on_exit: shutdown) failed, or if a process could
+not be started.
 """
-# Launch configurations that the launcher itself reads, so no file declares them.
+# Launch configurations that the launcher itself reads. No file needs to declare them.
 _BUILT_IN = {
     'emulate_tty',
     'launch-prefix',
@@ -47,15 +48,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'words',
         nargs='+',
         metavar='FILE',
-        help='a launch file by path, by package and name, or by its bare name; then its arguments',
+        help='a launch file by path, by package and name, or by name alone; then its arguments',
     )
     words.completer = complete  # type: ignore[attr-defined]
     show = parser.add_mutually_exclusive_group()
-    show.add_argument('-s', '--show-args', '--show-arguments', action='store_true', help='show its arguments')
-    show.add_argument('-p', '--print', '--print-description', action='store_true', help='print it, run nothing')
+    show.add_argument('-s', '--show-args', '--show-arguments', action='store_true', help='list its arguments')
+    show.add_argument(
+        '-p', '--print', '--print-description', action='store_true', help='print the launch description; run nothing'
+    )
     parser.add_argument('--view', action='store_true', help='watch force, latency and the nodes in this terminal')
     parser.add_argument('-d', '--debug', action='store_true', help='log each command in full')
-    parser.add_argument('-n', '--noninteractive', action='store_true', help='nobody sits at a terminal')
+    parser.add_argument('-n', '--noninteractive', action='store_true', help='run without an interactive terminal')
     parser.add_argument(
         '-a',
         '--show-all-subprocesses-output',
@@ -65,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the command; the result is the exit status."""
+    """Run the command; returns the exit status."""
     file, words = files.resolve(arguments.words, os.environ)
     if arguments.show_args:
         print(description.arguments_text(file))
@@ -93,7 +96,7 @@ def _run_with_view(arguments: argparse.Namespace, file: Path, given: dict[str, s
 def make_service(
     arguments: argparse.Namespace, file: Path, given: dict[str, str], screen: Screen = print_line
 ) -> LaunchService:
-    """The service for the flags of the command line."""
+    """The launch service for the flags of the command line."""
     refuse_unknown(file, given)
     return LaunchService(
         file,
@@ -106,22 +109,22 @@ def make_service(
 
 
 def refuse_unknown(file: Path, given: dict[str, str]) -> None:
-    """An argument that nothing declares is a slip of the keys: ROS 2 ignores it without a word.
+    """Refuse undeclared arguments, which are probably misspelled. ROS 2 ignores them silently.
 
     Raises:
-        ConfigurationError: with the nearest name.
+        ConfigurationError: an argument is not declared; the message suggests the nearest name.
     """
     declared = {each.argument.name for each in description.declared_arguments(file)}
     if unknown := sorted(given.keys() - declared - _BUILT_IN):
         name = unknown[0]
         raise ConfigurationError(
-            f"{file.name} has no argument '{name}'{suggestion(name, declared)} (--show-args lists all)"
+            f"{file.name} has no argument '{name}'{suggestion(name, declared)} (--show-args lists them all)"
         )
 
 
 @contextmanager
 def signals_to(service: LaunchService) -> Iterator[None]:
-    """Ctrl-C, SIGTERM and the end of the terminal end the launch, and with it all its processes."""
+    """Shut down the launch and all its processes on Ctrl-C, SIGTERM or when the terminal closes."""
 
     def end(number: signal.Signals) -> None:
         if number == signal.SIGINT:

@@ -1,4 +1,4 @@
-"""``tactile launch --view``: the launch in the background, the view in front, and one end for both."""
+"""``tactile launch --view``: the launch in the background, the view in the foreground; both end together."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _LOG_LINE = re.compile(r'\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[')
 
 
 class Notes:
-    """What the launcher and its processes say that a person must see, for as long as there is no screen to say it on.
+    """Collects important output of the launcher and its processes until the view can show it.
 
-    Log lines of nodes are left out: the view has the important ones from /rosout.
+    Log lines of nodes are left out, because the view receives the important ones from /rosout.
     """
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class Notes:
         self.tell: Callable[[str], None] | None = None
 
     def __call__(self, line: Line) -> None:
-        """Takes a line, from any thread."""
+        """Take a line; may be called from any thread."""
         if not is_worth_seeing(line):
             return
         text = str(line)
@@ -42,17 +42,17 @@ class Notes:
 
 
 def is_worth_seeing(line: Line) -> bool:
-    """Warnings and errors of the launcher, and what a process says on its error stream besides its log."""
+    """Warnings and errors of the launcher, and output on a process's stderr that is not a log line."""
     if line.level:
         return line.level in {'WARNING', 'ERROR'}
     return line.stream == 'stderr' and line.text.strip() != '' and not _LOG_LINE.match(line.text)
 
 
 def run(service: LaunchService, notes: Notes, namespace: str = '') -> int:
-    """Run `service`, whose screen is `notes`, with the view in front. The result is the launch's exit status.
+    """Run `service` with `notes` as its screen and the view in the foreground; returns the launch's exit status.
 
     Raises:
-        LaunchFileError: the file is wrong; nothing was started.
+        LaunchFileError: the file has an error; nothing was started.
     """
     service.load()
     stop = threading.Event()
@@ -79,6 +79,6 @@ def run(service: LaunchService, notes: Notes, namespace: str = '') -> int:
         if status == 0 or state.frames:
             view.print_summary(state, bus.clock.now_ns())
     print(f'logs: {service.log_folder}', flush=True)
-    if status != 0:  # its last line is the cause, which nothing follows
+    if status != 0:  # the last line gives the cause; print nothing after it
         print('\n'.join(notes.lines), file=sys.stderr)
     return status

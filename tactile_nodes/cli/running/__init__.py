@@ -1,1 +1,1 @@
-"""What verbs share: the bus of a running system, a cluster, messages and tables as text."""
+"""Code that subcommands share: the bus of a running system, a cluster, messages and tables as text."""

@@ -1,4 +1,4 @@
-"""The argument of verbs that simulate: where."""
+"""The ``--on`` argument of commands that simulate."""
 
 from __future__ import annotations
 

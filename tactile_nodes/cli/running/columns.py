@@ -1,4 +1,4 @@
-"""Rows as lines in which each column begins at one place."""
+"""Rows as lines of aligned columns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def columns(rows: Sequence[Sequence[str]]) -> str:
-    """The lines of a head and its rows.
+    """The lines of a header and its rows.
 
     >>> print(columns([('gel', 'presses'), ('gel-7', '40')]))
     gel    presses

@@ -1,4 +1,4 @@
-"""What the verbs that look at a running system share: joining the bus, names as a person types them, types."""
+"""Code shared by the commands that inspect a running system: joining the bus, names and types as typed."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 Number = TypeVar('Number', int, float)
 LOOK_S = 0.1
-"""How often what waits for messages looks whether Ctrl-C came."""
-_MOST = 1e9  # seconds or counts: thirty years
+"""How often a loop that waits for messages checks for Ctrl-C."""
+_MOST = 1e9  # seconds or counts; in seconds, thirty years
 Action = Callable[[argparse.Namespace], int]
 
 
 class Verbs:
-    """The second words of a verb (``topic list``, ``topic echo``), each with its arguments and its function."""
+    """The subcommands of a command (``topic list``, ``topic echo``), each with its arguments and its function."""
 
     def __init__(self, parser: argparse.ArgumentParser) -> None:
         self._commands = parser.add_subparsers(dest='command', metavar='command', title='commands')
         parser.set_defaults(action=_show_help(parser))
 
     def add(self, name: str, action: Action, line: str, examples: str = '') -> argparse.ArgumentParser:
-        """A command; `line` says what it does, `examples` are shown below its help."""
+        """A subcommand; `line` is its description, `examples` are shown below its help."""
         made = self._commands.add_parser(
             name,
             help=line,
@@ -54,7 +54,7 @@ def _show_help(parser: argparse.ArgumentParser) -> Action:
 
 @contextmanager
 def ended_by_signals() -> Iterator[threading.Event]:
-    """Set by Ctrl-C and by SIGTERM, for as long as this is held."""
+    """An event that Ctrl-C and SIGTERM set within the context."""
     from tactile_nodes.bus.node.signals import heard
 
     done = threading.Event()
@@ -64,10 +64,10 @@ def ended_by_signals() -> Iterator[threading.Event]:
 
 @contextmanager
 def interruptible(get: Callable[[float], Received | None]) -> Iterator[Callable[[float | None], Received | None]]:
-    """A subscription's `get` during which Ctrl-C always raises KeyboardInterrupt, at the latest after `LOOK_S`.
+    """A subscription's `get` during which Ctrl-C always raises KeyboardInterrupt, after `LOOK_S` at the latest.
 
-    Python's own handler raises it at once, and it may be lost: exceptions are only printed where the memory of a
-    picture is given back to ZeroMQ. A second Ctrl-C raises at once, for a program that waits for the reader of its
+    Python's own handler raises it at once, but it may be lost: exceptions are only printed while the memory of a
+    picture is returned to ZeroMQ. A second Ctrl-C raises at once, for a program that waits for the reader of its
     output.
     """
     came: list[int] = []
@@ -95,10 +95,10 @@ def interruptible(get: Callable[[float], Received | None]) -> Iterator[Callable[
 
 @contextmanager
 def joined() -> Iterator[ProcessBus]:
-    """This process on the bus.
+    """Join the bus with this process.
 
     Raises:
-        BusError, ConfigurationError: it cannot be joined.
+        BusError, ConfigurationError: joining failed.
     """
     from tactile_nodes.bus.node.runtime import open_bus
 
@@ -110,17 +110,17 @@ def joined() -> Iterator[ProcessBus]:
 
 
 def own_name() -> str:
-    """What our ends are called in the graph; hidden, because it begins with an underscore, as that of ros2 does."""
+    """The node name of this command in the graph; hidden (it begins with an underscore), like that of ros2."""
     return f'/_tactile_cli_{os.getpid()}'
 
 
 def is_hidden(name: str) -> bool:
-    """Whether a name is not meant for people: one of its words begins with an underscore."""
+    """Whether a name is hidden: one of its parts begins with an underscore."""
     return any(word.startswith('_') for word in name.split('/'))
 
 
 def full_type(name: str, kind: str = 'msg') -> str:
-    """A type's full name, from that or from the short form that ros2 takes as well.
+    """A type's full name, from the full name or from the short form that ros2 also accepts.
 
     >>> full_type('std_msgs/String'), full_type('std_srvs/Trigger', 'srv')
     ('std_msgs/msg/String', 'std_srvs/srv/Trigger')
@@ -130,28 +130,28 @@ def full_type(name: str, kind: str = 'msg') -> str:
 
 
 def type_of_topic(graph: Graph, topic: str) -> str:
-    """The one type that `topic` is published or subscribed as.
+    """The type with which `topic` is published or subscribed.
 
     Raises:
-        BusError: nobody publishes or subscribes it, or the types differ.
+        BusError: the topic has no publisher and no subscriber, or the types differ.
     """
     found = graph.topics().get(topic)
     if not found:
-        raise BusError(f'there is no topic {topic}: nobody publishes or subscribes it; see tactile topic list')
+        raise BusError(f'there is no topic {topic}: it has no publisher and no subscriber; see tactile topic list')
     if len(found) > 1:
-        raise BusError(f'{topic} is used with several types: {", ".join(found)}; name the one that you mean')
+        raise BusError(f'{topic} is used with several types: {", ".join(found)}; give the type that you mean')
     return found[0]
 
 
 def type_of_service(graph: Graph, service: str) -> str:
-    """The type that `service` is served as.
+    """The type of `service`.
 
     Raises:
-        BusError: nobody serves it.
+        BusError: no node offers it.
     """
     found = graph.services(service)
     if not found:
-        raise BusError(f'there is no service {service}: nobody serves it; see tactile service list')
+        raise BusError(f'no node offers the service {service}; see tactile service list')
     return found[0].type_name
 
 
@@ -159,26 +159,26 @@ def read_values(text: str) -> dict[str, Any]:
     """The fields of a message, written as a YAML mapping on the command line.
 
     Raises:
-        MessageError: no mapping.
+        MessageError: the text is not a mapping.
     """
     import yaml
 
     try:
         found = yaml.safe_load(text) or {}
     except yaml.YAMLError as error:
-        raise MessageError(f'{text!r} is no YAML: {getattr(error, "problem", None) or error}') from error
+        raise MessageError(f'{text!r} is not valid YAML: {getattr(error, "problem", None) or error}') from error
     if not isinstance(found, dict):
-        raise MessageError(f'{text!r} names no fields; write them as YAML, for example "{{data: hello}}"')
+        raise MessageError(f'{text!r} has no field names; write the fields as YAML, for example "{{data: hello}}"')
     return found
 
 
 def completed(argument: argparse.Action, completer: Any) -> None:
-    """Have the shell complete `argument` with what `completer` gives."""
+    """Let the shell complete `argument` with the results of `completer`."""
     argument.completer = completer  # type: ignore[attr-defined]
 
 
 def positive_float(text: str) -> float:
-    """An argument that must be above zero; so much of it that no clock or counter holds it is an error of typing."""
+    """An argument above zero; values too large for clocks and counters are refused as typing errors."""
     return _checked(text, float, lambda value: 1 / _MOST <= value <= _MOST, 'a number above 0')
 
 
@@ -188,12 +188,12 @@ def positive_int(text: str) -> int:
 
 
 def count(text: str) -> int:
-    """A count, or zero."""
+    """A count, zero or more."""
     return _checked(text, int, lambda value: 0 <= value <= _MOST, 'a whole number, 0 or more')
 
 
 def duration(text: str) -> float:
-    """Seconds, or zero."""
+    """Seconds, zero or more."""
     return _checked(text, float, lambda value: 0 <= value <= _MOST, 'a time in seconds, 0 or more')
 
 

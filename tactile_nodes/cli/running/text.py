@@ -1,4 +1,4 @@
-"""Messages as text, as ``ros2`` prints them: YAML, one line of CSV, or the look of a Python object."""
+"""Messages as text, as ``ros2`` prints them: YAML, one line of CSV, or a Python expression."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tactile_nodes.messages.store import store
 
 TRUNCATE_LENGTH = 128
 _EMPTY = 'structure_needs_at_least_one_member'
-_WIDTH = 2**31 - 1  # never break a line; more than this the emitter's C code cannot hold
+_WIDTH = 2**31 - 1  # never break a line; the largest value of the emitter's C code
 _STEP = re.compile(r'(\w+)((?:\[\d+\])*)')
 
 
 @dataclass(frozen=True)
 class Shown:
-    """How much of a message is shown: elements of an array or characters of a text, None for all."""
+    """How much of a message is shown: elements of an array or characters of a string; None for all."""
 
     length: int | None = TRUNCATE_LENGTH
     arrays: bool = True
@@ -32,7 +32,7 @@ class Shown:
 
 
 def to_yaml(value: Any, shown: Shown, flow_style: bool = False) -> str:
-    """A message, or what a field of one holds, as YAML, with a line break at its end."""
+    """A message, or the value of one of its fields, as YAML, with a line break at its end."""
     dumped: str = yaml.dump(
         plain(value, shown),
         Dumper=_Dumper,
@@ -41,7 +41,7 @@ def to_yaml(value: Any, shown: Shown, flow_style: bool = False) -> str:
         sort_keys=False,
         width=_WIDTH,
     )
-    return dumped.removesuffix('...\n')  # how YAML ends a document that is a single number
+    return dumped.removesuffix('...\n')  # the end of a YAML document that is a single number
 
 
 def to_csv(value: Any, shown: Shown) -> str:
@@ -50,7 +50,7 @@ def to_csv(value: Any, shown: Shown) -> str:
 
 
 def to_python(value: Any) -> str:
-    """A message as ros2 shows those it publishes and is answered: ``std_msgs.msg.String(data='hello')``."""
+    """A message as ros2 shows published messages and responses: ``std_msgs.msg.String(data='hello')``."""
     if dataclasses.is_dataclass(value):
         name = messages.type_name(value).replace('/', '.')
         return f'{name}({", ".join(f"{field}={to_python(item)}" for field, item in _fields(value))})'
@@ -60,7 +60,7 @@ def to_python(value: Any) -> str:
 
 
 def field_of(message: Any, path: str) -> Any:
-    """What a field holds; `path` names it, as in ``header.stamp`` or ``normal_force[40]``.
+    """The value of a field; `path` names it, as in ``header.stamp`` or ``normal_force[40]``.
 
     Raises:
         MessageError: there is no such field.
@@ -78,7 +78,7 @@ def field_of(message: Any, path: str) -> Any:
 
 
 def plain(value: Any, shown: Shown) -> Any:
-    """A message as dicts, lists, numbers and texts, shortened as `shown` says."""
+    """A message as dicts, lists, numbers and strings, shortened as `shown` says."""
     if dataclasses.is_dataclass(value):
         described = dict(store().fielddefs[messages.type_name(value)][1])
         return {name: _shortened(item, described.get(name), shown) for name, item in _fields(value)}
@@ -106,7 +106,7 @@ def _short_text(value: str, shown: Shown) -> str:
 
 
 def _kind_of(value: Any, description: Any) -> str:
-    """An array by its kind, where its elements are not wanted."""
+    """The type of an array, printed instead of its elements."""
     if description is None:
         return f'<sequence length: {len(value)}>'
     kind, ((_, inner), _length) = description
@@ -136,7 +136,7 @@ def _leaves(value: Any) -> Iterator[str]:
 
 def _choices(value: Any) -> str:
     if dataclasses.is_dataclass(value):
-        return f'there are {", ".join(name for name, _ in _fields(value))}'
+        return f'its fields are {", ".join(name for name, _ in _fields(value))}'
     return f'it holds {len(value)} elements' if isinstance(value, (list, np.ndarray)) else 'it has no fields'
 
 

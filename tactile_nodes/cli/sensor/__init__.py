@@ -1,4 +1,4 @@
-"""``tactile sensor``: make the description of a sensor from its pictures, and judge pictures beside one."""
+"""``tactile sensor``: make the description of a sensor from its pictures, and check pictures against one."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from tactile_nodes.cli.running.session import Verbs
 from tactile_nodes.cli.sensor import check, new
 
 DESCRIPTION = (
-    'Make the description of a sensor from its pictures and a few questions, and judge pictures beside a description.'
+    'Make the description of a sensor from its pictures and a few questions, or check pictures against a description.'
 )
 EPILOG = """\
 examples:
   tactile sensor new /dev/video0 -o mine.yaml                       asks what no picture shows, and draws mine.png
   tactile sensor new rest.png -o mine.yaml --width 19 --thickness 4 --yes
   tactile sensor new pictures/ -o mine.yaml --width 19 --camera-info ost.yaml
-  tactile sensor check mine.yaml /dev/video0                        words, and mine_check.png
-  tactile sensor check printed_dots simulated                       a sensor that ships, beside its simulated twin
+  tactile sensor check mine.yaml /dev/video0                        prints findings, and draws mine_check.png
+  tactile sensor check printed_dots simulated                       a shipped sensor against its own simulation
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The commands of the verb."""
     verbs = Verbs(parser)
-    new.add_arguments(verbs.add('new', new.run, 'describe a sensor from pictures of its gel at rest, and questions'))
-    check.add_arguments(verbs.add('check', check.run, 'judge pictures of a gel at rest beside a description'))
+    new.add_arguments(verbs.add('new', new.run, 'describe a sensor from rest images and a few questions'))
+    check.add_arguments(verbs.add('check', check.run, 'check rest images against a description'))
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """What the command does; its exit status."""
+    """Run the chosen subcommand; returns the exit status."""
     status: int = arguments.action(arguments)
     return status

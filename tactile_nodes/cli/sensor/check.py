@@ -1,4 +1,4 @@
-"""``tactile sensor check``: do pictures fit a description, and is what they show good enough to measure by?"""
+"""``tactile sensor check``: do pictures fit a description, and are they good enough to measure with?"""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the command."""
-    parser.add_argument('sensor', help='description of the sensor: a YAML file, or the name of one that ships')
+    """Add the arguments of this command."""
+    parser.add_argument('sensor', help='description of the sensor: a YAML file, or the name of a shipped one')
     parser.add_argument(
         'pictures', nargs='+', metavar='SOURCE',
         help='pictures of the untouched gel: files, a folder, a video, a camera, or simulated',
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print what was found and draw it; 1 if nothing useful can be measured in these pictures."""
+    """Print and draw the findings; 1 if nothing useful can be measured in these pictures."""
     from tactile_nodes.drivers.camera.pictures import write_png
     from tactile_nodes.paths import check_output
     from tactile_nodes.sensing.inspection.drawing import figure
@@ -36,11 +36,11 @@ def run(arguments: argparse.Namespace) -> int:
     check_output(output, *map(Path, arguments.pictures))
     inspection = Inspection(sensor, pictures.read_pictures(arguments.pictures, arguments, arguments.sensor))
     tell(inspection)
-    print(f'drawn: {write_png(output, figure(inspection))}')
+    print(f'wrote {write_png(output, figure(inspection))}')
     return 0 if inspection.usable else 1
 
 
 def tell(inspection: Inspection) -> None:
-    """Each finding on a line."""
+    """Print each finding on a line."""
     for each in inspection.findings:
         print(f'{each.level:4} {each.what}: {each.text}')

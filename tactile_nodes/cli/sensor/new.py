@@ -1,4 +1,4 @@
-"""``tactile sensor new``: a description from pictures of a gel at rest, and what no picture shows."""
+"""``tactile sensor new``: a description from rest images, and from answers to what no image shows."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from tactile_nodes.sensing.inspection.describing import Understood
 
 PATTERNS = 'auto', 'dots', 'spheres'
-"""As `tactile_nodes.sensing.inspection.describing` has them, which takes long to import."""
+"""As in `tactile_nodes.sensing.inspection.describing`, which takes long to import."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the command."""
+    """Add the arguments of this command."""
     parser.add_argument(
         'pictures',
         nargs='+',
@@ -30,24 +30,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='pictures of the untouched gel: files, folder, video, camera',
     )
     parser.add_argument('-o', '--output', type=Path, required=True, metavar='FILE.yaml', help='description to write')
-    parser.add_argument('--figure', type=Path, metavar='FILE.png', help='figure to draw (default: beside it)')
-    parser.add_argument('--width', type=positive_float, metavar='MM', help='how much gel is seen from left to right')
-    parser.add_argument('--pitch', type=positive_float, metavar='MM', help='from one printed dot to the next')
-    parser.add_argument('--thickness', type=positive_float, metavar='MM', help='of the gel, down to its base')
-    parser.add_argument('--depth', type=depths, metavar='MM', help='of the pattern below the surface: 0.3, or 1.5-6')
+    parser.add_argument(
+        '--figure', type=Path, metavar='FILE.png', help='figure to draw (default: beside the description)'
+    )
+    parser.add_argument(
+        '--width', type=positive_float, metavar='MM', help='width of the gel in the picture, from left to right'
+    )
+    parser.add_argument('--pitch', type=positive_float, metavar='MM', help='distance from one printed dot to the next')
+    parser.add_argument('--thickness', type=positive_float, metavar='MM', help='thickness of the gel, down to its base')
+    parser.add_argument(
+        '--depth', type=depths, metavar='MM', help='depth of the pattern below the surface: 0.3, or 1.5-6'
+    )
     parser.add_argument(
         '--stiffness', type=modulus, metavar='MPA', help='shear modulus, or hardness: 0.1, or 10A for Shore A 10'
     )
-    parser.add_argument('--distance', type=positive_float, metavar='MM', help='from the lens to the surface of the gel')
+    parser.add_argument(
+        '--distance', type=positive_float, metavar='MM', help='distance from the lens to the surface of the gel'
+    )
     parser.add_argument(
         '--camera-info', type=Path, metavar='FILE', help="the camera's calibration: OpenCV's YAML or ROS's camera_info"
     )
-    parser.add_argument('--fisheye', action='store_true', help="the calibration is of OpenCV's fisheye")
-    parser.add_argument('--pattern', choices=PATTERNS, default='auto', help='what is seen (default: find it)')
-    parser.add_argument('--crop', type=size, metavar='WxH', help='part of the middle of the picture that is used')
+    parser.add_argument('--fisheye', action='store_true', help="the calibration is for OpenCV's fisheye model")
+    parser.add_argument(
+        '--pattern', choices=PATTERNS, default='auto', help='pattern in the picture (default: detect it)'
+    )
+    parser.add_argument('--crop', type=size, metavar='WxH', help='size of the central part of the picture to use')
     parser.add_argument('--mask', metavar='FILE', help="picture that is black where the gel is covered, or 'none'")
-    parser.add_argument('--yes', action='store_true', help='ask nothing: take what is usual for what is not given')
-    parser.add_argument('--force', action='store_true', help='replace a description that is there')
+    parser.add_argument('--yes', action='store_true', help='ask nothing: use the usual values for what is not given')
+    parser.add_argument('--force', action='store_true', help='replace an existing description')
     pictures.add_arguments(parser)
 
 
@@ -63,23 +73,23 @@ def run(arguments: argparse.Namespace) -> int:
 
     output, drawn = arguments.output, arguments.figure or arguments.output.with_suffix('.png')
     if output.exists() and not arguments.force:
-        raise ConfigurationError(f'{output} is there; choose another name, or replace it with --force')
+        raise ConfigurationError(f'{output} exists; choose another name, or replace it with --force')
     for each in (output, drawn):
         check_output(each, *map(Path, arguments.pictures), arguments.camera_info)
     shown = pictures.read_pictures(arguments.pictures, arguments)
     size_px = _one_size(shown)
     seen = _seen(shown, arguments, size_px)
-    print(f'seen: {seen.told}')
+    print(f'detected: {seen.told}')
     answers, sources = answered(arguments, seen, size_px)
     sensor = describe(seen, answers, size_px)
     inspection = Inspection(sensor, shown)
     tell(inspection)
-    print(f'drawn: {write_png(drawn, figure(inspection))}')
+    print(f'wrote {write_png(drawn, figure(inspection))}')
     if not inspection.usable:
-        print(f'{output} is not written: mend what is bad first', file=sys.stderr)
+        print(f'{output} was not written: fix the findings marked bad first', file=sys.stderr)
         return 1
     write_whole(output, text_of(sensor, sources).encode())
-    print(f'written: {output}; a model follows from it: tactile calibrate --sensor {output} --model field -o …')
+    print(f'wrote {output}; make a model of it with: tactile calibrate --sensor {output} --model field -o …')
     return 0
 
 
@@ -91,14 +101,14 @@ def _one_size(shown: Mapping[str, Picture]) -> tuple[int, int]:
     for name, other in shown.items():
         if other.shape != picture.shape:
             raise ImageError(
-                f'{name} has {other.shape[1]}x{other.shape[0]} pixels, and {first} {picture.shape[1]}x'
-                f'{picture.shape[0]}; give pictures of one size'
+                f'{name} has {other.shape[1]}x{other.shape[0]} pixels, but {first} has {picture.shape[1]}x'
+                f'{picture.shape[0]}; give pictures of the same size'
             )
     return picture.shape[1], picture.shape[0]
 
 
 def _seen(shown: Mapping[str, Picture], arguments: argparse.Namespace, size_px: tuple[int, int]) -> Understood:
-    """What the mean of all pictures shows; the mask as given, or as found."""
+    """What the mean of all pictures shows; the mask as given, or as detected."""
     from dataclasses import replace
 
     import numpy as np

@@ -1,4 +1,4 @@
-"""Pictures that a person names: files, folders, videos, cameras, the simulated one."""
+"""Pictures named on the command line: files, folders, videos, cameras, the simulated camera."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ WAIT_S = 5.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """How many pictures of a video or camera are looked at."""
+    """How many pictures of a video or camera are used."""
     parser.add_argument(
         '--frames', type=positive_int, default=FRAMES, metavar='N',
-        help='pictures of a camera, video or folder that are looked at (default: %(default)s)',
+        help='pictures of a camera, video or folder that are used (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
-        '--skip', type=count, default=0, metavar='N', help='pictures left out before them, as dark ones at the start'
+        '--skip', type=count, default=0, metavar='N', help='pictures skipped before them, e.g. dark ones at the start'
     )
 
 
@@ -32,7 +32,7 @@ def read_pictures(sources: Sequence[str], arguments: argparse.Namespace, sensor:
     """Grey pictures by their names; the simulated camera is that of `sensor`.
 
     Raises:
-        ConfigurationError, DeviceError, ImageError: none of these, or no picture in it.
+        ConfigurationError, DeviceError, ImageError: a source is none of these, or holds no picture.
     """
     found: dict[str, Picture] = {}
     for source in sources:
@@ -65,5 +65,5 @@ def _watched(source: str, arguments: argparse.Namespace, sensor: str) -> dict[st
             if number >= arguments.skip:
                 found[f'picture {number} of {source}'] = grey(frame.image)
     if not found:
-        raise ImageError(f'{source} ends before its picture {arguments.skip}; choose a smaller --skip')
+        raise ImageError(f'{source} ends before picture {arguments.skip}; choose a smaller --skip')
     return found

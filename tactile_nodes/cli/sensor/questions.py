@@ -1,4 +1,4 @@
-"""Questions about a sensor that a person can answer, each also a flag, with what is usual where nobody knows."""
+"""Questions about a sensor. Each can be answered by a flag and has a usual value in case the answer is unknown."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OF_CALIBRATION = 'focal_px', 'focal_px_per_rad', 'focal_ratio', 'distortion', 'c
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked, the flag that answers it, how answers are read, what is usual, and which entries follow."""
+    """A question: its flag, how answers are parsed, the usual value, and the entries that follow from it."""
 
     flag: str
     text: str
@@ -41,17 +41,17 @@ class Question:
 
 
 def depths(text: str) -> tuple[float, float]:
-    """Of a pattern: '0.3' is a layer of 0.1 mm there, '1.5-6' what lies between."""
+    """The depths of a pattern: '0.3' is a layer of 0.1 mm at that depth, '1.5-6' is everything between the two."""
     low, _, high = text.partition('-')
     top = positive_float(low)
     bottom = positive_float(high) if high else top + 0.1
     if bottom <= top:
-        raise argparse.ArgumentTypeError(f'{text!r} does not go down: write the upper depth first, as 1.5-6')
+        raise argparse.ArgumentTypeError(f'{text!r} is not in order: write the smaller depth first, e.g. 1.5-6')
     return top, bottom
 
 
 def modulus(text: str) -> float:
-    """Shear modulus (MPa), given itself or by Shore A: a third of Young's modulus by Gent (1958); '10A' is 0.138."""
+    """Shear modulus (MPa), as a number or as Shore A: a third of Young's modulus by Gent (1958); '10A' is 0.138."""
     if not text.upper().endswith('A'):
         return positive_float(text)
     shore = positive_float(text[:-1])
@@ -64,30 +64,30 @@ def size(text: str) -> tuple[int, int]:
     """Width and height: '640x480'."""
     found = re.fullmatch(r'(\d{2,5})x(\d{2,5})', text)
     if not found:
-        raise argparse.ArgumentTypeError(f'{text!r} is no size; write width and height as 640x480')
+        raise argparse.ArgumentTypeError(f'{text!r} is not a size; write width and height, e.g. 640x480')
     return int(found[1]), int(found[2])
 
 
 WIDTH = Question(
-    'width', 'How many mm of gel does the picture show from left to right?', positive_float, 0.0,
+    'width', 'How wide is the gel in the picture, from left to right [mm]?', positive_float, 0.0,
     ('gel.width_mm', 'gel.height_mm'),
 )  # fmt: skip
 PITCH = Question(
-    'pitch', 'How many mm is it from one dot to the next (nothing: you are asked for the width that is seen)?',
+    'pitch', 'How far is it from one dot to the next [mm] (empty: you are asked for the visible width)?',
     lambda text: positive_float(text) if text else 0.0, 0.0, WIDTH.entries,
 )  # fmt: skip
 THICKNESS = Question(
     'thickness', 'How thick is the gel, down to what it is glued to [mm]?', positive_float, 4.0, ('gel.layers_mm',)
 )
 DOTS_DEPTH, TEXTURE_DEPTH = (
-    Question('depth', 'How deep below the surface is the pattern [mm], as 0.3 or 1.5-6?', depths, usual, entries)
+    Question('depth', 'How deep below the surface is the pattern [mm], e.g. 0.3 or 1.5-6?', depths, usual, entries)
     for usual, entries in (((0.3, 0.4), ('gel.markers_mm',)), ((0.2, 0.5), ('gel.markers_mm',)))
 )
 STIFFNESS = Question(
-    'stiffness', 'How stiff is the gel: shear modulus [MPa], or Shore A as 10A?', modulus, 0.1, ('gel.moduli_mpa',)
+    'stiffness', 'How stiff is the gel: shear modulus [MPa], or Shore A, e.g. 10A?', modulus, 0.1, ('gel.moduli_mpa',)
 )
 TOLD_OFF = 0.3
-"""Share that a modulus is off by that follows from a hardness, or is somebody's word."""
+"""Relative uncertainty of a modulus that follows from a hardness or a data sheet."""
 DISTANCE = Question(
     'distance', 'How far is the lens from the surface of the gel [mm]?', positive_float, 20.0,
     ('camera.position_mm',),
@@ -97,10 +97,10 @@ DISTANCE = Question(
 def answered(
     arguments: argparse.Namespace, seen: Understood, size_px: tuple[int, int]
 ) -> tuple[Answers, dict[str, str]]:
-    """What flags and a person say, and where each entry of the description comes from.
+    """The values from flags and answers, and the source of each entry of the description.
 
     Raises:
-        ConfigurationError: the calibration cannot be used, or the questions end before they are answered.
+        ConfigurationError: the calibration cannot be used, or the input ends before all questions are answered.
     """
     from tactile_nodes.sensing.inspection.describing import Answers
 
@@ -111,15 +111,15 @@ def answered(
     markers = asking.of(TEXTURE_DEPTH if seen.dots is None else DOTS_DEPTH)
     distance = (arguments.distance or 0.0) if camera else asking.of(DISTANCE)
     sources = {**asking.sources, **dict.fromkeys(OF_PICTURE, FOUND), 'gel.poisson_ratios': 'assumed'}
-    sources['camera.focal_px'] = 'by width and distance'
+    sources['camera.focal_px'] = 'from width and distance'
     if camera:
         sources |= dict.fromkeys((f'camera.{each}' for each in OF_CALIBRATION), f'from {arguments.camera_info}')
-        sources['camera.position_mm'] = 'by calibration and width'
+        sources['camera.position_mm'] = 'from calibration and width'
     if arguments.mask:
         sources['mask.polygons_px'] = 'as given'
-    sources |= dict.fromkeys(WIDTH.entries, f'what is seen, by the {"width" if width else "pitch"} given')
+    sources |= dict.fromkeys(WIDTH.entries, f'from the picture and the {"width" if width else "pitch"} given')
     known = sources['gel.moduli_mpa'] != 'assumed'
-    sources['gel.moduli_off'] = 'of a hardness or a data sheet' if known else 'nobody measured it'
+    sources['gel.moduli_off'] = 'from a hardness or a data sheet' if known else 'not measured'
     answers = Answers(
         arguments.output.stem, width, pitch, given['thickness'], given['stiffness'],
         TOLD_OFF if known else Answers.modulus_off, markers, distance, camera,
@@ -128,7 +128,7 @@ def answered(
 
 
 def _lengths(asking: _Asking, arguments: argparse.Namespace, *, dots: bool) -> tuple[float, float]:
-    """Width that is seen and pitch (mm), of which one is enough: a person who sees dots knows their pitch best."""
+    """Visible width and pitch (mm); one of them is enough. If dots are visible, the pitch is asked for first."""
     pitch = arguments.pitch or 0.0
     if dots and asking.asks and not (pitch or arguments.width):
         pitch = asking.of(PITCH)
@@ -136,7 +136,7 @@ def _lengths(asking: _Asking, arguments: argparse.Namespace, *, dots: bool) -> t
 
 
 class _Asking:
-    """Takes what flags say, asks for what they leave out, and remembers where each value came from."""
+    """Takes the values of flags, asks for the others, and records the source of each value."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._given = arguments
@@ -151,21 +151,23 @@ class _Asking:
         value = given if given is not None else self._asked(question) if self.asks else None
         if value is None and not question.usual:
             or_pitch = ', or of dots with --pitch' if question is WIDTH else ''
-            raise ConfigurationError(f'{question.text} No picture shows that: say it with --{question.flag}{or_pitch}')
+            raise ConfigurationError(f'{question.text} No picture shows this; give it with --{question.flag}{or_pitch}')
         source = 'assumed' if value is None else 'as given'
         self.sources |= dict.fromkeys(question.entries, source)
         return question.usual if value is None else value
 
     def _asked(self, question: Question) -> Any:
-        """None: nobody knows."""
+        """The answer to a question; None if it is not known."""
         from tactile_nodes.errors import ConfigurationError
 
-        usual = f' (nothing: {_told(question.usual)})' if question.usual else ''
+        usual = f' (empty: {_told(question.usual)})' if question.usual else ''
         while True:
             try:
                 text = input(f'{question.text}{usual} ').strip()
             except EOFError as error:
-                raise ConfigurationError(f'the questions ended unanswered; answer with --{question.flag}') from error
+                raise ConfigurationError(
+                    f'the input ended before the question was answered; answer with --{question.flag}'
+                ) from error
             if not text and question.usual:
                 return None
             try:
@@ -179,10 +181,10 @@ def _told(value: Any) -> str:
 
 
 def _calibrated(arguments: argparse.Namespace, size_px: tuple[int, int]) -> CameraDescription | None:
-    """The camera that a calibration tells of.
+    """The camera according to a calibration.
 
     Raises:
-        ConfigurationError: it is of pictures of another size, or there is none and yet a lens.
+        ConfigurationError: the calibration is for another picture size, or --fisheye is given without a calibration.
     """
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.params import from_mapping
@@ -191,15 +193,15 @@ def _calibrated(arguments: argparse.Namespace, size_px: tuple[int, int]) -> Came
 
     file: Path | None = arguments.camera_info
     if file is None and arguments.fisheye:
-        raise ConfigurationError('--fisheye says what lens a calibration is of: name its file with --camera-info')
+        raise ConfigurationError('--fisheye is the lens model of a calibration: give its file with --camera-info')
     if file is None:
         return None
     told = read_camera_file(file, 'fisheye' if arguments.fisheye else '')
     of = told.pop('image.width', size_px[0]), told.pop('image.height', size_px[1])
     if of != size_px:
         raise ConfigurationError(
-            f'{file} was calibrated with pictures of {of[0]}x{of[1]}, and these have {size_px[0]}x{size_px[1]}; '
-            'calibrate at the size that is used'
+            f'{file} was calibrated with pictures of {of[0]}x{of[1]}, but these have {size_px[0]}x{size_px[1]}; '
+            'calibrate at the size in use'
         )
     values = {name.removeprefix('camera.'): value for name, value in told.items()}
     return from_mapping(CameraDescription, values, source=str(file), exact=False)

@@ -1,4 +1,4 @@
-"""``tactile topic``: what flows over the bus, with the words, flags and output of ``ros2 topic``."""
+"""``tactile topic``: topics of the bus, with the commands, flags and output of ``ros2 topic``."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tactile_nodes.errors import BusError
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Endpoint, Graph
 
-DESCRIPTION = 'What flows between nodes: list it, print it, measure it, send it.'
+DESCRIPTION = 'List, print, measure and publish topics.'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of this command."""
     verbs = Verbs(parser)
     _add_list(verbs)
     topic_echo.add(verbs)
@@ -42,15 +42,18 @@ def _add_list(verbs: Verbs) -> None:
     made.add_argument('-t', '--show-types', action='store_true', help='show the types too')
     made.add_argument('-c', '--count-topics', '--count', action='store_true', help='only print how many there are')
     made.add_argument('-a', '--include-hidden-topics', '--all', action='store_true', help='list hidden topics as well')
-    made.add_argument('-v', '--verbose', action='store_true', help='say who publishes and who subscribes')
+    made.add_argument('-v', '--verbose', action='store_true', help='show publishers and subscribers')
 
 
 def _add_info(verbs: Verbs) -> None:
     made = verbs.add(
-        'info', show_info, 'say what a topic is and who uses it', '  tactile topic info /force_distribution -v\n'
+        'info',
+        show_info,
+        'show type, publishers and subscribers of a topic',
+        '  tactile topic info /force_distribution -v\n',
     )
     completed(made.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
-    made.add_argument('-v', '--verbose', action='store_true', help='name each publisher and subscription')
+    made.add_argument('-v', '--verbose', action='store_true', help='show each publisher and subscription')
 
 
 def _add_find(verbs: Verbs) -> None:

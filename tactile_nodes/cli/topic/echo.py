@@ -1,4 +1,4 @@
-"""``tactile topic echo``: print a topic's messages as they come."""
+"""``tactile topic echo``: print a topic's messages as they arrive."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 QUEUE = 1000
 NS_PER_S, LOOK_EVERY_NS = 1_000_000_000, 50_000_000
 WAIT_S = 10.0
-"""How long a topic may take to appear: a launch has its first forces after some 4 s."""
+"""How long a topic may take to appear: a launch takes some 4 s to its first forces."""
 
 _EXAMPLES = """\
   tactile topic echo /force_distribution                      every message, arrays cut after 128 elements
-  tactile topic echo /force_distribution --field total --csv  one number a line, for plotting
+  tactile topic echo /force_distribution --field total --csv  one number per line, for plotting
   tactile topic echo /image_raw --once --no-arr
   tactile topic echo /skin/wrench --field wrench.force.z --timeout 5
 """
@@ -45,24 +45,28 @@ def add(verbs: Verbs) -> None:
     """The command and its arguments."""
     made = verbs.add('echo', echo, "print a topic's messages", _EXAMPLES)
     completed(made.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
-    kind = made.add_argument('type', nargs='?', help='its type; needed only for a topic that nobody uses within 10 s')
+    kind = made.add_argument('type', nargs='?', help='its type; needed only if the topic does not appear within 10 s')
     completed(kind, completers.topic_types)
-    made.add_argument('--once', action='store_true', help='print the first message and end')
-    made.add_argument('--timeout', type=positive_float, metavar='N', help='end after N seconds')
+    made.add_argument('--once', action='store_true', help='print the first message and exit')
+    made.add_argument('--timeout', type=positive_float, metavar='N', help='exit after N seconds')
     made.add_argument('--field', metavar='PATH', help='print this field alone: header.stamp, normal_force[40]')
-    made.add_argument('--csv', action='store_true', help='one line a message, its values separated by commas')
-    made.add_argument('--flow-style', action='store_true', help='lists and maps on one line')
-    made.add_argument('--no-arr', action='store_true', help='say the length of arrays instead of printing them')
-    made.add_argument('--no-str', action='store_true', help='say the length of texts instead of printing them')
-    made.add_argument('-f', '--full-length', action='store_true', help='cut no array and no text')
-    made.add_argument('-l', '--truncate-length', type=count, metavar='N', help='cut arrays and texts after N (128)')
-    made.add_argument('-i', '--include-message-info', action='store_true', help='say when it was sent and came in')
+    made.add_argument('--csv', action='store_true', help='one line per message, values separated by commas')
+    made.add_argument('--flow-style', action='store_true', help='YAML lists and maps on one line')
+    made.add_argument('--no-arr', action='store_true', help='print the length of arrays instead of their elements')
+    made.add_argument('--no-str', action='store_true', help='print the length of strings instead of their text')
+    made.add_argument('-f', '--full-length', action='store_true', help='do not truncate arrays and strings')
+    made.add_argument(
+        '-l', '--truncate-length', type=count, metavar='N', help='truncate arrays and strings after N (128)'
+    )
+    made.add_argument(
+        '-i', '--include-message-info', action='store_true', help='print the times of sending and arrival'
+    )
     made.add_argument('--no-lost-messages', action='store_true', help='do not report messages that were lost')
-    made.add_argument('--raw', action='store_true', help='print the bytes that travelled')
+    made.add_argument('--raw', action='store_true', help='print the serialized bytes')
 
 
 def echo(arguments: argparse.Namespace) -> int:
-    """Print until interrupted; 1 when nothing came within ``--timeout``."""
+    """Print until interrupted; 1 if nothing arrived within ``--timeout``."""
     from tactile_nodes.clock import monotonic_s
 
     topic, begun_s, timeout_s = absolute(arguments.topic), monotonic_s(), arguments.timeout
@@ -78,21 +82,21 @@ def echo(arguments: argparse.Namespace) -> int:
             if arguments.once and printed:
                 return 0
     if not printed:
-        raise BusError(f'nothing came on {topic} within {arguments.timeout:g} s')
+        raise BusError(f'no message on {topic} within {arguments.timeout:g} s')
     return 0
 
 
 def awaited_type(bus: Bus, topic: str, timeout_s: float | None = None) -> str:
-    """The one type of a topic, which nodes that are still starting may announce within `timeout_s` (usually 10 s).
+    """The type of a topic, waiting up to `timeout_s` (default 10 s) for nodes that are still starting.
 
     Raises:
-        BusError: nobody publishes or subscribes it even then, or the types differ.
+        BusError: the topic still has no publisher and no subscriber, or the types differ.
     """
     wait_s, said = timeout_s or WAIT_S, False
     end_ns = bus.clock.now_ns() + round(wait_s * NS_PER_S)
     while topic not in bus.graph().topics() and (now_ns := bus.clock.now_ns()) < end_ns:
         if not said:
-            told = f'nobody publishes or subscribes {topic} yet; waiting {wait_s:g} s for it'
+            told = f'no publisher and no subscriber of {topic} yet; waiting up to {wait_s:g} s'
             print(told, file=sys.stderr, flush=True)
         said = True
         bus.clock.sleep_until(min(now_ns + LOOK_EVERY_NS, end_ns))
@@ -100,7 +104,7 @@ def awaited_type(bus: Bus, topic: str, timeout_s: float | None = None) -> str:
 
 
 def queue_of(topic: str) -> Any:
-    """A queue deep enough that a person who looks at a topic misses nothing; latched as the topic table has it."""
+    """A queue that is deep enough to show every message; latched if the topic table says so."""
     from tactile_nodes.bus.protocol import Qos
     from tactile_nodes.bus.topics import default_qos
 
@@ -108,7 +112,7 @@ def queue_of(topic: str) -> Any:
 
 
 def arriving(subscription: Subscription, timeout_s: float | None = None) -> Iterator[Received]:
-    """Messages as they come, until `timeout_s` is over."""
+    """Messages as they arrive, until `timeout_s` has passed."""
     from tactile_nodes.clock import monotonic_s
 
     end_s = monotonic_s() + timeout_s if timeout_s is not None else None
@@ -121,7 +125,7 @@ def arriving(subscription: Subscription, timeout_s: float | None = None) -> Iter
 
 
 def report_lost(gaps: SequenceGaps, received: Received) -> None:
-    """Say on the error stream that messages are missing before this one, if they are."""
+    """Report on stderr that messages before this one were lost, if any were."""
     missing = gaps.add(received.publisher, received.sequence)
     if missing:
         text = f'A message was lost!!!\n\ttotal count change:{missing}\n\ttotal count: {gaps.total}'

@@ -1,4 +1,4 @@
-"""``tactile topic pub``: send messages by hand."""
+"""``tactile topic pub``: publish messages from the command line."""
 
 from __future__ import annotations
 
@@ -27,28 +27,30 @@ if TYPE_CHECKING:
 
 NS_PER_S = 1_000_000_000
 _LOOK_EVERY_S = 0.02
-_SAY_EVERY = 50  # looks: once a second
+_SAY_EVERY = 50  # polls: once a second
 
 _EXAMPLES = """\
   tactile topic pub -1 /greeting std_msgs/msg/String "{data: hello}"
   tactile topic pub -r 10 /wrench geometry_msgs/msg/WrenchStamped "{header: auto, wrench: {force: {z: 0.5}}}"
-  tactile topic pub -t 3 -w 2 /greeting std_msgs/String "{data: 'for two listeners'}"
+  tactile topic pub -t 3 -w 2 /greeting std_msgs/String "{data: 'for two subscribers'}"
 
-`header: auto` and `stamp: now` stand for the time of each publication.
+`header: auto` and `stamp: now` are replaced by the time of each publication.
 """
 
 
 def add(verbs: Verbs) -> None:
     """The command and its arguments."""
-    made = verbs.add('pub', publish, 'publish messages written by hand', _EXAMPLES)
+    made = verbs.add('pub', publish, 'publish messages', _EXAMPLES)
     completed(made.add_argument('topic', help='a topic, /greeting for example'), completers.topics)
     completed(made.add_argument('type', help='its type, std_msgs/msg/String for example'), completers.topic_types)
-    made.add_argument('values', nargs='?', default='{}', help='its fields as YAML; those not named are zero')
-    made.add_argument('-r', '--rate', type=positive_float, default=1.0, metavar='HZ', help='how often (default: 1)')
-    made.add_argument('-p', '--print', type=count, default=1, metavar='N', help='show every Nth message (default: 1)')
+    made.add_argument('values', nargs='?', default='{}', help='its fields as YAML; fields not named are zero')
+    made.add_argument(
+        '-r', '--rate', type=positive_float, default=1.0, metavar='HZ', help='publishing rate (default: 1)'
+    )
+    made.add_argument('-p', '--print', type=count, default=1, metavar='N', help='print every Nth message (default: 1)')
     often = made.add_mutually_exclusive_group()
-    often.add_argument('-1', '--once', action='store_true', help='publish one message and end')
-    often.add_argument('-t', '--times', type=positive_int, metavar='N', help='publish N messages and end')
+    often.add_argument('-1', '--once', action='store_true', help='publish one message and exit')
+    often.add_argument('-t', '--times', type=positive_int, metavar='N', help='publish N messages and exit')
     made.add_argument(
         '-w',
         '--wait-matching-subscriptions',
@@ -64,14 +66,14 @@ def add(verbs: Verbs) -> None:
 
 
 def publish(arguments: argparse.Namespace) -> int:
-    """Publish as often as asked."""
+    """Publish as often as requested."""
     from tactile_nodes.bus.topics import default_qos
 
     topic, type_name = absolute(arguments.topic), full_type(arguments.type)
     values = read_values(arguments.values)
     node = absolute(arguments.node_name, 'a node') if arguments.node_name else own_name()
     with joined() as bus:
-        make_message(type_name, values, bus.clock)  # wrong fields are reported before anybody is waited for
+        make_message(type_name, values, bus.clock)  # report wrong fields before waiting for subscribers
         publisher = bus.advertise(topic, type_name, default_qos(topic), node)
         if arguments.node_name:
             bus.add_node(node)
@@ -82,7 +84,7 @@ def publish(arguments: argparse.Namespace) -> int:
 
 
 def make_message(type_name: str, values: dict[str, Any], clock: Clock) -> Any:
-    """The message of these fields, its stamps filled in.
+    """The message with these fields, its stamps filled in.
 
     Raises:
         MessageError: no such type or field, or a value that does not fit.
@@ -118,8 +120,8 @@ def _wait_for_listeners(publisher: Publisher, clock: Clock, wanted: int, longest
     while (found := publisher.listeners) < wanted:
         if longest_s is not None and clock.now_ns() - start_ns > longest_s * NS_PER_S:
             raise BusError(
-                f'nothing was published: {found} of {wanted} subscribers came within {longest_s:g} s; '
-                'publish without waiting for any with -w 0'
+                f'nothing was published: {found} of {wanted} subscribers appeared within {longest_s:g} s; '
+                'use -w 0 to publish without waiting'
             )
         looks += 1
         if looks % _SAY_EVERY == 0:

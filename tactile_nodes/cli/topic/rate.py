@@ -1,4 +1,4 @@
-"""``tactile topic hz``, ``bw`` and ``delay``: how often, how much, and how late."""
+"""``tactile topic hz``, ``bw`` and ``delay``: rate, bandwidth and delay."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ REPORT_EVERY_S = 1.0
 
 
 class Meter(Protocol):
-    """Takes messages in, and says once in a while what it found."""
+    """Collects messages and reports its result now and then."""
 
     def add(self, received: Received) -> None: ...
 
     def report(self, now_ns: int, /) -> str | None:
-        """What to print; None when there is nothing to say yet."""
+        """Text to print; None if there is nothing to report yet."""
         ...
 
 
 def add(verbs: Verbs) -> None:
     """The three commands and their arguments."""
-    _add(verbs, 'hz', 10000, Rate, 'print how many messages a second come in', '  tactile topic hz /image_raw\n')
-    _add(verbs, 'bw', 100, Bandwidth, 'print how many bytes a second come in', '  tactile topic bw /image_raw\n')
+    _add(verbs, 'hz', 10000, Rate, 'print the rate of incoming messages', '  tactile topic hz /image_raw\n')
+    _add(verbs, 'bw', 100, Bandwidth, 'print the bandwidth of incoming messages', '  tactile topic bw /image_raw\n')
     _add(
         verbs,
         'delay',
@@ -54,7 +54,7 @@ def _add(verbs: Verbs, name: str, window: int, meter: Callable[[int], Meter], li
 
 
 def measure(arguments: argparse.Namespace, meter: Meter) -> int:
-    """Feed `meter` and print what it says once a second, until interrupted."""
+    """Feed `meter` and print its report once a second, until interrupted."""
     from tactile_nodes.cli.topic.echo import awaited_type, queue_of
 
     topic = absolute(arguments.topic)
@@ -82,7 +82,7 @@ def _report_forever(meter: Meter, get: Callable[[float], Received | None], clock
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean, extremes and standard deviation of some seconds."""
+    """Mean, extremes and standard deviation of durations (s)."""
 
     mean: float
     least: float
@@ -92,7 +92,7 @@ class Spread:
 
     @classmethod
     def of(cls, seconds: Iterable[float]) -> Spread:
-        """Of at least one value; the deviation is that of the values themselves (divided by n)."""
+        """From at least one value; the population standard deviation (divided by n)."""
         values = list(seconds)
         mean = sum(values) / len(values)
         deviation = math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))
@@ -105,7 +105,7 @@ class Spread:
 
 
 class Rate:
-    """Messages a second, from the times at which they came in."""
+    """Messages per second, from arrival times."""
 
     def __init__(self, window: int) -> None:
         self._intervals_s: deque[float] = deque(maxlen=window)
@@ -155,7 +155,7 @@ class Delay:
 
 
 class Bandwidth:
-    """Bytes a second, from the first message of the window to now."""
+    """Bytes per second, from the first message of the window until now."""
 
     def __init__(self, window: int) -> None:
         self._arrivals: deque[tuple[int, int]] = deque(maxlen=window)
@@ -177,7 +177,7 @@ class Bandwidth:
 
 
 def _in_unit(rate: float) -> Callable[[float], str]:
-    """How to write bytes in the unit that suits `rate`, so that all numbers of a report have one unit."""
+    """A formatter for bytes in the unit that suits `rate`, so that all numbers of a report have the same unit."""
     if rate < 1000:
         return lambda size: f'{size:.0f} B'
     if rate < 1_000_000:

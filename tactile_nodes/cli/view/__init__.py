@@ -1,6 +1,6 @@
-"""``tactile view``: force, its latency and the state of the nodes, in place in a terminal or as lines.
+"""``tactile view``: force, latency and node status, updated in place in a terminal or as lines.
 
-Where several sensors publish in namespaces of their own, as those of a hand, all are shown together.
+If several sensors publish in namespaces of their own, as in a hand, all are shown together.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Bus
     from tactile_nodes.viewing.state import Snapshot, ViewState
 
-DESCRIPTION = 'Watch force, latency and the state of the nodes. Ctrl-C ends it with a summary.'
+DESCRIPTION = 'Show force, latency and node status. Ctrl-C ends it with a summary.'
 EPILOG = """\
 examples:
-  tactile view                          in this terminal, updating in place
-  tactile view --plain --duration 10    one line a second for ten seconds, then the summary
-  tactile view --namespace /left        the sensor whose topics begin with /left; without, all of a hand together
-  tactile view --scale 0.2              colours for light touches: brightest at 0.2 N a bin
+  tactile view                          in this terminal, updated in place
+  tactile view --plain --duration 10    one line per second for ten seconds, then the summary
+  tactile view --namespace /left        only the sensor in namespace /left (default: all sensors of a hand)
+  tactile view --scale 0.2              colours for light touches: brightest at 0.2 N per bin
 """
-FULL_SCALE_N = 1.0  # of the brightest colour, whatever is shown: a scale that moves hides how hard one presses
+FULL_SCALE_N = 1.0  # the brightest colour; fixed, since a scale that adapts would hide how hard one presses
 REDRAW_EVERY_S = 0.1
 LINE_EVERY_S = 1.0
 _LOOK_EVERY_S = 1.0
@@ -44,18 +44,26 @@ Show = Callable[['Snapshot'], None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
-    parser.add_argument('--plain', action='store_true', help='one line a second; the default where it cannot draw')
-    parser.add_argument('--duration', type=positive_float, metavar='S', help='end after S seconds')
-    namespace = parser.add_argument('--namespace', default='/', metavar='/NAME', help='of the sensor (default: /)')
+    """Add the arguments of this command."""
+    parser.add_argument(
+        '--plain', action='store_true', help='one line per second; the default if the terminal cannot draw'
+    )
+    parser.add_argument('--duration', type=positive_float, metavar='S', help='exit after S seconds')
+    namespace = parser.add_argument(
+        '--namespace', default='/', metavar='/NAME', help='namespace of the sensor (default: /)'
+    )
     completed(namespace, completers.namespaces)
     parser.add_argument(
-        '--scale', type=positive_float, default=FULL_SCALE_N, metavar='N', help='newtons of the brightest colour (1)'
+        '--scale',
+        type=positive_float,
+        default=FULL_SCALE_N,
+        metavar='N',
+        help='force of the brightest colour (default: 1)',
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show until interrupted or the time is over; then say how it went."""
+    """Show until interrupted or the time is over; then print a summary."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     plain = arguments.plain or not can_draw(sys.stdout)
     with joined() as bus, ended_by_signals() as stop:
@@ -66,12 +74,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def can_draw(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
-    """Whether `stream` is a terminal that can write lines anew; with TERM=dumb, or without TERM, it is not."""
+    """Whether `stream` is a terminal that can redraw lines; not with TERM=dumb or without TERM."""
     return stream.isatty() and environment.get('TERM', 'dumb') not in {'', 'dumb', 'unknown'}
 
 
 def print_summary(state: ViewState, now_ns: int) -> None:
-    """How it went."""
+    """Print the summary of the run."""
     from tactile_nodes.cli.view import hand, render
 
     shot = state.summary(now_ns)
@@ -79,7 +87,7 @@ def print_summary(state: ViewState, now_ns: int) -> None:
 
 
 def new_state(bus: Bus, namespace: str = '/') -> ViewState:
-    """A state that begins now."""
+    """A state that starts now."""
     from tactile_nodes.viewing.state import ViewState
 
     return ViewState(namespace, bus.clock.now_ns())
@@ -95,9 +103,9 @@ def run_view(
     full_scale_n: float = FULL_SCALE_N,
     console: Console | None = None,
 ) -> None:
-    """Feed `state` from `bus` and show it, until `stop` is set or `duration_s` is over.
+    """Feed `state` from `bus` and show it, until `stop` is set or `duration_s` has passed.
 
-    It takes no signals; the caller prints the summary of `state`.
+    It handles no signals; the caller prints the summary of `state`.
     """
     clock = bus.clock
     end_ns = clock.now_ns() + round(duration_s * 1e9) if duration_s is not None else math.inf
@@ -114,7 +122,7 @@ def run_view(
 
 
 def _printing() -> Show:
-    """Prints each snapshot as a line, and below it what nodes warned of since the one before."""
+    """Prints each snapshot as a line, followed by the warnings of nodes since the previous one."""
     from tactile_nodes.cli.view import hand, render
 
     before: tuple[str, ...] = ()
@@ -141,13 +149,13 @@ def _drawing(full_scale_n: float, console: Console | None) -> Iterator[Show]:
     def picture(shot: Snapshot) -> Text:
         return hand.picture(shot) if shot.sensors else render.picture(shot, full_scale_n)
 
-    # Without a thread of its own, Live draws just what we say and when; it also puts the cursor back at the end.
+    # Without its own thread, Live draws only our text, when we say so; it also restores the cursor at the end.
     with Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live:
         yield lambda shot: live.update(picture(shot), refresh=True)
 
 
 class Watch:
-    """The subscriptions of the view, and who is there; what came in goes to the state when `drain` is called."""
+    """The subscriptions of the view and the nodes present; `drain` hands what arrived to the state."""
 
     def __init__(self, bus: Bus, state: ViewState) -> None:
         from tactile_nodes.bus import topics
@@ -164,7 +172,7 @@ class Watch:
         self._feeds.add(topics.ROSOUT, state.add_log)
 
     def drain(self, now_ns: int) -> None:
-        """Hand over all that has come in, and look who is there."""
+        """Hand everything that arrived to the state, and update the list of nodes."""
         self._feeds.drain()
         self._state.malformed = self._feeds.malformed
         if now_ns >= self._next_look_ns:
@@ -178,7 +186,7 @@ class Watch:
         self._feeds.close()
 
     def _look_elsewhere(self, published: set[str], now_ns: int) -> None:
-        """One sensor of another namespace is told by the name that shows it; several are shown together."""
+        """Suggest the command that shows the sensor of another namespace; several sensors are shown together."""
         ending = f'/{self._force_topic.rpartition("/")[2]}'
         there = sorted(name.removesuffix(ending) for name in published if name.endswith(ending))
         if len(there) > 1:

@@ -1,4 +1,4 @@
-"""Snapshots of a hand: a row for each sensor, and what acts on all of them together."""
+"""Snapshots of a hand: a row for each sensor, and the total force and torque."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def line(shot: Snapshot) -> str:
 
 
 def summary(shot: Snapshot) -> str:
-    """What is printed at the end; `shot` is of the whole run."""
+    """The text that is printed at the end; `shot` covers the whole run."""
     rows = [f'{"sensor":<12} {"frames":>7}  {"fps":>5}  {"p50":>6}  {"p99":>6} ms  lost  skipped  invalid']
     for each in shot.sensors:
         whole = each.latencies['end to end']
@@ -70,7 +70,7 @@ def _numbers(sensor: Snapshot, wrench: Any) -> str:
 
 
 def _margin(namespace: str, wrench: Any) -> str:
-    """The least of the sensor's contacts."""
+    """The smallest margin of the sensor's contacts."""
     name = namespace.rpartition('/')[2]
     told = [each.margin for each in (wrench.margins if wrench else ()) if each.sensor == name]
     known = [each for each in told if not math.isnan(each)]
@@ -80,7 +80,7 @@ def _margin(namespace: str, wrench: Any) -> str:
 def _sum_text(wrench: Any) -> str:
     """Force and torque on all gels, in the frame of the hand."""
     if wrench is None:
-        return 'not told: nobody publishes hand_wrench'
+        return 'no data: hand_wrench has no publisher'
     missing = f'  without {", ".join(wrench.missing)}' if wrench.missing else ''
     if not wrench.sensors:
         return f'not known{missing}'

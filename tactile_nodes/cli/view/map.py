@@ -1,4 +1,4 @@
-"""The map of the force: one cell a bin, its colour on a scale that does not move."""
+"""The force map: one cell per bin, with a fixed colour scale."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rich.text import Text
 
 MAP_WIDTH = 45  # columns of the terminal
 _STEPS = 24
-_SHOWN_N = 0.005  # smaller forces would read 0.00
+_SHOWN_N = 0.005  # smaller forces would print as 0.00
 _FAINT = 0.02  # of the full scale: below, noise would make the map flicker
-# From black over purple and orange to pale yellow; even in lightness, and readable without colour vision.
+# From black over purple and orange to pale yellow; perceptually uniform, and readable with colour blindness.
 _ANCHORS = np.array(
     [(8, 6, 24), (40, 11, 84), (101, 21, 110), (159, 42, 99), (212, 72, 66), (245, 125, 21), (250, 193, 39),
      (252, 255, 164)], float
@@ -26,7 +26,7 @@ _NOT_FINITE = Style(color='magenta')
 
 
 def map_lines(force: Any, true_bin: int | None, full_scale_n: float) -> list[Text]:
-    """The rows of a ForceDistribution's grid and the scale; `true_bin` gets a mark."""
+    """The rows of a ForceDistribution's grid, and the scale; `true_bin` is marked."""
     newtons = force.normal_force.reshape(force.rows, force.cols)
     if newtons.shape[1] * 5 > MAP_WIDTH:
         lines = [_coloured_row(row, full_scale_n) for row in _pooled(newtons)]
@@ -49,7 +49,7 @@ def _coloured_row(newtons: np.ndarray, full_scale_n: float) -> Text:
 
 
 def _joined(cells: list[tuple[str, Style]]) -> Text:
-    """One text; neighbours of one style become one piece, which is what drawing costs by."""
+    """One text. Neighbours of the same style are merged: drawing time grows with the number of pieces."""
     row = Text()
     for style, run in groupby(cells, key=itemgetter(1)):
         row.append(''.join(text for text, _ in run), style)
@@ -64,7 +64,7 @@ def _cell(force_n: float) -> str:
 
 
 def _pooled(newtons: np.ndarray) -> np.ndarray:
-    """A grid of at most 22 columns; each holds the largest force of the bins that it stands for."""
+    """A grid of at most 22 columns; each cell holds the largest force of its bins."""
     factor = math.ceil(newtons.shape[1] * 2 / MAP_WIDTH)
     rows, cols = (math.ceil(size / factor) * factor for size in newtons.shape)
     whole = np.full((rows, cols), -np.inf)
@@ -77,7 +77,7 @@ def _scale_line(full_scale_n: float) -> Text:
     scale = Text('0 ', _DIM)
     for step in range(0, _STEPS, 2):
         scale.append(' ', _style(step))
-    return scale.append(f' {full_scale_n:g} N a bin (fixed)   › true bin', _DIM)
+    return scale.append(f' {full_scale_n:g} N per bin (fixed)   › true bin', _DIM)
 
 
 def _colour(force_n: float, full_scale_n: float) -> Style:
@@ -98,5 +98,5 @@ def _style(step: int) -> Style:
 
 @cache
 def _negative() -> Style:
-    """For forces that pull, which a gel under a probe cannot feel: the model is wrong there."""
+    """For negative (pulling) forces. A gel under a probe cannot measure them: the model is wrong there."""
     return Style(color='#ffffff', bgcolor='#1f4f8f')

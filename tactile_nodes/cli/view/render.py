@@ -1,4 +1,4 @@
-"""Snapshots as pictures: for a terminal in colour, as one line, and as the summary at the end."""
+"""Snapshots as text: in colour for a terminal, as one line, and as the summary at the end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
 LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
 _LEVEL_NAMES = ('ok', 'warning', 'error', 'stale')
 _STATUSES = ('OK', 'DEGRADED', 'INVALID')
-_WAYS = '→↘↓↙←↖↑↗'  # from x, to the right, towards y, downwards
+_WAYS = '→↘↓↙←↖↑↗'  # from +x (right) towards +y (down)
 
 
 def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
@@ -64,13 +64,13 @@ def waiting(shot: Snapshot) -> str:
     """What is missing while there is no force."""
     topic = _topic(shot)
     if not shot.estimators:
-        return f'no force yet: nobody publishes {topic}; {shot.advice}'
+        return f'no force yet: {topic} has no publisher; {shot.advice}'
     told = '; '.join(f'{entry.node}: {entry.text or _LEVEL_NAMES[entry.level]}' for entry in _by_level(shot.health))
-    return f'no force yet: {", ".join(shot.estimators)} waits; is a camera running? last diagnostics: {told or "none"}'
+    return f'no force yet: {", ".join(shot.estimators)} is waiting; is a camera running? Diagnostics: {told or "none"}'
 
 
 def summary(shot: Snapshot) -> str:
-    """What is printed at the end; `shot` is of the whole run."""
+    """The text that is printed at the end; `shot` covers the whole run."""
     if shot.frames == 0:
         return f'{shot.running_s:.1f} s; {waiting(shot)}'
     lines = [
@@ -89,8 +89,8 @@ def summary(shot: Snapshot) -> str:
 
 def _score_lines(scores: Scores) -> list[str]:
     if not scores.pairs:
-        return ['no true force to compare with']
-    lines = [f'total force against the true one: RMSE {scores.rmse_n:.4f} N over {scores.pairs} frames']
+        return ['no true force for comparison']
+    lines = [f'total force against the true force: RMSE {scores.rmse_n:.4f} N over {scores.pairs} frames']
     if scores.contact_pairs:
         lines.append(f'peak in the true bin: {scores.right_bin_share:.1%} of {scores.contact_pairs} frames in contact')
     return lines
@@ -137,7 +137,7 @@ def _place_line(shot: Snapshot) -> Text:
 
 
 def _net_lines(shot: Snapshot) -> list[Text]:
-    """None of models that look for normal forces alone."""
+    """Net force lines; none for models that estimate only normal forces."""
     text = net_text(shot.force)
     return [Text.assemble(('acting   ', BOLD), text)] if text else []
 
@@ -158,7 +158,7 @@ def _provenance_line(shot: Snapshot) -> Text:
 
 
 def health_lines(shot: Snapshot, least: int = 0) -> list[Text]:
-    """What nodes say of themselves from that level on, the worst first; and who says nothing any more."""
+    """Diagnostics of nodes from that level up, the worst first, and nodes that went silent."""
     lines = []
     quiet = silent(shot.health)
     for entry in _by_level(shot.health):
@@ -193,7 +193,7 @@ def _place_text(shot: Snapshot) -> str:
 
 
 def net_text(force: Any) -> str:
-    """Net shear with its direction as it is seen on the map, torsion, and how the motion was explained."""
+    """Net shear with its direction on the map, torsion, and the contact model that explained the motion."""
     found = net_of(force)
     if not found.is_known:
         return ''
@@ -205,23 +205,23 @@ def net_text(force: Any) -> str:
 
 
 def where(force: Any) -> str:
-    """The place of the strongest contact."""
+    """The position of the strongest contact."""
     if not force.in_contact or math.isnan(force.contact.x):
         return 'none'.ljust(18)
     return f'({force.contact.x * 1000:+6.2f}, {force.contact.y * 1000:+6.2f}) mm'
 
 
 def _drops_text(shot: Snapshot) -> str:
-    return f'{shot.lost} lost on the way here, {shot.skipped} skipped before'
+    return f'{shot.lost} lost in transit, {shot.skipped} skipped by the sender'
 
 
 def is_old(shot: Snapshot) -> bool:
-    """Whether the last force is no reading any more."""
+    """Whether the last force is too old to be shown as current."""
     return shot.age_s > 1
 
 
 def state_text(shot: Snapshot) -> str:
-    """The status of the force; of one that is old the time since then, and that it was the last."""
+    """The status of the force. If the force is old: the time since then, and its status."""
     if shot.force is None:
         return 'waiting'
     status = _status_text(shot.force)

@@ -1,1 +1,1 @@
-"""The processes of a launch: started, watched, heard, ended."""
+"""The processes of a launch: starting, watching, reading output, ending."""

@@ -1,4 +1,4 @@
-"""What the launch service has to do, now and later: a queue that any thread and any signal handler may add to."""
+"""The tasks of the launch service, now and later: a queue that any thread and any signal handler may add to."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tactile_nodes.bus.node.taking import take
 
 Task = Callable[[], None]
 
-_LONGEST_S = 3600.0  # a wait of years is more than the operating system takes at once
+_LONGEST_S = 3600.0  # the operating system does not accept a wait of years
 
 
 class Appointment:
@@ -26,26 +26,26 @@ class Appointment:
 
 
 class Agenda:
-    """Tasks for one thread, which does them one by one with `do_next`, so that they need no locks."""
+    """Tasks for one thread. It runs them one by one with `do_next`, so they need no locks."""
 
     def __init__(self) -> None:
-        # SimpleQueue.put is safe in a signal handler that interrupted the very same call.
+        # SimpleQueue.put is safe in a signal handler, even if it interrupts another put.
         self._now: queue.SimpleQueue[Task] = queue.SimpleQueue()
         self._later: list[tuple[float, int, Appointment]] = []
         self._order = itertools.count()
 
     def post(self, task: Task) -> None:
-        """Have a task done as soon as possible; from any thread."""
+        """Run a task as soon as possible; from any thread."""
         self._now.put(task)
 
     def after(self, seconds: float, task: Task) -> Appointment:
-        """Have a task done later; only from the thread of `do_next`."""
+        """Run a task later; only from the thread of `do_next`."""
         appointment = Appointment(task)
         heapq.heappush(self._later, (clock.monotonic_s() + seconds, next(self._order), appointment))
         return appointment
 
     def do_next(self) -> None:
-        """Wait for the next task, and do it; after a very long wait, return without."""
+        """Wait for the next task and run it; after a very long wait, return without running one."""
         while self._later and self._later[0][2].task is None:
             heapq.heappop(self._later)
         try:
@@ -64,4 +64,4 @@ class Agenda:
 
 
 def _nothing() -> None:
-    """What is left of a cancelled task."""
+    """Replaces a cancelled task."""

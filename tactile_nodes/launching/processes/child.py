@@ -1,4 +1,4 @@
-"""One child process: started in a session of its own, its output read line by line, its end reported."""
+"""One child process: started in its own session, its output read line by line, its end reported."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from tactile_nodes.launching.processes.plan import ProcessPlan
 _LONGEST_LINE = 1 << 16
 _GROUP_PATIENCE_S = 0.5
 _OUTPUT_PATIENCE_S = 0.2  # without a line
-_OUTPUT_LOOKS = 20  # at an output that never ends
+_OUTPUT_LOOKS = 20  # if the output never ends
 _ESCALATION = ((signal.SIGTERM, 1.0), (signal.SIGKILL, 1.0))
 
 
 class Child:
     """A running process.
 
-    It leads a session, so Ctrl-C in a terminal does not reach it: the launcher forwards it, once, to the whole group.
-    Its standard input is a pipe that stays open and empty.
+    It leads a session, so Ctrl-C in a terminal does not reach it directly. The launcher forwards it once to the whole
+    group. The standard input is a pipe that stays open and empty.
 
     Args:
         plan: what to start.
-        mark: what `orphans` finds it by.
-        log: takes its lines, from the threads that read them.
-        ended: called from such a thread when it has ended, with its exit code; minus the signal that killed it.
+        mark: the environment mark by which `orphans` finds it.
+        log: receives its lines, from the threads that read them.
+        ended: called from such a thread after it has ended, with its exit code, or minus the signal that killed it.
 
     Raises:
-        OSError: it could not be started.
+        OSError: the program could not be started.
     """
 
     def __init__(self, plan: ProcessPlan, mark: str, log: LaunchLog, ended: Callable[[int], None]) -> None:
@@ -75,13 +75,13 @@ class Child:
         self._pipes = [os.fdopen(reading, 'rb', buffering=_LONGEST_LINE) for reading, _ in outputs]
 
     def watch(self) -> None:
-        """From now on, pass on its lines and report its end."""
+        """Start to pass on its lines and to report its end."""
         for pipe, stream in zip(self._pipes, ('stdout', 'stderr'), strict=True):
             self._readers.append(self._thread(self._read, pipe, stream))
         self._thread(self._wait)
 
     def signal(self, number: signal.Signals) -> None:
-        """Signal the whole process group, if it is still there."""
+        """Signal the whole process group, if it still exists."""
         try:
             os.killpg(self.pid, number)
         except ProcessLookupError:
@@ -100,11 +100,11 @@ class Child:
                     self._log.take(Line(self._plan.name, text, stream=stream), self._plan.output)
                     self._taken += 1
         except OSError:
-            return  # EIO: how the end of a terminal reads
+            return  # EIO: the end of a terminal
 
     def _wait(self) -> None:
         code = self._process.wait()
-        # What it leaves behind in its group would hold its camera or port when it is started again.
+        # A process left in its group would keep the camera or port busy when it is restarted.
         if not orphans.gone(self._group, _GROUP_PATIENCE_S):
             orphans.end(self._group, _ESCALATION)
         self._read_on()
@@ -113,7 +113,7 @@ class Child:
         self._ended(code)
 
     def _read_on(self) -> None:
-        """Until all that it wrote is taken; what it left running may hold its output open, and write on."""
+        """Read all that it wrote. Processes that it left running may keep its output open and write on."""
         for reader, pipe in zip(self._readers, self._pipes, strict=True):
             before = -1
             for _ in range(_OUTPUT_LOOKS):
@@ -128,7 +128,7 @@ class Child:
 
 @contextmanager
 def _blocked(numbers: set[signal.Signals]) -> Iterator[None]:
-    """A process that is started meanwhile begins with these signals blocked: it inherits the mask of this thread."""
+    """Within the context, a started process has these signals blocked: it inherits the mask of this thread."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
     try:
         yield
@@ -137,13 +137,13 @@ def _blocked(numbers: set[signal.Signals]) -> Iterator[None]:
 
 
 def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:
-    # Without a terminal Python holds its output back, and a killed node would take its last lines with it.
+    # Without a terminal, Python buffers its output, and a killed node would lose its last lines.
     marks = ':'.join(filter(None, [plan.environment.get(orphans.VARIABLE), mark]))
     return {'PYTHONUNBUFFERED': '1', **plan.environment, orphans.VARIABLE: marks, KEEP: str(folder / 'kept')}
 
 
 def _unread(pipe: BinaryIO) -> int:
-    """How many bytes wait to be read; none once its reader has closed it."""
+    """How many bytes are waiting to be read; none once the reader has closed the pipe."""
     try:
         return int.from_bytes(fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)), sys.byteorder)
     except (OSError, ValueError):

@@ -1,9 +1,9 @@
-"""Ends what a launch started, whoever its parent is by now.
+"""Ends all processes that a launch started, whatever their parent is by now.
 
-Every process of a launch carries a mark in its environment, which its own children inherit, even those that leave its
+Every process of a launch carries a mark in its environment. Its children inherit the mark, even if they leave the
 process group or session. This file is also the *guardian*: a program that the launcher starts before all others and
-holds by a pipe. When the launcher is gone without having said farewell (SIGKILL), the pipe ends, and the guardian ends
-every process with the mark. It needs nothing but the standard library, so that it starts in milliseconds.
+to which it holds a pipe. If the launcher ends without dismissing the guardian (SIGKILL), the pipe closes, and the
+guardian ends every process with the mark. It uses only the standard library, so it starts within milliseconds.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _FAREWELL = b'done'
 _POLL_S = 0.02
 _EXEC_LOOKS = 25
 _KERNEL_THREAD = 0x0020_0000  # PF_KTHREAD, include/linux/sched.h
-# A recorder that gets SIGINT closes its file; whatever ignores that gets no second chance after these.
+# A recorder closes its file on SIGINT. A process that ignores all of these signals stays.
 _ESCALATION = ((signal.SIGINT, 2.0), (signal.SIGTERM, 1.0), (signal.SIGKILL, 2.0))
 
 
 class Guardian:
-    """The guardian as the launcher holds it."""
+    """The guardian, as seen by the launcher."""
 
     def __init__(self, mark: str) -> None:
         environment = {name: value for name, value in os.environ.items() if name != VARIABLE}
@@ -41,20 +41,20 @@ class Guardian:
         )
 
     def dismiss(self) -> None:
-        """Say farewell: everything is ended."""
+        """Tell the guardian that everything has ended, so that it exits."""
         self._process.communicate(_FAREWELL)
 
 
 def marked(mark: str) -> set[int]:
-    """The processes with this mark, but not the calling one."""
+    """The processes with this mark, except the calling one."""
     return {pid for pid in _processes() if pid != os.getpid() and mark.encode() in environment(pid)}
 
 
 def environment(pid: int) -> bytes:
-    """The variables that a process was started with; none of one that is gone, or somebody else's.
+    """The environment that a process was started with; empty if it has ended or belongs to another user.
 
-    While a process becomes another program (`execve`), Linux shows first neither its words nor its variables, then its
-    words alone. That takes a tenth of a millisecond, and on a busy machine as long as others have the processor.
+    During `execve`, Linux first shows neither the arguments nor the environment, then the arguments alone. This takes
+    0.1 ms, and on a busy machine until the process runs again.
     """
     for _ in range(_EXEC_LOOKS):
         words = _read(pid, 'cmdline')
@@ -76,13 +76,13 @@ def group(leader: int) -> set[int]:
 
 
 def group_of(pid: int) -> int | None:
-    """The process group of a living process; None if it is gone, or a zombie."""
+    """The process group of a living process; None if it has ended or is a zombie."""
     fields = _stat(pid)
     return int(fields[2]) if fields else None
 
 
 def end(find: Callable[[], set[int]], escalation: tuple[tuple[signal.Signals, float], ...] = _ESCALATION) -> None:
-    """Signal whatever `find` finds, ever harder, until it finds nothing."""
+    """Send stronger and stronger signals to the processes in `find`, until it finds none."""
     for number, patience_s in escalation:
         for pid in find():
             _signal(pid, number)
@@ -91,7 +91,7 @@ def end(find: Callable[[], set[int]], escalation: tuple[tuple[signal.Signals, fl
 
 
 def gone(find: Callable[[], set[int]], patience_s: float) -> bool:
-    """Whether `find` finds nothing within that time."""
+    """Whether `find` finds no process within that time."""
     for _ in range(max(1, round(patience_s / _POLL_S))):
         if not find():
             return True
@@ -103,26 +103,26 @@ def _processes() -> list[int]:
     try:
         return [int(entry.name) for entry in os.scandir('/proc') if entry.name.isdigit()]
     except FileNotFoundError:
-        return []  # no Linux: only process groups are signalled, and a killed launcher leaves its children
+        return []  # not Linux: only process groups are signalled, and a killed launcher leaves its children running
 
 
 def _is_program(pid: int) -> bool:
-    """Whether it is a living process, and no thread of the kernel: those have no words either."""
+    """Whether it is a living process and not a kernel thread; those have no arguments either."""
     fields = _stat(pid)
     return bool(fields) and not int(fields[6]) & _KERNEL_THREAD
 
 
 def _is_ours(pid: int) -> bool:
-    """Whether its variables may be read at all: those of other accounts may not, and are not waited for."""
+    """Whether its environment may be read; processes of other users are not waited for."""
     try:
         return os.geteuid() in {0, Path(f'/proc/{pid}').stat().st_uid}
     except OSError:
-        return False  # ended meanwhile
+        return False  # has ended
 
 
 def _stat(pid: int) -> list[bytes]:
-    """State, parent, group and so on of a living process (proc_pid_stat(5)); nothing of one that has ended."""
-    # pid (name) state parent group …; the name may hold spaces and parentheses.
+    """State, parent, group and so on of a living process (proc_pid_stat(5)); empty if it has ended."""
+    # pid (name) state parent group …; the name may contain spaces and parentheses.
     fields = _read(pid, 'stat').rpartition(b')')[2].split()
     return fields if len(fields) > 6 and fields[0] not in {b'Z', b'X'} else []
 
@@ -131,14 +131,14 @@ def _read(pid: int, name: str) -> bytes:
     try:
         return Path(f'/proc/{pid}/{name}').read_bytes()
     except OSError:
-        return b''  # ended meanwhile, or somebody else's
+        return b''  # has ended, or belongs to another user
 
 
 def _signal(pid: int, number: signal.Signals) -> None:
     try:
         os.kill(pid, number)
     except (ProcessLookupError, PermissionError):
-        return  # ended meanwhile
+        return  # has ended
 
 
 def main() -> None:

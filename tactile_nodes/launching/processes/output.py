@@ -1,7 +1,7 @@
-"""Where lines go: the screen, the launch's log file, and log files of single processes.
+"""Where lines go: the screen, the log file of the launch, and log files of single processes.
 
-The forms are those of ``ros2 launch``: ``[INFO] [launch]: text`` for the launcher's own lines, ``[camera_node-1] text``
-for the lines of a process; in ``launch.log`` with the time in front.
+The formats are those of ``ros2 launch``: ``[INFO] [launch]: text`` for lines of the launcher, ``[camera_node-1] text``
+for lines of a process; in ``launch.log`` each line begins with the time.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ class Line:
     """One line of output.
 
     Attributes:
-        source: who wrote it: ``launch``, ``launch.user`` (the action `log`), or a process, ``camera_node-1``.
-        text: the line, without its end.
-        level: DEBUG, INFO, WARNING or ERROR; empty for what a process wrote.
-        stream: ``stdout`` or ``stderr`` of a process; empty for the launcher's own.
+        source: writer of the line: ``launch``, ``launch.user`` (the action `log`), or a process, ``camera_node-1``.
+        text: the line, without line break.
+        level: DEBUG, INFO, WARNING or ERROR; empty for output of a process.
+        stream: ``stdout`` or ``stderr`` of a process; empty for lines of the launcher.
     """
 
     source: str
@@ -49,7 +49,7 @@ class Line:
 
     @property
     def complains(self) -> bool:
-        """Whether a process says what went wrong: an error of a node, or what ends a program, as tracebacks do."""
+        """Whether the line reports what went wrong: an error of a node, or the last line of a traceback."""
         logged = _LOGGED.match(self.text)
         return self.stream == 'stderr' and bool(self.text.strip()) and (not logged or logged[1] in {'ERROR', 'FATAL'})
 
@@ -61,16 +61,16 @@ Screen = Callable[[Line], None]
 
 
 def print_line(line: Line) -> None:
-    """The usual screen."""
+    """The default screen."""
     sys.stdout.write(f'{line}\n')
     sys.stdout.flush()
 
 
 def make_log_folder(base: Path) -> Path:
-    """A new folder for the logs of one launch; ``latest`` beside it leads there.
+    """A new folder for the logs of one launch; the link ``latest`` beside it points there.
 
     Raises:
-        ConfigurationError: it cannot be written.
+        ConfigurationError: the folder cannot be written.
     """
     moment = datetime.fromtimestamp(clock.wall_ns() / 1e9).strftime('%Y-%m-%d-%H-%M-%S-%f')
     folder = base.expanduser() / f'{moment}-{socket.gethostname()}-{os.getpid()}'
@@ -79,7 +79,7 @@ def make_log_folder(base: Path) -> Path:
         _point(folder.parent / 'latest', folder)
     except OSError as error:
         raise ConfigurationError(
-            f'cannot make the log folder {folder} ({error.strerror}); set ROS_LOG_DIR to a folder of yours'
+            f'cannot create the log folder {folder} ({error.strerror}); set ROS_LOG_DIR to a folder that you own'
         ) from error
     return folder
 
@@ -93,7 +93,7 @@ def _point(link: Path, folder: Path) -> None:
 
 
 class LaunchLog:
-    """Takes the lines of all processes, from their threads, and of the launcher."""
+    """Receives the lines of all processes, from their threads, and of the launcher."""
 
     def __init__(self, folder: Path, screen: Screen, *, debug: bool = False) -> None:
         self.folder = folder
@@ -105,7 +105,7 @@ class LaunchLog:
         self._lock = threading.RLock()
 
     def say(self, level: str, source: str, text: str) -> None:
-        """A line of the launcher: to launch.log, and but for what only helps to find bugs to the screen."""
+        """A line of the launcher: to launch.log, and, unless it is a debug line, to the screen."""
         line = Line(source, text, level=level)
         with self._lock:
             if level != 'DEBUG' or self._debug:
@@ -113,7 +113,7 @@ class LaunchLog:
             self._write('launch.log', f'{_seconds()} {line}')
 
     def take(self, line: Line, output: str) -> None:
-        """A line of a process, to where its output option sends it."""
+        """A line of a process: to where its output option sends it."""
         with self._lock:
             if line.complains:
                 self._complaints[line.source] = _LOGGED.sub('', line.text)
@@ -127,12 +127,12 @@ class LaunchLog:
                 self._write(f'{line.source}.log', str(line))
 
     def last_complaint(self, source: str) -> str:
-        """The last thing that a process said of what went wrong; empty if it said nothing."""
+        """The last error that a process reported; empty if none."""
         with self._lock:
             return self._complaints.get(source, '')
 
     def close(self) -> None:
-        """Close the files; what a process that is being given up still writes is lost."""
+        """Close the files; later output of a process that could not be stopped is lost."""
         with self._lock:
             self._closed = True
             for file in self._files.values():
@@ -145,7 +145,7 @@ class LaunchLog:
             if self._screen is not None:
                 self._screen(line)
         except OSError:
-            self._screen = None  # the terminal is gone, or the pipe closed: the processes still have to be ended
+            self._screen = None  # the terminal or pipe has closed: the processes still have to be ended
 
     def _write(self, name: str, text: str) -> None:
         try:
@@ -155,7 +155,7 @@ class LaunchLog:
                 file.write(f'{text}\n')
         except OSError as error:
             self._files[name] = None
-            self._show(Line('launch', f'{name} is not written any more: {error.strerror}', level='ERROR'))
+            self._show(Line('launch', f'can no longer write {name}: {error.strerror}', level='ERROR'))
 
 
 def _seconds() -> str:

@@ -1,4 +1,4 @@
-"""A process to be started, all substitutions made."""
+"""A process to be started, with all substitutions made."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ class ProcessPlan:
     """A process to be started.
 
     Attributes:
-        name: its label and number, ``camera_node-1``.
+        name: its label and number, e.g. ``camera_node-1``.
         command: program and arguments; joined by spaces where `shell` is true.
         output: where its lines go: log, screen, both, own_log or full.
-        respawn_max_retries: how often to start it again; below zero without end.
-        required: the launch ends with it; if `respawn` too, only when it ends by itself, fails soon after its start, or
-            fails in a way that a person has to see to (`errors.NOT_AGAIN`).
-        holds_sigint: begin with SIGINT blocked, so that it waits until the program is ready for it and lets it in.
-        sigterm_timeout: seconds from SIGINT to SIGTERM, as the text in which it was given.
+        respawn_max_retries: how often to restart it; below zero: no limit.
+        required: the launch ends with it. If `respawn` is set too: only if it exits by itself, fails soon after its
+            start, or fails with an error that a person must fix (`errors.NOT_AGAIN`).
+        holds_sigint: start with SIGINT blocked, until the program is ready for it and unblocks it.
+        sigterm_timeout: seconds from SIGINT to SIGTERM, as the string in which it was given.
         sigkill_timeout: seconds from SIGTERM to SIGKILL, likewise.
     """
 

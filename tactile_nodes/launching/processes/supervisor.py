@@ -1,4 +1,4 @@
-"""The life of one process of a launch: started, watched, started again, ended with growing force."""
+"""The life of one process of a launch: start, monitor, restart, end with stronger and stronger signals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactile_nodes.launching.processes.output import LaunchLog
 from tactile_nodes.launching.processes.plan import ProcessPlan
 
 SETTLED_S = 10.0
-"""What fails sooner has never worked: another start would not help."""
+"""A process that fails sooner has never worked: a restart would not help."""
 LONGEST_DELAY_S = 30.0
 
 
@@ -23,7 +23,7 @@ class Supervisor:
     Args:
         plan: what to start.
         mark: of the launch, see `orphans`.
-        over: called when it has ended for good, with its exit code, or None if it could not be started.
+        over: called after it has ended for good, with its exit code, or None if it could not be started.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class Supervisor:
         self._stopping = False
         self._appointments: list[Appointment] = []
         self.refusal = ''
-        """Why it could not be started; empty: it was not refused."""
+        """Why it could not be started; empty if it was."""
 
     def start(self) -> None:
         self._say('DEBUG', f"process details: cmd='{self.plan.command_line}', cwd='{self.plan.cwd}'")
@@ -66,7 +66,7 @@ class Supervisor:
         if self._stopping:
             return
         self._stopping = True
-        if self._child is None:  # waiting to be started again
+        if self._child is None:  # waiting to be restarted
             self._cancel()
             self._over(self, 0)
             return
@@ -111,7 +111,7 @@ class Supervisor:
 
     @property
     def _delay_s(self) -> float:
-        """Twice as long each time that it ended soon again, so that what cannot work does not fill disk and log."""
+        """Doubles each time the process ends soon, so that a broken program does not fill disk and log."""
         delay_s = self.plan.respawn_delay_s
         return delay_s if self._quick <= 1 else min(delay_s * 2.0 ** (self._quick - 1), max(delay_s, LONGEST_DELAY_S))
 

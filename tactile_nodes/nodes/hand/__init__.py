@@ -1,1 +1,1 @@
-"""Nodes of all sensors of a hand together, and of a gripper that holds something with two of them."""
+"""Nodes for all sensors of a hand together, and for a gripper that holds an object with two of them."""

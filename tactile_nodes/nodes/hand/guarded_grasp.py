@@ -1,9 +1,9 @@
-"""An example of a controller on the forces of a hand: closes two fingers on something, and holds it while it is pulled.
+"""Example controller on the forces of a hand: closes two fingers on an object, and holds it while it is pulled.
 
-Subscribes ``hand_wrench``, ``joint_states`` and the ``force_distribution`` of each finger; publishes
-``gripper_command``; offers ``~/stop`` (std_srvs/Trigger). It closes until each finger feels ``target_n``, then holds
-as hard as the slip margin asks for, and opens at the end. When a force is old or too large it says why and leaves the
-gripper as it is: whatever it holds would fall (docs/robots.md).
+Subscribes to ``hand_wrench``, ``joint_states`` and the ``force_distribution`` of each finger; publishes
+``gripper_command``; offers ``~/stop`` (std_srvs/Trigger). It closes until each finger measures ``target_n``, then holds
+with the force that the slip margin requires, and opens at the end. If a force is old or too large, it reports the
+reason and leaves the gripper as it is, because a held object would fall (docs/robots.md).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class GuardedGraspParams(NodeParams):
 
 
 class GuardedGraspNode(Node):
-    """Takes forces in, looks two hundred times a second whether the next command is due, and ends with the grasp."""
+    """Receives forces, checks 200 times per second whether the next command is due, and ends with the grasp."""
 
     NAME = 'guarded_grasp'
     PARAMS = GuardedGraspParams
@@ -53,7 +53,9 @@ class GuardedGraspNode(Node):
         hand = load_hand(self.params.hand)
         self._names = hand.names
         if not hand.friction:
-            self.log.warn(f'{self.params.hand} tells no friction, so no slip margin guards what is held: add friction')
+            self.log.warn(
+                f'{self.params.hand} has no friction, so no slip margin protects the held object: add friction'
+            )
         self._fingers: dict[str, Felt] = {}
         self._valid: dict[str, Felt] = {}
         self._wrench: Any = None
@@ -81,7 +83,7 @@ class GuardedGraspNode(Node):
             felt = Felt.of(received.message)
             if felt.status != INVALID:
                 self._valid[name] = felt
-            elif name in self._valid:  # which grows old, and ends the grasp
+            elif name in self._valid:  # it gets too old, which ends the grasp
                 felt = replace(self._valid[name], status=INVALID, reasons=felt.reasons)
             self._fingers[name] = felt
 
@@ -91,7 +93,7 @@ class GuardedGraspNode(Node):
         felt, opening_mm = self._felt(), self._opening_mm
         if opening_mm is None or felt is None:
             return
-        if self._grasp is None:  # both are there: it begins
+        if self._grasp is None:  # both have arrived: start
             self._grasp = Grasp(self.params.grasp, self.clock.now_ns())
             self._opened_mm = opening_mm
             self.log.info(f'closing from {opening_mm:.1f} mm')
@@ -118,17 +120,21 @@ class GuardedGraspNode(Node):
         if self._grasp is None:
             missing = [name for name in self._names if name not in self._fingers]
             lacks = ', '.join(filter(None, [
-                'no opening of the gripper' if self._opening_mm is None else '',
+                'no gripper opening' if self._opening_mm is None else '',
                 f'no force of {" and ".join(missing)}' if missing else '',
                 'no hand_wrench' if self._wrench is None else '',
             ]))  # fmt: skip
-            self.report('grasp', Level.WARN, f'waits: {lacks}')
+            self.report('grasp', Level.WARN, f'waiting: {lacks}')
         else:
             self._report_grasp(self._grasp)
 
     def _report_grasp(self, grasp: Grasp) -> None:
         if grasp.strained:
-            self.report('grasp', Level.WARN, 'held as hard as allowed (grasp.limit_n), and the slip margin is less')
+            self.report(
+                'grasp',
+                Level.WARN,
+                'holding with the largest allowed force (grasp.limit_n), but the slip margin is smaller than wanted',
+            )
         else:
             self.report('grasp', Level.OK, 'holding' if grasp.grasped.began_ns else 'closing')
 

@@ -1,9 +1,9 @@
-"""Starts the sensors of a hand: the live launch for each, in a namespace of its own, and again when one has ended.
+"""Starts the sensors of a hand: a live launch for each, in its own namespace, and restarts it when it has ended.
 
-For pictures that are played from a bag, the computing part of the replay launch.
+For pictures played from a bag, it starts the computing part of the replay launch.
 
-What a sensor lacks (a camera that is not plugged in, a model that is no file) stands in ``/diagnostics``, of ``launch``
-below its name, and ends none of the others. A camera that is away for a while is the matter of its camera node.
+Problems of a sensor (a camera that is not connected, a missing model file) are reported in ``/diagnostics``, as
+``launch`` below its name, and do not end the other sensors. The camera node handles a camera that is away for a while.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ WAITS_S = 60.0
 class HandSensorsParams(NodeParams):
     """Parameters of the hand sensors node."""
 
-    hand: str = parameter('two_fingers', 'name of a hand that ships, or its file', read_only=True)
-    views: bool = parameter(False, 'publish what RViz and Foxglove draw of each sensor', read_only=True)
-    monitor: bool = parameter(True, 'watch whether the calibration of each sensor holds', read_only=True)
-    replay: bool = parameter(False, 'compute forces of pictures that are played from a bag', read_only=True)
+    hand: str = parameter('two_fingers', 'name of a shipped hand, or its file', read_only=True)
+    views: bool = parameter(False, 'publish the topics that RViz and Foxglove draw, for each sensor', read_only=True)
+    monitor: bool = parameter(True, 'monitor whether the calibration of each sensor is still valid', read_only=True)
+    replay: bool = parameter(False, 'compute forces from pictures that are played from a bag', read_only=True)
 
 
 class HandSensorsNode(Node):
-    """A launch a sensor, each in a thread that starts its processes and passes on what they say."""
+    """One launch per sensor, each in a thread that starts its processes and passes on their output."""
 
     NAME = 'hand_sensors'
     PARAMS = HandSensorsParams
@@ -65,7 +65,7 @@ class HandSensorsNode(Node):
         self.create_timer(REPORT_PERIOD_S, self._report)
 
     def stop(self) -> None:
-        """Also ends the sensors, all at once."""
+        """Also ends all sensors, at the same time."""
         for each in self._launches.values():
             each.stop()
         super().stop()
@@ -76,7 +76,7 @@ class HandSensorsNode(Node):
         self._folder.cleanup()
 
     def _health(self, sensor: HandSensor) -> Diagnostics:
-        """Below the name of the sensor, where whoever looks at that one alone finds it; of its camera unless played."""
+        """Diagnostics below the name of the sensor; also of its camera, unless pictures are played."""
         health = Diagnostics(f'{self.names.namespace.rstrip("/")}/{sensor.name}/launch')
         if not self.params.replay:
             health.hardware['sensor'] = sensor.source
@@ -98,7 +98,7 @@ class HandSensorsNode(Node):
         return LaunchedAgain(lambda screen, number: self._service(sensor, screen, number), show)
 
     def _service(self, sensor: HandSensor, screen: Screen, number: int) -> LaunchService:
-        """The first says at once what it lacks; the others wait for it, since starting takes time from all sensors."""
+        """The first launch reports at once what is missing. Others wait for it, since starting slows all sensors."""
         file = Path(self._folder.name) / f'{sensor.name}.yaml'
         file.write_text(parameter_text(sensor, self._hand, open_within_s=WAITS_S if number else 0.0), 'utf-8')
         arguments = arguments_of(sensor, self.names.namespace, file)

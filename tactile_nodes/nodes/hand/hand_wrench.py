@@ -1,7 +1,7 @@
-"""What acts on all sensors of a hand together, in the frame of the hand, and how near each contact is to slipping.
+"""The total force and torque on all sensors of a hand, in the frame of the hand, and the slip margin of each contact.
 
-Subscribes ``force_distribution`` of each sensor; publishes ``hand_wrench`` and, once, ``/tf_static``: where each sensor
-is mounted.
+Subscribes to ``force_distribution`` of each sensor; publishes ``hand_wrench`` and, once, ``/tf_static``: the mounting
+poses of the sensors.
 """
 
 from __future__ import annotations
@@ -27,22 +27,20 @@ from tactile_nodes.viewing import force_shapes
 
 REPORT_PERIOD_S = 1.0
 QUEUE = 1000
-"""Forces of a sensor that wait in a replay, which shall lose none."""
-WHY = 'no force of this time, an invalid one, or one of a model that knows no shear'
+"""Forces of a sensor that wait in a replay, which must not lose any."""
+WHY = 'no force at this time, an invalid one, or a model without shear'
 
 
 @dataclass(frozen=True)
 class HandWrenchParams(NodeParams):
     """Parameters of the hand wrench node."""
 
-    hand: str = parameter('two_fingers', 'name of a hand that ships, or its file', read_only=True)
-    bag: str = parameter(
-        '', 'of a replay, whose pictures are played: each sum waits for all sensors that it holds', read_only=True
-    )
+    hand: str = parameter('two_fingers', 'name of a shipped hand, or its file', read_only=True)
+    bag: str = parameter('', 'bag of a replay: each sum waits for all sensors in the bag', read_only=True)
 
 
 class HandWrenchNode(Node):
-    """One sum a frame time, with the stamp of the newest picture in it."""
+    """One sum per frame time, with the stamp of the newest picture in it."""
 
     NAME = 'hand_wrench'
     PARAMS = HandWrenchParams
@@ -63,12 +61,12 @@ class HandWrenchNode(Node):
         self.create_timer(REPORT_PERIOD_S, self._report)
 
     def _replayed(self) -> tuple[int, dict[str, int]]:
-        """How long a sum waits for a sensor that is behind, and when each has its last picture."""
+        """How long a sum waits for a sensor that lags, and the time of each sensor's last picture."""
         of = {f'/{name}/{topics.IMAGE.name}': name for name in self._hand.names}
         with BagReader(self.params.bag) as bag:
             last = {of[topic]: last_ns for topic, last_ns in last_stamps_ns(bag, of).items()}
         if lacking := [name for name in self._hand.names if name not in last]:
-            self.log.warn(f'{self.params.bag} holds no pictures of {", ".join(lacking)}; sums are without')
+            self.log.warn(f'{self.params.bag} holds no pictures of {", ".join(lacking)}; sums leave them out')
         return REPLAYED, last
 
     def _taking(self, name: str) -> Callable[[Received], None]:
@@ -83,7 +81,7 @@ class HandWrenchNode(Node):
     def _report(self) -> None:
         new, self._told = self._sums - self._told, self._sums
         if not new or self._last is None:
-            self.report('sum', Level.WARN, 'no force comes from any sensor', sums=self._sums)
+            self.report('sum', Level.WARN, 'no force from any sensor', sums=self._sums)
             return
         missing = ', '.join(self._last.missing)
         text = f'without {missing}: {WHY}' if missing else f'of all {len(self._hand.sensors)} sensors'

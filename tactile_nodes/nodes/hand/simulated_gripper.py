@@ -1,7 +1,7 @@
-"""A simulated gripper with two simulated gels, and an object between them that somebody pulls out of it.
+"""A simulated gripper with two simulated gels, and an object between them that is pulled out.
 
-Subscribes ``gripper_command``; publishes ``joint_states``, and ``held`` of each finger, which their simulated cameras
-follow (``contact: held`` in the file of the hand). It tells nobody the force: that is what the gels are for.
+Subscribes to ``gripper_command``; publishes ``joint_states``, and ``held`` of each finger, which the simulated cameras
+follow (``contact: held`` in the file of the hand). It does not publish the force, which the gels have to measure.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class SimulatedGripperParams(GripperSettings, NodeParams):
 
 
 class SimulatedGripperNode(Node):
-    """Moves the world on, two hundred times a second."""
+    """Advances the simulated world 200 times per second."""
 
     NAME = 'simulated_gripper'
     PARAMS = SimulatedGripperParams
@@ -67,7 +67,7 @@ class SimulatedGripperNode(Node):
             publisher.publish(conversions.touch_message(now_ns, topics.HELD.frame, press))
 
     def _tell(self) -> None:
-        """Only what the cameras see can be felt: until they follow, nobody is told that there is a gripper."""
+        """Only what the cameras see can be measured: until they follow, joint states are not published."""
         self._followed = self._followed or all(each.listeners for each in self._held)
         if not self._followed:
             return
@@ -75,11 +75,11 @@ class SimulatedGripperNode(Node):
 
     def _report(self) -> None:
         if not self._followed:
-            self.report('object', Level.WARN, 'the simulated cameras do not follow yet (contact: held)')
+            self.report('object', Level.WARN, 'the simulated cameras are not connected yet (contact: held)')
         elif self._gripper.lost:
-            self.report('object', Level.ERROR, f'it slid out, pulled with {self._gripper.pulled_n:.2f} N')
+            self.report('object', Level.ERROR, f'it slipped out at a pull of {self._gripper.pulled_n:.2f} N')
         elif self._gripper.held_s:
-            self.report('object', Level.OK, f'held, pulled with {self._gripper.pulled_n:.2f} N')
+            self.report('object', Level.OK, f'held at a pull of {self._gripper.pulled_n:.2f} N')
         else:
             self.report('object', Level.OK, 'not held')
 

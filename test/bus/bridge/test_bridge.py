@@ -353,7 +353,7 @@ def test_bridge_of_another_version_is_named_and_nothing_is_taken_from_it(
     raw = open_session(None, [Address(HERE, port)])
     try:
         token = raw.liveliness().declare_token(key_of('other', version='9'))
-        sentence = f'speaks version 9 of the bridge, and this one {VERSION}: update the older'
+        sentence = f'has version 9 of the bridge, this one has {VERSION}: update the older'
         until(lambda: sentence in bridge.output)
         assert token is not None
     finally:
@@ -368,10 +368,10 @@ def test_bridge_of_another_version_is_named_and_nothing_is_taken_from_it(
         (['connect:=192.0.2.1:7461'], 'could be read and used by anyone on the network'),
         (['connect:=nowhere'], "'nowhere' is no address; write host:port"),
         (['listen:=127.0.0.1:7461', 'key:=robot'], 'set peers to the public keys'),
-        (['listen:=127.0.0.1:7461', 'peers:=[lab]'], 'peers without key have no effect: set key'),
+        (['listen:=127.0.0.1:7461', 'peers:=[lab]'], 'peers has no effect without key: set key'),
         (['listen:=127.0.0.1:7461', 'key:=nobody', 'peers:=[lab]'], 'cannot read the key'),
         (['listen:=192.0.2.77:7461', 'key:=robot', 'peers:=[lab]'], 'is it an address of this machine?'),
-        (['connect:=127.0.0.1:7461', 'discover:=true'], 'to be found, listen as well'),
+        (['connect:=127.0.0.1:7461', 'discover:=true'], 'discover also needs listen'),
         (
             ['listen:=192.0.2.77:7461', 'discover:=true', 'key:=robot', 'peers:=[lab]'],
             '192.0.2.77 is no address of this machine',

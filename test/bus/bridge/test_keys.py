@@ -110,11 +110,11 @@ def test_a_file_that_is_no_key_is_named_and_hides_none_that_is(
     assert _run('show') == 0
     told = capsys.readouterr()
     assert [line.split()[0] for line in told.out.splitlines()] == ['arm', 'robot']
-    assert 'lab.key is left out' in told.err
+    assert 'lab.key was skipped' in told.err
 
 
 def test_command_says_that_there_are_none(place: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r'there are no keys in .*; make some with: tactile keys create NAME'):
+    with pytest.raises(ConfigurationError, match=r'no keys in .*; create some with: tactile keys create NAME'):
         _run('show')
 
 

@@ -60,7 +60,7 @@ def test_a_clock_that_cannot_be_fitted_is_told_with_its_reason(
 
 def test_a_rig_that_nobody_watches_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['bag', 'sync', str(bag(tmp_path / 'alone', rig=TIMES_NS))]) == 1
-    assert capsys.readouterr().out == 'rig alone saw 40 edges of the line: there is nothing to compare\n'
+    assert capsys.readouterr().out == 'only rig saw the 40 edges of the line: there is nothing to compare\n'
 
 
 def test_another_recorder_can_be_the_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

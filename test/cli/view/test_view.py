@@ -46,13 +46,13 @@ def test_the_plain_view_of_a_namespace_sees_its_forces_and_ends_in_a_summary(
     ended = tactile('view', '--plain', '--duration', '4.1', '--namespace', 'left')
     assert ended.status == 0
     assert ' fps  force  0.000 N' in ended.out
-    assert 'lost on the way here' in ended.out
+    assert 'lost in transit' in ended.out
 
 
 def test_a_view_of_nothing_says_what_is_missing(tactile: Tactile) -> None:
     ended = tactile('view', '--plain', '--duration', '1.1')
     assert ended.status == 0
-    assert 'nobody publishes /force_distribution' in ended.out
+    assert '/force_distribution has no publisher' in ended.out
 
 
 def test_a_view_that_finds_nothing_says_where_there_are_sensors(
@@ -67,7 +67,7 @@ def test_all_sensors_of_a_hand_are_seen_together(other: ZmqBus, tactile: Tactile
     for namespace in ('/left', '/right'):
         publish_forces(other, repeating, namespace)
     ended = tactile('view', '--plain', '--duration', '3.1')
-    assert 'left 0.000 N OK  right 0.000 N OK  sum not told: nobody publishes hand_wrench' in ended.out
+    assert 'left 0.000 N OK  right 0.000 N OK  sum no data: hand_wrench has no publisher' in ended.out
     rows = {
         words[0]: int(words[1])
         for line in ended.out.splitlines()

@@ -38,8 +38,8 @@ def test_the_map_shows_newtons_and_marks_the_true_bin() -> None:
 
 
 def test_the_scale_is_stated_and_does_not_follow_the_force() -> None:
-    assert any('1 N a bin (fixed)' in line for line in drawn(pressed((0.0, 30.0, 0.0, 0.0))))
-    assert any('0.2 N a bin (fixed)' in line for line in drawn(pressed(), full_scale_n=0.2))
+    assert any('1 N per bin (fixed)' in line for line in drawn(pressed((0.0, 30.0, 0.0, 0.0))))
+    assert any('0.2 N per bin (fixed)' in line for line in drawn(pressed(), full_scale_n=0.2))
 
 
 def test_a_bin_has_the_colour_of_its_force_on_the_fixed_scale() -> None:
@@ -107,7 +107,7 @@ def test_pooling_keeps_the_largest_force() -> None:
 
 def test_without_an_estimator_the_view_says_how_to_start_one() -> None:
     text = view_render.waiting(ViewState('/left').snapshot(0))
-    assert text == ('no force yet: nobody publishes /left/force_distribution; start a sensor with: tactile launch live')
+    assert text == ('no force yet: /left/force_distribution has no publisher; start a sensor with: tactile launch live')
 
 
 def test_while_waiting_the_last_diagnostics_are_told_worst_first() -> None:
@@ -115,8 +115,8 @@ def test_while_waiting_the_last_diagnostics_are_told_worst_first() -> None:
     state.estimators = ('/force_estimator',)
     state.add_diagnostics(received(diagnostics(('flow: rest', 1, 'no rest image'), ('camera: camera', 2, 'not found'))))
     assert view_render.waiting(state.snapshot(0)) == (
-        'no force yet: /force_estimator waits; is a camera running? '
-        'last diagnostics: /camera: camera: not found; /flow: rest: no rest image'
+        'no force yet: /force_estimator is waiting; is a camera running? '
+        'Diagnostics: /camera: camera: not found; /flow: rest: no rest image'
     )
 
 
@@ -156,7 +156,7 @@ def test_the_summary_tells_frames_latency_drops_and_errors() -> None:
     state.add_force(received(force(26, (0.5, 0.0, 0.0, 0.0), (0.0, 0.0)), 36, 3))
     text = view_render.summary(state.summary(100 * MS))
     assert '2 frames in 0.1 s, the first after 0.0 s' in text
-    assert '1 lost on the way here' in text
+    assert '1 lost in transit' in text
     # errors -0.25 and 0 N: sqrt(0.0625 / 2) = 0.1768
     assert 'RMSE 0.1768 N over 2 frames' in text
     assert 'peak in the true bin: 50.0% of 2 frames in contact' in text
@@ -169,7 +169,7 @@ def test_the_summary_of_nothing_says_what_is_missing() -> None:
 def test_the_summary_without_truth_says_so() -> None:
     state = ViewState()
     state.add_force(received(force(10), 20))
-    assert view_render.summary(state.summary(100 * MS)).endswith('no true force to compare with')
+    assert view_render.summary(state.summary(100 * MS)).endswith('no true force for comparison')
 
 
 def test_the_picture_fits_a_terminal_of_80_columns() -> None:

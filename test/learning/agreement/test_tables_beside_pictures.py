@@ -216,7 +216,7 @@ def test_a_calibration_that_makes_the_camera_another_one_is_no_calibration(
     assert calibrated(table, output) == 1
     assert 'the focal length of the camera differs by +' in capsys.readouterr().err and not output.exists()
     assert calibrated(table, output, '--force') == 0
-    assert 'written by --force: ' in capsys.readouterr().out
+    assert 'written because of --force: ' in capsys.readouterr().out
 
 
 def test_motion_cannot_follow_forces_that_are_all_alike() -> None:

@@ -176,4 +176,4 @@ def test_a_hand_without_friction_is_said_to_have_no_guard(
     (tmp_path / 'hand.yaml').write_text('\n'.join(lines), 'utf-8')
     with Loop(finger, f'hand:={tmp_path / "hand.yaml"}'):
         pass
-    assert 'tells no friction, so no slip margin guards what is held' in capsys.readouterr().err
+    assert 'has no friction, so no slip margin protects the held object' in capsys.readouterr().err

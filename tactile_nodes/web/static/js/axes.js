@@ -1,9 +1,9 @@
-// What both maps of the surface share: where they stand on their canvas, the axes in mm, and the bar of the colours.
+// Code of both maps of the surface: their position on the canvas, the axes in mm, and the colour bar.
 
 const LEFT = 34, BOTTOM = 34, TOP = 6, BAR_GAP = 16, BAR = 16, BAR_TEXT = 54;
 const BAR_STEPS = 64;
 
-/** Where a map of so many cells or mm stands on a canvas of so many pixels; `scale` is pixels of one of them. */
+/** Position of a map of cols × rows cells (or mm) on a canvas in pixels; `scale` is pixels per cell (or mm). */
 export function framed(width, height, across, down) {
   const room = { across: width - LEFT - BAR_GAP - BAR - BAR_TEXT, down: height - TOP - BOTTOM };
   const scale = Math.max(0.1, Math.min(room.across / across, room.down / down));
@@ -13,13 +13,13 @@ export function framed(width, height, across, down) {
   return { left, top, across: scale * across, down: scale * down, end, scale };
 }
 
-/** Fonts and colours of the page, for what is written on a canvas. */
+/** Fonts and colours of the page, for text on a canvas. */
 export function lookOf(canvas) {
   const style = getComputedStyle(canvas);
   return { font: style.fontFamily, dim: style.getPropertyValue('--dim'), line: style.getPropertyValue('--line') };
 }
 
-/** Millimetres along both sides, each so many pixels, from those of the corner at the top left on. */
+/** Axes in mm along both sides, with a scale in pixels per mm and the coordinates of the top left corner. */
 export function drawAxes(context, { left, top, across, down }, [perX, perY], [fromX, fromY], look) {
   context.fillStyle = look.dim;
   context.font = `11.5px ${look.font}`;
@@ -40,7 +40,7 @@ export function drawAxes(context, { left, top, across, down }, [perX, perY], [fr
   context.fillText('y', left - 8, top);
 }
 
-/** Where numbers stand on an axis. */
+/** Tick positions on an axis. */
 export function ticks(from, to) {
   const step = to - from > 24 ? 10 : to - from > 8 ? 5 : 1;
   const found = [];
@@ -50,7 +50,7 @@ export function ticks(from, to) {
 
 const label = (mm) => `${Object.is(mm, -0) ? 0 : mm}`.replace('-', '−');
 
-/** The colours from nought to the full scale; `paint` gives that of a share of it. */
+/** The colour bar from zero to full scale; `paint` gives the colour of a fraction of it. */
 export function drawBar(context, { left, top, across, down }, fullScale, unit, paint, look) {
   const x = left + across + BAR_GAP;
   for (let step = 0; step < BAR_STEPS; step += 1) {

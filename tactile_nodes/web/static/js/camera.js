@@ -1,4 +1,4 @@
-// The camera image with the motion of each region as an arrow, both of the same instant.
+// The camera image with the motion of each region as an arrow, both of the same frame.
 
 import { addArrow, fitted, MARK, stroked } from './canvas.js';
 

@@ -1,4 +1,4 @@
-// What the drawings share: a canvas that is as sharp as the screen, and lines and arrows that are seen on any ground.
+// Shared drawing code: a canvas in screen resolution, and lines and arrows that are visible on any background.
 
 export const MARK = '#5be0ff';
 export const HALO = 'rgba(0, 0, 0, 0.6)';

@@ -1,8 +1,8 @@
-// The total force over the last half minute, drawn by uPlot; its scale grows in steps, so that it moves seldom.
+// The total force over the last half minute, drawn by uPlot; its scale grows in steps, so that it rarely changes.
 
 const SECONDS = 30;
 const KEPT = 60;
-const GAP = 0.5; // s: a longer pause is drawn as one
+const GAP = 0.5; // s: a longer pause is drawn as a gap
 const STEPS = [0.1, 0.2, 0.5, 1, 1.5, 2, 3, 5, 7.5, 10, 15, 20, 30, 50, 100];
 
 export class Chart {
@@ -21,8 +21,8 @@ export class Chart {
     for (const [stamp, total, truth] of samples) {
       const last = stamps.at(-1);
       if (last !== undefined && stamp < last) {
-        if (stamp > last - 1) continue; // told twice
-        this.columns.forEach((column) => { column.length = 0; }); // another stream has begun
+        if (stamp > last - 1) continue; // received twice
+        this.columns.forEach((column) => { column.length = 0; }); // a new stream has started
       } else if (last !== undefined && stamp - last > GAP) {
         stamps.push(last + GAP / 2);
         totals.push(null);

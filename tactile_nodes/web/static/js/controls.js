@@ -1,8 +1,8 @@
-// The buttons: recording on and off, and a new rest image. The node says what came of it, in a sentence.
+// The buttons: recording on and off, and a new rest image. The node reports the result in a sentence.
 
 const $ = (id) => document.getElementById(id);
 const RESTS_MS = 8000;
-const GUEST = 'You may watch. Only the account that started the sensor may record and tare.';
+const GUEST = 'You may watch. Only the user who started the sensor may record and tare.';
 
 export class Controls {
   constructor(link) {
@@ -15,7 +15,7 @@ export class Controls {
     $('rest').addEventListener('click', () => this.act('rest_image'));
   }
 
-  /** What the nodes offer now, and whether they record. */
+  /** Enable the buttons whose services exist, and show whether a recording runs. */
   show(slow, isOpen) {
     const { recording, controls } = slow ?? { recording: null, controls: {} };
     this.recording = recording;
@@ -31,7 +31,7 @@ export class Controls {
     else if (isOpen && this.link.mayAct === false && !this.answered) this.answer(GUEST, '', false);
   }
 
-  /** Where the bag is, what of it is lost and what for that is needed: the recorder's sentence, a line a clause. */
+  /** Path of the bag and lost messages: the recorder's text, one line per clause. */
   showBag(recording) {
     const text = recording?.bag ? recording.text : '';
     const where = !text || text.includes(recording.bag) ? [] : [`recording into ${recording.bag}`];
@@ -53,16 +53,16 @@ export class Controls {
     $('record').disabled = $('rest').disabled = true;
     const outcome = await this.link.act(action, insist);
     this.busy = false;
-    if (outcome.done && action !== 'rest_image') this.answer('', '', false); // the recorder says it, in its own place
+    if (outcome.done && action !== 'rest_image') this.answer('', '', false); // the recorder reports it in its own place
     else this.answer(outcome.text, outcome.done ? 'done' : 'refused');
     if (outcome.insistable) this.offer(action);
   }
 
-  /** The person may know better: nothing touches, only the force has drifted. */
+  /** Let the person insist: there may be no contact, only a drifted force. */
   offer(action) {
     const button = document.createElement('button');
     button.type = 'button';
-    button.textContent = 'Nothing does: go on';
+    button.textContent = 'No contact: continue';
     button.addEventListener('click', () => this.act(action, true));
     $('answer').append(button);
   }

@@ -1,4 +1,4 @@
-// All sensors of a hand, small and together; choosing one leads to its own page.
+// All sensors of a hand as small tiles; a click on one opens its own page.
 
 import { drawCamera } from './camera.js';
 import { Link } from './link.js';
@@ -8,10 +8,10 @@ import { Scales } from './scale.js';
 import { OLD_S, hostOf, statusOf } from './status.js';
 import { drawSurface, takeCells } from './surface.js';
 
-const GAIN = 50; // of the arrows of motion
+const GAIN = 50; // of the motion arrows
 const $ = (id) => document.getElementById(id);
 
-/** '+0.500'; a number that is nought as it is shown has no minus. */
+/** '+0.500'; a number that rounds to zero has no minus sign. */
 function signed(value, digits) {
   if (value === null) return '–';
   const size = Math.abs(value).toFixed(digits);
@@ -56,7 +56,7 @@ class Tile {
     else drawMap(this.find('map'), force, bins, scales.bins.full);
   }
 
-  /** Seconds since the force that is shown was captured. */
+  /** Seconds since the capture of the shown force. */
   get age() {
     return this.told?.force ? this.told.age_s + (performance.now() - this.at) / 1000 : Infinity;
   }
@@ -66,7 +66,7 @@ class Tile {
   }
 
   watch() {
-    if (!this.link) return; // while it is being made
+    if (!this.link) return; // not connected yet
     const [status, word, reason] = statusOf(this.told, this.age, this.isLive, this.link.open);
     const trusted = this.isLive && this.told.force.status !== 'invalid';
     this.place.dataset.status = status;
@@ -78,7 +78,7 @@ class Tile {
   }
 }
 
-/** The sum that came last, if it is new enough to be one; and who is missing. */
+/** The last sum if it is recent enough, and the missing sensors. */
 function showHand(tiles) {
   const live = tiles.filter((tile) => tile.isLive);
   const latest = live.map(({ told }) => told).sort((a, b) => (b.hand?.stamp_s ?? 0) - (a.hand?.stamp_s ?? 0))[0];

@@ -1,4 +1,4 @@
-// The connection to the node: comes back by itself, and says when a packet has been drawn, so that no more are sent
+// The connection to the node: reconnects by itself, and acknowledges each drawn packet, so that no more are sent
 // than this page can show.
 
 const RETRY_MS = [200, 500, 1000, 2000];
@@ -10,7 +10,7 @@ export class Link {
     this.open = false;
     this.onPacket = onPacket;
     this.onChange = onChange;
-    this.mayAct = undefined; // until the node has said it
+    this.mayAct = undefined; // until the node has sent it
     this.failures = 0;
     this.connect();
   }
@@ -58,7 +58,7 @@ export class Link {
       if (response.headers.get('Content-Type')?.startsWith('application/json')) return await response.json();
       return { done: false, text: await response.text() };
     } catch {
-      return { done: false, text: 'The live view does not answer.' };
+      return { done: false, text: 'The live view does not respond.' };
     }
   }
 }

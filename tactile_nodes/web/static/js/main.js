@@ -1,4 +1,4 @@
-// The page: takes packets, draws the newest with the screen's own rhythm, and never shows an old number as a new one.
+// The page: receives packets, draws the newest at the refresh rate of the screen, and never shows old values as new.
 
 import { drawCamera } from './camera.js';
 import { Chart } from './chart.js';
@@ -31,7 +31,7 @@ async function take(buffer) {
   chart.add(packet.samples);
   const isNew = packet.told.image?.stamp_s !== page.imageStamp;
   const bitmap = isNew ? await pictureOf(packet) : null;
-  if (number > page.number) show(packet, bitmap, number); // picture and numbers of one instant, or neither
+  if (number > page.number) show(packet, bitmap, number); // picture and numbers of the same frame, or neither
   requestAnimationFrame(() => {
     draw();
     link.drawn();
@@ -47,17 +47,17 @@ function show(packet, bitmap, number) {
   Object.assign(page, { bitmap, imageStamp: packet.told.image.stamp_s, imageAt: page.at });
 }
 
-/** Newtons of the brightest colour. */
+/** Force of the brightest colour (N). */
 function fullScale() {
   return Number($('scale').value) || scales.bins.full;
 }
 
-/** Kilopascals of the brightest colour, where there is a force field. */
+/** Pressure of the brightest colour (kPa), if there is a force field. */
 function pressureScale() {
   return Number($('pressure-scale').value) || scales.pressure.full;
 }
 
-/** The force field where there is one, else the force on each bin. */
+/** The force field if there is one, else the force per bin. */
 function drawForce({ force }) {
   if (page.field) drawSurface($('map'), page.field, force?.contacts ?? [], pressureScale(), scales.shear.full);
   else drawMap($('map'), force, page.bins, fullScale());
@@ -79,7 +79,7 @@ function draw() {
   page.slow = slow;
 }
 
-/** How old what we see is, also when nothing comes any more; returns whether it is a reading still. */
+/** Update the age of the shown data, even if nothing arrives any more; returns whether the force is still current. */
 function watch() {
   const { told } = page;
   const since = (performance.now() - page.at) / 1000;
@@ -99,7 +99,7 @@ function watch() {
   return isLive;
 }
 
-/** What was chosen the last time, where the browser lets a page keep it. */
+/** The last choice, if the browser lets a page store it. */
 function remembered(id) {
   try {
     return localStorage.getItem(`tactile.${id}`);
@@ -112,7 +112,7 @@ function remember(id, value) {
   try {
     localStorage.setItem(`tactile.${id}`, value);
   } catch {
-    // then it is chosen anew the next time
+    // then the choice is not stored
   }
 }
 

@@ -1,15 +1,15 @@
-// The force on each bin in newtons, with the bar of its colours, and the contacts.
+// The force per bin in newtons, with its colour bar, and the contacts.
 
 import { drawAxes, drawBar, framed, lookOf } from './axes.js';
 import { fitted, MARK, stroked } from './canvas.js';
 import { colour, ink } from './palette.js';
 
-const SHOWN = 0.005; // N: smaller forces would read 0.00,
-const SHOWN_SHARE = 0.04; // or, on a small scale with its third digit, be noise
-const FINE = 0.1; // N: a full scale of which the third digit counts
+const SHOWN = 0.005; // N: smaller forces would print as 0.00,
+const SHOWN_SHARE = 0.04; // or, on a small scale with a third digit, as noise
+const FINE = 0.1; // N: full scale below which a third digit is shown
 const BORDER = '#2b2640'; // between bins
 
-/** Draws `bins` [N] of a force as the node tells it. */
+/** Draws `bins` [N] of a force as received from the node. */
 export function drawMap(canvas, force, bins, fullScale) {
   const { context, width, height } = fitted(canvas);
   const rows = force?.rows ?? 9, cols = force?.cols ?? 9;

@@ -1,4 +1,4 @@
-// Takes apart what travels (tactile_nodes/web/packet.py says how it is put together).
+// Decodes packets (tactile_nodes/web/packet.py describes the format).
 
 const SAMPLE_BYTES = 16;
 
@@ -38,6 +38,6 @@ export async function pictureOf({ told, jpeg }) {
   try {
     return await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
   } catch {
-    return null; // then the page says, after a while, that no image comes
+    return null; // the page then reports, after a while, that there is no image
   }
 }

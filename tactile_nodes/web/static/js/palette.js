@@ -1,5 +1,5 @@
-// Colours of the force map: "inferno" of matplotlib (S. van der Walt and N. Smith, CC0), which is even in lightness and
-// can be read without colour vision. 64 steps, six hexadecimal digits each.
+// Colours of the force map: "inferno" of matplotlib (S. van der Walt and N. Smith, CC0), which is perceptually uniform and
+// readable with colour blindness. 64 steps, six hexadecimal digits each.
 const INFERNO =
   '00000402010a04031207051b0b072410092d150b371b0c41210c4a280b532f0a5b3609613d0965440a684a0c6b510e6c' +
   '59106e5f136e65156e6c186e721a6e781c6d7f1e6c85216b8c23699225689827669f2a63a52c60ab2f5eb1325ab73557' +
@@ -9,7 +9,7 @@ const STEPS = INFERNO.length / 6;
 const COLOURS = Array.from({ length: STEPS }, (_, step) => `#${INFERNO.slice(6 * step, 6 * step + 6)}`);
 const SMOOTH = Uint32Array.from({ length: 4 * STEPS }, (_, place) => between((place / (4 * STEPS - 1)) * (STEPS - 1)));
 const LAST = SMOOTH.length - 1;
-// Pulling, which a gel under a probe cannot feel: where it shows, the model errs.
+// Negative (pulling) force, which a gel under a probe cannot measure: the model is wrong there.
 const BELOW = ['#0b1d3a', '#123a6b', '#1c5a9e', '#3f86cf'];
 const NOT_FINITE = '#c026d3';
 const FAINT = 0.02; // of the full scale: below, noise would make the map flicker
@@ -40,7 +40,7 @@ export function colourPixels(values, fullScale, pixels) {
   }
 }
 
-/** A colour to write on `colour(force, fullScale)` with. */
+/** A text colour that is readable on `colour(force, fullScale)`. */
 export function ink(force, fullScale) {
   return force / fullScale > 0.62 ? '#140b2a' : '#ffffff';
 }

@@ -1,8 +1,8 @@
-// Numbers, words and tables. Each fills a place that is there from the start, so that nothing moves.
+// Numbers, words and tables. Each has a fixed place from the start, so that the layout does not move.
 
 const $ = (id) => document.getElementById(id);
 const CONTACTS = 4;
-const FRAME_MS = 1000 / 60; // the bars of the latencies end at one frame of 60 a second
+const FRAME_MS = 1000 / 60; // full length of the latency bars: one frame at 60 Hz
 const NONE = '–';
 
 /** 0.730, 12.34, −0.004: as many digits as fit, without a negative nought. */
@@ -26,7 +26,7 @@ function element(tag, text, className) {
   return made;
 }
 
-/** Status by word and reason; `stale` dims what is no longer so. */
+/** Status as word and reason; `stale` dims outdated values. */
 export function showStatus(status, word, reason, stale) {
   document.body.dataset.status = status;
   document.body.classList.toggle('stale', stale);
@@ -109,7 +109,7 @@ export function showSlow(slow, updates, isLive) {
   say('updates', `${updates}`);
   const { lost, skipped, malformed } = slow.rates;
   const damaged = malformed ? `, ${malformed} malformed` : '';
-  say('losses', `${lost} lost on the way here, ${skipped} skipped before${damaged}`);
+  say('losses', `${lost} lost in transit, ${skipped} skipped by the sender${damaged}`);
   showStages(slow.latency_ms);
   showProvenance(slow.provenance, slow.calibration);
   showNodes(slow.health, slow.logs, slow.recording);
@@ -151,10 +151,10 @@ function showProvenance(known, calibration) {
 /** Its id, and whether it still holds; a model that is its own calibration has no id. */
 function calibrated(known, state) {
   const told = [known.calibration_id, state?.level].filter(Boolean).join(', ');
-  return told || (known.model ? 'none of its own' : '');
+  return told || (known.model ? 'none' : '');
 }
 
-/** Each node, and the last warning; what the recorder says of its bag stands below its button already. */
+/** Each node, and the last warning; the recorder's text on its bag is already below its button. */
 function showNodes(health, logs, recording) {
   const isOfBag = (text) => Boolean(recording?.bag) && text.includes(recording.text);
   $('nodes').replaceChildren(...health.map((entry) => {
@@ -162,7 +162,7 @@ function showNodes(health, logs, recording) {
     const level = entry.silent_s !== null ? 'stale' : entry.level;
     const text = entry.silent_s !== null ? `silent for ${entry.silent_s.toFixed(0)} s` : entry.text || entry.level;
     row.append(element('span', undefined, `lamp ${level}`), element('span', entry.node.split('/').at(-1)));
-    if (level !== 'ok') row.append(element('span', isOfBag(text) ? 'see the bag, at the right' : text));
+    if (level !== 'ok') row.append(element('span', isOfBag(text) ? 'see the bag, on the right' : text));
     row.title = `${entry.node}, ${level}: ${text}`;
     return row;
   }));

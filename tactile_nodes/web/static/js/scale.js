@@ -1,5 +1,5 @@
-// The full scale of a map where nobody chose one: it grows at once with the largest value, and shrinks when a smaller one
-// has been enough for a while, so that a light touch is seen and the colours seldom change their meaning.
+// The automatic full scale of a map. It grows at once with the largest value, and shrinks when a smaller scale
+// has been enough for a while, so that a light touch is visible and the colours rarely change their meaning.
 
 const NEWTONS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
 const KILOPASCALS = [1, 10, 100, 1000].flatMap((ten) => [1, 1.5, 2, 3, 4, 6, 8].map((step) => step * ten));
@@ -16,7 +16,7 @@ class Scale {
   fit(values, at) {
     const most = values.reduce((least, value) => Math.max(least, Math.abs(value) || 0), 0);
     const enough = this.steps.find((step) => step >= most) ?? this.steps.at(-1);
-    const isOver = at < this.neededAt || at > this.neededAt + RESTS_S; // or another stream has begun
+    const isOver = at < this.neededAt || at > this.neededAt + RESTS_S; // or a new stream has started
     if (enough < this.full && !isOver) return;
     this.full = enough;
     this.neededAt = at;

@@ -1,13 +1,13 @@
-// Values on a grid of cells as a smooth surface, and the lines on which it has a value.
+// Values on a grid of cells as a smooth surface, and its contour lines.
 
-/** The grid `factor` times as fine, by Catmull and Rom's cubic, which runs through the value of every cell. */
+/** The grid refined by `factor` with Catmull-Rom interpolation, which passes through the value of every cell. */
 export function finer(values, rows, cols, factor) {
   const across = stretched(values, rows, cols, factor, cols, 1);
   const [down, right] = [rows * factor, cols * factor];
   return { values: stretched(across, right, rows, factor, 1, right), rows: down, cols: right };
 }
 
-/** `lines` lines of `count` values; those of a line lie `along` apart, and the lines `apart`. */
+/** `lines` lines of `count` values; the stride is `along` within a line and `apart` between lines. */
 function stretched(values, lines, count, factor, apart, along) {
   const made = new Float32Array(lines * count * factor);
   const taps = Array.from({ length: factor }, (_, phase) => cubic((phase + 0.5) / factor - 0.5));
@@ -36,7 +36,7 @@ function cubic(away) {
   return { first: away < 0 ? -2 : -1, weights };
 }
 
-/** Where a grid crosses `level`, as a path on a canvas on which its cells stand `step` apart from `left` and `top` on. */
+/** The contour of a grid at `level`, as a path on a canvas; cells are `step` apart, starting at `left` and `top`. */
 export function contour({ values, rows, cols }, level, left, top, step) {
   const path = new Path2D();
   const crossing = (here, there) => (level - values[here]) / (values[there] - values[here]);

@@ -1,15 +1,15 @@
-// What a force may be used for, in a word and a sentence, for the page of one sensor and that of all.
+// The status of a force, as a word and a sentence, for the page of one sensor and the page of all sensors.
 
-export const OLD_S = 0.6; // a force older than this is no reading any more
+export const OLD_S = 0.6; // a force older than this is not shown as current
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 
 /** A status, its word, and a sentence on it: of what was told, so many seconds old. */
 export function statusOf(told, age, isLive, isOpen) {
   if (!isOpen) {
     const since = told?.force ? `, no data for ${age.toFixed(0)} s` : '';
-    return ['nodata', 'NO CONNECTION', `The live view does not answer${since}; trying again.`];
+    return ['nodata', 'NO CONNECTION', `The live view does not respond${since}. Reconnecting.`];
   }
-  if (!told?.force) return ['waiting', 'WAITING', complaint(told) ?? 'No force yet; the nodes are starting.'];
+  if (!told?.force) return ['waiting', 'WAITING', complaint(told) ?? 'No force yet. The nodes are starting.'];
   if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(told) ?? ''}`.trim()];
   const touch = told.force.in_contact ? 'Something touches.' : 'Nothing touches.';
   const { level, text } = told.slow.calibration ?? {};

@@ -5,12 +5,12 @@ import { addArrow, fitted, HALO, MARK, stroked } from './canvas.js';
 import { colour, colourPixels } from './palette.js';
 import { contour, finer } from './smooth.js';
 
-const FINE = 180; // pixels of the map along its longer side, which the canvas then makes larger
+const FINE = 180; // pixels of the map along its longer side, which the canvas then enlarges
 const OUTLINE_FINER = 3;
 const ARROWS = 18; // at most, along each side
-const LONGEST = 1.3; // of an arrow of the full scale, in distances between arrows
+const LONGEST = 1.3; // length of a full-scale arrow, in distances between arrows
 const LEAST = 0.06; // of the full scale: shorter arrows would only be noise
-const SIDE = 4; // numbers a cell
+const SIDE = 4; // numbers per cell
 
 const BESIDE = 20; // px
 const GRID = 'rgba(255, 255, 255, 0.09)';
