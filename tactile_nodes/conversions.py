@@ -83,13 +83,13 @@ def image_array(message: types.Image) -> UInt8[np.ndarray, 'h w']:
     """
     if message.encoding not in _CHANNELS:
         raise ImageError(
-            f'an image of encoding {message.encoding!r} came in; set the camera to one of {", ".join(_CHANNELS)}'
+            f'received an image with encoding {message.encoding!r}; set the camera to one of {", ".join(_CHANNELS)}'
         )
     channels = _CHANNELS[message.encoding]
     row_bytes = message.width * channels
     if message.step < row_bytes or len(message.data) < message.step * message.height:
         raise ImageError(
-            f'an image of {message.width}x{message.height} {message.encoding} holds {len(message.data)} bytes with a '
+            f'an image of {message.width}x{message.height} {message.encoding} has {len(message.data)} bytes with a '
             f'step of {message.step}; check the node that publishes it'
         )
     rows = np.asarray(message.data[: message.step * message.height]).reshape(message.height, message.step)
@@ -106,11 +106,13 @@ def image_pixels(message: types.Image) -> np.ndarray:
         ImageError: an encoding that is not known here, or fewer bytes than its size and step say.
     """
     if message.encoding not in _PIXELS:
-        raise ImageError(f'an image of encoding {message.encoding!r} cannot be kept; known are {", ".join(_PIXELS)}')
+        raise ImageError(
+            f'an image with encoding {message.encoding!r} cannot be stored; supported: {", ".join(_PIXELS)}'
+        )
     dtype, channels = np.dtype(_PIXELS[message.encoding][0]), _PIXELS[message.encoding][1]
     row_bytes = message.width * channels * dtype.itemsize
     if message.step < row_bytes or len(message.data) < message.step * message.height:
-        raise ImageError(f'an image of {message.width}x{message.height} {message.encoding} holds too few bytes')
+        raise ImageError(f'an image of {message.width}x{message.height} {message.encoding} has too few bytes')
     rows = np.asarray(message.data[: message.step * message.height]).reshape(message.height, message.step)
     stored = dtype.newbyteorder('>' if message.is_bigendian else '<')
     picture: np.ndarray = np.ascontiguousarray(rows[:, :row_bytes]).view(stored).astype(dtype, copy=False)
@@ -129,7 +131,7 @@ def features_array(message: types.FlowFeatures) -> Features:
     rows, cols, channels = message.rows, message.cols, message.channels
     if len(message.values) != rows * cols * channels or len(message.confidence) != rows * cols:
         raise MessageError(
-            f'features of {rows}x{cols}x{channels} came with {len(message.values)} values and '
+            f'features of {rows}x{cols}x{channels} have {len(message.values)} values and '
             f'{len(message.confidence)} confidences'
         )
     values = message.values.reshape(rows, cols, channels)

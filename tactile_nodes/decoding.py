@@ -63,14 +63,14 @@ def read_picture(path: str | Path, *, grey: bool) -> Picture:
     """
     picture = decode(read_plain(path, PICTURE_BYTES), grey=grey)
     if picture is None:
-        raise OSError(errno.EINVAL, 'it is no picture that can be read')
+        raise OSError(errno.EINVAL, 'it is not a readable picture')
     return picture
 
 
 def check_pixels(width: int, height: int) -> None:
     """Raise OSError, with a sentence in `strerror`, for a picture larger than `LARGEST`."""
     if width * height > LARGEST_SIDE**2:
-        raise OSError(errno.EFBIG, f'it is {width}x{height} pixels large, and may be {LARGEST} at most')
+        raise OSError(errno.EFBIG, f'it has {width}x{height} pixels, more than the limit of {LARGEST}')
 
 
 def open_video(source: str, options: Sequence[int] = ()) -> Any | None:

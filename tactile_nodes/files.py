@@ -26,7 +26,7 @@ def open_plain(path: str | Path, largest: int | None = None) -> BinaryIO:
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except ValueError as error:  # a zero byte within it, or half a character
-        raise OSError(errno.EINVAL, 'no file can have such a name', str(path)) from error
+        raise OSError(errno.EINVAL, 'it is not a valid file name', str(path)) from error
     try:
         _check(os.fstat(descriptor), path, largest)
         return os.fdopen(descriptor, 'rb')
@@ -74,6 +74,6 @@ def _check(found: os.stat_result, path: str | Path, largest: int | None) -> None
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(found.st_mode):
-        raise OSError(errno.EINVAL, 'it is no plain file', str(path))
+        raise OSError(errno.EINVAL, 'it is not a regular file', str(path))
     if largest is not None and found.st_size > largest:
-        raise OSError(errno.EFBIG, f'it holds {found.st_size} bytes, and no such file more than {largest}', str(path))
+        raise OSError(errno.EFBIG, f'it has {found.st_size} bytes, more than the limit of {largest}', str(path))

@@ -132,8 +132,8 @@ class GelList:
                 yield database
         except (sqlite3.Error, OSError, TypeError) as error:
             raise ConfigurationError(
-                f'{self.file} is no list of calibrations that can be used ({error}); move it away, '
-                'or name another one by TACTILE_GELS'
+                f'{self.file} is not a usable list of calibrations ({error}); move it away, '
+                'or set TACTILE_GELS to another file'
             ) from error
 
 
@@ -155,4 +155,4 @@ def _merged(known: Calibration, anew: Calibration, *, keep_file: bool) -> Calibr
 def _require_table(database: sqlite3.Connection) -> None:
     found = {(kind, name) for kind, name in database.execute('SELECT type, name FROM sqlite_master')}
     if ('table', 'calibrations') not in found or {kind for kind, _ in found} & {'view', 'trigger'}:
-        raise sqlite3.DatabaseError('it has no table of calibrations, or more than tables')
+        raise sqlite3.DatabaseError('it has no table of calibrations, or objects other than tables')

@@ -112,7 +112,7 @@ def find_model(name: str) -> Path:
         return Path(name)
     names = ', '.join(sorted(file.stem for file in folder.glob('*.safetensors'))) or 'none'
     raise ModelError(
-        f'there is no model {name!r}; give the path of a model file, or the name of one that ships: {names}'
+        f'there is no model {name!r}; give the path of a model file, or the name of a shipped model: {names}'
     )
 
 
@@ -138,7 +138,7 @@ def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_imag
     try:
         write_whole(path, blank.replace(NO_CHECKSUM.encode(), checksum.encode(), 1))
     except OSError as error:
-        raise ModelError(f'cannot write the model file {path} ({error.strerror}); choose another place') from error
+        raise ModelError(f'cannot write the model file {path} ({error.strerror}); choose another folder') from error
     return checksum[:12]
 
 
@@ -155,7 +155,7 @@ def load_model(path: Path | str) -> LoadedModel:
     card = entry['card']
     if card.get('format_version') not in range(FORMAT_VERSION, FIELD_VERSION + 1):
         raise ModelError(
-            f'{path} has format version {card.get("format_version")}, and this release reads versions {FORMAT_VERSION} '
+            f'{path} has format version {card.get("format_version")}, but this release reads versions {FORMAT_VERSION} '
             f'to {FIELD_VERSION}; update tactile_nodes or train the model again'
         )
     return _loaded(path, data, card, checksum[:12])
@@ -186,7 +186,7 @@ def _read(path: Path) -> bytes:
         return read_plain(path, LARGEST_BYTES)
     except FileNotFoundError as error:
         raise ModelError(
-            f'there is no model file {path}; check the path, or make one with: tactile train -o {path}'
+            f'there is no model file {path}; check the path, or train one with: tactile train -o {path}'
         ) from error
     except OSError as error:
         raise ModelError(f'cannot read the model file {path} ({error.strerror}); check it') from error
@@ -197,7 +197,7 @@ def _entry(path: Path, data: bytes) -> dict[str, Any]:
     length = int.from_bytes(data[:8], 'little')
     try:
         if not 2 <= length <= min(len(data) - 8, TEXT_BYTES):
-            raise ValueError('the header is longer than the file, or than any card')
+            raise ValueError('the header is longer than the file, or than the limit')
         entry = json.loads(json.loads(data[8 : 8 + length])['__metadata__'][FORMAT])
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ModelError(_foreign(path, data)) from error
@@ -233,8 +233,7 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> 
         raise
     except (SafetensorError, LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
         raise ModelError(
-            f'{path} lacks a part of the model, or has one that cannot be ({in_a_line(error)}); '
-            'train it again or fetch it again'
+            f'{path} lacks a part of the model, or has an invalid one ({in_a_line(error)}); train or download it again'
         ) from error
 
 
@@ -246,22 +245,22 @@ def _check_said(loaded: LoadedModel) -> None:
             raise TypeError(f'{name} cannot be {loaded.card[name]!r:.40}')
     layout, mean = loaded.model.layout, loaded.model.readout.scaling.mean
     if mean.shape != (layout.rows, layout.cols, layout.channels):
-        raise ValueError(f'its inputs are {mean.shape}, its layout another')
+        raise ValueError(f'its inputs are {mean.shape}, which does not fit its layout')
 
 
 def _check_finite(arrays: Mapping[str, np.ndarray]) -> None:
     for name, array in arrays.items():
         if array.dtype.kind == 'f' and not np.isfinite(array).all():
-            raise ValueError(f'{name} holds what is no number')
+            raise ValueError(f'{name} contains NaN or infinite numbers')
 
 
 def _foreign(path: Path, data: bytes) -> str:
     if data[:2] == b'PK' or data[:1] == b'\x80':
         what = 'is a pickle or PyTorch archive, which may run code when loaded, so it is not opened'
     else:
-        what = 'is no model of tactile_nodes, or its beginning is damaged'
-    return f'{path} {what}; give a .safetensors file made by: tactile train'
+        what = 'is not a model of tactile_nodes, or its beginning is damaged'
+    return f'{path} {what}; use a .safetensors file made by: tactile train'
 
 
 def _damaged(path: Path) -> str:
-    return f'{path} is damaged: its checksum does not match its content; fetch it again or train it again'
+    return f'{path} is damaged: its checksum does not match its content; download or train it again'

@@ -85,19 +85,21 @@ def check_output(file: Path, *read: Path | None) -> None:
         if stat.S_ISDIR(mode):
             raise ConfigurationError(f'cannot write {file}: it is a folder; give the name of a file')
         if not stat.S_ISREG(mode):
-            raise ConfigurationError(f'cannot write {file}: it is no plain file and is not replaced; choose another')
+            raise ConfigurationError(
+                f'cannot write {file}: it is not a regular file and is not replaced; choose another'
+            )
     except FileNotFoundError:
         pass  # a new file
     except OSError as error:
-        raise ConfigurationError(f'cannot write {file} ({error.strerror}); choose another place') from error
+        raise ConfigurationError(f'cannot write {file} ({error.strerror}); choose another folder') from error
     place = Path(os.path.realpath(file))
     for source in filter(None, read):
         real = Path(os.path.realpath(source))
         if place == real or (real in place.parents and place.suffix in OF_BAGS and place.exists()):
-            raise ConfigurationError(f'cannot write {file}: {source} is read for it; choose another place')
+            raise ConfigurationError(f'cannot write {file}: {source} is read for it; choose another file')
     folder = next(each for each in file.absolute().parents if each.exists())
     if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-        raise ConfigurationError(f'cannot write {file}: nothing can be made in {folder}; choose another place')
+        raise ConfigurationError(f'cannot write {file}: {folder} is not writable; choose another folder')
 
 
 def write_whole(file: Path, content: bytes) -> None:
@@ -149,7 +151,9 @@ def _private(folder: Path) -> Path:
             'set TACTILE_RUN_DIR to a folder of your own'
         ) from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-        raise ConfigurationError(f'{folder} is not a folder of user {os.getuid()}; set TACTILE_RUN_DIR to one that is')
+        raise ConfigurationError(
+            f'{folder} is not owned by user {os.getuid()}; set TACTILE_RUN_DIR to a folder that is'
+        )
     if found.st_mode & 0o077:
-        raise ConfigurationError(f'others may enter {folder}; forbid it with: chmod 700 {folder}')
+        raise ConfigurationError(f'{folder} is accessible to others; fix it with: chmod 700 {folder}')
     return folder

@@ -48,7 +48,7 @@ def test_colour_becomes_luma_by_its_order_of_channels() -> None:
     ('message', 'sentence'),
     [
         (types.Image(height=1, width=1, encoding='32FC1', step=4, data=np.zeros(4, np.uint8)), "encoding '32FC1'"),
-        (types.Image(height=2, width=2, encoding='mono8', step=2, data=np.zeros(3, np.uint8)), 'holds 3 bytes'),
+        (types.Image(height=2, width=2, encoding='mono8', step=2, data=np.zeros(3, np.uint8)), 'has 3 bytes'),
         (types.Image(height=1, width=2, encoding='bgr8', step=2, data=np.zeros(6, np.uint8)), 'step of 2'),
     ],
 )
@@ -59,7 +59,7 @@ def test_image_that_cannot_be_read_is_refused_with_a_reason(message: types.Image
 
 def test_features_of_the_wrong_length_are_refused() -> None:
     message = types.FlowFeatures(rows=2, cols=2, channels=2, values=np.zeros(7, np.float32))
-    with pytest.raises(MessageError, match='2x2x2 came with 7 values'):
+    with pytest.raises(MessageError, match='2x2x2 have 7 values'):
         conversions.features_array(message)
 
 

@@ -82,7 +82,9 @@ def test_the_header_tells_the_size_of_what_is_decoded(kind: str, options: list[i
 
 @pytest.mark.parametrize('data', FORGED.values(), ids=FORGED)
 def test_a_picture_of_three_gigapixels_is_refused_by_its_header(data: bytes) -> None:
-    with pytest.raises(OSError, match=r'it is 60000x50000 pixels large, and may be 8192x8192 pixels \(64 megapixels\)'):
+    with pytest.raises(
+        OSError, match=r'it has 60000x50000 pixels, more than the limit of 8192x8192 pixels \(64 megapixels\)'
+    ):
         decode(data, grey=True)
 
 
@@ -92,7 +94,7 @@ def test_sixty_four_megapixels_are_the_most() -> None:
 
     assert decode(claimed(8192, 8192), grey=True) is None  # no pixels follow
     assert decode(claimed(16384, 4096), grey=True) is None
-    with pytest.raises(OSError, match='it is 8193x8192 pixels large'):
+    with pytest.raises(OSError, match='it has 8193x8192 pixels'):
         decode(claimed(8193, 8192), grey=True)
 
 

@@ -113,7 +113,7 @@ def test_one_without_a_date_is_not_called_old() -> None:
 def test_another_file_is_one_sentence(gels: GelList, content: bytes) -> None:
     gels.file.parent.mkdir()
     gels.file.write_bytes(content)
-    with pytest.raises(ConfigurationError, match='no list of calibrations'):
+    with pytest.raises(ConfigurationError, match='not a usable list of calibrations'):
         gels.calibrations()
 
 
@@ -122,7 +122,7 @@ def test_a_file_that_defines_more_than_tables_is_refused(gels: GelList) -> None:
     with sqlite3.connect(gels.file) as database:
         database.execute('CREATE TRIGGER more AFTER INSERT ON calibrations BEGIN DELETE FROM calibrations; END')
     database.close()
-    with pytest.raises(ConfigurationError, match='more than tables'):
+    with pytest.raises(ConfigurationError, match='objects other than tables'):
         gels.add(EIGHT)
 
 

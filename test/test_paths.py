@@ -59,14 +59,14 @@ def test_folder_that_others_may_enter_is_refused_saying_how_to_forbid_it(
 ) -> None:
     tmp_path.chmod(0o755)
     monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path))
-    with pytest.raises(ConfigurationError, match=r'others may enter .*; forbid it with: chmod 700'):
+    with pytest.raises(ConfigurationError, match=r'is accessible to others; fix it with: chmod 700'):
         paths.run_directory()
 
 
 def test_symbolic_link_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / 'link').symlink_to(tmp_path)
     monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path / 'link'))
-    with pytest.raises(ConfigurationError, match='is not a folder of user'):
+    with pytest.raises(ConfigurationError, match='is not owned by user'):
         paths.run_directory()
 
 
@@ -82,7 +82,7 @@ def test_folder_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / 'theirs').mkdir(mode=0o700)
     os.chown(tmp_path / 'theirs', 65534, 65534)
     monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path / 'theirs'))
-    with pytest.raises(ConfigurationError, match='is not a folder of user 0; set TACTILE_RUN_DIR'):
+    with pytest.raises(ConfigurationError, match='is not owned by user 0; set TACTILE_RUN_DIR'):
         paths.run_directory()
 
 

@@ -1,1 +1,1 @@
-"""Recordings: rosbag2 folders with MCAP files, written from the bytes that travelled and read back in time order."""
+"""Recordings: rosbag2 folders with MCAP files, written from the serialized bytes and read back in time order."""

@@ -1,4 +1,4 @@
-"""How far apart the pictures of several sensors lie in one bag."""
+"""Time differences between the pictures of several sensors in one bag."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from tactile_nodes.bag.stamps import header_stamp_ns
 
 @dataclass(frozen=True)
 class PicturesApart:
-    """Of each picture of the first sensor and the nearest one of every other: how far those lie apart at most (s).
+    """For each picture of the first sensor and the nearest one of every other: the largest time difference (s).
 
-    `sensors` are namespaces. `alone` counts pictures, of `count`, from which that is more than half a frame time.
+    `sensors` are namespaces. `alone` counts pictures (of `count`) for which it is more than half a frame time.
     """
 
     sensors: tuple[str, ...]
@@ -36,7 +36,7 @@ class PicturesApart:
 
 
 def pictures_apart(bag: BagReader, names: Sequence[str]) -> PicturesApart | None:
-    """By the stamps of the first topic of these names that several sensors have; None where none is.
+    """By the stamps of the first topic of these names that several sensors have; None if there is none.
 
     Stamps of 0, 20 and 40 ms beside 3, 24 and 41 ms are 3 ms apart in the median and 4 ms at most.
     """
@@ -56,7 +56,7 @@ def pictures_apart(bag: BagReader, names: Sequence[str]) -> PicturesApart | None
 
 
 def _of_sensors(bag: BagReader, name: str) -> dict[str, str]:
-    """Topics of that last name that hold messages, to the namespaces of their sensors."""
+    """Topics with that last name and messages, mapped to the namespaces of their sensors."""
     found = {topic: topic.rpartition('/')[0] or '/' for topic in sorted(bag.topics) if bag.counts.get(topic)}
     return {topic: sensor for topic, sensor in found.items() if topic.rpartition('/')[2] == name.strip('/')}
 

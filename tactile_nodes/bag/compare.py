@@ -1,4 +1,4 @@
-"""Compares two recordings of one topic, bit for bit: whether a replay gave what the live run gave."""
+"""Compares two recordings of one topic, bit for bit: whether a replay gave the same results as the live run."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tactile_nodes.bag.stamps import header_stamp_ns
 from tactile_nodes.errors import BagError
 
 TIMINGS = frozenset({'stages'})
-"""Fields that say how long something took, which no replay repeats."""
+"""Fields with durations, which a replay does not repeat."""
 
 
 @dataclass
 class Comparison:
-    """Messages of two bags with one stamp. `fields` counts the stamps at which a field differs, by dotted name."""
+    """Messages of two bags with equal stamps. `fields` counts the stamps at which a field differs, by dotted name."""
 
     common: int = 0
     identical: int = 0
@@ -37,13 +37,13 @@ class Comparison:
         return 0 < self.common == self.identical
 
     def lines(self) -> list[str]:
-        """What was found, for a person."""
+        """The results as lines of text."""
         found = [f'{self.identical} of {self.common} common stamps bit-identical']
         if self.fields:
             named = ', '.join(f'{name} ({count})' for name, count in self.fields.most_common())
-            found.append(f'numbers that differ, at how many stamps: {named}; largest difference {self.largest:g}')
+            found.append(f'numbers that differ (number of stamps): {named}; largest difference {self.largest:g}')
         if self.texts:
-            found.append(f'texts that differ: {", ".join(f"{name} ({n})" for name, n in self.texts.most_common())}')
+            found.append(f'strings that differ: {", ".join(f"{name} ({n})" for name, n in self.texts.most_common())}')
         if self.only_first or self.only_second:
             found.append(f'stamps only in the first: {self.only_first}, only in the second: {self.only_second}')
         return found
@@ -53,14 +53,14 @@ def compare(first: BagReader, second: BagReader, topic: str, ignore: Collection[
     """Match the messages of `topic` by the stamp of their headers and compare all their numbers but `ignore`.
 
     Args:
-        first: a bag,
-        second: and another.
+        first: a bag.
+        second: another bag.
         topic: a full name, or the last part of one that each bag has once.
         ignore: fields, by their first name, that may differ.
 
     Raises:
         BagError: a bag has no such topic, or several; or its messages have no stamps.
-        MessageError: bytes that are no message of their type.
+        MessageError: bytes that are not a message of their type.
     """
     known = _by_stamp(first, topic)
     found = Comparison(only_first=len(known))
@@ -75,7 +75,7 @@ def compare(first: BagReader, second: BagReader, topic: str, ignore: Collection[
 
 
 def find_topic(bag: BagReader, topic: str) -> str:
-    """The full name of a topic of which `topic` is the whole or the last part.
+    """The full name of the topic whose full name or last part is `topic`.
 
     Raises:
         BagError: there is none, or more than one.
@@ -84,8 +84,8 @@ def find_topic(bag: BagReader, topic: str) -> str:
     if topic in found:
         return topic
     if len(found) != 1:
-        what = f'several: {", ".join(found)}; name one in full' if found else f'none; it has {", ".join(bag.topics)}'
-        raise BagError(f'{bag.path}: of the topic {topic!r} there are {what}')
+        what = f'several: {", ".join(found)}; give the full name' if found else f'none; it has {", ".join(bag.topics)}'
+        raise BagError(f'{bag.path}: topics that match {topic!r}: {what}')
     return found[0]
 
 
@@ -134,7 +134,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _bits(value: Any) -> bytes:
-    """What tells -0.0 from 0.0 and takes a NaN to equal itself."""
+    """Bytes that distinguish -0.0 from 0.0 and treat equal NaNs as equal."""
     if isinstance(value, np.ndarray):
         return str(value.dtype).encode() + value.tobytes()
     if isinstance(value, float):

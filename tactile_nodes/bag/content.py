@@ -1,4 +1,4 @@
-"""What every kind of storage file gives a reader."""
+"""The interface of all storage files for a reader."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class Selection:
 
 
 Complain = Callable[[str], None]
-"""Takes a sentence about something in a file that could not be read."""
+"""Receives a sentence about a part of a file that could not be read."""
 
 
 class Storage(Protocol):
-    """One opened storage file. What it holds is counted from the messages themselves."""
+    """One opened storage file. Its content is counted from the messages themselves."""
 
     topics: dict[str, BagTopic]
     counts: dict[str, int]

@@ -1,8 +1,8 @@
-"""A file that is whole after every flush, however its writer ends.
+"""A file that is complete after every flush, even if its writer is killed.
 
-MCAP ends with a footer, and many readers refuse a file without one, such as a recorder leaves that was killed. Here
-every flush writes the new records *and* the shortest legal ending (no summary, 50 bytes) in one call; the next flush
-starts where that ending began. Nothing that was flushed needs repair.
+MCAP ends with a footer, and many readers refuse a file without one, such as a killed recorder leaves. Here every flush
+writes the new records *and* the shortest legal ending (no summary, 50 bytes) in one call. The next flush overwrites
+that ending. So flushed data never needs repair.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ ENDING = _ending()
 
 
 class GrowingFile:
-    """What an MCAP writer writes to: `write`, `tell` and `flush` of a stream.
+    """The output of an MCAP writer: `write`, `tell` and `flush` of a stream.
 
     Raises:
-        OSError: it exists, or its folder cannot be written to.
+        OSError: the file exists, or its folder is not writable.
     """
 
     def __init__(self, path: Path) -> None:
@@ -52,19 +52,19 @@ class GrowingFile:
         return self._position
 
     def flush(self) -> None:
-        """Put what waits into the file, and an ending behind it.
+        """Write the waiting data to the file, followed by an ending.
 
         Raises:
-            OSError: it does not fit; the file is again as it was before.
+            OSError: it does not fit; the file is restored to its state before.
         """
         self._commit(ENDING)
 
     def finish(self) -> None:
-        """Put what waits, an ending of its own, into the file. Raises as `flush` does."""
+        """Write the waiting data, which has its own ending. Raises as `flush`."""
         self._commit(b'')
 
     def sync(self) -> None:
-        """Have the disk hold what the file holds, against a power cut; from any thread.
+        """Sync the file to disk, against a power cut; from any thread.
 
         Raises:
             OSError: the disk failed.
@@ -96,7 +96,7 @@ class GrowingFile:
             view, offset = view[written:], offset + written
 
     def _go_back(self) -> None:
-        # Suppressed because the caller is told of the first failure; without an ending the records can still be read.
+        # Suppressed because the caller gets the first failure; records can be read even without an ending.
         with contextlib.suppress(OSError):
             os.ftruncate(self._descriptor, self._end + len(ENDING) if self._end else 0)
             self._put(ENDING if self._end else b'', self._end)

@@ -1,4 +1,4 @@
-"""When the last message of a topic was captured."""
+"""The capture time of the last message of a topic."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from tactile_nodes.bag.stamps import header_stamp_ns
 from tactile_nodes.clock import NS_PER_S
 
 REACHES_S = 2.0, 20.0, 200.0, math.inf
-"""How far back from the end of a bag is looked, for those not found yet: most have spoken to the end."""
+"""How far back from the end of a bag to search first: most topics have messages up to the end."""
 
 
 def last_stamps_ns(bag: BagReader, topics: Iterable[str]) -> dict[str, int]:
-    """The newest stamp of each of the topics that has one."""
+    """The newest stamp of each of the topics that has any."""
     left, found = {topic for topic in topics if bag.counts.get(topic)}, dict[str, int]()
     for reach_s in REACHES_S:
         start_ns = ALWAYS_NS[0] if math.isinf(reach_s) else bag.extent.end_ns - round(reach_s * NS_PER_S)

@@ -19,7 +19,7 @@ _CHUNK_BYTES = 4 << 20
 
 
 class Entry(NamedTuple):
-    """One message on its way into a file. `publish_ns`: capture stamp, or when it was published."""
+    """One message to be written. `publish_ns`: capture stamp, or the time of publication."""
 
     log_ns: int
     publish_ns: int
@@ -32,7 +32,7 @@ class McapFile:
     """Writes entries into `path`, chunked and indexed.
 
     Raises:
-        OSError: it exists or cannot be written; nothing is left behind then.
+        OSError: it exists or cannot be written; no file is left behind.
     """
 
     def __init__(self, path: Path, compression: str = 'none') -> None:
@@ -52,7 +52,7 @@ class McapFile:
 
     @property
     def size(self) -> int:
-        """Bytes written, those that wait for a flush included."""
+        """Bytes written, including those that wait for a flush."""
         return self._stream.tell()
 
     def add_topic(self, topic: BagTopic) -> None:
@@ -67,7 +67,7 @@ class McapFile:
         self._describe_outside_of_chunks(topic, Channel(channel, topic.name, topic.encoding, facts, schema))
 
     def _describe_outside_of_chunks(self, topic: BagTopic, channel: Channel) -> None:
-        """The writer does so in a chunk; where that one is damaged, this keeps the others readable."""
+        """The writer describes topics inside a chunk; this copy keeps other chunks readable if that one is damaged."""
         builder = RecordBuilder()
         Schema(
             id=channel.schema_id,
@@ -79,26 +79,26 @@ class McapFile:
         self._stream.write(builder.end())  # type: ignore[no-untyped-call]
 
     def add(self, entry: Entry) -> None:
-        """Take in one message; it is in the file after the next `flush`."""
+        """Add one message; it is in the file after the next `flush`."""
         self._writer.add_message(
             self._channels[entry.topic], entry.log_ns, entry.data, entry.publish_ns, entry.sequence & 0xFFFFFFFF
         )
         self.extent.include(entry.log_ns)
 
     def flush(self) -> None:
-        """Put everything taken in so far into the file, which then is a legal MCAP file.
+        """Write everything added so far; the file is then a legal MCAP file.
 
         Raises:
-            OSError: it cannot be written; the file holds what it held before, and should be abandoned.
+            OSError: it cannot be written; the file keeps its previous content, and should be abandoned.
         """
         self._writer.flush()
 
     def sync(self) -> None:
-        """Against a power cut. Raises OSError when the disk fails."""
+        """Sync to disk, against a power cut. Raises OSError if the disk fails."""
         self._stream.sync()
 
     def close(self, metadata: str) -> None:
-        """Write the rest, `metadata` as rosbag2 keeps them, indexes and summary. Raises as `flush` does."""
+        """Write the rest, `metadata` in rosbag2's format, indexes and summary. Raises as `flush`."""
         self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
         self._writer.finish()
         self._stream.finish()
@@ -106,5 +106,5 @@ class McapFile:
         self._stream.close()
 
     def abandon(self) -> None:
-        """Leave the file as the last flush left it."""
+        """Leave the file as it was after the last flush."""
         self._stream.close()

@@ -1,7 +1,7 @@
-"""MCAP's records, read so that a file may end, or be damaged, anywhere.
+"""MCAP records, read such that a file may be cut off or damaged anywhere.
 
-The reader of the `mcap` package hands on whatever a short read gives it, and refuses a file without an ending; here a
-record counts only when all its bytes are there, and an unfinished chunk gives the messages it holds in full.
+The reader of the `mcap` package passes on incomplete reads, and refuses a file without an ending. Here a record counts
+only if it is complete, and an unfinished chunk gives its complete messages.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ _CHUNK = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
 HEAD_BYTES = _HEAD.size
 LARGEST_BYTES = 1 << 30
-"""No chunk or message unpacks to more; recorders make chunks of some MB. A forged one of 1 MB could fill any memory."""
+"""Largest unpacked chunk or message; recorders make chunks of some MB. A forged one of 1 MB could fill any memory."""
 
 
 class Record(NamedTuple):
-    """Where a record lies: `start` is that of its content."""
+    """Position of a record: `start` is that of its content."""
 
     opcode: int
     start: int
@@ -35,7 +35,7 @@ class Record(NamedTuple):
 
 
 class ChunkHead(NamedTuple):
-    """What a chunk says of itself before its content."""
+    """The header of a chunk."""
 
     start_ns: int
     end_ns: int
@@ -46,7 +46,7 @@ class ChunkHead(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message record, its data still a view."""
+    """A message record; its data is still a view."""
 
     channel: int
     log_ns: int
@@ -65,7 +65,7 @@ def walk(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
 
 
 def walk_bytes(data: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """The records inside a chunk that are there in full."""
+    """The complete records inside a chunk."""
     position = 0
     while position + HEAD_BYTES <= len(data):
         opcode, length = _HEAD.unpack_from(data, position)
@@ -76,7 +76,7 @@ def walk_bytes(data: memoryview) -> Iterator[tuple[int, memoryview]]:
 
 
 def read_chunk_head(content: bytes) -> tuple[ChunkHead, int] | None:
-    """The head of a chunk and its length in bytes; None when `content`, the chunk's first bytes, is too short."""
+    """The header of a chunk and its length in bytes; None if `content`, the chunk's first bytes, is too short."""
     if len(content) < _CHUNK.size:
         return None
     start_ns, end_ns, size, crc, name_length = _CHUNK.unpack_from(content)
@@ -89,14 +89,14 @@ def read_chunk_head(content: bytes) -> tuple[ChunkHead, int] | None:
 
 
 def unpack_chunk(head: ChunkHead, stored: bytes) -> memoryview:
-    """The records of a chunk; of one that is cut off, as many bytes as can be had.
+    """The records of a chunk; if it is cut off, as many bytes as can be unpacked.
 
     Raises:
-        ValueError: damaged, or compressed in a way we do not know.
+        ValueError: damaged, or of unknown compression.
     """
     whole = len(stored) == head.stored
     if head.compression and head.size > LARGEST_BYTES:
-        raise ValueError(f'it is said to unpack to {head.size} bytes')
+        raise ValueError(f'its header states an unpacked size of {head.size} bytes')
     try:
         data = _decompress(head.compression, stored, head.size)
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
@@ -107,7 +107,7 @@ def unpack_chunk(head: ChunkHead, stored: bytes) -> memoryview:
 
 
 def unpack_zstd(stored: bytes, limit: int) -> bytes:
-    """What was packed, or `limit` + 1 bytes of what is longer; of what is cut off, what can be had.
+    """The unpacked data, or its first `limit` + 1 bytes if it is longer; if it is cut off, what can be unpacked.
 
     Raises:
         zstandard.ZstdError: damaged.
@@ -122,11 +122,11 @@ def _decompress(name: str, stored: bytes, limit: int) -> bytes:
         return unpack_zstd(stored, limit)
     if name == 'lz4':
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=limit + 1))
-    raise ValueError(f'its compression {name!r} is unknown here; known are lz4 and zstd')
+    raise ValueError(f'its compression {name!r} is not supported; lz4 and zstd are')
 
 
 def message_of(content: memoryview) -> Message | None:
-    """The content of a message record; None when it is too short to be one."""
+    """The content of a message record; None if it is too short."""
     if len(content) < _MESSAGE.size:
         return None
     channel, _, log_ns, publish_ns = _MESSAGE.unpack_from(content)
@@ -134,12 +134,12 @@ def message_of(content: memoryview) -> Message | None:
 
 
 def channel_of(content: bytes) -> Channel:
-    """Raises ValueError when it is none."""
+    """Raises ValueError if it is not one."""
     return _parsed(Channel, content)  # type: ignore[no-any-return]
 
 
 def schema_of(content: bytes) -> Schema:
-    """Raises ValueError when it is none."""
+    """Raises ValueError if it is not one."""
     return _parsed(Schema, content)  # type: ignore[no-any-return]
 
 

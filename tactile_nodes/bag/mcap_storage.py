@@ -1,4 +1,4 @@
-"""Reads one MCAP file, whole or cut off, in order of receive times and a chunk at a time."""
+"""Reads one MCAP file, complete or cut off, in order of receive times, one chunk at a time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_WAITING_BYTES = 256 << 20
 
 @dataclass
 class _Block:
-    """A chunk, or (`head` None) a run of messages that stand outside of chunks. `counts` by channel."""
+    """A chunk, or (`head` None) a run of messages outside of chunks. `counts` by channel."""
 
     start: int
     length: int
@@ -37,7 +37,7 @@ class _Block:
 
 
 class McapStorage:
-    """The file is walked through once, from record to record, so that what it holds is known and not believed.
+    """The file is scanned once, record by record, so that its content is known and not taken from its summary.
 
     Raises:
         OSError: it cannot be read.
@@ -62,9 +62,9 @@ class McapStorage:
         self._file.close()
 
     def messages(self, selection: Selection) -> Iterator[BagMessage]:
-        """In order of receive times; those of equal times in the order of the file.
+        """In order of receive times; messages with equal times in file order.
 
-        Of chunks whose times overlap no more than `MOST_WAITING_BYTES` wait for their turn.
+        At most `MOST_WAITING_BYTES` of chunks with overlapping times are kept in memory.
         """
         waiting: list[tuple[int, int, Message]] = []
         held, in_order = 0, True
@@ -72,7 +72,7 @@ class McapStorage:
         for block in sorted(self._blocks, key=lambda block: block.start_ns):
             while waiting and (waiting[0][0] < block.start_ns or held > MOST_WAITING_BYTES):
                 if in_order and waiting[0][0] >= block.start_ns:
-                    self._complain(f'{self.path}: too many chunks are of the same time; messages come out of order')
+                    self._complain(f'{self.path}: too many chunks overlap in time; messages are out of order')
                     in_order = False
                 message = heapq.heappop(waiting)[2]
                 held -= len(message.data)
@@ -85,7 +85,7 @@ class McapStorage:
         while waiting:
             yield self._bag_message(heapq.heappop(waiting)[2])
 
-    # --- finding out what there is --------------------------------------------------------------------------
+    # --- scanning --------------------------------------------------------------------------
 
     def _walk(self) -> None:
         start = len(MAGIC)
@@ -106,7 +106,7 @@ class McapStorage:
         if record.opcode == records.CHUNK:
             self._add(record)
         if self._blocks:
-            self._blocks[-1].counts.clear()  # perhaps not all its indexes are there: count it itself
+            self._blocks[-1].counts.clear()  # some of its indexes may be missing: count its messages
 
     def _add(self, record: Record) -> None:
         if record.opcode == records.CHUNK:
@@ -140,7 +140,7 @@ class McapStorage:
         last.counts[message.channel] += 1
 
     def _find_channels(self) -> None:
-        """Descriptions stand in the summary, or else in some chunk before they are first needed."""
+        """Descriptions are in the summary, or else in a chunk before their first use."""
         unread: list[_Block] = []
         for block in self._blocks:
             unread.append(block)
@@ -166,7 +166,9 @@ class McapStorage:
                 self.counts[name] = self.counts.get(name, 0) + count
         if unknown := total.keys() - self._channels.keys():
             count = sum(total[channel] for channel in unknown)
-            self._complain(f'{self.path}: {count} messages are left out, because what describes their topic is damaged')
+            self._complain(
+                f'{self.path}: {count} messages are left out, because the description of their topic is damaged'
+            )
         for channel in self._channels:
             self.topics.setdefault(self._topic(channel).name, self._topic(channel))
         if filled:

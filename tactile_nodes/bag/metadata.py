@@ -1,4 +1,4 @@
-"""``metadata.yaml`` of a rosbag2 folder, and the text that describes a topic's quality of service in it."""
+"""``metadata.yaml`` of a rosbag2 folder, and the text for a topic's quality of service in it."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import yaml
 from tactile_nodes.errors import BagError
 from tactile_nodes.messages import definition, type_hash
 
-VERSION = 8  # the newest that ROS 2 Humble can read: from 9 on the quality of service is a list instead of a text
+VERSION = 8  # the newest that ROS 2 Humble can read: from 9 on, the quality of service is a list instead of a string
 NEWEST = 9
 FILE_NAME = 'metadata.yaml'
-LARGEST_METADATA_BYTES = 1 << 20  # of a thousand files and topics
+LARGEST_METADATA_BYTES = 1 << 20  # enough for a thousand files and topics
 _ROOT = 'rosbag2_bagfile_information'
-_Loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader  # the former takes a tenth of the time
+_Loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader  # the former is ten times as fast
 
 
 @dataclass(frozen=True)
 class BagTopic:
-    """A topic as a bag describes it. `definition` is empty where the bag holds none."""
+    """A topic as described in a bag. `definition` is empty if the bag has none."""
 
     name: str
     type_name: str
@@ -37,13 +37,13 @@ class BagTopic:
         """A topic of a type that `messages` knows.
 
         Raises:
-            MessageError: it does not.
+            MessageError: the type is unknown.
         """
         return cls(name, type_name, definition(type_name), type_hash(type_name), qos_text(depth, latched))
 
     @property
     def latched(self) -> bool:
-        """Whether its publisher kept the last message for those who came later (transient local)."""
+        """Whether its publisher kept the last message for late subscribers (transient local)."""
         try:
             profiles = _load(self.qos) or []
             return any(str(profile['durability']).lower() in {'1', 'transient_local'} for profile in profiles)
@@ -52,7 +52,7 @@ class BagTopic:
 
 
 def qos_text(depth: int, latched: bool) -> str:
-    """The offered quality of service as Humble to Jazzy write it: reliable, keep last `depth`."""
+    """The offered quality of service in the format of Humble to Jazzy: reliable, keep last `depth`."""
     for_ever = {'sec': 9223372036, 'nsec': 854775807}
     profile = {
         'history': 1,
@@ -65,27 +65,27 @@ def qos_text(depth: int, latched: bool) -> str:
         'liveliness_lease_duration': dict(for_ever),
         'avoid_ros_namespace_conventions': False,
     }
-    profile['deadline'] = dict(for_ever)  # an object of its own: else the dumper writes an alias
+    profile['deadline'] = dict(for_ever)  # a separate object: else the dumper writes an alias
     return yaml.safe_dump([profile], sort_keys=False).rstrip()
 
 
 @dataclass
 class Extent:
-    """How many messages there are, and when (receive times in ns); both times are 0 while there are none."""
+    """Number of messages, and their first and last receive time in ns; both times are 0 without messages."""
 
     messages: int = 0
     start_ns: int = 0
     end_ns: int = 0
 
     def include(self, log_ns: int) -> None:
-        """One more message."""
+        """Count one more message."""
         self.start_ns = min(self.start_ns, log_ns) if self.messages else log_ns
         self.end_ns = max(self.end_ns, log_ns) if self.messages else log_ns
         self.messages += 1
 
     @classmethod
     def union(cls, parts: Iterable[Extent]) -> Extent:
-        """All parts together."""
+        """The union of all parts."""
         filled = [part for part in parts if part.messages]
         if not filled:
             return cls()
@@ -99,7 +99,7 @@ class Extent:
 
 @dataclass
 class BagMetadata:
-    """What ``metadata.yaml`` says."""
+    """The content of ``metadata.yaml``."""
 
     files: dict[str, Extent] = field(default_factory=dict)
     topics: dict[str, BagTopic] = field(default_factory=dict)
@@ -115,7 +115,7 @@ class BagMetadata:
         return _dump({_ROOT: self._content()})
 
     def to_record(self) -> str:
-        """The text in an MCAP file, which rosbag2's storage reads without the key that the file begins with."""
+        """The text in an MCAP file, which rosbag2's storage reads without the top-level key of the file."""
         return _dump(self._content())
 
     def _content(self) -> dict[str, Any]:
@@ -148,10 +148,10 @@ class BagMetadata:
 
     @classmethod
     def from_yaml(cls, text: str, source: str) -> BagMetadata:
-        """Read what any version up to 9 says.
+        """Read the format of any version up to 9.
 
         Raises:
-            BagError: it is damaged, or newer than we know.
+            BagError: it is damaged, or newer than supported.
         """
         try:
             content = _load(text)[_ROOT]
@@ -161,7 +161,7 @@ class BagMetadata:
             return cls._from_content(content)
         except (yaml.YAMLError, TypeError, KeyError, ValueError, AttributeError, RecursionError) as error:
             raise BagError(
-                f'{source} is damaged and says nothing of the bag; give the .mcap or .db3 file beside it instead'
+                f'{source} is damaged and does not describe the bag; use the .mcap or .db3 file beside it instead'
             ) from error
 
     @classmethod
@@ -169,7 +169,7 @@ class BagMetadata:
         entries = content['topics_with_message_count'] or []
         topics = [_read_topic(entry['topic_metadata']) for entry in entries]
         return cls(
-            # Older versions wrote the way from wherever the recorder stood; the files lie beside metadata.yaml.
+            # Older versions stored paths relative to the recorder's folder; the files are beside metadata.yaml.
             files={PurePath(str(path)).name: Extent() for path in content['relative_file_paths']},
             topics={topic.name: topic for topic in topics},
             counts={str(entry['topic_metadata']['name']): int(entry['message_count']) for entry in entries},
@@ -200,20 +200,20 @@ def _times(extent: Extent) -> dict[str, dict[str, int]]:
 
 
 def _load(text: str) -> Any:
-    """What is written, but for aliases, which no recorder writes and by which a few lines become gigabytes."""
+    """The content, but no aliases: recorders write none, and a few lines of them can expand to gigabytes."""
     if '*' in text and any(isinstance(each, yaml.AliasEvent) for each in yaml.parse(text, Loader=_Loader)):
         raise yaml.YAMLError('an alias')
     return yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe one
 
 
 class _Quoted(str):
-    """Written in double quotes, on one line, as ROS 2 writes it."""
+    """A string in double quotes, on one line, as ROS 2 writes it."""
 
     __slots__ = ()
 
 
 class _Dumper(yaml.SafeDumper):
-    """Knows `_Quoted`."""
+    """Supports `_Quoted`."""
 
 
 _Dumper.add_representer(_Quoted, lambda dumper, text: dumper.represent_scalar('tag:yaml.org,2002:str', text, style='"'))

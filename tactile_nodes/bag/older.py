@@ -1,6 +1,6 @@
-"""Forces that an earlier release recorded, completed by what nobody knew then: readers meet one version of them.
+"""Forces recorded by an earlier release, completed with "unknown", so that readers see one version.
 
-Only what is told of forces: of other types a field that is missing may change what is computed from the rest.
+Only forces are completed: for other types, a missing field may change results computed from the rest.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from tactile_nodes.messages import message_class, type_name, types
 from tactile_nodes.messages.store import store
 
 COMPLETED = frozenset({type_name(types.ForceDistribution)})
-_COVARIANCE = 'wrench_covariance'  # says by its first number that it is not known
+_COVARIANCE = 'wrench_covariance'  # its first number marks it as unknown
 
 Definitions = Mapping[str, Any]
-"""Constants and fields of each type by its name, as rosbags reads them."""
+"""Constants and fields of each type by name, as rosbags reads them."""
 
 
 def is_earlier(name: str, definitions: Definitions) -> bool:
-    """Whether a bag's definition of a type lacks nothing but fields, each of which can be told as not known.
+    """Whether a bag's definition of a type only lacks fields that can be marked as unknown.
 
-    A list of messages cannot: an empty one would say that there was none.
+    A list of messages cannot: an empty list would mean that there was none.
     """
     if name not in definitions:
         return True
@@ -39,7 +39,7 @@ def is_earlier(name: str, definitions: Definitions) -> bool:
 
 
 def completed(message: Any, name: str) -> Any:
-    """The message as this release knows its type; what it lacks is NaN, nought or empty."""
+    """The message in this release's version of its type; missing fields are NaN, zero or empty."""
     blank = message_class(name)()
     told = {
         field: _as_known(getattr(message, field), _message_in(description))
@@ -50,20 +50,20 @@ def completed(message: Any, name: str) -> Any:
 
 
 def _nothing_known(blank: Any, **told: Any) -> Any:
-    """A message of zeros as one of what is not known, but for what is `told`."""
+    """A message of zeros turned into one with unknown values, except for `told`."""
     fields = (each.name for each in dataclasses.fields(blank) if each.name not in told)
     return type(blank)(**told, **{field: _unknown(getattr(blank, field), field) for field in fields})
 
 
 def _as_known(value: Any, inner: str) -> Any:
-    """A field's value with the messages in it completed, too."""
+    """A field's value, with contained messages completed too."""
     if not inner:
         return value
     return [completed(each, inner) for each in value] if isinstance(value, list) else completed(value, inner)
 
 
 def _unknown(blank: Any, field: str) -> Any:
-    """What a field holds that nobody knows, from what it holds in a message of zeros."""
+    """The "unknown" value of a field, from its value in a message of zeros."""
     if field == _COVARIANCE:
         return np.array([-1.0, *blank[1:]])
     if isinstance(blank, float):
@@ -76,7 +76,7 @@ def _unknown(blank: Any, field: str) -> Any:
 
 
 def _message_in(description: Any) -> str:
-    """The type of the messages that a field holds, one or a list; empty where it holds none."""
+    """The type of the messages in a field, one or a list; empty if it holds none."""
     kind, rest = description
     if kind in {Nodetype.ARRAY, Nodetype.SEQUENCE}:
         kind, rest = rest[0]

@@ -1,4 +1,4 @@
-"""How a recording begins: with all topics at the same moment, though they are connected one after the other."""
+"""The start of a recording: all topics start at the same moment, although they connect one after another."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 from tactile_nodes.clock import NS_PER_S
 
 PATIENCE_S = 2.0
-"""So long a topic that is there may take until something of it comes in; on a loaded machine 1.3 s were seen."""
+"""How long a topic may take until its first message arrives; on a loaded machine 1.3 s were measured."""
 
 
 class Arrival(NamedTuple):
-    """A message that came in. `content` is handed on as it is; `received_ns` and `source_ns` as in a bag."""
+    """A received message. `content` is passed on unchanged; `received_ns` and `source_ns` as in a bag."""
 
     topic: str
     publisher: str
@@ -23,13 +23,13 @@ class Arrival(NamedTuple):
 
 
 class Opening:
-    """Holds what comes in until something has come of every awaited topic, or for `PATIENCE_S`.
+    """Holds messages until one has come on every awaited topic, or for `PATIENCE_S`.
 
-    With `begins_with`, a full name or a pattern of shells, in any case until something has come of that topic.
+    With `begins_with`, a full name or a shell pattern, it always waits for a message on that topic.
 
-    The bag begins when the last of those that had begun before was heard. What came earlier of awaited topics goes,
-    because other topics have no counterpart to it, and what came of others, unless it was heard from its publisher's
-    first message on, as the first press of a plan. What latched topics said stays.
+    The bag begins when the last topic that was already running has been heard. Earlier messages of awaited topics are
+    dropped, because other topics have no counterpart. Earlier messages of other topics are dropped too, unless they
+    were received from their publisher's first message on, such as the first press of a plan. Latched messages are kept.
     """
 
     def __init__(self, now_ns: int, begins_with: str = '') -> None:
@@ -41,39 +41,39 @@ class Opening:
         self._first: dict[tuple[str, str], Arrival] = {}
 
     def expect(self, topic: str, *, latched: bool, awaited: bool) -> None:
-        """A topic that is there; `latched` ones give their last message to whoever comes."""
+        """Announce a topic; `latched` ones send their last message to new subscribers."""
         if latched:
             self._latched.add(topic)
         if awaited:
             self._awaited.add(topic)
 
     def hold(self, arrival: Arrival) -> None:
-        """Take in a message."""
+        """Hold a message."""
         self._held.append(arrival)
         self._first.setdefault((arrival.topic, arrival.publisher), arrival)
 
     @property
     def silent(self) -> list[str]:
-        """The awaited topics of which nothing has come yet."""
+        """The awaited topics without a message so far."""
         return sorted(self._awaited - {topic for topic, _ in self._first})
 
     @property
     def has_begun(self) -> bool:
-        """Whether something has come of the topic without which nothing begins."""
+        """Whether a message has come on the topic with which the recording starts."""
         return not self._begins_with or any(fnmatchcase(topic, self._begins_with) for topic, _ in self._first)
 
     def is_over(self, now_ns: int) -> bool:
-        """Whether to wait no longer."""
+        """Whether to stop waiting."""
         return self.has_begun and (not self.silent or now_ns - self._begun_ns >= PATIENCE_S * NS_PER_S)
 
     @property
     def begin_ns(self) -> int:
-        """When all that was joined in the middle was there."""
+        """When all topics that were already running had been heard."""
         joined = [each for each in self._first.values() if each.sequence > 1 and each.topic not in self._latched]
         return max((each.received_ns for each in joined if each.topic in self._awaited), default=self._begun_ns)
 
     def release(self) -> list[tuple[Arrival, int]]:
-        """What to write first, with times of receipt; latched messages first."""
+        """The first messages to write, with receive times; latched messages first."""
         kept = [each for each in self._held if each.topic not in self._latched and self._stays(each)]
         start_ns = min((each.received_ns for each in kept), default=self.begin_ns)
         latched = [

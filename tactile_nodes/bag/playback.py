@@ -1,4 +1,4 @@
-"""Plays a bag: hands on each message when it is due."""
+"""Plays a bag: passes on each message when it is due."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.timeline import Timeline
 from tactile_nodes.clock import NS_PER_S, Clock
 
-_SLICE_NS = 20_000_000  # how long a pause, a stop or another rate may go unnoticed
-_HEARD_WITHIN_NS = 5 * NS_PER_S  # so late a recorder may hear what a latched topic said before it began
+_SLICE_NS = 20_000_000  # longest reaction time to a pause, a stop or another rate
+_HEARD_WITHIN_NS = 5 * NS_PER_S  # a recorder may receive an earlier latched message this late
 
 
 class Playback:
-    """Runs in the thread that calls `run`; all else may be called from any thread.
+    """Runs in the thread that calls `run`; all other methods may be called from any thread.
 
     Args:
         reader: the bag.
-        topics: what to play of it.
-        publish: takes each message when it is due.
-        clock: what the messages' times are measured by.
+        topics: the topics to play.
+        publish: called with each message when it is due.
+        clock: the clock for the messages' times.
         rate: speed, 1.0 as recorded.
-        tick: takes the bag's time `tick_hz` times a second, also while paused; not called at 0.0.
+        tick: called with the bag's time `tick_hz` times per second, also while paused; not called at 0.0.
     """
 
     def __init__(
@@ -53,19 +53,19 @@ class Playback:
         self._announced: set[tuple[str, int, int]] | None = None
 
     def pause(self) -> None:
-        """Stand still."""
+        """Pause."""
         self.timeline.pause(self._clock.now_ns())
 
     def resume(self) -> None:
-        """Go on."""
+        """Continue."""
         self.timeline.resume(self._clock.now_ns())
 
     def set_rate(self, rate: float) -> None:
-        """Go on at another speed."""
+        """Continue at another speed."""
         self.timeline.set_rate(self._clock.now_ns(), rate)
 
     def step(self) -> None:
-        """While paused, play one message more."""
+        """While paused, play one more message."""
         self._steps.release()
 
     def stop(self) -> None:
@@ -73,15 +73,15 @@ class Playback:
         self._running = False
 
     def wait(self, seconds: float) -> None:
-        """Let time pass, unless stopped."""
+        """Wait, unless stopped."""
         end_ns = self._clock.now_ns() + round(seconds * NS_PER_S)
         while self._running and (now_ns := self._clock.now_ns()) < end_ns:
             self._clock.sleep_until(min(end_ns, now_ns + _SLICE_NS))
 
     def announce(self, start_offset_s: float = 0.0) -> None:
-        """Publish what latched topics had said by then, so that listeners have it before the first picture.
+        """Publish the latched messages up to the start, so that subscribers have them before the first picture.
 
-        A recorder may have heard of it only after the first pictures; then its stamp says that it is older than they.
+        A recorder may have received one only after the first pictures; its stamp then shows that it is older.
         """
         start_ns = self._start_ns(start_offset_s)
         latched = [name for name in self._topics if self._reader.topics[name].latched]
@@ -94,7 +94,7 @@ class Playback:
         self._announced = {_key(message) for message in said}
 
     def run(self, start_offset_s: float = 0.0, loop: bool = False) -> None:
-        """Play from there to the end; with `loop` again and again."""
+        """Play from there to the end; with `loop`, repeatedly."""
         self._run_once(start_offset_s)
         while loop and self._running and self.published:
             self._announced = None
@@ -116,7 +116,7 @@ class Playback:
         return self._reader.extent.start_ns + round(offset_s * NS_PER_S)
 
     def _oldest_stamp_ns(self, start_ns: int, topics: Collection[str]) -> int:
-        """Of what is played first: the clock of the stamps may be another than that of the times of receipt."""
+        """Of the messages that are played first: stamps and receive times may be of different clocks."""
         first = self._reader.messages(topics, start_ns, start_ns + NS_PER_S)
         return min((message.publish_ns for message in first), default=start_ns)
 
@@ -139,7 +139,7 @@ class Playback:
         return False
 
     def _tick(self, now_ns: int) -> int:
-        """Tell the bag's time when that is due. Returns when to come back at the latest."""
+        """Publish the bag's time when due. Returns when to call again at the latest."""
         if self._tick_with is None or self._tick_hz <= 0.0:
             return now_ns + _SLICE_NS
         if now_ns >= self._next_tick_ns:

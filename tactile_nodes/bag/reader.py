@@ -1,4 +1,4 @@
-"""Reads bags: rosbag2 folders, single .mcap and .db3 files; whole, cut off, or never closed."""
+"""Reads bags: rosbag2 folders, single .mcap and .db3 files; complete, cut off, or never closed."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from tactile_nodes.bag.types import BagTypes
 from tactile_nodes.errors import BagError
 from tactile_nodes.files import open_plain, read_plain
 
-_MOST_FILES = 1000  # each is held open
+_MOST_FILES = 1000  # each is kept open
 _SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 
 
 class BagReader:
     """A bag opened for reading.
 
-    The storage files themselves say what there is; ``metadata.yaml`` is compared with them, because it may be older
-    than they are, or speak of files that were cut off. `problems` holds a sentence for each thing that is not as it
-    should be; more may come while messages are read.
+    The content is taken from the storage files. ``metadata.yaml`` is only compared with them, because it may be
+    outdated, or describe files that were cut off. `problems` holds a sentence for each inconsistency; more may be added
+    while messages are read.
 
     Raises:
-        BagError: there is no bag, or nothing of it can be read.
+        BagError: there is no bag, or nothing in it can be read.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -66,12 +66,12 @@ class BagReader:
     def messages(
         self, topics: Iterable[str] | None = None, start_ns: int = ALWAYS_NS[0], end_ns: int = ALWAYS_NS[1]
     ) -> Iterator[BagMessage]:
-        """The messages in order of their receive times, read as they are asked for.
+        """The messages in order of their receive times, read on demand.
 
         Args:
             topics: only these; None: all.
-            start_ns: only those received from then on,
-            end_ns: and before then.
+            start_ns: only those received from this time on.
+            end_ns: only those received before this time.
         """
         selection = Selection(None if topics is None else frozenset(topics), start_ns, end_ns)
         parts = [storage.messages(selection) for storage in self._storages]
@@ -79,10 +79,10 @@ class BagReader:
         return self._decompressed(merged) if self.metadata.compression_mode == 'message' else merged
 
     def decode(self, message: BagMessage) -> Any:
-        """The message as an object, by the definition in the bag.
+        """The message as an object, with the definition in the bag.
 
         Raises:
-            MessageError: the bytes are no such message, or nobody knows its type.
+            MessageError: the bytes are not such a message, or its type is unknown.
         """
         return self.types.decode(message.data, message.type_name)
 
@@ -92,7 +92,7 @@ class BagReader:
         self.metadata, self.files = self._find()
         *before, last = self.files
         if before and _is_blank(last):
-            self._complain(f'{last} holds nothing, as a power cut leaves a file just begun; read those before it')
+            self._complain(f'{last} is empty, as after a power cut at its start; reading the files before it')
             self.files = before
         for file in self.files:
             self._storages.append(_open(file, self._complain))
@@ -109,29 +109,29 @@ class BagReader:
             return self._from_metadata()
         files = self._storage_files()
         if not files:
-            raise BagError(f'{self.path} is no bag: it holds neither {FILE_NAME} nor .mcap or .db3 files')
-        self._complain(f'{self.path} has no {FILE_NAME}; read the files it holds')
+            raise BagError(f'{self.path} is not a bag: it contains neither {FILE_NAME} nor .mcap or .db3 files')
+        self._complain(f'{self.path} has no {FILE_NAME}; reading the files in it')
         return BagMetadata(storage_id=''), files
 
     def _from_metadata(self) -> tuple[BagMetadata, list[Path]]:
         source = self.path / FILE_NAME
         text = read_plain(source, LARGEST_METADATA_BYTES).decode(errors='replace')
         if not text.strip('\0 \n') and self._storage_files():
-            self._complain(f'{source} is empty; read the files beside it')
+            self._complain(f'{source} is empty; reading the files beside it')
             return BagMetadata(storage_id=''), self._storage_files()
         metadata = BagMetadata.from_yaml(text, str(source))
         if metadata.storage_id not in _SUFFIXES.values():
-            raise BagError(f'{source} names the storage {metadata.storage_id!r}; mcap and sqlite3 can be read')
+            raise BagError(f'{source} has storage {metadata.storage_id!r}; only mcap and sqlite3 can be read')
         if metadata.compression_mode == 'file':
             raise BagError(
-                f'the files of {self.path} are compressed whole; unpack them first (zstd -d FILE) and give one of those'
+                f'the files of {self.path} are compressed; unpack them first (zstd -d FILE) and open one of them'
             )
         files = [self.path / name for name in metadata.files]
         _check_number(files, source)
         if missing := [file.name for file in files if not file.exists()]:
-            raise BagError(f'{source} names {_listed(missing)}, which is not in the folder; give another file of it')
+            raise BagError(f'{source} lists {_listed(missing)}, which is not in the folder; open another file in it')
         if not files:
-            raise BagError(f'{source} names no storage file')
+            raise BagError(f'{source} lists no storage file')
         return metadata, files
 
     def _storage_files(self) -> list[Path]:
@@ -143,7 +143,7 @@ class BagReader:
         self.topics: dict[str, BagTopic] = dict(self.metadata.topics)
         for storage in self._storages:
             self.topics.update(storage.topics)
-        # A file that is cut off may announce topics of which it holds no message.
+        # A file that is cut off may announce topics without messages.
         self.counts: dict[str, int] = dict.fromkeys(self.topics, 0)
         for storage in self._storages:
             for name, count in storage.counts.items():
@@ -151,12 +151,12 @@ class BagReader:
         for topic in self.topics.values():
             self.types.learn(topic)
             if topic.encoding != 'cdr':
-                self._complain(f'{topic.name} is encoded as {topic.encoding!r} and is left out; cdr can be read')
+                self._complain(f'{topic.name} has encoding {topic.encoding!r} and is left out; only cdr can be read')
         self.extent = Extent.union(storage.extent for storage in self._storages)
         announced = self.metadata.message_count
         if self.metadata.topics and announced != self.extent.messages:
             self._complain(
-                f'{self.path / FILE_NAME} announces {announced} messages, the files hold {self.extent.messages}'
+                f'{self.path / FILE_NAME} states {announced} messages, but the files hold {self.extent.messages}'
             )
 
     def _complain(self, sentence: str) -> None:
@@ -174,18 +174,18 @@ class BagReader:
 
 
 def _unpacked(data: bytes) -> bytes:
-    said = zstandard.frame_content_size(data)  # -1: it does not say
+    said = zstandard.frame_content_size(data)  # -1: not stated
     limit = min(said if said >= 0 else LARGEST_BYTES, LARGEST_BYTES)
     found = unpack_zstd(data, limit)
     if len(found) > limit or said not in (-1, len(found)):
-        raise ValueError('it unpacks to another size than it says, or to one that no message has')
+        raise ValueError('its unpacked size differs from the stated one, or is too large')
     return found
 
 
 def _check_number(files: list[Path], source: Path) -> None:
     if len(files) > _MOST_FILES:
         raise BagError(
-            f'{source} names {len(files)} files, and at most {_MOST_FILES} are read; give some of them alone'
+            f'{source} lists {len(files)} files, but at most {_MOST_FILES} can be read; open some of them separately'
         )
 
 
@@ -208,5 +208,5 @@ def _open(file: Path, complain: Callable[[str], None]) -> Storage:
     if head.startswith(sqlite_storage.MAGIC):
         return SqliteStorage(file, complain)
     if growing_file.MAGIC.startswith(head) or sqlite_storage.MAGIC.startswith(head):
-        raise BagError(f'{file} is cut off within its first bytes; there is nothing to read')
-    raise BagError(f'{file} is no bag: neither MCAP nor SQLite')
+        raise BagError(f'{file} is cut off within its first bytes; it contains no data')
+    raise BagError(f'{file} is not a bag: neither MCAP nor SQLite')

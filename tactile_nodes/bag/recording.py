@@ -1,4 +1,4 @@
-"""What a recorder has to decide and to count, apart from any bus."""
+"""Decisions and statistics of a recorder, independent of any bus."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ MB = 1_000_000
 
 @dataclass(frozen=True)
 class TopicFilter:
-    """Which topics to record.
+    """Selects the topics to record.
 
-    `names` and whatever `regex` finds itself in, or all of them; where none of the three is given, those that
-    `is_default` takes. What `exclude` finds itself in is left out, except for `names`.
+    `names` and topics that match `regex`, or all topics; if none of the three is given, those for which `is_default` is
+    true. Topics that match `exclude` are left out, except `names`.
 
     Raises:
-        ConfigurationError: an expression that is none.
+        ConfigurationError: an invalid regular expression.
     """
 
     is_default: Callable[[str], bool]
@@ -38,7 +38,7 @@ class TopicFilter:
             re.compile(self.regex)
             re.compile(self.exclude)
         except re.error as error:
-            raise ConfigurationError(f'{str(error.pattern)!r} is no regular expression: {error}') from error
+            raise ConfigurationError(f'{str(error.pattern)!r} is not a regular expression: {error}') from error
 
     def takes(self, topic: str) -> bool:
         """Whether to record `topic`, a full name."""
@@ -53,7 +53,7 @@ class TopicFilter:
 
 @dataclass
 class _Stream:
-    """What came of one publisher: the first and the newest message."""
+    """Messages of one publisher: the first and the newest."""
 
     first: int
     first_ns: int
@@ -61,7 +61,7 @@ class _Stream:
     newest_ns: int
 
     def missed_since(self, begin_ns: int) -> int:
-        """About how many it published from `begin_ns` on before the first that came in, by its own pace."""
+        """Estimated number of messages published from `begin_ns` on before the first received one, by its rate."""
         if self.newest <= self.first or self.newest_ns <= self.first_ns:
             return 0
         period_ns = (self.newest_ns - self.first_ns) / (self.newest - self.first)
@@ -69,7 +69,7 @@ class _Stream:
 
 
 class GapCounter:
-    """Finds messages that never came in, from the numbers that publishers give to theirs.
+    """Finds lost messages, from the sequence numbers of publishers.
 
     >>> gaps = GapCounter()
     >>> [gaps.note('/force', 'a', number, 0) for number in (7, 8, 11)]
@@ -80,7 +80,7 @@ class GapCounter:
         self._streams: dict[tuple[str, str], _Stream] = {}
 
     def note(self, topic: str, publisher: str, sequence: int, received_ns: int) -> int:
-        """How many messages of this publisher are missing between this one and the one before."""
+        """How many messages of this publisher are missing between the previous one and this one."""
         stream = self._streams.get((topic, publisher))
         if stream is None:
             self._streams[topic, publisher] = _Stream(sequence, received_ns, sequence, received_ns)
@@ -91,21 +91,21 @@ class GapCounter:
         return missing
 
     def late(self, begin_ns: int) -> dict[str, tuple[int, float]]:
-        """Topics of which messages passed unheard after `begin_ns`: about how many, and for how many seconds."""
+        """Topics with messages that were missed after `begin_ns`: about how many, and over how many seconds."""
         found: dict[str, tuple[int, float]] = {}
         for (topic, _), stream in self._streams.items():
             count = stream.missed_since(begin_ns)
-            if count > 1:  # one may be the distance to the first
+            if count > 1:  # one may be the interval before the first
                 before, seconds = found.get(topic, (0, 0.0))
                 found[topic] = (before + count, max(seconds, (stream.first_ns - begin_ns) / NS_PER_S))
         return found
 
 
 class Tally:
-    """What came in to a recording and what did not, by topics and in words.
+    """Received and lost messages of a recording, by topic and as text.
 
-    `malformed` counts what could not be encoded, `foreign` what came under a topic's name and was of another type or
-    version of it, or of a publisher that nobody announced. `begin_ns` is when the recording began.
+    `malformed` counts messages that could not be encoded. `foreign` counts messages on a topic that had another type,
+    or another version of it, or an unannounced publisher. `begin_ns` is the start of the recording.
     """
 
     def __init__(self) -> None:
@@ -117,7 +117,7 @@ class Tally:
         self._bytes_before = 0
 
     def note(self, topic: str, publisher: str, sequence: int, received_ns: int) -> None:
-        """A message came in; those that are missing before it are counted."""
+        """Count a received message, and the missing ones before it."""
         self.missed_of[topic] += self._gaps.note(topic, publisher, sequence, received_ns)
 
     @property
@@ -127,22 +127,22 @@ class Tally:
 
     @property
     def unfit(self) -> int:
-        """Messages that came in and cannot be recorded."""
+        """Received messages that cannot be recorded."""
         return self.malformed.total() + self.foreign.total()
 
     def rate_mb_s(self, totals: BagTotals, period_s: float) -> float:
-        """Payload since the last call, a period ago."""
+        """Payload rate since the last call, one period ago."""
         rate = (totals.bytes - self._bytes_before) / period_s / MB
         self._bytes_before = totals.bytes
         return rate
 
     def lost_of(self, dropped_of: Counter[str]) -> Counter[str]:
-        """The messages of each topic that the bag should hold and does not; `dropped_of` those that the disk cost."""
+        """Number of missing messages per topic; `dropped_of` are those that were dropped for a slow disk."""
         late = {topic: count for topic, (count, _) in self._gaps.late(self.begin_ns).items()}
         return +(dropped_of + self.missed_of + self.malformed + self.foreign + Counter(late))
 
     def complaint(self, totals: BagTotals) -> str:
-        """What is wrong with the recording; empty when nothing is."""
+        """The problem of the recording; empty if there is none."""
         if totals.dropped:
             return 'the disk is too slow: messages are dropped'
         if self.foreign.total():
@@ -153,8 +153,8 @@ class Tally:
         """'; lost on the way: 3 of /image_raw. Forces of those …', or nothing.
 
         Args:
-            dropped_of: the messages of each topic that the disk was too slow for.
-            meaning: what a bag is good for in which messages of a topic are missing, a clause.
+            dropped_of: the messages of each topic for which the disk was too slow.
+            meaning: for a topic: what a bag with missing messages can still be used for, as a clause.
         """
         kinds = {
             'dropped by the slow disk': dropped_of,
@@ -187,12 +187,12 @@ def describe(totals: BagTotals) -> str:
 
 
 def dated_name() -> Path:
-    """The name that ``ros2 bag record`` gives: 'rosbag2_2030_01_31-13_59_59'."""
+    """The default name of ``ros2 bag record``: 'rosbag2_2030_01_31-13_59_59'."""
     return Path(datetime.fromtimestamp(wall_ns() / NS_PER_S).strftime('rosbag2_%Y_%m_%d-%H_%M_%S'))
 
 
 def folder_of(bag: str) -> Path:
-    """The folder to write: as given; a dated one in it where it ends in a slash or is empty."""
+    """The folder to write: as given; a dated one in it if it is empty or ends with a slash."""
     return Path(bag) / dated_name() if bag.endswith('/') or not bag else Path(bag)
 
 

@@ -28,22 +28,22 @@ _OTHERS = f'SELECT count(*) FROM messages NOT INDEXED WHERE NOT ({_SOUND})'  # n
 
 
 class SqliteStorage:
-    """The file is only read, also when a recorder that was killed left its journal beside it.
+    """The file is only read, also if a killed recorder left its journal beside it.
 
     Raises:
-        BagError: it is no bag, or damaged where it describes itself.
+        BagError: it is not a bag, or its description is damaged.
     """
 
     def __init__(self, path: Path, complain: Complain) -> None:
         self.path = path
         self._complain = complain
         if _is_cut_off(path):
-            complain(f'{path} is cut off at byte {path.stat().st_size}; read what is left')
+            complain(f'{path} is cut off at byte {path.stat().st_size}; reading the rest')
         self._connection, passed_over = _connect(path)
         if passed_over:
             complain(
                 f'{path}: {passed_over} cannot be used in this folder, so messages may be missing; '
-                'copy it with the bag to where you may write'
+                'copy it with the bag to a writable folder'
             )
         self._connection.set_progress_handler(_Patience(path), _STEPS)
         try:
@@ -57,8 +57,8 @@ class SqliteStorage:
             raise
         except (sqlite3.Error, UnicodeDecodeError) as error:
             self._connection.close()
-            why = 'its pages name one another in a circle' if str(error) == 'interrupted' else error
-            raise BagError(f'{path} is damaged or no bag: {why}') from error
+            why = 'its pages reference each other in a circle' if str(error) == 'interrupted' else error
+            raise BagError(f'{path} is damaged or not a bag: {why}') from error
 
     def close(self) -> None:
         self._connection.close()
@@ -66,7 +66,7 @@ class SqliteStorage:
     def messages(self, selection: Selection) -> Iterator[BagMessage]:
         """In order of receive times, up to where the file is damaged."""
         low, high = (min(max(limit, _NS_LIMITS[0]), _NS_LIMITS[1]) for limit in (selection.start_ns, selection.end_ns))
-        # Not by the index of times: where that is damaged, messages would be missing without a word.
+        # Not by the index of times: if the index is damaged, messages would silently be missing.
         query = f'SELECT rowid, topic_id, timestamp {_WHOLE} AND timestamp BETWEEN ? AND ? ORDER BY timestamp, rowid'
         try:
             for row, topic_id, log_ns in self._connection.execute(query, (low, high)):
@@ -79,7 +79,7 @@ class SqliteStorage:
     def _message(self, topic: BagTopic, row: int, log_ns: int) -> BagMessage:
         found = self._connection.execute('SELECT data FROM messages WHERE rowid = ?', (row,)).fetchone()
         if found is None:
-            raise sqlite3.DatabaseError('a message is not where it should be')
+            raise sqlite3.DatabaseError('a message is missing at its position')
         data = found[0]
         stamp_ns = header_stamp_ns(data, topic.type_name)
         return BagMessage(topic.name, topic.type_name, log_ns, log_ns if stamp_ns is None else stamp_ns, data)
@@ -99,11 +99,11 @@ class SqliteStorage:
         return found
 
     def _read_definitions(self) -> dict[str, tuple[str, str]]:
-        # Tables proper: a view may go on for ever, and a computed column grow out of nothing.
+        # Only real tables: a view may be endless, and a computed column may generate data.
         made = self._connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0")
         tables = {name for (name,) in made}
         if not {'topics', 'messages'} <= tables:
-            raise BagError(f'{self.path} is an SQLite file, but no bag: it has no tables topics and messages')
+            raise BagError(f'{self.path} is an SQLite file, but not a bag: it has no tables topics and messages')
         self._require('topics', {'id', *_TOPIC_TEXTS})
         self._require('messages', set(_KINDS))
         if 'message_definitions' not in tables:
@@ -117,9 +117,9 @@ class SqliteStorage:
     def _require(self, table: str, columns: set[str]) -> None:
         found = self._connection.execute(f'PRAGMA table_xinfo({table})').fetchall()
         if missing := columns - {str(row[1]) for row in found if row[6] == 0}:
-            raise BagError(f'{self.path} is no bag: its table {table} has no column {", ".join(sorted(missing))}')
+            raise BagError(f'{self.path} is not a bag: its table {table} has no column {", ".join(sorted(missing))}')
         if any(row[6] for row in found):
-            raise BagError(f'{self.path} is no bag: its table {table} has columns that are computed')
+            raise BagError(f'{self.path} is not a bag: its table {table} has computed columns')
 
     def _rows(self, table: str) -> Iterator[dict[str, Any]]:
         cursor = self._connection.execute(f'SELECT * FROM {table} LIMIT {_MOST_TOPICS}')  # noqa: S608 - our own names
@@ -142,7 +142,7 @@ class SqliteStorage:
 
 
 class _Patience:
-    """Ends an opening that goes on for ever: pages that name one another in a circle hold more rows than bytes."""
+    """Aborts an endless opening: pages that reference each other in a circle hold more rows than bytes."""
 
     def __init__(self, path: Path) -> None:
         size = sum(each.stat().st_size for each in (path, Path(f'{path}-wal')) if each.is_file())
@@ -154,7 +154,7 @@ class _Patience:
 
 
 def _is_cut_off(path: Path) -> bool:
-    """SQLite reads a shortened file without a word, so compare its length with what its head says."""
+    """SQLite silently reads a truncated file, so compare its length with the one in its header."""
     with open_plain(path) as file:
         head = file.read(32)
     if len(head) < 32:
@@ -165,14 +165,14 @@ def _is_cut_off(path: Path) -> bool:
 
 
 def _connect(path: Path) -> tuple[sqlite3.Connection, str]:
-    """The open file, and what lies beside it and was passed over.
+    """The open file, and the files beside it that were skipped.
 
-    A journal that cannot be opened (a folder we may not write to) is passed over by the second try.
+    A journal that cannot be opened (read-only folder) is skipped in the second try.
     """
     beside = [each for each in (Path(f'{path}{ending}') for ending in ('-journal', '-wal')) if os.path.lexists(each)]
     for each in beside:
         if not each.is_file():  # SQLite would wait for a named pipe
-            raise BagError(f'{each} is no file; move it away from {path.name}')
+            raise BagError(f'{each} is not a file; move it away from {path.name}')
     for mode in ('mode=ro', 'immutable=1'):
         connection = sqlite3.connect(f'file:{quote(str(path))}?{mode}', uri=True, check_same_thread=False)
         try:
@@ -185,4 +185,4 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, str]:
         else:
             left = [each.name for each in beside if each.stat().st_size] if mode != 'mode=ro' else []
             return connection, ' and '.join(left)
-    raise BagError(f'cannot open {path}: SQLite refuses it; is it being written by somebody else?')
+    raise BagError(f'cannot open {path}: SQLite refuses it; is another program writing it?')

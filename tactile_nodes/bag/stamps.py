@@ -21,7 +21,7 @@ def starts_with_header(type_name: str) -> bool:
 
 
 def header_stamp_ns(data: bytes, type_name: str) -> int | None:
-    """The stamp of the message's header in ns; None when its type has none or nobody set it.
+    """The stamp of the message's header in ns; None if its type has none or it is not set.
 
     >>> header_stamp_ns(bytes.fromhex('00010000 02000000 05000000 01000000 00'), 'std_msgs/msg/Header') is None
     True

@@ -1,4 +1,4 @@
-"""Where a playback is, as a function of the time: nothing adds up, so nothing drifts."""
+"""The position of a playback as a function of time, without accumulating errors."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ class Timeline:
         return self._paused
 
     def start(self, now_ns: int, bag_ns: int) -> None:
-        """At `now_ns` the bag stands at `bag_ns`; also to step forward while paused."""
+        """At `now_ns` the position is `bag_ns`; also used to step while paused."""
         with self._lock:
             self._now_ns, self._bag_ns = now_ns, bag_ns
 
     def pause(self, now_ns: int) -> None:
-        """Stand still."""
+        """Pause."""
         self._change(now_ns, self._rate, True)
 
     def resume(self, now_ns: int) -> None:
-        """Go on from where it stood still."""
+        """Continue."""
         self._change(now_ns, self._rate, False)
 
     def set_rate(self, now_ns: int, rate: float) -> None:
-        """Go on at another speed, without a jump."""
+        """Continue at another speed, without a jump."""
         self._change(now_ns, rate, self._paused)
 
     def bag_ns(self, now_ns: int) -> int:

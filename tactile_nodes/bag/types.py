@@ -1,4 +1,4 @@
-"""The message types of a bag as the bag itself defines them: perhaps unknown here, perhaps an older version of ours."""
+"""The message types of a bag as the bag defines them: they may be unknown here, or older versions of ours."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _FIELD_NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*', re.ASCII)
 
 
 class BagTypes:
-    """Decodes by the definitions that a bag carries; falls back on ours where it carries none.
+    """Decodes with the definitions in a bag; falls back to ours if it has none.
 
-    What is learnt stays here: two bags may carry two versions of one type. Forces of an earlier release are completed.
+    Definitions stay in this object: two bags may have two versions of a type. Forces of earlier releases are completed.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class BagTypes:
         self._earlier: set[str] = set()
 
     def learn(self, topic: BagTopic) -> None:
-        """Take in a topic's type. A definition that cannot be read is passed over."""
+        """Add a topic's type. A definition that cannot be read is skipped."""
         if topic.definition_format != 'ros2msg' or not topic.definition or not _TYPE_NAME.fullmatch(topic.type_name):
             return
         try:
@@ -38,32 +38,32 @@ class BagTypes:
             return
         if all(_is_plain(name, content) for name, content in parsed.items()) and _differs(parsed):
             self._local = self._local or MessageStore()
-            # Not `register`, which would run code made from names that a stranger wrote.
+            # Not `register`, which would run code made from names in an untrusted file.
             self._local.fielddefs.update(parsed)
             self._foreign.add(topic.type_name)
             if topic.type_name in COMPLETED and is_earlier(topic.type_name, parsed):
                 self._earlier.add(topic.type_name)
 
     def is_ours(self, type_name: str) -> bool:
-        """Whether the bag's messages of this type are what this process understands by it."""
+        """Whether the bag's version of this type is the same as ours."""
         return type_name not in self._foreign and type_name in store().fielddefs
 
     def is_completed(self, type_name: str) -> bool:
-        """Whether they are those of an earlier release, which `decode` gives as this process understands them."""
+        """Whether it is the version of an earlier release, which `decode` completes."""
         return type_name in self._earlier
 
     def decode(self, data: bytes, type_name: str) -> Any:
-        """The message that `data` holds.
+        """The message in `data`.
 
         Raises:
-            MessageError: a type that neither the bag nor we define, or bytes that are none of it.
+            MessageError: a type that is not defined here or in the bag, or invalid bytes.
         """
         if self._local is None or type_name not in self._foreign:
             return messages.decode(data, type_name)
         try:
             found = self._local.deserialize_cdr(data, type_name)
-        except Exception as error:  # a stranger's definition can fail in any way
-            raise MessageError(f'{len(data)} bytes that are no {type_name} as this bag defines it: {error}') from error
+        except Exception as error:  # an untrusted definition can fail in any way
+            raise MessageError(f'{len(data)} bytes are not a {type_name} as defined in this bag: {error}') from error
         return completed(found, type_name) if type_name in self._earlier else found
 
 

@@ -1,4 +1,4 @@
-"""Records messages into a rosbag2 folder, beside and never in the way of whoever delivers them."""
+"""Records messages into a rosbag2 folder, in a separate thread that never blocks the caller."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _HOLD_NS = 50_000_000
 
 @dataclass(frozen=True)
 class BagLimits:
-    """`queue_bytes` may wait for the disk; `file_bytes` and `file_s` split a bag into several files (0: never)."""
+    """`queue_bytes`: buffer for the disk; `file_bytes` and `file_s` split a bag into several files (0: never)."""
 
     queue_bytes: int = 256 << 20
     file_bytes: int = 0
@@ -33,7 +33,7 @@ class BagLimits:
 
 @dataclass(frozen=True)
 class BagTotals:
-    """What a writer has done: messages and payload bytes in the file, messages that the disk was too slow for."""
+    """Statistics of a writer: messages and payload bytes in the file, and messages dropped for a slow disk."""
 
     messages: int
     bytes: int
@@ -44,9 +44,9 @@ class BagTotals:
 class BagWriter:
     """Writes into the new folder `folder`: ``<name>_0.mcap``, … and ``metadata.yaml``.
 
-    What was handed to `write` is in the file at most 2 `FLUSH_EVERY_S` later, also if the process is killed; at most
-    `SYNC_EVERY_S` (and the disk's own delay) after that also if the power fails. Messages are put in order of their
-    receive times as far as they arrive within one `FLUSH_EVERY_S` of each other, because some readers need it.
+    Messages given to `write` are in the file at most 2 `FLUSH_EVERY_S` later, even if the process is killed; at most
+    `SYNC_EVERY_S` (plus the disk's own delay) after that even if the power fails. Messages that arrive within one
+    `FLUSH_EVERY_S` of each other are sorted by receive time, because some readers need it.
 
     Raises:
         BagError: the folder exists or cannot be written.
@@ -54,7 +54,7 @@ class BagWriter:
 
     def __init__(self, folder: str | Path, *, compression: str = 'none', limits: BagLimits | None = None) -> None:
         if compression not in COMPRESSIONS:
-            raise BagError(f'no compression {compression!r}; there are {", ".join(COMPRESSIONS)}')
+            raise BagError(f'unknown compression {compression!r}; available: {", ".join(COMPRESSIONS)}')
         self.folder = Path(folder)
         self.limits = limits or BagLimits()
         self.counts: Counter[str] = Counter()
@@ -81,7 +81,8 @@ class BagWriter:
         for thread in self._threads:
             thread.start()
 
-    # --- for whoever delivers -------------------------------------------------------------------------------
+    # --- called by the receiver of messages
+    # -------------------------------------------------------------------------------
 
     def add_topic(self, topic: BagTopic) -> None:
         """Describe a topic, before its first message."""
@@ -91,17 +92,17 @@ class BagWriter:
                 self._new_topics.append(topic)
 
     def write(self, topic: str, data: bytes, log_ns: int, source_ns: int, sequence: int = 0) -> bool:
-        """Take in one message as it travelled; returns at once. False: dropped, because the disk is too slow.
+        """Add one serialized message; returns at once. False: dropped, because the disk is too slow.
 
         Args:
             topic: a topic that was added.
             data: its CDR bytes.
-            log_ns: when it was received.
-            source_ns: when it was published; used where the message carries no capture stamp of its own.
-            sequence: its publisher's number for it.
+            log_ns: time of receipt.
+            source_ns: time of publication; used if the message has no capture stamp.
+            sequence: its publisher's sequence number.
 
         Raises:
-            BagError: writing has failed before, or the bag is closed.
+            BagError: an earlier write has failed, or the bag is closed.
         """
         stamp_ns = header_stamp_ns(data, self._metadata.topics[topic].type_name)
         entry = Entry(log_ns, source_ns if stamp_ns is None else stamp_ns, topic, sequence, data)
@@ -119,7 +120,7 @@ class BagWriter:
 
     @property
     def totals(self) -> BagTotals:
-        """What is in the file by now."""
+        """What is in the file so far."""
         with self._arrived:  # the writing thread adds files
             extent = Extent.union(self._metadata.files.values())
         dropped = sum(self.dropped_of.values())
@@ -131,7 +132,7 @@ class BagWriter:
         return self._failure
 
     def begin_to_close(self, patience_s: float) -> int:
-        """Take in nothing more, and give the disk a while; how many messages still wait for it after that."""
+        """Accept no more messages, and wait for the disk; returns how many messages are still waiting after that."""
         with self._arrived:
             self._closing = True
             self._arrived.notify()
@@ -139,10 +140,10 @@ class BagWriter:
         return 0 if self._failure is not None else self._accepted - self.totals.messages
 
     def close(self) -> BagTotals:
-        """Write what waits, the indexes and ``metadata.yaml``. Closing twice is harmless.
+        """Write the waiting messages, the indexes and ``metadata.yaml``. Closing twice is harmless.
 
         Raises:
-            BagError: not everything could be written; what was written can be read.
+            BagError: not everything could be written; the written part can be read.
         """
         self.begin_to_close(0.0)
         for thread in self._threads:
@@ -152,7 +153,7 @@ class BagWriter:
         return self.totals
 
     def discard_empty(self) -> None:
-        """Close it, and leave neither files nor folder behind; nothing happens to a bag to which anything was written.
+        """Close an empty bag, and remove its files and folder; a bag with content is left alone.
 
         Raises:
             BagError: not everything could be written.
@@ -162,7 +163,7 @@ class BagWriter:
             return
         for name in (FILE_NAME, *self._metadata.files):
             (self.folder / name).unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # somebody else put something there meanwhile
+        with contextlib.suppress(OSError):  # another program put a file there meanwhile
             self.folder.rmdir()
 
     def _check_open(self) -> None:
@@ -177,13 +178,13 @@ class BagWriter:
         try:
             self.folder.mkdir(parents=True)
         except FileExistsError as error:
-            raise BagError(f'{self.folder} exists already and is not overwritten; choose another name') from error
+            raise BagError(f'{self.folder} already exists and is not overwritten; choose another name') from error
         except OSError as error:
             raise BagError(f'cannot create the folder {self.folder} for the bag: {error.strerror}') from error
         try:
             return self._open_file()
         except OSError as error:
-            with contextlib.suppress(OSError):  # somebody else put something there meanwhile
+            with contextlib.suppress(OSError):  # another program put a file there meanwhile
                 self.folder.rmdir()
             raise BagError(f'cannot write a bag into {self.folder}: {error.strerror}') from error
 
@@ -198,7 +199,7 @@ class BagWriter:
             self._write_until_closed()
         except OSError as error:
             self._fail(error.strerror or str(error), error)
-        except Exception as error:  # noqa: BLE001 - a bug; whoever records must hear of it rather than write on
+        except Exception as error:  # noqa: BLE001 - a bug; the recorder must be told instead of writing on
             self._fail(repr(error), error)
         finally:
             self._ended.set()
@@ -214,7 +215,7 @@ class BagWriter:
                 self._save_metadata()
                 saved_s = monotonic_s()
         self._write_ready()
-        self._write_ready()  # those that the first one held back
+        self._write_ready()  # those held back by the first call
         self._file.close(self._metadata_now().to_record())
         self._save_metadata(durable=True)
 
@@ -225,7 +226,7 @@ class BagWriter:
         if self._sync_failure is not None:
             raise self._sync_failure
         entries, topics = self._take_ready()
-        if entries and self._is_full():  # not before: ros2 bag reindex takes an empty file's time, which is 1970
+        if entries and self._is_full():  # not before: ros2 bag reindex uses the time of an empty file, which is 1970
             self._split()
         for topic in topics:
             self._file.add_topic(topic)
@@ -266,7 +267,7 @@ class BagWriter:
         self._file = self._open_file()
         for topic in self._described:
             self._file.add_topic(topic)
-        self._save_metadata()  # before the first message: readers take the files that it names, and no others
+        self._save_metadata()  # before the first message: readers open only the files listed in it
 
     def _metadata_now(self) -> BagMetadata:
         with self._arrived:
@@ -288,14 +289,14 @@ class BagWriter:
 
     def _fail(self, reason: str, cause: BaseException) -> None:
         self._file.abandon()
-        with contextlib.suppress(OSError):  # the older one stays, and readers compare it with the files
+        with contextlib.suppress(OSError):  # the older one remains, and readers compare it with the files
             self._save_metadata()
         with self._arrived:
             written = self.totals.messages
             lost = self._accepted - written
             self._failure = BagError(
-                f'cannot write on into the bag {self.folder}: {reason}; '
-                f'it can be read and holds the {written} messages written before, {lost} more were lost'
+                f'cannot continue to write the bag {self.folder}: {reason}; '
+                f'it can be read and holds the {written} messages written before; {lost} more were lost'
             )
             self._failure.__cause__ = cause
 

@@ -81,7 +81,7 @@ class InProcessBus:
         with self._lock:
             self._check_open()
             if service in self._services:
-                raise BusError(f'the service {service} is already served by {self._services[service].node}')
+                raise BusError(f'the service {service} is already offered by {self._services[service].node}')
             self._services[service] = offered
         self._changed()
         return offered
@@ -90,16 +90,14 @@ class InProcessBus:
         self._check_open()
         offered = self._services.get(service)
         if offered is None:
-            raise ServiceUnavailableError(
-                f'nobody serves {service}; see which services there are: tactile service list'
-            )
+            raise ServiceUnavailableError(f'no node offers the service {service}; see: tactile service list')
         require_type(service, offered.type_name, type_name)
         answer: Future[Any] = Future()
         offered.handler(request, answer_to(answer))
         try:
             return answer.result(timeout_s)
         except FutureTimeoutError as error:
-            raise ServiceTimeoutError(f'{offered.node} did not answer {service} within {timeout_s:g} s') from error
+            raise ServiceTimeoutError(f'{offered.node} did not respond to {service} within {timeout_s:g} s') from error
         except TactileError as error:
             raise ServiceError(f'{service}: {error}') from error
 

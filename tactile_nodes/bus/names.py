@@ -23,12 +23,12 @@ def absolute(name: str, what: str = 'a topic or service') -> str:
     words = name.removeprefix('/')
     if not _WORDS.fullmatch(words):
         raise ConfigurationError(
-            f'{name[:80]!r} cannot be the name of {what}: words of letters, digits and _ that begin with no digit, '
-            'joined by single slashes'
+            f'{name[:80]!r} is not a valid name of {what}: words of letters, digits and _ not beginning with a digit, '
+            'separated by single slashes'
         )
     if len(words) >= LONGEST:
         raise ConfigurationError(
-            f'{name[:40] + "…"!r} cannot be the name of {what}: it has more than {LONGEST} characters'
+            f'{name[:40] + "…"!r} is not a valid name of {what}: it has more than {LONGEST} characters'
         )
     return f'/{words}'
 

@@ -173,7 +173,7 @@ class Graph:
             for end in peer.publishers:
                 if end.name == topic and peer.pid:
                     raise ConfigurationError(
-                        f'{topic} is published already, by {end.node} of process {peer.pid}: end that one first, or '
+                        f'{topic} is already published by {end.node} of process {peer.pid}: stop that node first, or '
                         'give this sensor a namespace or a ROS_DOMAIN_ID of its own'
                     )
 

@@ -27,11 +27,11 @@ class Topic:
     recorded: bool = True
     frame: str = ''
     holds: str = ''
-    lost: str = 'the rest can be used as it is'
+    lost: str = 'the rest can be used'
 
 
 _REPLAYED = 'tactile launch replay computes them again from the images'
-_PRESSED = 'presses that fall into the gap are left out of data sets'
+_PRESSED = 'presses in the gap are left out of data sets'
 _CAMERA = 'gel_camera_optical_frame'
 _SURFACE = 'gel_surface'
 _SENSOR = 'force_torque_sensor'
@@ -97,7 +97,7 @@ FORCE_DISTRIBUTION = Topic(
 FORCE_FIELD = Topic(
     'force_field',
     'tactile_nodes/msg/ForceField',
-    'pressure and shear on a fine grid of the surface, of models that know [Pa]; made while somebody listens',
+    'pressure and shear on a fine grid of the surface, of models that know [Pa]; made only for subscribers',
     _LATEST,
     60.0,
     frame=_SURFACE,
@@ -107,7 +107,7 @@ FORCE_FIELD = Topic(
 WRENCH = Topic(
     'wrench',
     'geometry_msgs/msg/WrenchStamped',
-    'net force on the gel in the surface frame [N, N m]; made while somebody listens',
+    'net force on the gel in the surface frame [N, N m]; made only for subscribers',
     _LATEST,
     60.0,
     frame=_SURFACE,
@@ -117,12 +117,12 @@ WRENCH = Topic(
 HAND_WRENCH = Topic(
     'hand_wrench',
     'tactile_nodes/msg/HandWrench',
-    'what acts on all sensors of a hand together, in its frame, and how near each contact is to slipping [N, N m]',
+    'total force and torque on all sensors of a hand, in its frame, and the slip margin of each contact [N, N m]',
     _LATEST,
     60.0,
     frame=_HAND,
     holds='N and N·m of sensors whose pictures were captured within a frame time, with covariance; margins to slip',
-    lost='the forces of its sensors give it again',
+    lost='it can be computed again from the forces of the sensors',
 )
 HELD = Topic(
     'held',
@@ -137,14 +137,14 @@ HELD = Topic(
 GRIPPER_COMMAND = Topic(
     'gripper_command',
     'std_msgs/msg/Float64',
-    'how far a gripper shall open: the distance of its fingers at rest [m]',
+    'target opening of a gripper: the distance of its fingers at rest [m]',
     _LATEST,
     holds='m',
 )
 JOINT_STATES = Topic(
     'joint_states',
     'sensor_msgs/msg/JointState',
-    'how far a gripper is open: the distance of its fingers at rest [m]',
+    'opening of a gripper: the distance of its fingers at rest [m]',
     _RECENT,
     100.0,
     holds='m',
@@ -184,7 +184,7 @@ CONTACT = Topic(
     _LATEST,
     60.0,
     frame=_SURFACE,
-    holds='m; nothing is sent while nothing touches or the force is invalid',
+    holds='m; nothing is sent without contact, or while the force is invalid',
 )
 CONTACT_MARKERS = Topic(
     'contact_markers',
@@ -206,11 +206,11 @@ TF_STATIC = Topic(
 TRUE_FORCE = Topic(
     'true_force_distribution',
     'tactile_nodes/msg/ForceDistribution',
-    'what really presses, as the simulator knows it',
+    'the true contact force, from the simulator',
     _LATEST,
     60.0,
     frame=_SURFACE,
-    holds='as force_distribution; no camera but the simulated one has it',
+    holds='as force_distribution; only the simulated camera publishes it',
 )
 MODEL_IN_USE = Topic(
     'model_in_use',
@@ -222,14 +222,14 @@ MODEL_IN_USE = Topic(
 CALIBRATION_IMAGE = Topic(
     'calibration_image',
     'sensor_msgs/msg/Image',
-    'the rest image that the model in use was calibrated with; of no size where its file holds none',
+    'the rest image that the model in use was calibrated with; empty if its file holds none',
     _LATCHED,
     holds='grey levels 0 to 255, mono8; the frame field holds the id of the model',
 )
 CALIBRATION_STATE = Topic(
     'calibration_state',
     'tactile_nodes/msg/CalibrationState',
-    'whether the calibration still holds, and what to do where it does not',
+    'whether the calibration is still valid, and what to do if not',
     _LATCHED,
     0.5,
     holds='px and shares; level, reasons and a sentence',
@@ -237,7 +237,7 @@ CALIBRATION_STATE = Topic(
 DIAGNOSTICS = Topic(
     '/diagnostics',
     'diagnostic_msgs/msg/DiagnosticArray',
-    'how each node is',
+    'status of each node',
     Qos('queue', 100),
     1.0,
     holds='level, sentence and values of each part of each node',
@@ -245,7 +245,7 @@ DIAGNOSTICS = Topic(
 ROSOUT = Topic(
     '/rosout',
     'rcl_interfaces/msg/Log',
-    'what each node says',
+    'log messages of each node',
     Qos('queue', 1000),
     holds='level, text and node',
 )
@@ -297,7 +297,7 @@ PRESS_IMAGE = Topic(
 PRESS = Topic(
     'press',
     'tactile_nodes/msg/Press',
-    'each press of a plan, when it is over',
+    'each press of a plan, after its end',
     Qos('queue', 100),
     frame=_SURFACE,
     holds='m, N and N·m: where and how deep was pressed; force on the gel, so pressing is −z',
@@ -306,7 +306,7 @@ PRESS = Topic(
 RIG_STATE = Topic(
     'rig_state',
     'tactile_nodes/msg/RigState',
-    'where the pressing machine is',
+    'position of the pressing machine',
     Qos('queue', 100),
     10.0,
     frame=_MACHINE,
@@ -318,8 +318,8 @@ SYNC_EDGE = Topic(
     'edges of the digital line',
     Qos('queue', 1000),
     frame=_RECORDER,
-    holds='s: time and level of an edge, by the clock of whoever saw it',
-    lost='clocks are matched by the edges that are left; see tactile bag sync',
+    holds='s: time and level of an edge, by the clock of the recorder that saw it',
+    lost='clocks are matched by the remaining edges; see tactile bag sync',
 )
 
 TOPICS = {

@@ -1,1 +1,1 @@
-"""From an untouched gel to labelled indentations: plan, order, journal, surface, press cycle, safety, the whole run."""
+"""From an untouched gel to labelled presses: plan, order, journal, surface, press cycle, safety, the whole run."""

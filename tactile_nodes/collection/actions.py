@@ -1,7 +1,7 @@
-"""What a procedure (`press_cycle`, `feel_corner`) asks of the rig, and what it is told in return.
+"""The actions that a procedure (`press_cycle`, `feel_corner`) requests from the rig, and the results it receives.
 
-A procedure is a generator: it yields actions and is sent what was seen. So it reads from top to bottom, knows no
-device, thread or clock, and a test feeds it times and values by hand.
+A procedure is a generator: it yields actions and is sent the results. So it reads from top to bottom, and knows no
+device, thread or clock. A test can send it times and values directly.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from tactile_nodes.drivers.force_torque.contract import Sample
 
 @dataclass(frozen=True)
 class Go:
-    """Go to a place in machine coordinates (None: stay as it is), and come to rest there.
+    """Go to a position in machine coordinates (None: keep the coordinate), and come to rest there.
 
-    `expect` is asked on the way, whenever the machine has said where it is: with the place that it told the time before
-    and what was felt since. What it answers is why to stop at once; empty: go on.
+    `expect` is called on the way, whenever the machine has reported its position. It gets the position that was
+    reported before that, and the samples since. It returns the reason to stop at once, or an empty string.
     """
 
     x: float | None = None
@@ -33,9 +33,9 @@ class Go:
 
 @dataclass(frozen=True)
 class Look:
-    """Wait, and say what was measured since `since_ns`, or since the wait began (None).
+    """Wait, and return what was measured since `since_ns`, or since the wait began (None).
 
-    What is measured arrives later: whoever gathers over several looks asks since the same time again and again.
+    Measurements arrive later. To collect over several looks, use the same `since_ns` each time.
     """
 
     seconds: float
@@ -44,7 +44,7 @@ class Look:
 
 @dataclass(frozen=True)
 class SetTare:
-    """Take the force from now on as the change since this."""
+    """Measure the force from now on as the change since this value."""
 
     tare: Tare
 
@@ -61,15 +61,15 @@ Action = Go | Look | SetTare | Switch
 
 @dataclass(frozen=True)
 class Seen:
-    """What is known when an action is done.
+    """The result of an action.
 
     Attributes:
-        now_ns: the time.
-        since_ns: when the action began, at which the machine was at rest.
-        place_mm: where the machine said that the tip is.
-        samples: of a `Look`, the force samples that it asked for.
-        frames: of a `Look`, likewise the images.
-        switched: of a `Switch`, when the line got its level.
+        now_ns: the time when it was done.
+        since_ns: when the action began; the machine was at rest then.
+        place_mm: position of the tip that the machine reported.
+        samples: of a `Look`: the requested force samples.
+        frames: of a `Look`: the requested images.
+        switched: of a `Switch`: when the line changed its level.
     """
 
     now_ns: int

@@ -1,7 +1,8 @@
-"""Does what procedures ask for, with the devices, and never without the safety's consent.
+"""Performs the actions of procedures with the devices, and never without permission of the safety.
 
-Motion is cut into jogs of at most `jog_s`, sent as the machine does them, so that no more than two are ever owed to
-it: when the process that commands it is gone, the machine comes to rest within that time (a dead-man's handle).
+Motion is split into jogs of at most `jog_s`, which are sent as the machine completes them, so that no more than two are
+ever queued. If the process that commands the machine ends, the machine comes to rest within that time (a dead man's
+switch).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ BREATH_S = 0.01
 STATE_S = 0.1
 STOP_WAIT_S = 5.0
 MOST_RETRACTS = 4
-GRID = 1000  # a controller takes three decimals of a mm
+GRID = 1000  # a controller accepts three decimals of a mm
 Result = TypeVar('Result')
 
 
@@ -38,21 +39,21 @@ class TrippedError(Exception):
 
 
 class InterruptedRunError(Exception):
-    """Somebody wants the run to end. Caught within this package."""
+    """The run was asked to end. Caught within this package."""
 
 
 class Hands:
-    """One machine under one safety.
+    """One machine, monitored by one safety.
 
     Args:
         cnc: connected.
         clock: the host's.
-        safety: stops the machine by its own way (`Guard`).
-        readings: what sensor and camera bring.
-        motion: how long a jog may be.
-        on_status: told where the machine is, about ten times a second.
-        on_switch: told each switching of the digital line.
-        stopped: waits so many seconds until nobody is in the midst of stopping the machine; whether that is so.
+        safety: stops the machine through `Guard`.
+        readings: the data of sensor and camera.
+        motion: limits such as the length of a jog.
+        on_status: called with the position of the machine, about ten times per second.
+        on_switch: called on each change of the digital line.
+        stopped: waits up to this many seconds until no stop is in progress; returns whether that is so.
     """
 
     def __init__(
@@ -81,15 +82,15 @@ class Hands:
         self._passed: tuple[int, Place] | None = None
         self.asked_to_stop = False
         self.machine_failed = False
-        """Whether the machine did not do something that it was asked for."""
+        """Whether the machine failed to perform a command."""
 
     def run(self, procedure: Procedure[Result]) -> Result:
-        """Do all that a procedure asks for; its result.
+        """Perform all actions of a procedure; returns its result.
 
         Raises:
             TrippedError: the safety has stopped the machine.
             InterruptedRunError: `asked_to_stop` was set.
-            DeviceError: a device failed, or the procedure found that one does wrong.
+            DeviceError: a device failed, or the procedure found a device fault.
         """
         try:
             action = next(procedure)
@@ -102,7 +103,7 @@ class Hands:
             procedure.close()
 
     def perform(self, action: Action) -> Seen:
-        """Do one thing. Raises as `run`."""
+        """Perform one action. Raises as `run`."""
         self.check()
         since_ns, switched = self.clock.now_ns(), None
         try:
@@ -115,9 +116,9 @@ class Hands:
             elif isinstance(action, Switch):
                 switched = self.switch(action.level)
         except DeviceError:
-            if (health := self.cnc.health).silent:  # before the guard has looked
+            if (health := self.cnc.health).silent:  # before the guard has checked
                 self.safety.fail(SILENT_MACHINE, health.message, self.clock.now_ns())
-            self.check()  # a stop by the safety makes commands fail: that is the reason then
+            self.check()  # if the safety has stopped the machine, commands fail because of that
             self.machine_failed = True
             raise
         self.check()
@@ -129,7 +130,7 @@ class Hands:
         return Seen(now_ns, since_ns, self._place, tuple(samples), tuple(frames))
 
     def check(self) -> None:
-        """Go no further when something is wrong. Raises as `run`, but for devices."""
+        """Raise if something is wrong. Raises as `run`, but not for devices."""
         if self.safety.trip is not None:
             raise TrippedError(self.safety.trip)
         if self.asked_to_stop:
@@ -141,13 +142,13 @@ class Hands:
         try:
             self.cnc.home()
         except DeviceError:
-            self.check()  # a stop by the safety breaks homing off: that is the reason then
+            self.check()  # if the safety has stopped the machine, homing fails because of that
             self.machine_failed = True
             raise
         self.check()
 
     def wait(self, seconds: float) -> None:
-        """Let time pass, watchfully. Raises as `run`."""
+        """Wait, with all checks active. Raises as `run`."""
         end_ns = self.clock.now_ns() + round(seconds * NS_PER_S)
         while (now_ns := self.clock.now_ns()) < end_ns:
             self.check()
@@ -164,10 +165,10 @@ class Hands:
         return switched
 
     def retreat(self) -> None:
-        """Stop and go straight up to the safe height, whatever is wrong with the sensors.
+        """Stop and go straight up to the safe height, even if sensors have failed.
 
         Raises:
-            DeviceError: the machine does not obey, or does not know where it is.
+            DeviceError: the machine does not obey, or its position is unknown.
         """
         for attempt in range(1, MOST_RETRACTS + 1):
             self._await_stopped()
@@ -175,18 +176,20 @@ class Hands:
             try:
                 self.cnc.retract()
                 break
-            except DeviceError:  # the guard stopped the way up, or the machine fell silent on it: it may lead on
+            except (
+                DeviceError
+            ):  # the guard stopped the motion up, or the machine became silent: a second try may succeed
                 if attempt == MOST_RETRACTS or (self.safety.trip is before and not self.cnc.health.silent):
                     raise
         if self._line:
             self.switch(False)
         if not self._status().homed:
-            raise DeviceFaultError('the machine does not know where it is, so nobody knows whether the tip is up')
+            raise DeviceFaultError('the machine has lost its position, so it is unknown whether the tip is up')
 
     def overlook(self, seconds: float, times: int = 1) -> Sequence[Sample]:
-        """What usable samples the sensor measures from now on, whatever else is wrong; so many times, until some came.
+        """Usable samples that the sensor measures from now on, ignoring other faults; retries until some have come.
 
-        What is measured arrives later, on a busy computer much later.
+        Samples arrive late, on a busy computer much later.
         """
         since_ns = self.clock.now_ns()
         for number in range(1, times + 1):
@@ -197,10 +200,10 @@ class Hands:
 
     def _await_stopped(self) -> None:
         if self._stopped is not None and not self._stopped(STOP_WAIT_S):
-            raise DeviceFaultError('the machine does not come to rest when told to stop; use the emergency stop')
+            raise DeviceFaultError('the machine does not stop when commanded to; use the emergency stop')
 
     def _go_watched(self, go: Go) -> None:
-        """Go, and see on the way that the force is what is expected."""
+        """Go, and check on the way that the force is as expected."""
         self._expect, self._passed = go.expect, None
         try:
             self._go(go)
@@ -210,9 +213,9 @@ class Hands:
             self._expect = None
 
     def _compare(self, now_ns: int, place: Place) -> None:
-        """What was felt since the machine was last at a known place, with what is expected there.
+        """Compare the samples since the machine was last at a known position with the expected force there.
 
-        A sensor that averages shows a force fully after some periods: only then it is looked at.
+        A sensor that averages shows a force fully only after some periods, so the check waits for them.
         """
         if self._expect is None:
             return
@@ -228,7 +231,7 @@ class Hands:
     def _go(self, go: Go) -> None:
         start = self._status()
         if not start.homed:
-            raise DeviceFaultError('the machine does not know where it is; home it before anything moves')
+            raise DeviceFaultError('the position of the machine is unknown; home it before anything moves')
         x, y, z = start.position_mm
         target = (x if go.x is None else go.x, y if go.y is None else go.y, z if go.z is None else go.z)
         busy_until_ns = self.clock.now_ns()
@@ -248,7 +251,7 @@ class Hands:
         self.cnc.wait_idle()
 
     def _pieces(self, start: Place, target: Place, feed: float) -> Iterator[tuple[Place, float]]:
-        """Steps from start to target that add up to the µm, and how long each takes at this feed."""
+        """Steps from start to target that add up to the µm, with the duration of each at this feed."""
         length = math.dist(start, target)
         longest = min(self.cnc.blind_step_mm or math.inf, feed / 60 * self._motion.jog_s)
         count = max(1, math.ceil(length / longest - 1e-9))
@@ -272,10 +275,10 @@ class Hands:
 
 
 class Guard:
-    """The thread that stops the machine: at once when the safety says so, and that looks for silence in between.
+    """The thread that stops the machine: at once when the safety requests it. It also checks for silent devices.
 
     Args:
-        cnc: to stop.
+        cnc: the machine to stop.
         clock: for the watchdogs.
     """
 
@@ -314,14 +317,14 @@ class Guard:
                     self._stop()
                 else:
                     safety.tick(self._clock.now_ns(), self._cnc.health)
-            except Exception as error:  # noqa: BLE001 - a bug: nothing may move that nobody watches
-                told = f'a bug in what watches the rig: {type(error).__name__}: {error}'
+            except Exception as error:  # noqa: BLE001 - a bug: nothing may move unmonitored
+                told = f'a bug in the monitoring of the rig: {type(error).__name__}: {error}'
                 safety.fail(MACHINE, told, self._clock.now_ns())
 
     def _stop(self) -> None:
         try:
             if not self.stopped.is_set():
-                with contextlib.suppress(DeviceError):  # the way up meets what is wrong again, and tells it
+                with contextlib.suppress(DeviceError):  # the motion up meets the same fault and reports it
                     self._cnc.stop()
         finally:
             self.stopped.set()

@@ -1,7 +1,7 @@
-"""What was last known of a machine, written down for the next process that commands it, whatever that does with it.
+"""The last known state of a machine, written to disk for the next process that commands it.
 
-A file of JSON lines for each machine, of which the last counts. It is written and synced to the disk before anything
-moves, so that a kill or a power cut leaves `begun` behind: nobody knows then where the tip is.
+A file of JSON lines for each machine; the last line counts. It is written and synced to disk before anything moves, so
+that a kill or a power cut leaves `begun` as the last line: the position of the tip is unknown then.
 
     {"step": "begun", "stamp_ns": …, "reason": "plan 0f3a… in /data/gel"}
     {"step": "halted", "stamp_ns": …, "reason": "the force is 6.02 N, more than the bearable 5 N"}
@@ -23,7 +23,7 @@ from tactile_nodes.files import read_plain
 from tactile_nodes.paths import state_directory
 
 BEGUN, HALTED, ACKNOWLEDGED, ENDED = 'begun', 'halted', 'acknowledged', 'ended'
-"""From now on it moves; the force was not bearable, and a person has to look; one has; the tip is up."""
+"""The machine moves from now on; the force was too large, and a person must check; a person has; the tip is up."""
 _LARGEST_BYTES = 64 << 20  # some 100 000 runs
 
 
@@ -31,10 +31,10 @@ class MachineRecord:
     """The record of one machine.
 
     Args:
-        path: its file; None, for a machine that is new with each process: nothing is kept.
+        path: its file; None for a machine that is new with each process: nothing is stored.
 
     Raises:
-        ConfigurationError: there is a file that cannot be read.
+        ConfigurationError: the file cannot be read.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -45,31 +45,31 @@ class MachineRecord:
                 found = json.loads(line)
                 self._take(str(found['step']), str(found['reason']))
             except (ValueError, TypeError, KeyError):
-                self._take(BEGUN, '')  # half of a line: it was about to move, or moved
+                self._take(BEGUN, '')  # an incomplete line: it was about to move, or moved
 
     @property
     def halted(self) -> bool:
-        """Whether a run was halted, and nobody has acknowledged that."""
+        """Whether a run was halted, and no person has acknowledged that."""
         return self._step == HALTED
 
     def question(self, unasked: bool) -> str:
-        """What a person has to be asked before anything moves; empty: nothing.
+        """The question to a person before anything moves; empty: none.
 
         Args:
-            unasked: somebody has said beforehand that it may go on after a run that was cut off, not after a halt.
+            unasked: whether a person has allowed in advance to continue after a run that was cut off. Not after a halt.
         """
         if self.halted:
             return f'the run was halted: {self._halt}'
         if self._step in {BEGUN, ACKNOWLEDGED} and not unasked:
             which = f' ({self._begun})' if self._begun else ''
-            return f'the run before this one{which} was cut off, so nobody knows where the tip is'
+            return f'the run before this one{which} was cut off, so the position of the tip is unknown'
         return ''
 
     def note(self, step: str, stamp_ns: int, reason: str = '') -> None:
         """Write a step; it is on the disk when this returns.
 
         Raises:
-            TactileError: the disk does not take it.
+            TactileError: it cannot be written to disk.
         """
         if self._path is not None:
             line = json.dumps({'step': step, 'stamp_ns': stamp_ns, 'reason': reason}) + '\n'
@@ -77,7 +77,7 @@ class MachineRecord:
         self._take(step, reason)
 
     def _take(self, step: str, reason: str) -> None:
-        """Only an answer ends a halt: neither that the tip is up does, nor half of a line."""
+        """Only an answer ends a halt. A lifted tip or an incomplete line does not."""
         if self.halted and step != ACKNOWLEDGED:
             return
         self._step = step
@@ -95,16 +95,16 @@ class MachineRecord:
             return []
         except OSError as error:
             raise ConfigurationError(
-                f'cannot read the record of the machine {self._path}: {error.strerror}; look where its tip is, then '
-                'take that file away'
+                f'cannot read the record of the machine {self._path}: {error.strerror}; see where its tip is, then '
+                'delete that file'
             ) from error
 
 
 def record_file(source: str, folder: Path | None) -> Path | None:
-    """Where the record of a machine is kept: below `state_directory`, by the lasting name of its port.
+    """Where the record of a machine is stored: below `state_directory`, by the persistent name of its port.
 
-    A simulated one is begun anew with its process: its record lies in the folder of the collection, as a rehearsal of
-    what a real one asks, or nowhere.
+    A simulated machine is new in each process. Its record is in the folder of the collection, so that it asks the same
+    questions as a real one, or it has none.
     """
     if source == SIMULATED:
         return folder / 'simulated_machine.record' if folder else None
@@ -114,7 +114,7 @@ def record_file(source: str, folder: Path | None) -> Path | None:
 
 
 def _append(path: Path, line: bytes) -> None:
-    """Write a line on a line of its own, whatever was cut off before it."""
+    """Write a complete line, even after an incomplete one."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open('ab+') as opened:
@@ -126,5 +126,5 @@ def _append(path: Path, line: bytes) -> None:
             os.fsync(opened.fileno())
     except OSError as error:
         raise TactileError(
-            f'cannot write the record of the machine {path}: {error.strerror}; nothing moves without it'
+            f'cannot write the record of the machine {path}: {error.strerror}; the machine does not move without it'
         ) from error

@@ -1,4 +1,4 @@
-"""The last seconds of force samples and images, between the threads that bring them and the one that presses."""
+"""The last seconds of force samples and images, shared between receiving threads and the pressing thread."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ KEPT_NS, KEPT_FRAMES = 20 * NS_PER_S, 90
 
 
 class Frame:
-    """An image and its capture stamp; `look` gives the image, and is asked once, when somebody wants to see it."""
+    """An image and its capture stamp; `look` returns the image, and is called once, on demand."""
 
     def __init__(self, stamp_ns: int, look: Callable[[], Picture]) -> None:
         self.stamp_ns = stamp_ns
@@ -34,7 +34,7 @@ class Frame:
 
     @cached_property
     def blocks(self) -> npt.NDArray[np.float32]:
-        """Mean grey level of each block of 16x16 pixels; what does not fill one at the right and below is left out.
+        """Mean grey level of each block of 16x16 pixels; incomplete blocks at the right and bottom are left out.
 
         Raises:
             ImageError: the image is smaller than a block.
@@ -43,7 +43,7 @@ class Frame:
 
 
 def frame_of(stamp_ns: int, image: Picture) -> Frame:
-    """A frame that is there, with its blocks.
+    """A frame with an image that is already available, with its blocks.
 
     Raises:
         ImageError: it is smaller than a block.
@@ -54,20 +54,20 @@ def frame_of(stamp_ns: int, image: Picture) -> Frame:
 
 
 def change(a: Frame, b: Frame) -> float:
-    """The greatest change of a block's mean in grey levels: a press changes few pixels, but those by much.
+    """The largest change of a block's mean in grey levels: a press changes few pixels, but those by much.
 
     Raises:
         ImageError: they differ in size.
     """
     if a.blocks.shape != b.blocks.shape:
-        raise ImageError('the images have changed their size; leave the camera settings alone during a run')
+        raise ImageError('the image size has changed; do not change camera settings during a run')
     return float(np.abs(a.blocks - b.blocks).max())
 
 
 def _block_means(image: npt.NDArray[np.unsignedinteger]) -> npt.NDArray[np.float32]:
     rows, columns = image.shape[0] // BLOCK_PX, image.shape[1] // BLOCK_PX
     if not rows or not columns:
-        raise ImageError(f'an image of {image.shape[1]}x{image.shape[0]} pixels came in; a camera gives larger ones')
+        raise ImageError(f'received an image of {image.shape[1]}x{image.shape[0]} pixels, which is too small')
     cut = image[: rows * BLOCK_PX, : columns * BLOCK_PX]
     sums = np.add.reduceat(cut, np.arange(0, cut.shape[1], BLOCK_PX), axis=1, dtype=np.uint32)
     sums = np.add.reduceat(sums, np.arange(0, cut.shape[0], BLOCK_PX), axis=0)
@@ -75,21 +75,21 @@ def _block_means(image: npt.NDArray[np.unsignedinteger]) -> npt.NDArray[np.float
 
 
 def pattern_change(a: Frame, b: Frame) -> float:
-    """The greatest root mean square, over a block, of the change of its pixels: it sees markers that move in a block.
+    """The largest root mean square, over a block, of the change of its pixels: it sees markers that move in a block.
 
-    Noise of 3 grey levels in both gives a little more than 4.2; a tip that is 0.8 mm deep in the paper's gel, 16.
+    Noise of 3 grey levels in both gives a little more than 4.2; a tip 0.8 mm deep in the paper's gel gives 16.
 
     Raises:
         ImageError: they differ in size.
     """
     if a.image.shape != b.image.shape:
-        raise ImageError('the images have changed their size; leave the camera settings alone during a run')
+        raise ImageError('the image size has changed; do not change camera settings during a run')
     square = np.square(a.image.astype(np.int32) - b.image).astype(np.uint32)
     return math.sqrt(float(_block_means(square).max()))
 
 
 class Readings:
-    """Keeps the last samples and images. Any thread puts, any thread asks."""
+    """Stores the last samples and images. Thread-safe."""
 
     def __init__(self) -> None:
         self._samples: deque[Sample] = deque()
@@ -97,14 +97,14 @@ class Readings:
         self._lock = threading.Lock()
 
     def put_sample(self, sample: Sample) -> None:
-        """A sample has come."""
+        """Add a sample."""
         with self._lock:
             self._samples.append(sample)
             while self._samples[0].stamp_ns < sample.stamp_ns - KEPT_NS:
                 self._samples.popleft()
 
     def put_frame(self, frame: Frame) -> None:
-        """An image has come."""
+        """Add an image."""
         with self._lock:
             self._frames.append(frame)
 

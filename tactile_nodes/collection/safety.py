@@ -1,7 +1,7 @@
-"""When everything must stop. Fed with every force sample in the thread that reads the sensor, and with the time.
+"""Decides when everything must stop. It gets every force sample, in the sensor's reading thread, and the time.
 
-It only decides; whoever it tells (`on_trip`) stops the machine. The first reason stands until `reset`, unless the force
-goes on to what is not bearable.
+It only decides; `on_trip` stops the machine. The first reason stands until `reset`, unless the force rises to an
+unbearable value.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from tactile_nodes.drivers.health import Health, Level
 FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'
 SILENT_MACHINE = 'silent machine'
 PASSING = frozenset({SENSOR, CAMERA, SILENT_MACHINE})
-"""What may be over by itself, so that a run waits for it."""
-UNTIMED = 'the clock of the force/torque sensor does not keep its rate, so nobody knows how old its samples are'
+"""Faults that may pass, so that a run waits for recovery."""
+UNTIMED = 'the clock of the force/torque sensor does not keep its rate, so the age of its samples is unknown'
 OVERLOAD = 'overload'
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
-SETTLING_PERIODS = 4  # until a converter that averages shows a step fully (HX711)
-TICK_NS = 30 * NS_PER_MS  # what is more between two ticks, this process did not run
+SETTLING_PERIODS = 4  # until an averaging converter (HX711) shows a step fully
+TICK_NS = 30 * NS_PER_MS  # a longer time between two ticks means that this process did not run
 
 
 @dataclass(frozen=True)
 class Trip:
-    """Why everything stopped: whose fault it is, a sentence, and when.
+    """Why everything stopped: the cause, a sentence, and when.
 
-    `FORCE`: greater than a press may make it; `OVERLOAD`: greater than gel, tip and sensor bear, so that a person has
-    to look; `SENSOR`, `CAMERA`, `MACHINE`: one of these; `SILENT_MACHINE`: one that says nothing."""
+    `FORCE`: above the limit of a press; `OVERLOAD`: more than gel, tip and sensor can bear, so that a person must
+    check; `SENSOR`, `CAMERA`, `MACHINE`: fault of that device; `SILENT_MACHINE`: the machine sends nothing."""
 
     kind: str
     reason: str
@@ -43,12 +43,12 @@ class Trip:
 
 
 class Safety:
-    """The limits. Until the first tare the force is limited by its change since the first sample.
+    """The limits. Before the first tare, the force is measured as the change since the first sample.
 
     Args:
         limits: the numbers.
-        on_trip: told the moment something is wrong, in the thread that found out; must be quick.
-        rate_hz: force samples a second that are expected (`ForceTorqueSensor.expected_hz`); 0: not known.
+        on_trip: called at once when something is wrong, in the thread that found it; must be quick.
+        rate_hz: expected force samples per second (`ForceTorqueSensor.expected_hz`); 0: unknown.
     """
 
     def __init__(
@@ -71,44 +71,44 @@ class Safety:
         self.watching_camera = False
         self.watching_machine = True
         self.machine_tripped = False
-        """Whether the machine was ever at fault: a greater force may have taken that reason's place since."""
+        """Whether the machine was ever at fault; a larger force may have replaced that reason."""
         self.fell_silent = False
-        """Whether any device ever did."""
+        """Whether any device was ever at fault."""
         self._late = False
 
     def tare(self, zero: Wrench) -> None:
-        """From now on the force is the change since this one."""
+        """Measure the force from now on as the change since this value."""
         with self._lock:
             self._zero = zero
             self._recent.clear()
 
     def watch(self, now_ns: int, camera: bool) -> None:
-        """Begin to look for silence; a device has its full time from now."""
+        """Start checking for silent devices; each has its full time from now."""
         self._since_ns = now_ns
         self.watching, self.watching_camera = True, camera
 
     def reset(self, now_ns: int) -> None:
-        """Forget the reason: somebody has dealt with it."""
+        """Clear the reason: it was handled."""
         with self._lock:
             self._recent.clear()
             self.trip = None
             self._since_ns = now_ns
 
     def sample(self, sample: Sample) -> None:
-        """A force sample has come."""
+        """Check a force sample."""
         self._newest = sample
         if not self.watching:
             return
         if sample.flags & (Flag.SATURATED | Flag.THRESHOLD):
             wrong = told(sample.flags & (Flag.SATURATED | Flag.THRESHOLD))
-            self._stop(OVERLOAD, f'the load is beyond what the force/torque sensor allows: {wrong}', sample.arrival_ns)
+            self._stop(OVERLOAD, f'the load exceeds the range of the force/torque sensor: {wrong}', sample.arrival_ns)
             return
         if sample.flags & UNUSABLE:
             wrong = told(sample.flags & UNUSABLE)
             self._stop(SENSOR, f'the force/torque sensor reports: {wrong}', sample.arrival_ns)
             return
         if sample.flags & Flag.UNTIMED:
-            self._stop(SENSOR, f'{UNTIMED}; check what it says of its rate', sample.arrival_ns)
+            self._stop(SENSOR, f'{UNTIMED}; check its configured rate', sample.arrival_ns)
             return
         force, torque = self._change(sample.wrench)
         if math.isnan(force):
@@ -118,13 +118,13 @@ class Safety:
         self._check_force(sample, force, torque)
 
     def frame(self, arrival_ns: int) -> None:
-        """An image has come."""
+        """Note the arrival of an image."""
         self._frame_ns = arrival_ns
 
     def tick(self, now_ns: int, machine: Health) -> None:
-        """Time has passed; look for who is silent.
+        """Check for silent devices.
 
-        What came while this process got no processor waits to be read, so that time is no silence of a device.
+        Data that arrived while this process did not run is still unread, so that time does not count as silence.
         """
         absent_ns = max(0, now_ns - self._ticked_ns - TICK_NS) if self._ticked_ns else 0
         self._ticked_ns = now_ns
@@ -139,7 +139,7 @@ class Safety:
             self._stop(SILENT_MACHINE if machine.silent else MACHINE, machine.message, now_ns)
 
     def fail(self, kind: str, reason: str, now_ns: int) -> None:
-        """Somebody else found that everything must stop."""
+        """Stop for a reason found elsewhere."""
         self._stop(kind, reason, now_ns)
 
     def _old_sample(self, now_ns: int, absent_ns: int) -> str:
@@ -159,7 +159,7 @@ class Safety:
         return self._excused(CAMERA, wrong, absent_ns)
 
     def _excused(self, device: str, wrong: Callable[[int], str], absent_ns: int) -> str:
-        """What is wrong even without the time in which this process did not run since the device was well."""
+        """The fault, if it remains without the time in which this process did not run since the device was fine."""
         if not wrong(0):
             self._absent_ns[device] = 0
             return ''
@@ -185,7 +185,7 @@ class Safety:
             self._stop(FORCE, f'the force rises by {rise:.0f} N/s, above {limits.force_rate_n_s:g} N/s', now_ns)
 
     def _rise(self, stamp_ns: int, force: float) -> float:
-        """The rise over the last `rate_ms`; 0 until there are samples for so long."""
+        """The rise over the last `rate_ms`; 0 until there are samples for that long."""
         with self._lock:
             recent, span_ns = self._recent, self._limits.rate_ms * NS_PER_MS
             recent.append((stamp_ns, force))
@@ -209,6 +209,6 @@ class Safety:
 
 
 def _length(values: list[float]) -> float:
-    """Over the axes that are measured; NaN if none is."""
+    """Vector length over the measured axes; NaN if none is measured."""
     measured = [value for value in values if not math.isnan(value)]
     return math.hypot(*measured) if measured else math.nan

@@ -1,7 +1,7 @@
-"""The rig as it stands: machine, sensor and camera images, brought together with their threads and the safety.
+"""The devices of the rig: machine, sensor and camera images, with their threads and the safety.
 
-Four threads: the sensor's own, which hands every sample to the safety; the guard's, which stops the machine; one that
-passes samples on; and that of the run. Whoever makes a `Station` closes it.
+Four threads: the sensor's own, which passes every sample to the safety; the guard's, which stops the machine; one that
+forwards samples; and that of the run. The creator of a `Station` closes it.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from tactile_nodes.simulation import worlds
 
 WORLD = 'rig'
 READ_S = 0.1
-NOT_UP_YET = 'the run has not ended in time, so the tip may not be up yet; it goes up when this process is gone'
+NOT_UP_YET = 'the run has not ended in time, so the tip may not be up yet; it is lifted when this process has ended'
 
 
 class Station:
-    """Open devices under a safety.
+    """Open devices, monitored by a safety.
 
     Args:
         settings: limits and motion.
-        cnc: which machine.
-        force_torque: which sensor.
-        world: where simulated devices stand; shared under the name ``rig``.
+        cnc: the machine.
+        force_torque: the sensor.
+        world: the simulated world; shared under the name ``rig``.
         clock: the host's.
-        on_sample: told every sample, in a thread of its own.
-        on_status: told where the machine is, in the thread of the run.
-        on_switch: told each switching of the digital line, likewise.
-        traffic: told every byte to and from the machine, at once, in whatever thread: must be quick.
+        on_sample: gets every sample, in a thread of its own.
+        on_status: gets the position of the machine, in the thread of the run.
+        on_switch: gets each change of the digital line, likewise.
+        traffic: gets every byte to and from the machine, at once, in any thread: must be quick.
 
     Raises:
         ConfigurationError, DeviceError: a device that cannot be opened.
@@ -83,15 +83,15 @@ class Station:
         self._pump.start()
 
     def image(self, stamp_ns: int, image: Picture) -> None:
-        """An image has come. Raises ImageError."""
+        """Add an image. Raises ImageError."""
         self.safety.frame(self._clock.now_ns())
         self.readings.put_frame(frame_of(stamp_ns, image))
 
     def close_after(self, run: threading.Thread | None, within_s: float) -> bool:
-        """Close when the run has ended, and say whether it has in time.
+        """Close after the run has ended; returns whether it ended in time.
 
-        If not, its tip may be down, and nothing is closed: the run goes on its way up, guarded, and where its process
-        ends before, what watches over the machine (`tactile_nodes.drivers.cnc.dead_man`) brings the tip up.
+        If it did not, its tip may be down, and nothing is closed: the run continues on its way up, monitored. If its
+        process ends before, the watchdog of the machine (`tactile_nodes.drivers.cnc.dead_man`) lifts the tip.
         """
         if run is not None:
             run.join(within_s)
@@ -101,7 +101,7 @@ class Station:
         return True
 
     def close(self) -> None:
-        """Let go of the devices; the machine's motors stay on."""
+        """Close the devices; the machine's motors stay on."""
         self._closing.set()
         self.guard.close()
         self._pump.join(5 * READ_S)
@@ -120,7 +120,7 @@ class Station:
         while not self._closing.is_set():
             try:
                 samples = self.sensor.read(READ_S)
-            except TactileError:  # the safety sees the silence, the sensor's health says it
+            except TactileError:  # the safety notices the silence, the sensor's health reports it
                 self._clock.sleep_until(self._clock.now_ns() + round(READ_S * 1e8))
                 continue
             try:
@@ -129,4 +129,4 @@ class Station:
             except TactileError:
                 if not self._closing.is_set():
                     raise
-                return  # closed meanwhile, and whoever was to be told as well
+                return  # closed meanwhile, as was the receiver of the samples

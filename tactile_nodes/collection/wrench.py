@@ -1,8 +1,8 @@
-"""From what the sensor reads to the force on the gel: tare, turning, the point of the torque, means over a window.
+"""From sensor readings to the force on the gel: tare, rotation, reference point of the torque, means over a window.
 
 Frames: the sensor's own; the machine's (z up); the gel's surface frame, whose axes are the machine's and whose origin
-is the centre of the surface. What the sensor feels is what the gel does to the tip; the label is the reverse, so a
-tip that presses straight down has a negative force z on the gel.
+is the centre of the surface. The sensor measures what the gel does to the tip. The label is the opposite, so a tip that
+presses straight down has a negative force z on the gel.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NOISE_SIGMAS = 4.0
 
 @dataclass(frozen=True)
 class Tare:
-    """What an unloaded sensor reads: mean and standard deviation in its own axes, of how many samples, until when."""
+    """Reading of an unloaded sensor: mean and standard deviation in its own axes, number of samples, end time."""
 
     wrench: Wrench
     deviation: Wrench
@@ -35,7 +35,7 @@ class Tare:
 
     @property
     def tare_id(self) -> str:
-        """Names these numbers: 12 hexadecimal digits of a SHA-256."""
+        """Identifies these numbers: 12 hexadecimal digits of a SHA-256."""
         return hashlib.sha256(repr((self.wrench, self.stamp_ns)).encode('ascii')).hexdigest()[:12]
 
     @property
@@ -51,7 +51,7 @@ def tare_of(samples: Sequence[Sample]) -> Tare:
         DeviceTimeoutError: there is no sample.
     """
     if not samples:
-        raise DeviceTimeoutError('no force sample came to take a zero from; look at the force/torque sensor')
+        raise DeviceTimeoutError('no force samples for the tare; check the force/torque sensor')
     table = wrenches(samples)
     return Tare(as_wrench(table.mean(axis=0)), as_wrench(table.std(axis=0)), len(samples), samples[-1].stamp_ns)
 
@@ -76,13 +76,13 @@ def machine_from_sensor(mounting: MountingSettings) -> Array:
 
 
 def _rotated(rotation: Array, vectors: Array) -> Array:
-    """Like `vectors @ rotation.T`, but an axis that is not measured spoils only what it goes into."""
+    """Like `vectors @ rotation.T`, but a NaN of an axis that is not measured affects only components that need it."""
     terms = np.where(rotation == 0.0, 0.0, vectors[:, None, :] * rotation)
     return np.asarray(np.where(rotation == 0.0, 0.0, terms).sum(axis=2))
 
 
 def on_gel(table: Array, tare: Tare, mounting: MountingSettings, tip_mm: tuple[float, float, float]) -> Array:
-    """What is done to the gel, in its surface frame, about the centre of its surface.
+    """The wrench on the gel, in its surface frame, about the centre of its surface.
 
     Args:
         table: (n, 6) as read.
@@ -108,7 +108,7 @@ def pressing_n(table: Array, tare: Tare, mounting: MountingSettings) -> Array:
 
 
 def slope(stamps_ns: Sequence[int], values: Array) -> float:
-    """Change per second by the line of least squares; 0 for less than two. (0 s, 1), (1 s, 3) give 2."""
+    """Change per second by a least-squares line; 0 for fewer than two. (0 s, 1), (1 s, 3) give 2."""
     if len(stamps_ns) < 2:
         return 0.0
     times = (np.array(stamps_ns, np.float64) - stamps_ns[0]) / NS_PER_S
@@ -117,7 +117,7 @@ def slope(stamps_ns: Sequence[int], values: Array) -> float:
 
 
 def slope_noise(stamps_ns: Sequence[int], noise: float) -> float:
-    """Standard deviation that white noise of the values gives to `slope`."""
+    """Standard deviation of `slope` due to white noise of the values."""
     if len(stamps_ns) < 2:
         return math.inf
     times = (np.array(stamps_ns, np.float64) - stamps_ns[0]) / NS_PER_S
@@ -125,18 +125,18 @@ def slope_noise(stamps_ns: Sequence[int], noise: float) -> float:
 
 
 def mean_change(samples: Sequence[Sample], tare: Tare) -> float:
-    """How much the mean force differs from the tare; infinite where a sample cannot be used."""
+    """Difference of the mean force from the tare; infinite if a sample cannot be used."""
     if not all(sample.usable for sample in samples):
         return math.inf
     return length(wrenches(samples)[:, :3].mean(axis=0) - np.array(tare.wrench[:3]))
 
 
 def mean_noise(tare: Tare, count: int) -> float:
-    """What noise may make of the difference between the mean of `count` samples and the tare."""
+    """Bound on the difference between the mean of `count` samples and the tare that noise can cause."""
     return NOISE_SIGMAS * length(np.array(tare.deviation[:3])) / math.sqrt(max(1, count))
 
 
 def length(values: Array) -> float:
-    """Of a vector, over the axes that are measured; NaN if none is. (3, NaN, 4) gives 5."""
+    """Length of a vector over the measured axes; NaN if none is measured. (3, NaN, 4) gives 5."""
     measured = values[~np.isnan(values)]
     return float(np.hypot.reduce(measured)) if len(measured) else math.nan

@@ -76,7 +76,7 @@ class CdrWriter:
         if outcome == DDSException.DDS_RETCODE_TIMEOUT:
             self.dropped += 1
         elif outcome < 0:
-            raise BusError(f'DDS does not send {self._writer.topic.name}: {DDSException(outcome)}')
+            raise BusError(f'cannot send {self._writer.topic.name} over DDS: {DDSException(outcome)}')
 
 
 class CdrReader:
@@ -95,7 +95,7 @@ class CdrReader:
         """
         found = _clayer.ddspy_take(self._reader._ref, _ANY, _AT_ONCE)
         if isinstance(found, int):
-            raise BusError(f'DDS gives nothing of {self._reader.topic.name}: {DDSException(found)}')
+            raise BusError(f'cannot read {self._reader.topic.name} from DDS: {DDSException(found)}')
         valid = [data for data, info in found if info.valid_data]
         plain = [_without_padding(data) for data in valid if data[:2] in {_CDR_LITTLE, _CDR_BIG}]
         self.malformed += len(valid) - len(plain)

@@ -41,7 +41,7 @@ class Wish:
             messages.message_class(kind)
         except MessageError as error:
             raise ConfigurationError(
-                f'{text!r} does not say what to take; write topic@package/msg/Type, say '
+                f'{text!r} is not a topic with a type; use topic@package/msg/Type, e.g. '
                 '/robot/wrench@geometry_msgs/msg/WrenchStamped'
             ) from error
         return cls(name, kind)
@@ -78,7 +78,7 @@ class Inward:
         """Why what is taken should not be compared with what is measured here; empty: it can be."""
         if abs(self.apart_s) < _CLOCKS_APART_S:
             return ''
-        return f'what is taken is stamped {self.apart_s:+.3f} s before it came: the clocks here and there are apart'
+        return f'messages are stamped {self.apart_s:+.3f} s before their arrival: the clocks differ'
 
     def pass_on(self, publisher: Publisher, data: bytes, type_name: str) -> None:
         """Publish one message, if it is one."""

@@ -39,7 +39,7 @@ class Discovery:
         said = os.environ if environment is None else environment
         found = (wish or said.get(RANGE_VARIABLE, '') or LOCALHOST).upper()
         if found not in {LOCALHOST, SUBNET}:
-            raise ConfigurationError(f'the discovery range {found} is not known here; choose {LOCALHOST} or {SUBNET}')
+            raise ConfigurationError(f'unknown discovery range {found}; choose {LOCALHOST} or {SUBNET}')
         if peers and found == LOCALHOST:
             raise ConfigurationError(f'peers on other machines need discovery_range:={SUBNET}')
         return cls(found, tuple(peers))
@@ -97,4 +97,6 @@ def _address(peer: str) -> str:
     try:
         return str(socket.getaddrinfo(peer, None, socket.AF_INET)[0][4][0])
     except OSError as error:  # Cyclone would abort the process
-        raise ConfigurationError(f'the peer {peer!r} leads nowhere ({error}); give a name or an address') from error
+        raise ConfigurationError(
+            f'the peer {peer!r} cannot be resolved ({error}); use a host name or an address'
+        ) from error

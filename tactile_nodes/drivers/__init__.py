@@ -1,1 +1,1 @@
-"""Our side of every device: a small protocol, the hardware, and the simulated twin, side by side."""
+"""Device drivers: for each kind of device a small protocol, the hardware drivers, and a simulated device."""

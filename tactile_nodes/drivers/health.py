@@ -1,4 +1,4 @@
-"""What a device says about itself, in the levels of `diagnostic_msgs/DiagnosticStatus`."""
+"""The state of a device, in the levels of `diagnostic_msgs/DiagnosticStatus`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class Level(IntEnum):
-    """How much a person should care; the numbers are those of `DiagnosticStatus.OK`, `WARN`, `ERROR`, `STALE`."""
+    """Severity; the numbers are those of `DiagnosticStatus.OK`, `WARN`, `ERROR`, `STALE`."""
 
     OK = 0
     WARN = 1
@@ -22,4 +22,4 @@ class Health:
     level: Level
     message: str
     silent: bool = False
-    """Whether nothing else is wrong but that it says nothing, which may be over by itself."""
+    """Whether silence is the only problem; it may pass."""

@@ -1,13 +1,13 @@
-"""A serial port: found, opened with a policy for its DTR line, read in pieces, and gone when it is unplugged.
+"""A serial port: finding it, opening it with a policy for its DTR line, reading, and detecting its removal.
 
-Many controllers have their reset wired to DTR, some so that a port that is merely open keeps them in reset; so what
-happens to that line is a setting:
+Many controllers have their reset wired to DTR, some so that an open port keeps them in reset. So there is a setting
+for that line:
 
 ============  ======================================================================================
-``default``   raised on opening, as every program does it: boards of the Arduino kind restart
-``pulse``     lowered for 0.1 s after opening, then raised: those boards restart for certain
-``low``       lowered right after opening and kept so: for boards that are in reset while it is raised
-``untouched`` not touched, nor lowered on closing: the controller keeps its position if the system lets it
+``default``   raised on opening, as usual: Arduino-like boards restart
+``pulse``     lowered for 0.1 s after opening, then raised: these boards certainly restart
+``low``       lowered right after opening and kept low: for boards that are in reset while it is high
+``untouched`` not changed, not even on closing: the controller keeps its position if the system allows it
 ============  ======================================================================================
 """
 
@@ -34,19 +34,19 @@ class Port(Protocol):
 
     @property
     def name(self) -> str:
-        """What to call it in an error."""
+        """Its name in errors."""
         ...
 
     def write(self, data: bytes) -> None:
         """Send.
 
         Raises:
-            DeviceLostError: it is gone, or takes nothing any more.
+            DeviceLostError: it is gone, or accepts no more data.
         """
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """What has arrived, at once if something has; empty after the timeout.
+        """The received bytes, at once if there are any; empty after the timeout.
 
         Raises:
             DeviceLostError: it is gone.
@@ -54,12 +54,12 @@ class Port(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
         ...
 
 
 class SerialPort:
-    """A port of the operating system, held exclusively."""
+    """A port of the operating system, opened exclusively."""
 
     def __init__(self, port: serial.Serial, name: str) -> None:
         self._port = port
@@ -67,7 +67,7 @@ class SerialPort:
 
     @property
     def descriptor(self) -> int:
-        """Of the open port."""
+        """File descriptor of the open port."""
         number: int = self._port.fileno()
         return number
 
@@ -93,7 +93,7 @@ class SerialPort:
             self._port.close()
 
     def _lost(self, error: Exception) -> DeviceLostError:
-        return DeviceLostError(f'{self.name} is gone ({_why(error)}); check its cable and plug it in again')
+        return DeviceLostError(f'{self.name} is gone ({_why(error)}); check its cable and reconnect it')
 
 
 def _why(error: Exception) -> str:
@@ -104,32 +104,32 @@ def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
     """Open a port.
 
     Args:
-        path: a device, best from /dev/serial/by-id, whose names do not change.
+        path: a device, preferably from /dev/serial/by-id, where names do not change.
         baud: bits per second.
         dtr: one of `DTR_POLICIES`.
         clock: times the pulse.
 
     Raises:
         ConfigurationError: no such policy or baud rate.
-        DeviceNotFoundError: no such port, or none that this user may open.
-        DeviceBusyError: another program has it.
+        DeviceNotFoundError: no such port, or no permission to open it.
+        DeviceBusyError: another program uses it.
     """
     if dtr not in DTR_POLICIES:
-        raise ConfigurationError(f'no DTR policy {dtr!r}; there are {", ".join(DTR_POLICIES)}')
+        raise ConfigurationError(f'no DTR policy {dtr!r}; available: {", ".join(DTR_POLICIES)}')
     if not Path(path).exists():
         raise DeviceNotFoundError(f'there is no serial port {path}; {_there_are()}')
     port = serial.Serial(baudrate=baud, timeout=0.0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
     port.port = path
-    port.dsrdtr = dtr == 'untouched'  # with which pyserial leaves the line alone
+    port.dsrdtr = dtr == 'untouched'  # then pyserial does not change the line
     port.dtr = dtr != 'low'
     try:
         port.open()
     except (serial.SerialException, OSError) as error:
         raise _cannot_open(path, error) from error
     except ValueError as error:
-        raise ConfigurationError(f'cannot open {path} with {baud} baud ({error}); give another rate') from error
+        raise ConfigurationError(f'cannot open {path} with {baud} baud ({error}); use another rate') from error
     with contextlib.suppress(OSError, ValueError, NotImplementedError):
-        port.set_low_latency_mode(True)  # FTDI adapters hold bytes back for 16 ms otherwise; others need it not
+        port.set_low_latency_mode(True)  # otherwise FTDI adapters delay bytes by 16 ms; others do not need it
     if dtr == 'untouched':
         _keep_line_on_close(port.fileno())
     elif dtr == 'pulse':
@@ -138,14 +138,14 @@ def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
 
 
 def lasting_name(path: str) -> str:
-    """The name of a port that stays with its device: below /dev/serial/by-id, where it has one; else the path."""
+    """The persistent name of a port: below /dev/serial/by-id, if there is one; else the path."""
     device = os.path.realpath(path)
     found = (each for each in _by_id() if os.path.realpath(each) == device)
     return next(found, str(Path(path).absolute()))
 
 
 def _pulse(port: serial.Serial, clock: Clock) -> None:
-    with contextlib.suppress(OSError):  # a port without that line, as a pseudo terminal, has nothing to pulse
+    with contextlib.suppress(OSError):  # a port without that line, such as a pseudo terminal
         port.dtr = False
         clock.sleep_until(clock.now_ns() + PULSE_NS)
         port.dtr = True
@@ -160,10 +160,12 @@ def _keep_line_on_close(descriptor: int) -> None:
 def _cannot_open(path: str, error: Exception) -> DeviceError:
     text = str(error).lower()
     if 'permission' in text:
-        return DeviceNotFoundError(f'may not open {path}; add yourself to its group (often dialout) and log in again')
+        return DeviceNotFoundError(
+            f'no permission to open {path}; add yourself to its group (often dialout) and log in again'
+        )
     if 'exclusively lock' in text or 'busy' in text:
-        return DeviceBusyError(f'{path} is in use by another program; end that program first')
-    return DeviceNotFoundError(f'cannot open {path} as a serial port ({error}); name another one')
+        return DeviceBusyError(f'{path} is in use by another program; close that program first')
+    return DeviceNotFoundError(f'cannot open {path} as a serial port ({error}); use another one')
 
 
 def _by_id() -> list[str]:
@@ -172,4 +174,4 @@ def _by_id() -> list[str]:
 
 def _there_are() -> str:
     found = _by_id()
-    return f'there are {", ".join(found)}' if found else 'none is plugged in that has a name under /dev/serial/by-id'
+    return f'found: {", ".join(found)}' if found else 'no port is listed under /dev/serial/by-id'

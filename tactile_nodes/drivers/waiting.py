@@ -1,4 +1,4 @@
-"""A device that was just switched on takes its time; whoever opens it waits for it."""
+"""Waits for a device that was just switched on."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def opened_within(
     told: Callable[[DeviceError], None],
     worth_waiting: tuple[type[DeviceError], ...] = (DeviceError,),
 ) -> Device:
-    """What `open_device` opens, tried four times a second; `told` hears of each failure.
+    """The result of `open_device`, tried four times per second; `told` is called with each failure.
 
     Raises:
-        DeviceError: it cannot be opened within `wait_s`, or for another reason than those that are worth waiting for.
+        DeviceError: it cannot be opened within `wait_s`, or for a reason that waiting does not fix.
     """
     deadline_ns = clock.now_ns() + round(wait_s * NS_PER_S)
     while True:

@@ -1,4 +1,4 @@
-"""The numbers and texts of a message as columns of a table, found by walking the first message of a topic."""
+"""Numbers and strings of a message as table columns, found by walking the first message of a topic."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _MAPS = {
     ),
     FORCE_FIELD.type_name: ('pressure', 'shear_x', 'shear_y', 'pressure_sigma', 'shear_sigma'),
 }  # fmt: skip
-"""What lies on a grid of rows and columns; where it is not known, or of an invalid frame, the array is empty."""
+"""Arrays on a grid of rows and columns; unknown ones, or those of an invalid frame, are empty."""
 
 _APART = {IMAGE_TYPE: ('data',), HAND_WRENCH.type_name: ('sensors', 'missing', 'margins')}
-"""Fields that have columns of another form than their own."""
+"""Fields whose columns have another form."""
 
 _MARGIN = (
     'position.x', 'position.y', 'position.z', 'normal', 'shear', 'margin', 'margin_sigma', 'slip_share',
@@ -112,7 +112,7 @@ class Layout:
         if not column.shape:
             return value
         array = np.asarray(value, column.dtype)
-        if array.size == 0 and array.dtype.kind == 'f':  # told by nobody this time, e.g. of an invalid frame
+        if array.size == 0 and array.dtype.kind == 'f':  # unknown this time, e.g. in an invalid frame
             return np.full(column.shape, np.nan, array.dtype)
         if array.size != np.prod(column.shape) or (array.ndim > 1 and array.shape != column.shape):
             raise self._changed(column.name, column.shape, array.shape)

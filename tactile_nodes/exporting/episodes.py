@@ -1,4 +1,4 @@
-"""Which stretches of a bag are episodes of a data set."""
+"""The parts of a bag that become episodes of a data set."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ def find_episodes(source: Source, cut: str, start: Start) -> list[Episode]:
     there are several sensors, the last episode ends where the first of them falls silent.
 
     Raises:
-        BagError: there is no force from `start` on, or the bag is to be cut at presses and tells of none.
+        BagError: there is no force from `start` on, or the bag is to be cut at presses and has none.
     """
     stamps = [source.stamps_ns(topic) for topic in _force_topics(source)]
     end_ns = min(each[-1] for each in stamps)
     if start.at_ns > end_ns:
         raise BagError(
-            f'{start.topic} of {source.bag.path} says nothing until after the last force; '
+            f'{start.topic} of {source.bag.path} has no message until after the last force; '
             f'leave it out with --exclude {start.topic}'
         )
     if cut == BAG:
@@ -68,8 +68,8 @@ def _force_topics(source: Source) -> list[str]:
     topics = [topic for topic, layout in source.layouts.items() if layout.is_force]
     if not topics:
         raise BagError(
-            f'{source.bag.path} holds no {FORCE_DISTRIBUTION.name}, which the frames of a data set follow; play it '
-            'with a force estimator and record that, or export parquet or zarr'
+            f'{source.bag.path} holds no {FORCE_DISTRIBUTION.name}, which sets the times of the frames; play it '
+            'with a force estimator and record it again, or export parquet or zarr'
         )
     return topics
 
@@ -108,7 +108,7 @@ def _presses(source: Source) -> list[Any]:
     topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
     told = [source.bag.decode(message) for message in source.bag.messages(topics)] if topics else []
     if not told:
-        raise BagError(f'{source.bag.path} holds no presses, so it cannot be cut at them; leave out --cut')
+        raise BagError(f'{source.bag.path} holds no presses, so it cannot be cut at presses; leave out --cut')
     last: dict[Any, Any] = {}
     for press in told:
         key = press.plan_id, press.press, press.attempt

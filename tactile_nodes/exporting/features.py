@@ -84,7 +84,7 @@ class Feature:
     def _unknown(self) -> Any:
         if self.dtype != 'float32':
             raise DatasetError(
-                f'{self.topic} says nothing until after the first frame, and {self.key} ({self.dtype}) cannot say so; '
+                f'{self.topic} has no message until after the first frame, and {self.key} ({self.dtype}) has no NaN; '
                 f'leave it out with --exclude {self.topic}'
             )
         return np.full(self.shape, np.nan, np.float32) if self.shape != (1,) else np.float32(np.nan)
@@ -107,7 +107,7 @@ def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') ->
         made = _features_of_one(layout, key)
         if layout.topic in (state, action) and (layout.is_force or not made or made[0].is_image):
             raise ConfigurationError(
-                f'{layout.topic} is no vector of numbers, so it cannot be {key}; take another topic'
+                f'{layout.topic} is not a vector of numbers, so it cannot be {key}; use another topic'
             )
         found += made
     return found
@@ -116,7 +116,7 @@ def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') ->
 def png(pixels: np.ndarray) -> bytes:
     """A picture as PNG with three channels, which encoders of pictures expect; a grey one three times the same."""
     if pixels.dtype != np.uint8:
-        raise DatasetError(f'pictures of {pixels.dtype} do not fit the 8 bits of a data set; export them as zarr')
+        raise DatasetError(f'pictures of {pixels.dtype} do not fit into the 8 bits of a data set; export them as zarr')
     colour = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR if pixels.ndim == 2 else cv2.COLOR_RGB2BGR)
     return bytes(cv2.imencode('.png', colour)[1].tobytes())
 

@@ -161,7 +161,7 @@ def _leave_out_events(source: Source) -> None:
     for topic in list(source.layouts):
         if topic.rpartition('/')[2] in EVENTS:
             del source.layouts[topic]
-            source.left_out[topic] = 'no observation; name it with --topics to have it'
+            source.left_out[topic] = 'not an observation; add it with --topics'
 
 
 def _with_full_names(source: Source, plan: Plan) -> Plan:
@@ -174,7 +174,7 @@ def _with_full_names(source: Source, plan: Plan) -> Plan:
 def _full_name(source: Source, flag: str, topic: str) -> str:
     name = find_topic(source.bag, topic) if topic else ''
     if name and name not in source.layouts:
-        reason = source.left_out.get(name, 'not asked for')
+        reason = source.left_out.get(name, 'not requested')
         raise ConfigurationError(
             f'{flag} {name} of {source.bag.path} is not exported ({reason}); exported are {", ".join(source.layouts)}'
         )

@@ -108,7 +108,7 @@ class Meta:
             first, now = ({feature.key for feature in each} for each in (self.features, features))
             raise DatasetError(
                 f'{bag} has other features than the bags before it ({", ".join(sorted(first ^ now)) or "in shape"}); '
-                'choose topics that all have with --topics, or export them apart'
+                'choose common topics with --topics, or export the bags separately'
             )
 
     def open_episode(self) -> EpisodeFile:

@@ -1,4 +1,4 @@
-"""The folder that an export makes: there when it is whole, and not before."""
+"""The output folder of an export: it appears only when it is complete."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def made_whole(output: Path, *, replace: bool = False) -> Iterator[Path]:
         draft.rename(output)
     except OSError as error:
         shutil.rmtree(draft, ignore_errors=True)
-        raise DatasetError(f'cannot write {output}: {error.strerror or error}; nothing of it was kept') from error
+        raise DatasetError(f'cannot write {output}: {error.strerror or error}; nothing was kept') from error
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
@@ -48,6 +48,8 @@ def _require_free(output: Path, replace: bool) -> None:
     if not output.exists():
         return
     if not replace:
-        raise DatasetError(f'{output} exists already; choose another name, or replace it with --force')
+        raise DatasetError(f'{output} already exists; choose another name, or replace it with --force')
     if not (output / FACTS).is_file() and not (output.is_dir() and not any(output.iterdir())):
-        raise DatasetError(f'{output} is no export of ours (it holds no {FACTS}) and is not replaced; move it away')
+        raise DatasetError(
+            f'{output} is not an export of this program (it has no {FACTS}) and is not replaced; move it away'
+        )

@@ -1,6 +1,6 @@
-"""Messages that come when they come, as frames at a fixed rate: each frame takes messages that are there, as they are.
+"""Resampling: messages at any times become frames at a fixed rate; each frame uses existing messages unchanged.
 
-Nothing is interpolated. A frame says how old what it took is; what no message told is NaN.
+Nothing is interpolated. A frame records the age of each message that it uses; missing values are NaN.
 """
 
 from __future__ import annotations

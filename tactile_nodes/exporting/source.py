@@ -30,12 +30,12 @@ NOT_TABLES = {
     'sensor_msgs/msg/CompressedImage': 'a compressed image',
     'sensor_msgs/msg/CameraInfo': 'constant',
     'sensor_msgs/msg/PointCloud2': 'a point cloud',
-    'tactile_nodes/msg/FlowFeatures': 'large; name it with --topics to have it',
+    'tactile_nodes/msg/FlowFeatures': 'large; add it with --topics',
     'diagnostic_msgs/msg/DiagnosticArray': 'texts',
     'rcl_interfaces/msg/Log': 'texts',
     'rosgraph_msgs/msg/Clock': 'no data',
 }
-"""What is exported only when it is named, and why."""
+"""Types that are exported only on request, and why."""
 
 _FORCES = (FORCE_DISTRIBUTION.type_name, FORCE_FIELD.type_name)
 
@@ -177,7 +177,7 @@ class Source:
         return {
             'type': layout.type_name,
             'rows': self.provenance.rows[layout.topic],
-            'stamp': 'capture, from the header' if stamped else 'when it was published, as it has no header',
+            'stamp': 'capture, from the header' if stamped else 'time of publication, as it has no header',
             'frames': sorted(self.provenance.frames.get(layout.topic, ())),
             'units': {column.name: column.unit for column in layout.columns if column.unit},
             'constant': {name: texts for name, (_, texts) in layout.constant.items()},
@@ -195,13 +195,13 @@ class Source:
             else:
                 self._lay_out(name)
         if not self.layouts:
-            raise BagError(f'{self.bag.path} holds nothing to export: {self.left_out or "no topics"}')
+            raise BagError(f'{self.bag.path} contains nothing to export: {self.left_out or "no topics"}')
 
     def _reason_against(self, name: str, kind: str, named: set[str], unwanted: set[str], images: bool) -> str:
         if name in unwanted or (named and name not in named and not (images and kind == IMAGE_TYPE)):
-            return 'not asked for'
+            return 'not requested'
         if kind == IMAGE_TYPE and not images:
-            return 'images; have them with --images'
+            return 'images; add them with --images'
         return '' if name in named else NOT_TABLES.get(kind, '')
 
     def _lay_out(self, name: str) -> None:

@@ -33,11 +33,11 @@ _UNITS: dict[str, dict[str, str]] = {
 }  # fmt: skip
 
 SIGNS = (
-    'normal_force, pressure, total and peak: positive presses into the gel. shear_*: what drags the gel along x and y. '
+    'normal_force, pressure, total and peak: positive presses into the gel. shear_*: shear on the gel along x and y. '
     'wrench: force on the gel, so pressing is -z; its torque is about the origin. '
     'gel_surface: origin in the middle, x to the right and y down in the image, z out of the gel.'
 )
-STATUS = {'0': 'ok', '1': 'degraded: less sure than usual', '2': 'invalid: do not use the numbers; reasons says why'}
+STATUS = {'0': 'ok', '1': 'degraded: less certain than usual', '2': 'invalid: do not use the numbers; reasons says why'}
 
 
 def unit_of(type_name: str, column: str) -> str:

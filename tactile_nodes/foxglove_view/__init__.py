@@ -1,1 +1,1 @@
-"""Everything on this bus for Foxglove and Lichtblick to look at, live."""
+"""Shows all topics of this bus live in Foxglove and Lichtblick."""

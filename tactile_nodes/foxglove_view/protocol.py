@@ -1,4 +1,4 @@
-"""What travels between Foxglove and a server that it looks at: JSON both ways, and messages in binary.
+"""The protocol between Foxglove and a server: JSON in both directions, and messages in binary.
 
 Of `foxglove.sdk.v1` and of the older `foxglove.websocket.v1` only what a viewer needs, in which they are alike
 (github.com/foxglove/foxglove-sdk, ``rust/foxglove/src/protocol``).
@@ -90,8 +90,8 @@ def orders(text: str) -> list[Order]:
         if said['op'] == 'unsubscribe':
             return [Order(_number(each)) for each in said['subscriptionIds']]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise MessageError(f'no order of a viewer: {type(error).__name__}') from error
-    raise MessageError('this server shows topics, and does nothing else')
+        raise MessageError(f'not a valid request: {type(error).__name__}') from error
+    raise MessageError('this server only shows topics')
 
 
 def link(address: str) -> str:

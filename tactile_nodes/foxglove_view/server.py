@@ -1,8 +1,8 @@
-"""A server that Foxglove and Lichtblick look at: channels with ROS 2's definitions, fed with the bytes that travelled.
+"""A server for Foxglove and Lichtblick: channels with ROS 2 definitions, fed with the serialized messages.
 
-Foxglove's own server asks nobody where they come from, and an open port behind a door is a second door: so this speaks
-their protocol itself. Who connects can look, and change nothing. Each viewer has a queue of its own, out of which the
-oldest message falls when it is full.
+Foxglove's own server does not check the origin of connections, and its open port would bypass our access control. So
+this server implements their protocol itself. Clients can watch, but change nothing. Each viewer has its own queue,
+which drops the oldest message when it is full.
 """
 
 from __future__ import annotations
@@ -146,14 +146,14 @@ class FoxgloveServer:
         """Raises what aiohttp answers with where somebody may not look, or speaks another language."""
         origin = request.headers.get('Origin')
         if origin is not None and origin not in self._origins:  # only a browser says one
-            self.complaints.count(f'a page of {origin!a}, which the parameter "origins" does not name')
-            raise web.HTTPForbidden(text='Pages from there may not look; the parameter "origins" names those that may.')
+            self.complaints.count(f'a page of {origin!a}, which is not in the parameter "origins"')
+            raise web.HTTPForbidden(text='Pages from this origin may not connect; see the parameter "origins".')
         offered = {each.strip() for each in request.headers.get('Sec-WebSocket-Protocol', '').split(',')}
         if not offered & set(protocol.SUBPROTOCOLS):
             known = ' or '.join(protocol.SUBPROTOCOLS)
             raise web.HTTPBadRequest(text=f'This is for Foxglove and Lichtblick, by WebSocket: {known}.')
         if len(self._viewers) >= MOST_VIEWERS:
-            raise web.HTTPServiceUnavailable(text='Too many look already; close one.')
+            raise web.HTTPServiceUnavailable(text='Too many viewers are connected already; close one.')
 
     async def _attend(self, channel: web.WebSocketResponse, viewer: _Viewer) -> None:
         sending = asyncio.create_task(viewer.send_through(channel))

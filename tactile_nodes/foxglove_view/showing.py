@@ -1,4 +1,4 @@
-"""The topics of the bus as channels, each received only while somebody watches it."""
+"""The topics of the bus as channels, each received only while it has viewers."""
 
 from __future__ import annotations
 

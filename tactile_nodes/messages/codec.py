@@ -33,7 +33,7 @@ def encode_view(message: Any) -> memoryview:
     try:
         return store().serialize_cdr(message, name)
     except Exception as error:  # generated code fails in its own ways on each wrong field
-        raise MessageError(f'a field of this {name} holds what its type cannot: {error}') from error
+        raise MessageError(f'a field of this {name} has an invalid value: {error}') from error
 
 
 def decode(data: bytes | memoryview, name: str) -> Any:
@@ -62,7 +62,7 @@ def _decoded(data: Any, name: str, decoder: Callable[[Any, str], Any]) -> Any:
     try:
         return decoder(data, name)
     except (SerdeError, IndexError, AssertionError, OverflowError, MemoryError, RecursionError) as error:
-        raise MessageError(f'{len(data)} bytes that are no {name}: {error}') from error
+        raise MessageError(f'{len(data)} bytes are not a {name}: {error}') from error
 
 
 def message_class(name: str) -> type[Any]:
@@ -196,6 +196,6 @@ def _base(base: str, value: Any) -> Any:
         return str(value)
     if base == 'bool':
         if not isinstance(value, bool):
-            raise TypeError('true or false is expected')
+            raise TypeError('expected true or false')
         return value
     return float(value) if base.startswith('float') else int(value)

@@ -64,7 +64,7 @@ class MessageStore(Typestore):
         """
         if name not in self._classes:
             if name not in self.fielddefs:
-                raise MessageError(f'there is no message type {name!r}; it has the form package/msg/Name')
+                raise MessageError(f'there is no message type {name!r}; a type has the form package/msg/Name')
             self._classes[name] = self.types[name] = self._frozen_class(name)
         return self._classes[name]
 
@@ -79,7 +79,7 @@ class MessageStore(Typestore):
             SerdeError: the bytes are no such message.
         """
         if data[:2] != _LITTLE:
-            raise SerdeError('the bytes do not begin as little-endian CDR does')
+            raise SerdeError('the bytes do not begin like little-endian CDR')
         definition = self.get_msgdef(name)
         try:
             message, _ = definition.deserialize_cdr_le(data[4:], 0, definition.cls, self)

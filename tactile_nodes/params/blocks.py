@@ -71,7 +71,7 @@ def from_mapping(
     known = {description.name for description in describe(block)}
     for name, value in values.items():
         if name not in known:
-            raise _at(value, source, f'unknown parameter {name!r}; known are: {", ".join(sorted(known))}')
+            raise _at(value, source, f'unknown parameter {name!r}; available: {", ".join(sorted(known))}')
     try:
         return typing.cast(Block, _build(block, '', values, source, exact))
     except ValueError as error:

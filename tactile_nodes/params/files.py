@@ -131,7 +131,7 @@ def _mapping(path: str | Path) -> yaml.MappingNode | None:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read {path}: {error}') from error
     if root is not None and not isinstance(root, yaml.MappingNode):
-        raise _refusal(str(path), root, 'a mapping of names to values is expected here')
+        raise _refusal(str(path), root, 'expected a mapping of names to values')
     _require_each_once(root, str(path))
     return root
 
@@ -206,7 +206,7 @@ def _flat(mapping: yaml.MappingNode, prefix: str, source: str) -> Iterable[tuple
 
 def _key(node: yaml.Node, source: str) -> str:
     if not isinstance(node, yaml.ScalarNode):
-        raise _refusal(source, node, 'a name is expected here')
+        raise _refusal(source, node, 'expected a name')
     return str(node.value)
 
 

@@ -1,1 +1,1 @@
-"""What somebody who watches the sensor knows, in a terminal or in a browser: plain objects that are fed by hand."""
+"""The state behind the views in a terminal and in a browser: plain objects that are fed with messages."""

@@ -1,7 +1,7 @@
-"""A force distribution and a force field in the standard messages that other tools draw: pictures, points, markers.
+"""A force distribution and a force field as standard messages that other tools draw: pictures, points, markers.
 
-All carry the header of what they are made of. A distribution that is invalid has no shape: these messages hold no
-status, so the picture is NaN, the cloud and the markers are empty, and there is no contact.
+All carry the header of their source. An invalid distribution has no shape: these messages have no status, so the
+picture is NaN, the cloud and the markers are empty, and there is no contact.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DEGRADED_COLOUR = types.ColorRGBA(r=1.0, g=0.6, b=0.0, a=1.0)
 
 
 def is_usable(force: types.ForceDistribution | types.ForceField) -> bool:
-    """Whether its numbers may be used at all."""
+    """Whether its numbers can be used at all."""
     return force.status != types.ForceDistribution.STATUS_INVALID
 
 
@@ -61,17 +61,17 @@ def force_points(force: types.ForceDistribution) -> types.PointCloud2:
 
 
 def contact_point(force: types.ForceDistribution) -> types.PointStamped | None:
-    """The place of the largest contact in m; None when nothing touches."""
+    """The position of the largest contact in m; None without contact."""
     if not (force.in_contact and is_usable(force)):
         return None
     return types.PointStamped(header=force.header, point=force.contact)
 
 
 def contact_markers(force: types.ForceDistribution) -> types.MarkerArray:
-    """An arrow for each contact, its head on the gel, along the force there, shear included, 20 mm long for a newton.
+    """An arrow for each contact, its head on the gel, along the force including shear, 20 mm per newton.
 
-    About it an ellipse as long and wide as the contact, where that is known. Green, or orange when degraded. The first
-    marker takes away those of the frame before.
+    Around it, an ellipse with the length and width of the contact, if known. Green, or orange if degraded. The first
+    marker deletes those of the previous frame.
     """
     drawn: list[types.Marker] = []
     for number, contact in enumerate(force.contacts if is_usable(force) else []):
@@ -84,7 +84,7 @@ def contact_markers(force: types.ForceDistribution) -> types.MarkerArray:
 def surface_transform(
     parent: str, child: str, xyz_m: tuple[float, ...], rpy_rad: tuple[float, ...], stamp_ns: int
 ) -> types.TFMessage:
-    """Where the frame `child` stands in `parent`.
+    """The pose of the frame `child` in `parent`.
 
     Roll, pitch and yaw turn about the fixed axes x, y, z in this order, as in URDF: R = Rz(yaw) Ry(pitch) Rx(roll).
     (0, 0, pi/2) is the quaternion (0, 0, sqrt(1/2), sqrt(1/2)).
@@ -96,7 +96,7 @@ def surface_transform(
 
 
 def hand_transforms(hand: Hand, stamp_ns: int) -> types.TFMessage:
-    """Where each sensor of a hand is mounted, in one message: a latched topic keeps only the last."""
+    """The mounting poses of all sensors of a hand, in one message: a latched topic keeps only the last."""
     mounted = [each.frame for each in hand.sensors]
     found = [surface_transform(each.parent, each.id, each.xyz_m, each.rpy_rad, stamp_ns) for each in mounted]
     return types.TFMessage(transforms=[transform for each in found for transform in each.transforms])
@@ -118,7 +118,7 @@ def _forces(force: types.ForceDistribution) -> Float32[np.ndarray, 'rows cols']:
 
 
 def _bytes(values: np.ndarray) -> np.ndarray:
-    """The bytes of float32, little endian, in an array of their own: the message freezes it."""
+    """The bytes of float32, little endian, in a separate array: the message freezes it."""
     return np.frombuffer(values.astype('<f4').tobytes(), np.uint8)
 
 
@@ -136,7 +136,7 @@ def _picture(told: types.ForceDistribution | types.ForceField, values: Float32[n
 
 
 def _arrow(force: types.ForceDistribution, number: int) -> types.Marker:
-    """On the gel acts (shear x, shear y, -force): the tail lies against it. Shear that is not known counts as none."""
+    """The force on the gel is (shear x, shear y, -force): the tail points against it. Unknown shear counts as zero."""
     contact = force.contacts[number]
     tip = contact.position
     shear_x, shear_y = (value if math.isfinite(value) else 0.0 for value in (contact.shear_x, contact.shear_y))

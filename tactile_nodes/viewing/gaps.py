@@ -1,10 +1,10 @@
-"""Which messages of a publisher did not come."""
+"""Lost messages of a publisher."""
 
 from __future__ import annotations
 
 
 class SequenceGaps:
-    """Messages that publishers sent and that never came, from their running numbers."""
+    """Messages that were published but never received, from sequence numbers."""
 
     def __init__(self) -> None:
         self.total = 0

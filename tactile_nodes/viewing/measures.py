@@ -1,4 +1,4 @@
-"""What the view counts: rates, latencies, drops, and how near the estimates come to the truth. Plain objects."""
+"""Statistics of the views: rates, latencies, drops, and errors of the estimates. Plain objects."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STAGES = ('acquire', 'flow', 'features', 'predict', 'transport', 'end to end')
 
 @dataclass(frozen=True)
 class Percentiles:
-    """Median and 99th percentile [s]; NaN when nothing was measured."""
+    """Median and 99th percentile [s]; NaN without measurements."""
 
     p50: float
     p99: float
@@ -28,8 +28,8 @@ NOTHING = Percentiles(math.nan, math.nan)
 def stage_times(stages: Any, end_to_end_s: float) -> tuple[float, ...]:
     """The seconds of each of `STAGES` for one frame.
 
-    `stages` is the message's StageTimes. What of the whole is in none of the stages is transport: all hand-overs
-    between nodes, the last one to the view included.
+    `stages` is the message's StageTimes. Transport is the rest of the total that is in no stage: all transfers between
+    nodes, including the last one to the view.
     """
     measured = (stages.acquire, stages.flow, stages.features, stages.predict)
     known = sum(seconds for seconds in measured if not math.isnan(seconds))
@@ -37,7 +37,7 @@ def stage_times(stages: Any, end_to_end_s: float) -> tuple[float, ...]:
 
 
 class Recent:
-    """The frames of the last seconds: when captured, when here, and how long each stage took."""
+    """The frames of the last seconds: capture times, arrival times, and the duration of each stage."""
 
     def __init__(self, seconds: float) -> None:
         self._window_ns = round(seconds * NS_PER_S)
@@ -48,12 +48,12 @@ class Recent:
         self.forget(arrival_ns)
 
     def forget(self, now_ns: int) -> None:
-        """Leave out what is older than the window."""
+        """Drop frames older than the window."""
         while self._frames and self._frames[0][0] < now_ns - self._window_ns:
             self._frames.popleft()
 
     def rates_hz(self) -> tuple[float, float]:
-        """Frames a second by their arrivals and by their stamps; NaN for fewer than two."""
+        """Frames per second by arrival times and by stamps; NaN for fewer than two."""
         if len(self._frames) < 2:
             return math.nan, math.nan
         first, last = self._frames[0], self._frames[-1]
@@ -80,7 +80,7 @@ def _percentiles(seconds: np.ndarray) -> Percentiles:
 
 
 class Histogram:
-    """Percentiles of any number of durations in a fixed amount of memory, right to half a percent.
+    """Percentiles of any number of durations in constant memory, accurate to half a percent.
 
     Bins are 1 % wide, from 1 µs to 100 s; a percentile is the middle of the bin that it falls into.
     """
@@ -114,9 +114,9 @@ class Histogram:
 
 
 class StampGaps:
-    """Frames that were captured, or should have been, and of which no force came.
+    """Frames that were captured, or should have been, but have no force.
 
-    The usual interval is the median of the recent ones; an interval of more than one and a half of it lacks frames.
+    The usual interval is the median of the recent ones; in an interval of more than 1.5 times that, frames are missing.
     """
 
     _ENOUGH = 10
@@ -145,7 +145,7 @@ def strongest(force: Any) -> int:
 
 @dataclass(frozen=True)
 class Pair:
-    """An estimate and the truth of the same instant; both are ForceDistribution messages."""
+    """An estimate and the truth of the same frame; both are ForceDistribution messages."""
 
     stamp_ns: int
     force: Any
@@ -158,13 +158,13 @@ class Pair:
 
     @property
     def distance_mm(self) -> float:
-        """From the true contact to the estimated one [mm]; NaN unless both touch."""
+        """Distance between the true and the estimated contact [mm]; NaN unless both are in contact."""
         here, there = self.force.contact, self.truth.contact
         return math.hypot(here.x - there.x, here.y - there.y) * 1000
 
     @property
     def right_bin(self) -> bool | None:
-        """Whether the largest bin is the true one; None when nothing touches or the grids differ."""
+        """Whether the largest bin is the true one; None without contact, or if the grids differ."""
         same_grid = (self.force.rows, self.force.cols) == (self.truth.rows, self.truth.cols)
         if not (self.truth.in_contact and same_grid and self.truth.normal_force.size):
             return None
@@ -173,7 +173,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Scores:
-    """How near the estimates came to the truth, over all pairs whose estimate was not declared invalid."""
+    """Errors of the estimates, over all pairs whose estimate is not invalid."""
 
     pairs: int
     rmse_n: float
@@ -182,7 +182,7 @@ class Scores:
 
 
 class Comparison:
-    """Brings estimates and truths together by their stamps, whichever comes first."""
+    """Matches estimates and truths by their stamps, whichever comes first."""
 
     _KEPT = 256
 

@@ -1,4 +1,4 @@
-"""What acts on the gel as a whole, of a ForceDistribution: net shear, torsion, and how the motion was explained."""
+"""The net force of a ForceDistribution: net shear, torsion, and how the motion was explained."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ UNKNOWN = math.nan
 
 @dataclass(frozen=True)
 class Net:
-    """Each with its standard deviation; NaN: not known. `direction_rad` of the shear is from x towards y.
+    """Each with its standard deviation; NaN: unknown. `direction_rad` of the shear is from x towards y.
 
     `torsion_n_mm` is the moment along the axis of the force, which is that about z at the centre of pressure.
-    `explanation` is 'nothing', 'tips' or 'field', or empty where the model does not say.
+    `explanation` is 'nothing', 'tips' or 'field', or empty if the model does not state it.
     """
 
     explanation: str
@@ -32,12 +32,12 @@ class Net:
 
     @property
     def is_known(self) -> bool:
-        """Whether the model looked for shear at all."""
+        """Whether the model estimates shear at all."""
         return not math.isnan(self.shear_n)
 
 
 def net_of(force: Any) -> Net:
-    """Of a ForceDistribution; a covariance that begins with -1 means that nobody looked for shear."""
+    """Of a ForceDistribution; a covariance that begins with -1 means that shear was not estimated."""
     explanation = _WORDS.get(int(force.explanation), '')
     covariance = np.asarray(force.wrench_covariance, float).reshape(6, 6)
     if force.status == force.STATUS_INVALID or not covariance[0, 0] >= 0:

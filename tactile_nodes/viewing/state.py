@@ -1,4 +1,4 @@
-"""What the view knows. It is fed with messages as they came in and asked for snapshots; it reads no clock."""
+"""The state of a view. It is fed with received messages and asked for snapshots; it reads no clock."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _LOG_LEVELS = {30: 'WARN', 40: 'ERROR', 50: 'FATAL'}
 
 @dataclass(frozen=True)
 class NodeHealth:
-    """The worst that one node says of its parts."""
+    """The worst status that one node reports of its parts."""
 
     node: str
     level: int
@@ -44,11 +44,11 @@ class NodeHealth:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What there is to show at one instant.
+    """What to show at one instant.
 
     `force` and `truth` belong together: when a true force exists, they are the last two of the same stamp.
-    `lost` counts forces that were published and did not come here; `skipped`, frames of which no force was published.
-    Of a hand there are the snapshots of its `sensors`, and the sum of what acts on them.
+    `lost` counts forces that were published but not received here; `skipped`, frames without a published force. For a
+    hand it holds the snapshots of its `sensors`, and the total force on them.
     """
 
     namespace: str
@@ -80,7 +80,7 @@ class Snapshot:
 
 
 class ViewState:
-    """Feeds on `Received` messages; `now_ns` is on the host's time base, as their times are."""
+    """Gets `Received` messages; `now_ns` is on the host's time base, like their times."""
 
     def __init__(self, namespace: str = '/', start_ns: int = 0) -> None:
         self.namespace = namespace
@@ -105,7 +105,7 @@ class ViewState:
         self._truth_ns = -math.inf
 
     def add_force(self, received: Received) -> None:
-        """A force distribution came in.
+        """Add a force distribution.
 
         Raises:
             MessageError: its bins do not fill its grid.
@@ -126,7 +126,7 @@ class ViewState:
         self._last_ns = (received.received_ns, captured_ns)
 
     def add_truth(self, received: Received) -> None:
-        """A true force distribution came in.
+        """Add a true force distribution.
 
         Raises:
             MessageError: its bins do not fill its grid.
@@ -140,11 +140,11 @@ class ViewState:
         return self.sensors.setdefault(namespace, ViewState(namespace, now_ns))
 
     def add_wrench(self, received: Received) -> None:
-        """The sum of what acts on a hand came in."""
+        """Add the total force on a hand."""
         self._wrench = received.message
 
     def add_diagnostics(self, received: Received) -> None:
-        """Nodes said how they are."""
+        """Add diagnostics of nodes."""
         for status in received.message.status:
             node, _, part = status.name.partition(': ')
             if self._is_ours(node.replace('.', '/')):
@@ -153,14 +153,14 @@ class ViewState:
                 heard.parts[part] = (_level(status.level), _printable(status.message))
 
     def add_log(self, received: Received) -> None:
-        """A node said something; warnings and worse are kept."""
+        """Add a log message of a node; warnings and worse are kept."""
         message = received.message
         if message.level < _WARN or not self._is_ours(message.name.replace('.', '/')):
             return
         self.add_note(f'[{_LOG_LEVELS.get(message.level, message.level)}] [{message.name}]: {message.msg}')
 
     def add_note(self, text: str) -> None:
-        """Something that a person should read; from any thread."""
+        """Add a text for a person; from any thread."""
         text = _printable(text)
         if self._logs and self._logs[-1].text == text:
             self._logs[-1].times += 1
@@ -168,12 +168,12 @@ class ViewState:
             self._logs.append(_Said(text))
 
     def force_within(self, now_ns: int, seconds: float) -> Any:
-        """The last ForceDistribution if it came in the last `seconds`, else None; from any thread."""
+        """The last ForceDistribution if it arrived in the last `seconds`, else None; from any thread."""
         force, arrival_ns = self._force, self._arrival_ns
         return force if now_ns - arrival_ns < seconds * NS_PER_S else None
 
     def current(self, now_ns: int) -> Snapshot:
-        """What to show now, without the rates and latencies, which take the most time to find."""
+        """What to show now, without rates and latencies, which are expensive to compute."""
         return self._picture(now_ns, (math.nan, math.nan), {})
 
     def snapshot(self, now_ns: int) -> Snapshot:
@@ -183,7 +183,7 @@ class ViewState:
         return self._picture(now_ns, self._recent.rates_hz(), self._recent.percentiles(), sensors)
 
     def summary(self, now_ns: int) -> Snapshot:
-        """The same, but rates and latencies are those of the whole time, the latencies right to half a percent."""
+        """The same, but with rates and latencies of the whole time; latencies are accurate to half a percent."""
         latencies = {stage: found.percentiles() for stage, found in zip(STAGES, self._overall, strict=True)}
         sensors = tuple(each.summary(now_ns) for each in self.sensors.values())
         return self._picture(now_ns, self._overall_hz(), latencies, sensors)
@@ -221,7 +221,7 @@ class ViewState:
         )
 
     def _shown(self) -> tuple[Any, Any]:
-        """The last pair while truths come; else the last force alone."""
+        """The last pair while there are true forces; else the last force alone."""
         pair = self._comparison.last
         if pair is not None and self._arrival_ns - self._truth_ns < NS_PER_S:
             return pair.force, pair.truth
@@ -239,7 +239,7 @@ class ViewState:
 
 
 class _Heard:
-    """What a node said of each of its parts, and when."""
+    """What a node reported about each of its parts, and when."""
 
     def __init__(self) -> None:
         self.time_ns = 0
@@ -252,7 +252,7 @@ class _Heard:
 
 
 class _Said:
-    """A line of the log, and how often it was said in a row."""
+    """A line of the log, and how often it was repeated in a row."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -263,7 +263,7 @@ class _Said:
 
 
 def reason_names(reasons: int) -> list[str]:
-    """The words for the bits of ForceDistribution.reasons.
+    """Short names of the bits of ForceDistribution.reasons.
 
     >>> reason_names(types.ForceDistribution.REASON_DARK_IMAGE | types.ForceDistribution.REASON_STALE)
     ['dark image', 'stale']
@@ -274,26 +274,26 @@ def reason_names(reasons: int) -> list[str]:
 
 
 def complaint(shot: Snapshot) -> str:
-    """The worst that a node says of itself, with its name; empty where all is well."""
+    """The worst report of a node, with its name; empty if all is fine."""
     bad = [entry for entry in shot.health if 0 < entry.level <= _ERROR]
     worst = max(bad, key=lambda entry: entry.level, default=None)
     return f'{worst.node}: {worst.text}' if worst else ''
 
 
 def silent(health: Iterable[NodeHealth]) -> list[NodeHealth]:
-    """The nodes that have not said for some time how they are."""
+    """The nodes that have not reported their status for some time."""
     return [entry for entry in health if entry.age_s > SILENT_AFTER_S]
 
 
 def _checked(message: Any) -> Any:
     bins = message.normal_force.size
     if not bins or bins != message.rows * message.cols:
-        raise MessageError(f'a force distribution of {bins} bins on a grid of {message.rows} x {message.cols}')
+        raise MessageError(f'a force distribution has {bins} bins, but a grid of {message.rows} x {message.cols}')
     return message
 
 
 def _printable(text: str) -> str:
-    """On one line, and without what a terminal would take for an instruction."""
+    """On one line, without terminal control characters."""
     return ''.join(letter if letter.isprintable() else ' ' for letter in text)
 
 

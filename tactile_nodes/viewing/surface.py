@@ -1,4 +1,4 @@
-"""A ForceField as those who draw it need it: arrays of rows and columns, and where the outlines of contacts are."""
+"""A ForceField prepared for drawing: arrays of rows and columns, and the outlines of contacts."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Surface:
 
 
 def surface_of(field: Any) -> Surface | None:
-    """Of a ForceField message; None of one that is invalid or knows no pressure. Shear that it does not know is zero.
+    """Of a ForceField message; None if it is invalid or has no pressure. Unknown shear is zero.
 
     Raises:
         MessageError: its arrays do not fill its grid.
@@ -47,7 +47,7 @@ def surface_of(field: Any) -> Surface | None:
         return None
     shape, size = (int(field.rows), int(field.cols)), int(field.rows * field.cols)
     if field.pressure.size != size or {field.shear_x.size, field.shear_y.size} - {0, size}:
-        raise MessageError(f'a force field of {field.pressure.size} pressures on a grid of {shape[0]} x {shape[1]}')
+        raise MessageError(f'a force field has {field.pressure.size} pressures, but a grid of {shape[0]} x {shape[1]}')
     known = field.shear_x.size == field.shear_y.size == size
     parts = [part.reshape(shape) if known else np.zeros(shape, np.float32) for part in (field.shear_x, field.shear_y)]
     return Surface(
@@ -59,9 +59,9 @@ def surface_of(field: Any) -> Surface | None:
 
 
 def over_half(surface: Surface, contacts: Sequence[Any]) -> Float32[np.ndarray, 'rows cols']:
-    """Pressure over half of the highest in the same contact: the outlines of contacts are where it is 1.
+    """Pressure over half of the maximum of its contact: outlines of contacts are where it is 1.
 
-    A cell belongs to the contact (Contact messages) that is nearest. Without contacts all is zero.
+    A cell belongs to the nearest contact (Contact messages). Without contacts, all is zero.
     """
     placed = [each for each in contacts if math.isfinite(each.position.x) and math.isfinite(each.position.y)]
     pressure = np.nan_to_num(surface.pressure_kpa)
@@ -76,7 +76,7 @@ def over_half(surface: Surface, contacts: Sequence[Any]) -> Float32[np.ndarray, 
 
 
 def _away_mm(contact: Any, x_mm: np.ndarray, y_mm: np.ndarray) -> Float[np.ndarray, 'rows cols']:
-    """From the rim of a bar with round ends, as long, wide and turned as the contact is, or from its centre."""
+    """Distance from the rim of a bar with round ends (length, width and angle of the contact), or from its centre."""
     length, width, angle = (
         value if math.isfinite(value) else 0.0 for value in (contact.length * KILO, contact.width * KILO, contact.angle)
     )

@@ -129,7 +129,7 @@ def test_killed_bag_says_when_its_metadata_is_older_than_its_file(killed) -> Non
     metadata = folder / 'metadata.yaml'
     metadata.write_text(metadata.read_text().replace('message_count', 'message_count: 7 #', 1))
     with BagReader(folder) as reader:
-        assert reader.problems == [f'{metadata} announces 7 messages, the files hold {reader.extent.messages}']
+        assert reader.problems == [f'{metadata} states 7 messages, but the files hold {reader.extent.messages}']
 
 
 SPLITTER = """

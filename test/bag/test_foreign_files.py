@@ -120,19 +120,21 @@ def test_what_only_looks_like_a_table_of_messages_is_refused(bag: Path, made: st
 def test_a_named_pipe_is_refused_and_not_waited_for(tmp_path: Path, name: str) -> None:
     (tmp_path / 'bag').mkdir()
     os.mkfifo(tmp_path / 'bag' / name)
-    assert refusal(tmp_path / 'bag') == f'cannot read {tmp_path / "bag" / name}: it is no plain file'
+    assert refusal(tmp_path / 'bag') == f'cannot read {tmp_path / "bag" / name}: it is not a regular file'
 
 
 def test_metadata_of_a_length_that_no_bag_needs_are_not_read(tmp_path: Path) -> None:
     with (tmp_path / 'metadata.yaml').open('wb') as file:
         file.truncate(20 << 30)
-    assert refusal(tmp_path).endswith('it holds 21474836480 bytes, and no such file more than 1048576')
+    assert refusal(tmp_path).endswith('it has 21474836480 bytes, more than the limit of 1048576')
 
 
 def test_more_files_than_can_be_opened_are_refused_in_one_sentence(tmp_path: Path) -> None:
     for number in range(1001):
         (tmp_path / f'bag_{number}.mcap').touch()
-    assert refusal(tmp_path) == f'{tmp_path} names 1001 files, and at most 1000 are read; give some of them alone'
+    assert (
+        refusal(tmp_path) == f'{tmp_path} lists 1001 files, but at most 1000 can be read; open some of them separately'
+    )
 
 
 def test_of_many_files_that_are_missing_three_are_named(tmp_path: Path) -> None:
@@ -141,7 +143,7 @@ def test_of_many_files_that_are_missing_three_are_named(tmp_path: Path) -> None:
         'rosbag2_bagfile_information: {version: 8, storage_identifier: mcap, message_count: 0, '
         f'topics_with_message_count: [], relative_file_paths: [{", ".join(names)}]}}'
     )
-    assert 'names bag_0.mcap, bag_1.mcap, bag_2.mcap and 497 more, which is not' in refusal(tmp_path)
+    assert 'lists bag_0.mcap, bag_1.mcap, bag_2.mcap and 497 more, which is not' in refusal(tmp_path)
 
 
 @pytest.mark.parametrize('opcode', [Opcode.MESSAGE, Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL])
@@ -160,13 +162,13 @@ def test_many_names_of_files_are_counted_soon(tmp_path: Path) -> None:
     """A YAML reader in Python took a quarter of a minute."""
     names = '\n'.join(f'  - {number}.mcap' for number in range(60_000))
     (tmp_path / 'metadata.yaml').write_text(HEAD.format(names=names))
-    assert 'names 60000 files, and at most 1000 are read' in refusal(tmp_path)
+    assert 'lists 60000 files, but at most 1000 can be read' in refusal(tmp_path)
 
 
 def test_a_few_lines_that_unfold_to_gigabytes_are_refused(tmp_path: Path) -> None:
     folded = '\n'.join(f'x{level}: &x{level} [{", ".join(9 * [f"*x{level - 1}"])}]' for level in range(1, 10))
     (tmp_path / 'metadata.yaml').write_text(f'x0: &x0 x\n{folded}\n{HEAD.format(names="  - *x9")}')
-    assert 'is damaged and says nothing of the bag' in refusal(tmp_path)
+    assert 'is damaged and does not describe the bag' in refusal(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -189,7 +191,7 @@ def test_messages_whose_numbers_are_all_alike_keep_their_data(bag: Path) -> None
 @pytest.mark.parametrize('ending', ['-journal', '-wal'])
 def test_a_named_pipe_beside_a_bag_is_not_waited_for(bag: Path, ending: str) -> None:
     os.mkfifo(f'{bag}{ending}')
-    assert 'is no file; move it away from press.db3' in refusal(bag)
+    assert 'is not a file; move it away from press.db3' in refusal(bag)
 
 
 def test_a_journal_that_cannot_be_read_is_told_of(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,7 +218,7 @@ def test_a_journal_that_cannot_be_read_is_told_of(bag: Path, monkeypatch: pytest
     assert len(found) == COUNT
     assert problems == [
         f'{copied}: press.db3-wal cannot be used in this folder, so messages may be missing; '
-        'copy it with the bag to where you may write'
+        'copy it with the bag to a writable folder'
     ]
 
 
@@ -242,4 +244,4 @@ def test_pages_that_go_in_a_circle_are_no_reason_to_count_for_ever(tmp_path: Pat
             struct.pack_into('>IB', interior, offset, child, number + 1)
         data[(page - 1) * size : page * size] = interior
     path.write_bytes(data)
-    assert 'its pages name one another in a circle' in refusal(path)
+    assert 'its pages reference each other in a circle' in refusal(path)

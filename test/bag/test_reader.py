@@ -113,7 +113,7 @@ def test_chunks_that_overlap_are_merged_in_order(tmp_path: Path, monkeypatch: py
     assert sorted(found, key=lambda sample: sample.log_ns) == [
         Sample('/text', START_NS + n, text(n)) for n in range(10)
     ]
-    assert problems == [f'{tmp_path / "wild.mcap"}: too many chunks are of the same time; messages come out of order']
+    assert problems == [f'{tmp_path / "wild.mcap"}: too many chunks overlap in time; messages are out of order']
 
 
 def test_topic_described_in_a_chunk_of_others_is_found_without_a_summary(tmp_path: Path) -> None:
@@ -249,14 +249,14 @@ def test_metadata_that_announces_more_is_told(bag: Path) -> None:
     metadata.write_text(metadata.read_text().replace('message_count: 10', 'message_count: 12'))
     found, problems = read(bag)
     assert len(found) == 10
-    assert problems == [f'{metadata} announces 12 messages, the files hold 10']
+    assert problems == [f'{metadata} states 12 messages, but the files hold 10']
 
 
 def test_folder_without_metadata_is_read_and_told(bag: Path) -> None:
     (bag / 'metadata.yaml').unlink()
     found, problems = read(bag)
     assert found == samples(10)
-    assert problems == [f'{bag} has no metadata.yaml; read the files it holds']
+    assert problems == [f'{bag} has no metadata.yaml; reading the files in it']
 
 
 # --- what is no bag ----------------------------------------------------------------------------------------------
@@ -288,8 +288,8 @@ def test_files_before_one_that_a_power_cut_left_blank_are_read(tmp_path: Path, l
     found, problems = read(tmp_path / 'press')
     assert found == [Sample('/text', START_NS, text(0))]
     assert problems == [
-        f'{blank} holds nothing, as a power cut leaves a file just begun; read those before it',
-        f'{tmp_path / "press" / "metadata.yaml"} announces 2 messages, the files hold 1',
+        f'{blank} is empty, as after a power cut at its start; reading the files before it',
+        f'{tmp_path / "press" / "metadata.yaml"} states 2 messages, but the files hold 1',
     ]
 
 
@@ -316,7 +316,7 @@ def test_chunk_that_would_fill_the_memory_is_left_out(tmp_path: Path, compressio
 
 def test_file_that_is_something_else(tmp_path: Path) -> None:
     (tmp_path / 'x.mcap').write_text('hello, this is no recording')
-    assert refusal(tmp_path / 'x.mcap').endswith('is no bag: neither MCAP nor SQLite')
+    assert refusal(tmp_path / 'x.mcap').endswith('is not a bag: neither MCAP nor SQLite')
 
 
 def test_sqlite_file_that_is_no_bag(tmp_path: Path) -> None:
@@ -333,13 +333,13 @@ def test_damaged_metadata(bag: Path) -> None:
 
 def test_storage_file_that_is_missing(bag: Path) -> None:
     (bag / 'press_0.mcap').unlink()
-    assert 'names press_0.mcap, which is not in the folder' in refusal(bag)
+    assert 'lists press_0.mcap, which is not in the folder' in refusal(bag)
 
 
 def test_unknown_storage(bag: Path) -> None:
     metadata = bag / 'metadata.yaml'
     metadata.write_text(metadata.read_text().replace('storage_identifier: mcap', 'storage_identifier: tape'))
-    assert "names the storage 'tape'; mcap and sqlite3 can be read" in refusal(bag)
+    assert "has storage 'tape'; only mcap and sqlite3 can be read" in refusal(bag)
 
 
 def test_metadata_newer_than_we_know(bag: Path) -> None:

@@ -38,7 +38,7 @@ def test_excluding_needs_nothing_else() -> None:
 
 
 def test_expression_that_is_none_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match=r"'\(' is no regular expression"):
+    with pytest.raises(ConfigurationError, match=r"'\(' is not a regular expression"):
         TopicFilter(lambda _: True, regex='(')
 
 

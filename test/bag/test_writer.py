@@ -105,7 +105,7 @@ def test_messages_that_arrive_late_are_put_in_order(tmp_path: Path) -> None:
 def test_folder_that_exists_is_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / 'press').mkdir()
     (tmp_path / 'press' / 'keep').touch()
-    with pytest.raises(BagError, match='exists already and is not overwritten'):
+    with pytest.raises(BagError, match='already exists and is not overwritten'):
         BagWriter(tmp_path / 'press')
     assert [file.name for file in (tmp_path / 'press').iterdir()] == ['keep']
 

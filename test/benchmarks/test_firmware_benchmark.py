@@ -143,7 +143,7 @@ def test_a_command_that_cannot_be_started_is_one_sentence() -> None:
 
 def test_what_does_not_answer_is_refused_by_the_driver(tmp_path: Path) -> None:
     machine = firmware.machines(arguments(grbl=['mute=sleep 100']))[0]
-    assert re.match(r'refused: nothing answers at it with', obeys(machine, SystemClock(), tmp_path)['connect'])
+    assert re.match(r'refused: no response from it at', obeys(machine, SystemClock(), tmp_path)['connect'])
 
 
 def test_what_was_measured_is_kept_with_what_was_measured_before(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_what_was_measured_is_kept_with_what_was_measured_before(tmp_path: Path)
 def test_no_hard_limits_are_refused_by_name_unless_they_are_accepted_and_an_echo_is_no_obstacle(tmp_path: Path) -> None:
     with emulated(tmp_path) as machine:
         found = connected(machine, SystemClock(), tmp_path)
-    refused = "it has hard limits switched off ($21=0); switch it on, or put 'no hard limits' into the setting accept"
+    refused = "it has hard limits switched off ($21=0); switch it on, or add 'no hard limits' to the setting accept"
     assert found['connect, it says $21=0'] == f'refused: {refused}'
     assert found["connect, it says $21=0, 'no hard limits' accepted"] == 'Grbl, locked by an alarm'
     assert found['connect, all that is sent comes back'] == 'Grbl, locked by an alarm'

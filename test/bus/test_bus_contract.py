@@ -256,13 +256,13 @@ def test_service_may_answer_later_from_another_thread(bus: InProcessBus) -> None
 
 
 def test_call_of_nobody_says_how_to_look_for_services(bus: InProcessBus) -> None:
-    with pytest.raises(ServiceUnavailableError, match=r'nobody serves /s; .*tactile service list'):
+    with pytest.raises(ServiceUnavailableError, match=r'no node offers the service /s; .*tactile service list'):
         bus.call('/s', services.TRIGGER, types.Trigger_Request())
 
 
 def test_call_without_an_answer_ends_after_its_timeout(bus: InProcessBus) -> None:
     bus.serve('/s', services.TRIGGER, lambda request, reply: None, '/busy')
-    with pytest.raises(ServiceTimeoutError, match=r'/busy did not answer /s within 0\.05 s'):
+    with pytest.raises(ServiceTimeoutError, match=r'/busy did not respond to /s within 0\.05 s'):
         bus.call('/s', services.TRIGGER, types.Trigger_Request(), timeout_s=0.05)
 
 
@@ -280,7 +280,7 @@ def test_refusal_of_a_service_is_told_in_its_own_words(bus: InProcessBus) -> Non
 
 def test_service_is_served_once_and_again_after_it_was_closed(bus: InProcessBus) -> None:
     first = bus.serve('/s', services.TRIGGER, lambda request, reply: None, '/a')
-    with pytest.raises(BusError, match='/s is already served by /a'):
+    with pytest.raises(BusError, match='/s is already offered by /a'):
         bus.serve('/s', services.TRIGGER, lambda request, reply: None, '/b')
     first.close()
     bus.serve('/s', services.TRIGGER, lambda request, reply: reply(types.Trigger_Response()), '/b')

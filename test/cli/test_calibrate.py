@@ -321,7 +321,7 @@ def test_the_model_to_begin_with_is_not_replaced(
 ) -> None:
     before = model.read_bytes()
     assert main(['calibrate', '--model', str(model), '--dataset', str(presses), '-o', str(model)]) == 1
-    assert f'{model} is read for it; choose another place' in capsys.readouterr().err
+    assert f'{model} is read for it; choose another file' in capsys.readouterr().err
     assert model.read_bytes() == before
 
 

@@ -150,7 +150,7 @@ def test_a_sensor_that_repeats_one_value_stops_the_tip(bench: Bench, sensor: Lia
         trip, depth_mm = pressed(bench, settings)
     assert trip is not None
     stalled = trip.kind == SENSOR and 'stalled' in trip.reason
-    assert stalled or (told is zeros and 'does the sensor tell the truth' in trip.reason), trip
+    assert stalled or (told is zeros and 'is the sensor correct' in trip.reason), trip
     assert depth_mm < 1.0
 
 
@@ -212,7 +212,7 @@ def test_an_old_force_with_the_noise_of_a_sound_sensor_stops_the_tip(bench: Benc
     with net_ft(bench, Lie(bench.begins, replayed)) as settings:
         trip, depth_mm = pressed(bench, settings)
     assert trip is not None
-    assert (trip.kind, 'where the gel gave' in trip.reason) == (MACHINE, True), trip
+    assert (trip.kind, 'but the gel gave' in trip.reason) == (MACHINE, True), trip
     assert depth_mm < 1.3
 
 

@@ -11,7 +11,7 @@ from tactile_nodes.collection.machine_record import ACKNOWLEDGED, BEGUN, ENDED, 
 from tactile_nodes.drivers import serial_port
 from tactile_nodes.errors import ConfigurationError, TactileError
 
-CUT_OFF = 'the run before this one (plan 7 in /data) was cut off, so nobody knows where the tip is'
+CUT_OFF = 'the run before this one (plan 7 in /data) was cut off, so the position of the tip is unknown'
 
 
 @pytest.fixture
@@ -67,13 +67,13 @@ def test_half_of_a_line_answers_no_halt(file: Path) -> None:
 def test_a_record_that_cannot_be_kept_lets_nothing_move(tmp_path: Path) -> None:
     record = MachineRecord(tmp_path / 'machines' / 'one.jsonl')
     (tmp_path / 'machines').write_text('a file where the folder should be')
-    with pytest.raises(TactileError, match='nothing moves without it'):
+    with pytest.raises(TactileError, match='the machine does not move without it'):
         record.note(BEGUN, 10)
 
 
 def test_a_record_that_cannot_be_read_is_told(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / 'one.jsonl')
-    with pytest.raises(ConfigurationError, match=r'cannot read the record of the machine .*look where its tip is'):
+    with pytest.raises(ConfigurationError, match=r'cannot read the record of the machine .*see where its tip is'):
         MachineRecord(tmp_path / 'one.jsonl')
 
 

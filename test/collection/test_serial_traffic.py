@@ -84,7 +84,7 @@ def test_bytes_that_gave_way_before_anybody_listened_are_counted_and_told_once(
     voice.the_rest()
     assert [len(heard.take().message.data) for _ in range(2)] == [4, 5]
     assert len(warned) == 1
-    assert warned[0].startswith('6 bytes between computer and machine are in no recording')
+    assert warned[0].startswith('6 bytes to or from the machine were not recorded')
 
 
 def test_bytes_that_nobody_ever_listened_to_are_told_at_the_end(

@@ -102,6 +102,6 @@ def test_a_bug_in_what_watches_the_rig_stops_it(monkeypatch: pytest.MonkeyPatch)
             time.sleep(0.01)
         assert station.safety.trip is not None
         assert station.safety.trip.kind == MACHINE
-        assert 'a bug in what watches the rig: ValueError: no number' in station.safety.trip.reason
+        assert 'a bug in the monitoring of the rig: ValueError: no number' in station.safety.trip.reason
     finally:
         station.close()

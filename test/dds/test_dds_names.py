@@ -85,7 +85,7 @@ def test_machines_that_are_named_are_asked() -> None:
 
 
 def test_a_machine_that_nobody_knows_is_refused_before_cyclone_sees_it() -> None:
-    with pytest.raises(ConfigurationError, match=r"the peer 'robot\.invalid' leads nowhere"):  # RFC 2606
+    with pytest.raises(ConfigurationError, match=r"the peer 'robot\.invalid' cannot be resolved"):  # RFC 2606
         Discovery.chosen('SUBNET', ('robot.invalid',), {}).config()
 
 

@@ -231,7 +231,7 @@ def test_what_the_documents_ask_of_a_rig_is_done(folder: Path, environment: dict
     with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as rig:
         try:
             assert rig.stdout is not None
-            assert any('feeling for the surface' in line for line in rig.stdout)
+            assert any('searching for the surface' in line for line in rig.stdout)
             for command in asked_of_a_rig():
                 asked = ['bash', '-c', command]
                 said = subprocess.run(asked, cwd=folder, env=environment, check=False, capture_output=True, timeout=60)

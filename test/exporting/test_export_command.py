@@ -41,7 +41,7 @@ def test_a_folder_of_somebody_else_is_never_replaced(bag: Path, capsys: pytest.C
     (output / 'thesis.txt').write_text('years of work')
     assert main(['export', 'parquet', str(bag), '-o', str(output), '--force']) == 1
     assert (output / 'thesis.txt').read_text() == 'years of work'
-    assert 'no export of ours' in capsys.readouterr().err
+    assert 'not an export' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('kind', ['parquet', 'lerobot'])
@@ -52,7 +52,7 @@ def test_what_a_bag_lost_and_what_is_left_out_is_said(kind: str, bag: Path, caps
     assert main(['export', kind, str(cut), '-o', str(bag.parent / 'out')]) == 0
     said = capsys.readouterr()
     assert f'Warning: {cut} is cut off' in said.err
-    assert 'left out: /image_raw (images; have them with --images)' in said.out
+    assert 'left out: /image_raw (images; add them with --images)' in said.out
 
 
 def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,7 +80,7 @@ def test_only_the_topics_asked_for_are_exported(bag: Path) -> None:
     output = bag.parent / 'out'
     assert main(['export', 'parquet', str(bag), '-o', str(output), '--topics', 'wrench']) == 0
     assert [file.name for file in output.glob('*.parquet')] == ['wrench.parquet']
-    assert json.loads((output / 'tactile.json').read_text())['topics_left_out']['/joint_states'] == 'not asked for'
+    assert json.loads((output / 'tactile.json').read_text())['topics_left_out']['/joint_states'] == 'not requested'
 
 
 def test_a_grid_that_changes_within_a_bag_is_refused_by_name(

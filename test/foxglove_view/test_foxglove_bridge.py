@@ -262,7 +262,7 @@ def test_a_taken_port_gives_way_to_the_next(bridge: Start) -> None:
 
 
 def test_an_address_of_another_machine_is_refused(bridge: Start) -> None:
-    with pytest.raises(BusError, match=r'cannot serve Foxglove at 192\.0\.2\.77') as refused:
+    with pytest.raises(BusError, match=r'cannot serve Foxglove on 192\.0\.2\.77') as refused:
         bridge('address:=192.0.2.77')
     assert not isinstance(refused.value, AddressInUseError)
 

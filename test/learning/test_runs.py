@@ -105,7 +105,7 @@ def test_a_named_pipe_in_a_run_is_refused_and_not_waited_for(name: str, tmp_path
     path = some_run(tmp_path)
     (path / name).unlink(missing_ok=True)
     os.mkfifo(path / name)
-    with pytest.raises(ConfigurationError, match=rf'{name} is damaged \(it is no plain file\); name another run'):
+    with pytest.raises(ConfigurationError, match=rf'{name} is damaged \(it is not a regular file\); name another run'):
         read_run(path)
 
 
@@ -114,7 +114,7 @@ def test_gigabytes_in_a_run_are_not_read(name: str, tmp_path: Path):
     path = some_run(tmp_path)
     with (path / name).open('ab') as file:
         file.truncate(20 << 30)
-    with pytest.raises(ConfigurationError, match=rf'{name} is damaged \(it holds 21474836480 bytes'):
+    with pytest.raises(ConfigurationError, match=rf'{name} is damaged \(it has 21474836480 bytes'):
         read_run(path)
 
 

@@ -127,7 +127,7 @@ def test_camera_that_is_not_there_is_one_sentence(start: Callable[..., CameraNod
 
 def test_a_second_camera_of_the_same_topic_is_refused(bus: InProcessBus, start: Callable[..., CameraNode]) -> None:
     bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/other_camera')
-    said = f'^/image_raw is published already, by /other_camera of process {os.getpid()}: end that one first'
+    said = f'^/image_raw is already published by /other_camera of process {os.getpid()}: stop that node first'
     with pytest.raises(ConfigurationError, match=said):
         start()
 
@@ -182,7 +182,7 @@ def test_a_contact_that_is_solved_says_how_far_it_is_and_may_be_given_up(
     arguments.ending.set()
     with pytest.raises(AskedToEndError):
         CameraNode(bus, arguments)
-    assert first(logged).message.msg == 'solving how the gel deforms under ball, once: 1 of 7 stages'
+    assert first(logged).message.msg == 'solving the gel deformation under ball (only once): 1 of 7 stages'
 
 
 def test_diagnostics_name_the_device(start: Callable[..., CameraNode], tmp_path: Path) -> None:
@@ -242,7 +242,7 @@ def test_camera_that_is_unplugged_is_told_and_comes_back_by_itself(
         after = stamp_ns(first(images).message.header.stamp)
         assert after > before
         assert health(node)[0] == Level.OK
-        assert 'found again' in health(node)[1]
+        assert 'reconnected' in health(node)[1]
 
 
 def test_a_camera_that_is_closed_while_a_frame_is_on_its_way_ends_quietly(

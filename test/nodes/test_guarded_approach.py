@@ -44,7 +44,7 @@ def node(bus: InProcessBus) -> Iterator[GuardedApproachNode]:
 def test_without_a_sensor_it_ends_with_a_sentence() -> None:
     with node(InProcessBus(SystemClock())) as tested:
         tested.spin()
-        assert str(tested.failure) == 'no force in order came within 0.5 s; is the sensor running?'
+        assert str(tested.failure) == 'no valid force within 0.5 s; is the sensor running?'
 
 
 def test_it_gives_up_on_a_sensor_that_falls_silent_and_goes_up() -> None:

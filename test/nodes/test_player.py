@@ -144,7 +144,7 @@ def test_a_player_waits_for_the_node_that_has_to_listen(bus: InProcessBus, bag: 
 
 
 def test_an_answer_of_no_known_topic_is_refused(play) -> None:
-    with pytest.raises(ConfigurationError, match='answer: /chatter is no topic'):
+    with pytest.raises(ConfigurationError, match='answer: /chatter is not a topic'):
         play(answer='/chatter')
 
 

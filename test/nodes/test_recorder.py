@@ -269,12 +269,12 @@ def test_a_topic_that_was_named_and_that_nobody_publishes_is_told_of(bus, clock,
 
 def test_folder_that_exists_ends_the_node_before_it_begins(start: Start, tmp_path: Path) -> None:
     (tmp_path / 'bag').mkdir()
-    with pytest.raises(BagError, match='exists already'):
+    with pytest.raises(BagError, match='already exists'):
         start()
 
 
 def test_expression_that_is_none_is_refused(start: Start) -> None:
-    with pytest.raises(ConfigurationError, match='no regular expression'):
+    with pytest.raises(ConfigurationError, match='not a regular expression'):
         start(regex='[')
 
 
@@ -299,7 +299,7 @@ def test_messages_of_another_version_are_counted_and_said(tmp_path: Path) -> Non
             talker.publish(types.String(data=str(number)))
         until(lambda: said in [(entry.level, entry.message) for entry in node.diagnostics.message(0).status])
         answer = call(bus, node, 'stop')
-    assert '; malformed: 5 of /chatter; /chatter: the rest can be used as it is' in answer.message
+    assert '; malformed: 5 of /chatter; /chatter: the rest can be used' in answer.message
 
 
 def until(condition: Callable[[], object]) -> None:

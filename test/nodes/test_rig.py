@@ -193,7 +193,7 @@ def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -
     node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
     node.spin()
     node.close()
-    assert 'nobody records' in str(node.failure)
+    assert 'no recorder' in str(node.failure)
     assert not drained(states)
 
 
@@ -214,7 +214,7 @@ def test_a_run_that_fails_after_silences_says_how_crowded_the_computer_is(
     node = RigNode(bus, arguments(tmp_path), SystemClock())
     node.spin()
     node.close()
-    assert 'stopped: silent; this computer has 99 programs to run on' in str(node.failure)
+    assert 'stopped: silent; this computer is overloaded (99 programs on' in str(node.failure)
 
 
 def test_rig_that_is_started_again_while_it_pauses_goes_on_pausing(
@@ -314,4 +314,4 @@ def test_an_answer_that_nobody_asked_for_lets_nothing_go_on_later(bus: InProcess
     node.stop()
     spinning.join()
     node.close()
-    assert told == 'nothing is asked at the moment'
+    assert told == 'there is no open question'

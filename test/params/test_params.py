@@ -145,7 +145,7 @@ def test_block_takes_values_and_keeps_its_defaults() -> None:
         ({'preset': 5}, r'put it in quotes: "5"'),
         ({'threads': True}, r"'threads' must be a int, got True"),
         ({'crop': 3}, r"'crop' must be a list"),
-        ({'ratee': 1.0}, r"unknown parameter 'ratee'; known are: crop, inner\.gain"),
+        ({'ratee': 1.0}, r"unknown parameter 'ratee'; available: crop, inner\.gain"),
         ({'inner.gain': -1.0}, r"'inner\.gain' must be at least 0\.0"),
     ],
 )

@@ -285,19 +285,21 @@ def test_bug_in_a_handler_neither_ends_receiving_nor_leaves_the_caller_waiting(
     bus.serve('/bad', services.TRIGGER, lambda request, reply: 1 / 0)
     bus.serve('/good', services.TRIGGER, lambda request, reply: reply(types.Trigger_Response(success=True)))
     caller = join()
-    assert 'a bug kept it from answering' in caller.call('/bad', services.TRIGGER, types.Trigger_Request()).message
+    assert (
+        'the service failed because of a bug' in caller.call('/bad', services.TRIGGER, types.Trigger_Request()).message
+    )
     assert caller.call('/good', services.TRIGGER, types.Trigger_Request()).success
     assert 'ZeroDivisionError' in capfd.readouterr().err
 
 
 def test_call_of_nobody_says_how_to_look_for_services(join: Join) -> None:
-    with pytest.raises(ServiceUnavailableError, match=r'nobody serves /s; .*tactile service list'):
+    with pytest.raises(ServiceUnavailableError, match=r'no node offers the service /s; .*tactile service list'):
         join().call('/s', services.TRIGGER, types.Trigger_Request(), timeout_s=0.5)
 
 
 def test_call_without_an_answer_ends_after_its_timeout(join: Join) -> None:
     join().serve('/s', services.TRIGGER, lambda request, reply: None)
-    with pytest.raises(ServiceTimeoutError, match=r'no answer from /s within 1 s'):
+    with pytest.raises(ServiceTimeoutError, match=r'no response from /s within 1 s'):
         join().call('/s', services.TRIGGER, types.Trigger_Request(), timeout_s=1.0)
 
 
@@ -308,14 +310,14 @@ def test_call_of_another_type_is_refused(join: Join) -> None:
 
 
 def test_request_of_another_type_is_refused_before_it_is_sent(join: Join) -> None:
-    with pytest.raises(MessageError, match='a std_srvs/srv/Trigger_Request is expected, not a std_msgs/msg/Int64'):
+    with pytest.raises(MessageError, match='expected a std_srvs/srv/Trigger_Request, not a std_msgs/msg/Int64'):
         join().call('/s', services.TRIGGER, _number(1))
 
 
 def test_service_is_served_once_and_again_after_it_was_closed(join: Join) -> None:
     bus = join()
     first = bus.serve('/s', services.TRIGGER, lambda request, reply: None, '/a')
-    with pytest.raises(BusError, match='/s is already served by /a'):
+    with pytest.raises(BusError, match='/s is already offered by /a'):
         bus.serve('/s', services.TRIGGER, lambda request, reply: None, '/b')
     first.close()
     bus.serve('/s', services.TRIGGER, lambda request, reply: reply(types.Trigger_Response(message='b')), '/b')

@@ -100,7 +100,7 @@ def test_without_a_contact_there_is_no_outline() -> None:
     'change', [{'rows': 35}, {'shear_x': np.zeros(3, np.float32)}, {'pressure': np.zeros(7, np.float32)}]
 )
 def test_a_field_that_does_not_fill_its_grid_is_refused(change: dict[str, object]) -> None:
-    with pytest.raises(MessageError, match='a force field of'):
+    with pytest.raises(MessageError, match='a force field has'):
         surface_of(dataclasses.replace(ring(0)[1], **change))
 
 

@@ -245,7 +245,7 @@ def test_warnings_are_kept_and_repetitions_counted() -> None:
 def test_bins_that_do_not_fill_their_grid_are_refused() -> None:
     state = ViewState()
     for bins in ((), (0.0, 0.0, 0.0)):
-        with pytest.raises(MessageError, match=f'{len(bins)} bins on a grid of 2 x 2'):
+        with pytest.raises(MessageError, match=f'{len(bins)} bins, but a grid of 2 x 2'):
             state.add_force(received(force(0, bins)))
     assert state.frames == 0
 

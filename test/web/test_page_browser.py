@@ -289,7 +289,7 @@ def test_the_page_follows_the_force(page: Any, sensor: Sensor) -> None:
 def test_an_invalid_force_is_no_number_and_the_reason_is_a_sentence(page: Any, sensor: Sensor) -> None:
     sensor.status, sensor.reasons = types.ForceDistribution.STATUS_INVALID, types.ForceDistribution.REASON_DARK_IMAGE
     text(page, '#status').to_have_text('INVALID')
-    text(page, '#reason').to_have_text('The image holds no light: is the lamp on, the lens free?')
+    text(page, '#reason').to_have_text('The image is dark. Is the lamp on and the lens uncovered?')
     text(page, '#total').to_have_text('–')
 
 

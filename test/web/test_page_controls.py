@@ -62,7 +62,7 @@ def test_what_a_node_refuses_is_told_in_its_words(bus: InProcessBus) -> None:
 def test_an_action_that_nobody_serves_is_one_sentence(bus: InProcessBus) -> None:
     outcome = Controls(bus).act(controls.START)
     assert not outcome.done
-    assert 'nobody serves /recorder/start' in outcome.text
+    assert 'no node offers the service /recorder/start' in outcome.text
 
 
 def test_an_action_that_does_not_exist_calls_nothing(bus: InProcessBus) -> None:

@@ -23,5 +23,5 @@ def test_when_all_are_taken_one_sentence_says_so(monkeypatch: pytest.MonkeyPatch
 
 
 def test_an_address_of_another_machine_is_refused() -> None:
-    with pytest.raises(BusError, match=r'cannot serve the page at 192\.0\.2\.1 port 7470'):
+    with pytest.raises(BusError, match=r'cannot serve the page on 192\.0\.2\.1 port 7470'):
         port.listen('192.0.2.1', 7470)

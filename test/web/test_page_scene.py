@@ -146,7 +146,7 @@ def test_status_comes_with_its_reason_in_a_sentence() -> None:
     scene.add_force(received(dark, 10))
     told, _, samples = seen(scene, 11)
     assert told['force']['status'] == 'invalid'
-    assert told['force']['reasons'] == ['The image holds no light: is the lamp on, the lens free?']
+    assert told['force']['reasons'] == ['The image is dark. Is the lamp on and the lens uncovered?']
     assert math.isnan(samples[0][1])  # an invalid number is not drawn as a force
 
 

@@ -117,7 +117,7 @@ def test_of_many_malformed_requests_a_line_a_minute_tells_how_many(serve: Serve,
     clock.now_s += SAY_EVERY_S
     answer_to(serving, MALFORMED[1])
     assert len(said) == 2
-    assert said[1].startswith('requests refused: 20, 21 in all')
+    assert said[1].startswith('requests refused: 20, 21 in total')
 
 
 def test_a_bug_is_told_once_with_its_traceback(

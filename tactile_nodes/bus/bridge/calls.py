@@ -58,7 +58,7 @@ class CallAnswers:
     def answer(self, query: zenoh.Query) -> None:
         """Answer one call. Raises one of `MALFORMED`: it is none."""
         if query.payload is None or query.attachment is None:
-            raise MessageError('a call without a service or a request')
+            raise MessageError('a call without service or request')
         name, _, type_name = query.attachment.to_bytes().decode().partition('\n')
         request = messages.decode(query.payload.to_bytes(), request_type(type_name))
         if not fits(name, self._allowed):

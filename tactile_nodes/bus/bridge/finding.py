@@ -65,7 +65,7 @@ class Group:
         named = {name for name, end in _own_ends() if str(end.ip) == self._host}
         if not named:
             raise ConfigurationError(
-                f'{self._host} is no address of this machine; to be found on all networks, listen at 0.0.0.0'
+                f'{self._host} is not an address of this machine; to be found on all networks, listen on 0.0.0.0'
             )
         return ','.join(sorted(named))
 

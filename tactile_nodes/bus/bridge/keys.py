@@ -44,9 +44,7 @@ def create_keys(name: str, folder: Path | None = None) -> tuple[Path, Path]:
         ConfigurationError: there are keys of that name, they cannot be written, or what makes them is not installed.
     """
     if not _NAME.fullmatch(name):
-        raise ConfigurationError(
-            f'{name!r} cannot be the name of keys: up to 64 letters, digits, dots, dashes and _ only'
-        )
+        raise ConfigurationError(f'{name!r} is not a valid key name: use up to 64 letters, digits, dots, dashes and _')
     folder = folder or keys_directory()
     public, secret = folder / f'{name}.key', folder / f'{name}.key_secret'
     pair = _make_pair(name)
@@ -60,7 +58,7 @@ def create_keys(name: str, folder: Path | None = None) -> tuple[Path, Path]:
                 opened.write(text)
     except FileExistsError as error:
         raise ConfigurationError(
-            f'there are keys named {name!r} in {folder}; remove them first, or choose another name'
+            f'keys named {name!r} already exist in {folder}; remove them first, or choose another name'
         ) from error
     except OSError as error:
         raise ConfigurationError(f'cannot write keys to {folder}: {error.strerror}') from error
@@ -74,11 +72,11 @@ def read_pair(name: str) -> KeyPair:
         ConfigurationError: there are none, others may read them, or the file holds something else.
     """
     file = _file(name, '.key_secret')
-    parts = _parts(file, 'make them with: tactile keys create NAME')
+    parts = _parts(file, 'create them with: tactile keys create NAME')
     if list(parts) != [_SECRET, _PUBLIC]:
-        raise ConfigurationError(f'{file} holds no pair of keys; make one with: tactile keys create NAME')
+        raise ConfigurationError(f'{file} does not contain a key pair; create one with: tactile keys create NAME')
     if file.stat().st_mode & 0o077:
-        raise ConfigurationError(f'others may read the secret key {file}; forbid it with: chmod 600 {file}')
+        raise ConfigurationError(f'the secret key {file} is readable by others; fix it with: chmod 600 {file}')
     return KeyPair(parts[_PUBLIC], parts[_SECRET])
 
 
@@ -89,9 +87,11 @@ def read_public(name: str) -> bytes:
         ConfigurationError: no such key.
     """
     file = _file(name, '.key')
-    parts = _parts(file, f'what "tactile keys show NAME" prints on the other machine belongs into {file}')
+    parts = _parts(file, f'write the output of "tactile keys show NAME" on the other machine to {file}')
     if list(parts) != [_PUBLIC]:
-        raise ConfigurationError(f'{file} holds no public key alone; the secret one must not leave its machine')
+        raise ConfigurationError(
+            f'{file} does not contain only a public key; the secret key must not leave its machine'
+        )
     return parts[_PUBLIC]
 
 
@@ -149,6 +149,6 @@ def _parts(file: Path, advice: str) -> dict[bytes, bytes]:
     parts = {match[1]: match[0] for match in _PART.finditer(text)}
     if not parts:
         raise ConfigurationError(
-            f'{file} holds no key (keys made before 0.2.0 no longer count: make new ones on each machine); {advice}'
+            f'{file} contains no key (keys made before 0.2.0 are not valid: create new ones on each machine); {advice}'
         )
     return parts

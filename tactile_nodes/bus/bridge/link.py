@@ -59,7 +59,7 @@ class Address:
         """
         match = _ADDRESS.fullmatch(text)
         if not match or not 0 < int(match['port']) < 65536:
-            raise ConfigurationError(f'{text!r} is no address; write host:port, say 192.168.0.7:7460')
+            raise ConfigurationError(f'{text!r} is not an address; use host:port, e.g. 192.168.0.7:7460')
         return cls('0.0.0.0' if match['host'] == '*' else match['host'], int(match['port']))  # noqa: S104
 
     def is_loopback(self) -> bool:
@@ -153,8 +153,8 @@ def _settings(listen: Address | None, connect: Sequence[Address], security: Secu
 def _translated(text: str, address: Address) -> BusError:
     if 'os error 98' in text:  # EADDRINUSE
         return AddressInUseError(
-            f'port {address.port} is taken on {address.host}; end the program that listens there (ss -ltnp sport = '
-            f':{address.port} names it), or choose another port'
+            f'port {address.port} is in use on {address.host}; stop the program that listens there (ss -ltnp sport = '
+            f':{address.port} shows it), or choose another port'
         )
     reason = text.partition('[')[2].partition(' at /')[0] or text
     return BusError(f'cannot use {address}: {reason}; is it an address of this machine?')

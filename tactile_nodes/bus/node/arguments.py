@@ -73,9 +73,7 @@ def _read_flag(flag: str, words: list[str], found: _Reading) -> None:
     if flag in {'--enable-rosout-logs', '--disable-rosout-logs', '--enable-stdout-logs', '--disable-stdout-logs'}:
         return
     if flag not in {'-r', '--remap', '-p', '--param', '--params-file', '--log-level'}:
-        raise ConfigurationError(
-            f'{flag!r} is no flag that can follow --ros-args; known are -r, -p, --params-file, --log-level'
-        )
+        raise ConfigurationError(f'{flag!r} is not a flag of --ros-args; available: -r, -p, --params-file, --log-level')
     if not words:
         raise ConfigurationError(f'{flag} needs a value')
     value = words.pop(0)
@@ -115,7 +113,7 @@ def _parse_parameter(rule: str) -> list[NodeParameters]:
 def _level(text: str) -> int:
     name = text.rpartition(':=')[2].lower()
     if name not in LEVELS:
-        raise ConfigurationError(f'the log level {text!r} is none of {", ".join(LEVELS)}')
+        raise ConfigurationError(f'the log level {text!r} is not one of {", ".join(LEVELS)}')
     return LEVELS[name]
 
 
@@ -137,7 +135,7 @@ class Names:
         rules = [rule for rule in arguments.remaps if rule.node in {None, default_name}]
         name = _first(rules, '__node') or default_name
         if not re.fullmatch(r'[A-Za-z_]\w*', name, re.ASCII):
-            raise ConfigurationError(f'{name!r} cannot be the name of a node: letters, digits and _ only')
+            raise ConfigurationError(f'{name!r} is not a valid node name: use letters, digits and _')
         around = absolute_namespace(_first(rules, '__ns') or '/')
         return cls(name, around, tuple(rule for rule in arguments.remaps if rule.node in {None, default_name, name}))
 

@@ -42,7 +42,7 @@ class Kept:
             draft.rename(file)
         except OSError as error:
             raise BusError(
-                f'cannot keep {name} in {file.parent} ({error.strerror}); this node would not find it after a restart'
+                f'cannot store {name} in {file.parent} ({error.strerror}); it will not be available after a restart'
             ) from error
 
     def get(self, name: str) -> bytes | None:

@@ -163,7 +163,7 @@ class Node:
             except TactileError as error:
                 self.fail(part, error)
             except Exception:  # noqa: BLE001 - a bug: say all we know, end the node, let the launcher decide
-                self.fail(part, TactileError(f'a bug ended it:\n{traceback.format_exc()}'))
+                self.fail(part, TactileError(f'a bug ended this thread:\n{traceback.format_exc()}'))
 
         thread = threading.Thread(target=watched, name=part, daemon=True)
         thread.start()
@@ -176,7 +176,7 @@ class Node:
             AskedToEndError: the process is to end.
         """
         if self._ending.is_set():
-            raise AskedToEndError(f'{self.full_name} was asked to end before it had begun')
+            raise AskedToEndError(f'{self.full_name} was asked to end before it had started')
 
     def on_close(self) -> None:
         """Release what the subclass holds."""

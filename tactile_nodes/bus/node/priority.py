@@ -53,7 +53,7 @@ def lacking() -> str:
     if wanted is None or given <= wanted:
         return ''
     return (
-        f'this account may not run anything before other programs (niceness {wanted}, it is {given}): on a loaded '
+        f'this user may not raise process priority (niceness {wanted} wanted, {given} given): on a loaded '
         'computer devices may seem silent; see docs/collection.md'
     )
 
@@ -63,10 +63,10 @@ def crowded() -> str:
     programs, processors = os.getloadavg()[0], len(os.sched_getaffinity(0))
     if programs <= processors:
         return ''
-    permit = ', or permit this account to come before others (docs/collection.md)' if lacking() else ''
+    permit = ', or allow this user to raise process priority (docs/collection.md)' if lacking() else ''
     return (
-        f'this computer has {programs:.0f} programs to run on {processors} processors, so devices seem silent: end '
-        f'some{permit}, then start again: what is recorded stays, and the run goes on with the next press'
+        f'this computer is overloaded ({programs:.0f} programs on {processors} processors), so devices seem silent: '
+        f'stop some{permit}, then start again: recorded presses are kept, and the run continues with the next press'
     )
 
 
@@ -84,5 +84,5 @@ def _wanted() -> int | None:
     except ValueError:
         wanted = 20
     if not -20 <= wanted <= 19:
-        raise ConfigurationError(f'{VARIABLE} is {text!r}; set it to a whole number from -20 to 19, or leave it out')
+        raise ConfigurationError(f'{VARIABLE} is {text!r}; set it to an integer from -20 to 19, or unset it')
     return wanted

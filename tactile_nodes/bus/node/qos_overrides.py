@@ -62,7 +62,7 @@ def _problem(name: str, value: object) -> str:
     if not topic.startswith('/') or entity not in {'publisher', 'subscription'}:
         return "is not of the form 'qos_overrides./topic.publisher.depth' (or subscription), with the full name"
     if policy not in _POLICIES:
-        return f'names no policy that can be set; these can: {", ".join(_POLICIES)}'
+        return f'is not a policy that can be set; available: {", ".join(_POLICIES)}'
     if policy == 'depth':
         return '' if isinstance(value, int) and not isinstance(value, bool) and value > 0 else 'must be 1 or more'
     return '' if value in _CHOICES[policy] else f'must be {" or ".join(map(str, _CHOICES[policy]))}, got {value!r}'

@@ -50,7 +50,7 @@ def _ros2_bus() -> ProcessBus:
         from tactile_nodes.bus.ros2.graph_bus import Ros2Bus
     except ImportError as error:
         raise ConfigurationError(
-            f'TACTILE_BUS=ros2 needs rclpy, which this Python does not find ({error}); source ROS 2 first '
+            f'TACTILE_BUS=ros2 needs rclpy, which this Python cannot import ({error}); source ROS 2 first '
             '(source /opt/ros/jazzy/setup.bash), or set TACTILE_BUS=zeromq'
         ) from error
     return Ros2Bus()
@@ -70,7 +70,9 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
     try:
         arguments = parse_arguments(argv)
         if arguments.rest and len(factories) == 1:
-            raise ConfigurationError(f'{arguments.rest[0]!r} is not understood; parameters follow --ros-args -p')
+            raise ConfigurationError(
+                f'{arguments.rest[0]!r} is not a known argument; give parameters as --ros-args -p NAME:=VALUE'
+            )
         return _run(factories, arguments)
     except AskedToEndError:
         return 0
@@ -137,7 +139,7 @@ def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
     for node, thread in threads.items():
         thread.join(timeout=max(0.0, deadline_s - monotonic_s()))
         if thread.is_alive():
-            node.log.error('a callback is still busy and is not waited for')
+            node.log.error('a callback is still busy; not waiting for it')
             failed.append(node)
     for node in nodes:
         _close(node)
@@ -187,7 +189,7 @@ class _Ending:
         self._begun.wait()
         restore_priority()
         if not self._over.wait(self._within_s):
-            sys.stderr.write(f'not ended within {self._within_s} s of being asked to; given up\n')
+            sys.stderr.write(f'not ended within {self._within_s} s after the request; giving up\n')
             sys.stderr.flush()
             os._exit(1)
 

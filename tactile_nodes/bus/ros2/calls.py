@@ -20,7 +20,7 @@ from tactile_nodes.messages import services, types
 from tactile_nodes.messages.services import request_type, response_type
 
 _FIND_WITHIN_S = 2.0  # discovery on a busy network
-_BUG = 'a bug kept it from answering'
+_BUG = 'the service failed because of a bug'
 
 
 def answering(type_name: str, handler: ServiceHandler, executor: Any, tell: Callable[[str], None]) -> Any:
@@ -69,19 +69,19 @@ def call(client: Any, type_name: str, request: Any, timeout_s: float, served_as:
         found = served_as()
         if found is not None:
             require_type(client.srv_name, found, type_name)
-        raise ServiceUnavailableError(
-            f'nobody serves {client.srv_name}; see which services there are: tactile service list'
-        )
+        raise ServiceUnavailableError(f'no node offers the service {client.srv_name}; see: tactile service list')
     answered = threading.Event()
     future = client.call_async(theirs)
     future.add_done_callback(lambda _: answered.set())
     if not answered.wait(max(0.0, deadline_s - monotonic_s())):
         client.remove_pending_request(future)
-        raise ServiceTimeoutError(f'no answer from {client.srv_name} within {timeout_s:g} s; its node is busy or stuck')
+        raise ServiceTimeoutError(
+            f'no response from {client.srv_name} within {timeout_s:g} s; its node is busy or stuck'
+        )
     try:
         return to_ours(future.result(), response_type(type_name))
     except MessageError as error:
-        raise ServiceError(f'{client.srv_name} answered with {error}') from error
+        raise ServiceError(f'invalid response from {client.srv_name}: {error}') from error
 
 
 def _refusal(type_name: str, request: Any, error: Exception) -> Any:

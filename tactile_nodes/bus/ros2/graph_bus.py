@@ -111,7 +111,7 @@ class Ros2Bus:
             self._check_open()
             for end in self._ends:
                 if isinstance(end, Ros2Service) and end.name == service and not end.shut:
-                    raise BusError(f'the service {service} is already served by {end.node}')
+                    raise BusError(f'the service {service} is already offered by {end.node}')
             owner = self._node(node)
             if type_name in ros2_events.SETTING:
                 handler = ros2_events.telling(handler, node, self.clock.now_ns, self._events_of(node).publish)

@@ -28,7 +28,7 @@ def generated_class(type_name: str) -> Any:
         package, kind, name = type_name.split('/')
         return getattr(importlib.import_module(f'{package}.{kind}'), name)
     except ValueError as error:
-        raise MessageError(f'there is no type {type_name!r}; it has the form package/msg/Name') from error
+        raise MessageError(f'there is no type {type_name!r}; a type has the form package/msg/Name') from error
     except (ImportError, AttributeError) as error:
         hint = (
             'build this package with colcon and source install/setup.bash; a package that pip installed has no '
@@ -56,5 +56,5 @@ def to_theirs(message: Any, type_name: str, generated: Any) -> Any:
     """
     found = getattr(message, '__msgtype__', type(message).__name__)
     if found != type_name:
-        raise MessageError(f'a {type_name} is expected, not a {found}')
+        raise MessageError(f'expected a {type_name}, not a {found}')
     return deserialize_message(messages.encode(message), generated)

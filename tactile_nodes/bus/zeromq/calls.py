@@ -78,7 +78,7 @@ class CallServer:
         kind = type_name.decode()
         handler = self._find(name.decode(), kind)
         if handler is None:
-            self._refuse(caller, call_id, 'it is not served here as this type')
+            self._refuse(caller, call_id, 'this type of the service is not offered here')
             return
         request = messages.decode(data, request_type(kind))
         try:
@@ -86,7 +86,7 @@ class CallServer:
         except TactileError as error:
             self._refuse(caller, call_id, str(error))
         except Exception:
-            self._refuse(caller, call_id, 'a bug kept it from answering')
+            self._refuse(caller, call_id, 'the service failed because of a bug')
             raise
 
     def _answer(self, caller: bytes, call_id: bytes, kind: str, response: Any) -> None:
@@ -139,7 +139,7 @@ def call_remote(
         if not is_alive():
             raise ServiceUnavailableError(f'the process that served {service} has ended')
         raise ServiceTimeoutError(
-            f'no answer from {service} within {timeout_s:g} s; its node is alive but busy or stuck'
+            f'no response from {service} within {timeout_s:g} s; its node is alive but busy or stuck'
         )
     outcome, data = answer
     if outcome != b'ok':
@@ -147,7 +147,7 @@ def call_remote(
     try:
         return messages.decode(data, response_type(type_name))
     except MessageError as error:
-        raise ServiceError(f'{service} answered with {error}') from error
+        raise ServiceError(f'invalid response from {service}: {error}') from error
 
 
 def ping_remote(context: zmq.Context[Any], address: str, timeout_s: float) -> float | None:
@@ -160,10 +160,10 @@ def ping_remote(context: zmq.Context[Any], address: str, timeout_s: float) -> fl
 def _encoded(message: Any, type_name: str) -> bytes:
     found = getattr(message, '__msgtype__', type(message).__name__)
     if found != type_name:
-        raise MessageError(f'a {type_name} is expected, not a {found}')
+        raise MessageError(f'expected a {type_name}, not a {found}')
     data = messages.encode(message)
     if len(data) > Longest.CALL:
-        raise MessageError(f'a {type_name} of {len(data)} bytes: a call carries {Longest.CALL} at most')
+        raise MessageError(f'a {type_name} of {len(data)} bytes: the limit of a call is {Longest.CALL}')
     return data
 
 
@@ -192,5 +192,5 @@ def _ask(
                 if len(answer) == 4 and answer[0] == wire.ANSWER and answer[1] == call_id:
                     return answer[2], answer[3]
     except zmq.ZMQError as error:
-        raise BusError(f'a call broke off ({error.strerror}); was the bus closed meanwhile?') from error
+        raise BusError(f'a call was interrupted ({error.strerror}); was the bus closed meanwhile?') from error
     return None

@@ -69,7 +69,7 @@ class Meeting:
         base = (self._base or run_directory()).absolute()
         self.folder = base / f'd{self._domain_id}'
         if len(os.fsencode(base / _LONGEST_NAME)) > _LONGEST_SOCKET_PATH:
-            raise BusError(f'{base} is too long a name for sockets; set TACTILE_RUN_DIR to a folder with a shorter one')
+            raise BusError(f'the path {base} is too long for sockets; set TACTILE_RUN_DIR to a shorter path')
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             taken = self._take_lock()
@@ -115,7 +115,7 @@ class Meeting:
                 self._said_ns = draft.stat().st_mtime_ns  # as coarse as this file system has it
                 draft.rename(self.folder / f'{self.uid}.json')
             except OSError as error:
-                raise BusError(f'cannot tell the others on the bus in {self.folder}: {error.strerror}') from error
+                raise BusError(f'cannot announce this process on the bus in {self.folder}: {error.strerror}') from error
 
     def look(self, *, trusting: bool = False) -> list[Record]:
         """The records of all living participants but us; those of dead ones are cleared away.

@@ -148,7 +148,7 @@ class ZmqBus(InProcessBus):
                 if offer.name == service:
                     require_type(service, offer.type_name, type_name)
                     return record
-        raise ServiceUnavailableError(f'nobody serves {service}; see which services there are: tactile service list')
+        raise ServiceUnavailableError(f'no node offers the service {service}; see: tactile service list')
 
     # --- the graph ------------------------------------------------------------------------------------------
 

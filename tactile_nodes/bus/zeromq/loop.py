@@ -90,7 +90,7 @@ class Loop(threading.Thread):
             text = traceback.format_exc()
             if text not in self._said:
                 self._said.add(text)
-                sys.stderr.write(f'a bug in the thread {self.name!r}, which goes on:\n{text}')
+                sys.stderr.write(f'a bug in the thread {self.name!r}, which continues:\n{text}')
 
     def _end(self) -> None:
         self._running = False

@@ -68,8 +68,8 @@ class ZmqPublisher(LocalPublisher):
         if self._listeners > 0:  # counted at each look around, so that publishing need not
             if not self._fits(received):
                 raise BusError(
-                    f'{self.topic}: a {self.type_name} of {len(received.view)} bytes does not go to other processes, '
-                    f'which take in {self._longest} at most; publish less at once'
+                    f'{self.topic}: a {self.type_name} of {len(received.view)} bytes is not sent to other processes, '
+                    f'whose limit is {self._longest}; publish smaller messages'
                 )
             self._transmit(received)
 

@@ -194,7 +194,7 @@ class Receiver:
         header = wire.unpack_header(first)
         outlet = self._senders.get(header.gid)
         if outlet is None:
-            raise MessageError('a message of a publisher that nobody announced')
+            raise MessageError('a message of an unannounced publisher')
         if header.type_key != self._key:
             raise MessageError('a message of another type, or of another version of it')
         return header, outlet

@@ -49,8 +49,8 @@ def unpack_header(frame: bytes | memoryview) -> Header:
         MessageError: no header of ours.
     """
     if len(frame) < HEADER_SIZE:
-        raise MessageError('a frame that no node of ours has sent')
+        raise MessageError('a frame that was not sent by this bus')
     magic, gid, key, sequence, source_ns = _HEADER.unpack_from(frame)
     if magic != _MAGIC:
-        raise MessageError('a frame that no node of ours has sent')
+        raise MessageError('a frame that was not sent by this bus')
     return Header(gid.rstrip(b'\0'), key, sequence, source_ns)

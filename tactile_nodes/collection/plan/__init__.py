@@ -1,1 +1,1 @@
-"""Which presses are made, in which order, and what was done of them."""
+"""The presses to make, their order, and the journal of what was done."""

@@ -1,10 +1,10 @@
-"""The bag is the truth: which attempts of a plan does it hold whole, message, images and all?
+"""The bag is the truth: finds the attempts of a plan that bags hold complete, with message and images.
 
-The journal says what the rig told the recorder; between that and the disk a power cut may come. So before a run goes
-on, every press that no bag has confirmed yet is looked for. Found whole: verified, even if the journal was cut off
-before it could say so. Not found: to be done again, under a new attempt number. Nothing is lost, nothing is doubled. An
-attempt that the bag calls suspect later on is not held. The same is done when the last press of a plan was told: what
-fell between a recorder that was killed and the next one is done again before the run ends.
+The journal holds what the rig sent to the recorder, but a power cut may come before it is on disk. So before a run
+continues, every press that no bag has confirmed yet is searched for. If it is found complete, it is verified, even if
+the journal was cut off before that entry. If it is not found, it is done again, with a new attempt number. So no press
+is lost or counted twice. An attempt that a later message marks as suspect does not count as found. The same check runs
+after the last press of a plan: presses that fell between a killed recorder and the next one are done again.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from tactile_nodes.collection.plan.journal import MISSING, RECORDED, STARTED, VE
 from tactile_nodes.errors import BagError, MessageError
 from tactile_nodes.messages import types
 
-SETTLE_S = 3.0  # a recorder writes within half a second, if the disk can follow
+SETTLE_S = 3.0  # a recorder writes within half a second, if the disk is fast enough
 Attempt = tuple[int, int]
 
 
 def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[int, int]:
-    """Settle what the journal leaves open; how many presses were found in the bags, and how many were not."""
+    """Resolve open entries of the journal; returns how many presses were found in the bags, and how many were not."""
     return settle(journal, attempts_below(folder, plan_id), now_ns) if journal.unverified() else (0, 0)
 
 
 def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]:
-    """As `audit`, by what bags are known to hold."""
+    """As `audit`, with the attempts that bags are known to hold."""
     found = missing = 0
     for entry in journal.unverified():
         if (entry.press, entry.attempt) in held:
@@ -47,7 +47,7 @@ def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]
 
 
 def await_recorded(journal: Journal, plan_id: str, folder: Path, clock: Clock) -> set[Attempt]:
-    """What the bags hold of the plan, once a recorder has had time to write what it was told last."""
+    """The attempts of the plan in the bags, after a recorder had time to write the last ones."""
     told = {(entry.press, entry.attempt) for entry in journal.unverified() if entry.step == RECORDED}
     held, deadline_ns = attempts_below(folder, plan_id), clock.now_ns() + round(SETTLE_S * NS_PER_S)
     while not told <= held and clock.now_ns() < deadline_ns:
@@ -62,28 +62,28 @@ def bags_below(folder: Path) -> list[Path]:
 
 
 def attempts_below(folder: Path, plan_id: str) -> set[Attempt]:
-    """(press, attempt) of each recorded press in the bags of a folder whose images are there, too."""
+    """(press, attempt) of each press in the bags of a folder that was recorded with its images."""
     found = [presses_in(bag, plan_id) for bag in bags_below(folder)]
     suspects = set().union(*(suspect for _, suspect in found), set())
     return set().union(*(whole for whole, _ in found), set()) - suspects
 
 
 def presses_in(bag: Path, plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
-    """(press, attempt) of those presses in a bag that are whole, and of those that it calls suspect."""
+    """(press, attempt) of the presses in a bag that are complete, and of those that it marks as suspect."""
     try:
         with BagReader(bag) as reader:
             return _whole(reader, topics_of(reader), plan_id)
-    except BagError:  # a recording that begins just now, or one that was cut off before it began
+    except BagError:  # a recording that has just started, or was cut off at its start
         return set(), set()
 
 
 def topics_of(reader: BagReader) -> list[str]:
-    """Presses and their images, whatever their namespace."""
+    """Topics of presses and their images, in any namespace."""
     return [name for name in reader.metadata.topics if is_topic(name, PRESS) or is_topic(name, PRESS_IMAGE)]
 
 
 def _whole(reader: BagReader, topics: list[str], plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
-    """Images travel by another way than messages, so the last of a press may be received after it."""
+    """Images and messages have separate queues, so the last image of a press may be received after its message."""
     presses: list[types.Press] = []
     images: list[int] = []
     for found in reader.messages(topics):
@@ -97,7 +97,7 @@ def _whole(reader: BagReader, topics: list[str], plan_id: str) -> tuple[set[Atte
 
 
 def decoded(reader: BagReader, found: BagMessage) -> types.Press | None:
-    """The press that a message tells; None where it is none."""
+    """The press in a message; None if it is not a press."""
     try:
         press: types.Press = reader.decode(found)
     except MessageError:
@@ -112,5 +112,5 @@ def _is_whole(press: types.Press, images: Sequence[int]) -> bool:
 
 
 def is_topic(name: str, topic: Topic) -> bool:
-    """Whether that is a topic's name in some namespace."""
+    """Whether `name` is the topic in any namespace."""
     return name.rpartition('/')[2] == topic.name

@@ -1,7 +1,7 @@
-"""What was done of a plan, written down so that nothing is lost or done twice, however the run ends.
+"""The journal of a plan. It ensures that no press is lost or done twice, however a run ends.
 
-A file of JSON lines: first the plan, then an entry for each step of each press, written and synced to the disk before
-the run goes on. A line that was cut off by a power cut is the last one, and is taken away when the journal is opened.
+A file of JSON lines: first the plan, then an entry for each step of each press, written and synced to disk before the
+run continues. A line that was cut off by a power cut is the last one, and is removed when the journal is opened.
 
     {"plan": "0f3a…", "presses": 10952, "version": 1}
     {"press": 17, "attempt": 1, "step": "started", "stamp_ns": …}
@@ -32,7 +32,7 @@ STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verifie
 SUSPECT, ANCHORED, ASIDE, BROKEN_OFF = 'suspect', 'anchored', 'aside', 'broken_off'
 ENDED = 'ended'
 OF_THE_RUN = (ANCHORED, ENDED)
-_OF_THE_MACHINE = ('begun', 'halted', 'acknowledged')  # in journals of before a machine had its own record
+_OF_THE_MACHINE = ('begun', 'halted', 'acknowledged')  # in journals from before each machine had its own record
 NO_PRESS = 0
 STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ASIDE, BROKEN_OFF, *OF_THE_RUN, *_OF_THE_MACHINE)
 DONE = (RECORDED, VERIFIED)
@@ -40,13 +40,18 @@ DONE = (RECORDED, VERIFIED)
 
 @dataclass(frozen=True)
 class Entry:
-    """A step of a press: `started`, `recorded` (told to the recorder), `verified` (found in the bag again),
-    `rejected` (not to be used, `reason` says why), `missing` (not found in the bag, or of a run before
-    one that began anew: to be done again), `suspect` (an anchor after it lay elsewhere than the one before it: to be
-    done again), `aside` (rejected because the force was too great: not tried again before a run has ended in order),
-    `broken_off` (rejected because a device fell silent, which is no fault of the press: it is tried again).
+    """A step of a press:
 
-    Of press 0 are steps of none. `anchored`: whatever was recorded until then, was at its place. `ended`: the run has
+    - `started`;
+    - `recorded`: sent to the recorder;
+    - `verified`: found in the bag;
+    - `rejected`: not usable, for the `reason`;
+    - `missing`: not found in the bag, or of a run before the plan was started anew; to be done again;
+    - `suspect`: a later anchor was displaced from the one before it; to be done again;
+    - `aside`: set aside because the force was too large; not tried again until a run has ended normally;
+    - `broken_off`: rejected because a device became silent; tried again.
+
+    Press 0 stands for the run itself. `anchored`: everything recorded so far was at its place. `ended`: the run has
     ended, with the tip up."""
 
     press: int
@@ -57,10 +62,10 @@ class Entry:
 
 
 class Journal:
-    """The journal of a plan in a file, which is made when it does not exist.
+    """The journal of a plan in a file, which is created if it does not exist.
 
     Raises:
-        ConfigurationError: it belongs to another plan, is damaged other than at its end, or is in use.
+        ConfigurationError: it belongs to another plan, is damaged elsewhere than at its end, or is in use.
     """
 
     def __init__(self, path: Path, plan: Plan) -> None:
@@ -92,7 +97,7 @@ class Journal:
         self.close()
 
     def close(self) -> None:
-        """Let go of the file; closing twice is harmless."""
+        """Close the file; closing twice is harmless."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -101,7 +106,7 @@ class Journal:
         """Write an entry; it is on the disk when this returns.
 
         Raises:
-            TactileError: the disk does not take it.
+            TactileError: it cannot be written to disk.
         """
         entry = Entry(press, attempt, step, stamp_ns, reason)
         self._write(entry.__dict__)
@@ -112,10 +117,10 @@ class Journal:
         self.note(NO_PRESS, 0, step, stamp_ns, reason)
 
     def begin_anew(self, stamp_ns: int) -> int:
-        """Have every press done again, under another number than before; how many were done already."""
+        """Mark every press to be done again, with new attempt numbers; returns how many were already done."""
         done = [entry for entry in self._last.values() if entry.step in DONE]
         for entry in done:
-            self.note(entry.press, entry.attempt, MISSING, stamp_ns, 'the plan was begun anew')
+            self.note(entry.press, entry.attempt, MISSING, stamp_ns, 'the plan was started anew')
         return len(done)
 
     def is_done(self, press: int) -> bool:
@@ -124,11 +129,11 @@ class Journal:
         return entry is not None and entry.step in DONE
 
     def next_attempt(self, press: int) -> int:
-        """The number that the next attempt at a press must have: no number is ever used again."""
+        """The number of the next attempt at a press: no number is used twice."""
         return self._attempts.get(press, 0) + 1
 
     def rejects(self, press: int) -> int:
-        """How often a press was rejected since the journal was opened: who starts again has mended what was wrong."""
+        """How often a press was rejected since the journal was opened; a new start may have removed the cause."""
         return self._rejects.get(press, 0)
 
     def last(self, press: int) -> Entry | None:
@@ -136,16 +141,16 @@ class Journal:
         return self._last.get(press)
 
     def left(self, order: Iterable[Point], most_attempts: int) -> list[Point]:
-        """What is still to do, in this order: neither done, nor put aside, nor rejected as often as allowed."""
+        """The remaining presses, in this order: not done, not set aside, not rejected as often as allowed."""
         left = (point for point in order if not self.is_done(point.press) and point.press not in self._aside)
         return [point for point in left if self.rejects(point.press) < most_attempts]
 
     def unverified(self) -> list[Entry]:
-        """The last step of each press that was begun and that no bag has confirmed, done or broken off."""
+        """The last step of each press that was started and that no bag has confirmed, done or broken off."""
         return [entry for entry in self._last.values() if entry.step in {STARTED, RECORDED}]
 
     def unconfirmed(self) -> list[Entry]:
-        """The last step of each press that counts as done and that no anchor has followed yet; the latest is last."""
+        """The last step of each press that is done and not yet followed by an anchor; the latest is last."""
         done = (entry for entry in self._last.values() if entry.step in DONE)
         return [entry for entry in done if (entry.press, entry.attempt) not in self._confirmed]
 
@@ -156,7 +161,7 @@ class Journal:
 
     @property
     def aside(self) -> list[int]:
-        """The presses at which the force was too great, and which were not made since."""
+        """The presses at which the force was too large, and which were not made since."""
         return sorted(press for press, entry in self._last.items() if entry.step == ASIDE)
 
     @property
@@ -168,13 +173,13 @@ class Journal:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise ConfigurationError(f'the journal {self.path} is in use; another run of this plan goes on') from error
+            raise ConfigurationError(f'the journal {self.path} is in useby another run of this plan') from error
 
     def _read(self) -> None:
         data = self._content()
         whole = data.rfind(b'\n') + 1
         if whole < len(data):
-            self.repaired = f'took a line that was cut off after {len(data) - whole} bytes from the end of {self.path}'
+            self.repaired = f'removed an incomplete line of {len(data) - whole} bytes at the end of {self.path}'
             os.ftruncate(self._file, whole)
         lines = data[:whole].splitlines()
         if not lines:
@@ -218,19 +223,19 @@ class Journal:
         return found
 
     def _damaged(self, number: int) -> ConfigurationError:
-        return ConfigurationError.at(self.path, number, 'this line of the journal is damaged; mend it or take it away')
+        return ConfigurationError.at(self.path, number, 'this line of the journal is damaged; repair or delete it')
 
     def _take(self, entry: Entry) -> None:
         if entry.step == ANCHORED:
             self._confirmed.update((each.press, each.attempt) for each in self.unconfirmed())
             return
         if entry.step == ENDED:
-            self._aside.clear()  # the next start, by a person, tries again what was put aside
+            self._aside.clear()  # after the next start by a person, presses that were set aside are tried again
             return
         if entry.step in _OF_THE_MACHINE:
             return
         if entry.step == STARTED:
-            self._last.pop(entry.press, None)  # it is the latest now
+            self._last.pop(entry.press, None)  # moves it to the end
         self._last[entry.press] = entry
         self._attempts[entry.press] = max(entry.attempt, self._attempts.get(entry.press, 0))
         if entry.step == ASIDE:
@@ -244,10 +249,10 @@ class Journal:
         line, size = json.dumps(values).encode('ascii') + b'\n', os.fstat(self._file).st_size
         try:
             written = 0
-            while written < len(line):  # a disk that becomes full takes a part and only then refuses
+            while written < len(line):  # a disk that becomes full accepts a part before it refuses
                 written += os.write(self._file, line[written:])
             os.fsync(self._file)
         except OSError as error:
-            with contextlib.suppress(OSError):  # else the next start takes away what is half there
+            with contextlib.suppress(OSError):  # else the next start removes the incomplete line
                 os.ftruncate(self._file, size)
-            raise TactileError(f'cannot write the journal {self.path}: {error.strerror}; the run ends here') from error
+            raise TactileError(f'cannot write the journal {self.path}: {error.strerror}; the run ends') from error

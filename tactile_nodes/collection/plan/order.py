@@ -1,4 +1,4 @@
-"""In which order a plan is done: the gel rests where it was pressed, and the way from press to press stays short."""
+"""The order of a plan: the gel recovers between presses at the same place, and travel stays short."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import numpy.typing as npt
 from tactile_nodes.collection.plan.plan import Plan, PlanSettings, Point
 
 FAR_MM = 1e6
-AHEAD = 2.0  # of the resting distance: what a place costs for each press that it is ahead of the others
+AHEAD = 2.0  # penalty for each press that a place is ahead of the others, in units of the resting distance
 
 
 def ordered(plan: Plan, settings: PlanSettings) -> tuple[Point, ...]:
-    """The plan's points from the first to do to the last; the same for the same plan, whenever it is asked.
+    """The plan's points in the order in which they are done; always the same for the same plan.
 
-    The next press is at the nearest place that keeps `rest_mm` away from the last `rest_presses` presses, where a
-    place that has had more presses than others counts as farther away, so that the last presses of a plan do not
-    crowd in one corner. Which depth of a place comes first is left to chance, by the plan's own hash. Where no place
-    keeps that distance, the one that has rested longest comes next.
+    The next press is at the nearest place that is at least `rest_mm` away from the last `rest_presses` presses. A place
+    that has had more presses than others counts as farther away, so that the last presses of a plan do not crowd in one
+    corner. The order of the depths at a place is random, seeded by the plan's hash. If no place keeps that distance,
+    the one that has recovered longest comes next.
     """
     waiting = _by_place(plan)
     places = np.array(list(waiting), np.float64).reshape(-1, 2)
@@ -40,9 +40,9 @@ def _by_place(plan: Plan) -> dict[tuple[float, float], list[Point]]:
 
 
 def _walk(places: npt.NDArray[np.float64], counts: Sequence[int], rest_mm: float, rest_presses: int) -> Sequence[int]:
-    """Numbers of places, each as often as its count says."""
+    """Indices of places, each as often as its count."""
     left, visits = np.array(counts), np.zeros(len(places))
-    free_from = np.zeros(len(places), np.int64)  # the step from which a place has rested
+    free_from = np.zeros(len(places), np.int64)  # the step from which a place has recovered
     walk = [0]
     for step in range(1, sum(counts) + 1):
         here = walk[-1]
@@ -70,12 +70,12 @@ def _mixed(plan: Plan, point: Point) -> bytes:
 
 
 def travel_mm(points: Sequence[Point]) -> float:
-    """The way over the gel from the first point to the last: (0, 0), (3, 4), (3, 5) are 6 mm."""
+    """Length of the path over the gel: (0, 0), (3, 4), (3, 5) are 6 mm."""
     return sum(math.dist(a[1:3], b[1:3]) for a, b in pairwise(points))
 
 
 def least_rest(points: Sequence[Point], rest_mm: float) -> int:
-    """The least number of presses that lie between two that are nearer than `rest_mm` to each other."""
+    """The smallest number of presses between two presses that are closer than `rest_mm`."""
     places = np.array([point[1:3] for point in points])
     for gap in range(1, len(points)):
         if (np.hypot(*(places[gap:] - places[:-gap]).T) < rest_mm).any():

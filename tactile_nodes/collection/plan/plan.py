@@ -1,7 +1,7 @@
-"""Which presses are to be made: places on the gel and depths, numbered once and for all, and named by their hash.
+"""The presses to make: places on the gel and depths, with fixed numbers, identified by their hash.
 
-A plan is a grid, random places, places spread over the gel, or a list from a file. Its number of a press never
-changes, and its `plan_id` follows from the points alone, so that a journal and a bag can say which plan they belong to.
+A plan is a grid, random places, places spread over the gel, or a list from a file. The number of a press never
+changes, and `plan_id` depends on the points alone, so that a journal and a bag can name their plan.
 """
 
 from __future__ import annotations
@@ -45,26 +45,26 @@ class Point(NamedTuple):
 MOST_POINTS = 200_000
 MOST_MM = 1e6
 CANDIDATES = 2000
-"""Random places that those of a spread plan are chosen among."""
+"""Random places from which those of a spread plan are chosen."""
 
 
 @dataclass(frozen=True)
 class PlanSettings:
-    """How a plan's points come about."""
+    """How the points of a plan are generated."""
 
-    kind: str = parameter('grid', 'how points come about', choices=('grid', 'random', 'spread', 'list'))
+    kind: str = parameter('grid', 'how points are generated', choices=('grid', 'random', 'spread', 'list'))
     columns: int = parameter(37, 'places along x', minimum=1)
     rows: int = parameter(37, 'places along y', minimum=1)
-    pitch_mm: float = parameter(0.75, 'from one place of the grid to the next', minimum=0.01)
+    pitch_mm: float = parameter(0.75, 'distance between neighbouring places of the grid', minimum=0.01)
     depths_mm: tuple[float, ...] = parameter((0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0), 'depths at each place')
-    count: int = parameter(1000, 'presses of a random or spread plan', minimum=1)
+    count: int = parameter(1000, 'number of presses of a random or spread plan', minimum=1)
     reach_mm: float = parameter(
-        13.5, 'random and spread places lie within this far of the middle, in x and y', minimum=0.0
+        13.5, 'largest distance of random and spread places from the centre, in x and y', minimum=0.0
     )
-    seed: int = parameter(1, 'of random and spread places')
+    seed: int = parameter(1, 'seed of random and spread places')
     file: str = parameter('', 'CSV of points: x_mm, y_mm, depth_mm')
-    rest_mm: float = parameter(4.0, 'presses nearer than this to the last ones are put off', minimum=0.0)
-    rest_presses: int = parameter(8, 'how many of the last presses that are', minimum=0)
+    rest_mm: float = parameter(4.0, 'presses closer than this to the last ones are postponed', minimum=0.0)
+    rest_presses: int = parameter(8, 'number of last presses to keep this distance from', minimum=0)
 
     def __post_init__(self) -> None:
         if self.kind != 'list' and not self.depths_mm:
@@ -72,7 +72,7 @@ class PlanSettings:
         by_chance = self.kind in ('random', 'spread')
         points = self.count if by_chance else self.columns * self.rows * len(self.depths_mm)
         if self.kind != 'list' and points > MOST_POINTS:
-            raise ValueError(f'that makes {points} presses, weeks of work; {MOST_POINTS} at most')
+            raise ValueError(f'that makes {points} presses, more than the limit of {MOST_POINTS}')
         if self.kind == 'spread' and self.count > CANDIDATES:
             raise ValueError(f'a spread plan has {CANDIDATES} presses at most; use random for {self.count}')
 
@@ -82,22 +82,22 @@ class Plan:
     """Points, numbered 1, 2, 3, …
 
     Raises:
-        ConfigurationError: no points, a depth that is none, or the same point twice.
+        ConfigurationError: no points, an invalid depth, or the same point twice.
     """
 
     points: tuple[Point, ...]
 
     def __post_init__(self) -> None:
         if not self.points:
-            raise ConfigurationError('the plan holds no points; give it rows and columns, a count, or a file')
+            raise ConfigurationError('the plan holds no points; set rows and columns, a count, or a file')
         for point in self.points:
             if not all(abs(value) <= MOST_MM for value in point[1:]) or point.depth_mm <= 0:
                 raise ConfigurationError(
                     f'press {point.press} of the plan has a depth of {point.depth_mm:g} mm at x {point.x_mm:g}, '
-                    f'y {point.y_mm:g} mm; all must be numbers and the depth above 0'
+                    f'y {point.y_mm:g} mm; all must be numbers, and the depth above 0'
                 )
         if len({_text(point).split(' ', 1)[1] for point in self.points}) < len(self.points):
-            raise ConfigurationError('the plan holds a place and depth twice; each press must be a different one')
+            raise ConfigurationError('the plan holds the same place and depth twice; all presses must differ')
 
     @cached_property
     def plan_id(self) -> str:
@@ -121,18 +121,18 @@ def make_plan(settings: PlanSettings) -> Plan:
     """The plan that the settings describe; the same settings give the same plan on every machine.
 
     Raises:
-        ConfigurationError: a file that is missing or holds something else, or a plan without points.
+        ConfigurationError: a file is missing or has other content, or the plan has no points.
     """
     if settings.kind == 'list':
         return numbered(read_points(settings.file))
     if settings.kind == 'grid':
         return numbered(_grid(settings))
-    chance = random.Random(settings.seed)  # noqa: S311  (places, not secrets)
+    chance = random.Random(settings.seed)  # noqa: S311  (for places, not for security)
     return numbered((_random if settings.kind == 'random' else _spread)(settings, chance))
 
 
 def plan_path(name: str) -> Path:
-    """The YAML file of that path, or else the plan of that name in config/plans.
+    """The YAML file with that path, or else the plan of that name in config/plans.
 
     Raises:
         ConfigurationError: there is neither.
@@ -141,16 +141,16 @@ def plan_path(name: str) -> Path:
     file = Path(name) if is_file(Path(name)) else shipped.get(name)
     if file is None:
         raise ConfigurationError(
-            f'there is no plan {name}; these ship: {", ".join(sorted(shipped))}; or give a YAML file'
+            f'there is no plan {name}; available: {", ".join(sorted(shipped))}; or give a YAML file'
         )
     return file
 
 
 def load_plan_settings(path: Path) -> PlanSettings:
-    """Plan settings from a YAML file; a list file that it names is looked for beside it.
+    """Plan settings from a YAML file; a list file is searched for in the same folder.
 
     Raises:
-        ConfigurationError: no such file, or something in it that is no setting of a plan.
+        ConfigurationError: no such file, or an entry that is not a setting of a plan.
     """
     settings = from_mapping(PlanSettings, load_mapping(path), source=str(path), exact=False)
     if settings.file and not Path(settings.file).is_absolute():
@@ -160,7 +160,7 @@ def load_plan_settings(path: Path) -> PlanSettings:
 
 
 def numbered(points: Iterable[Triple]) -> Plan:
-    """A plan of (x, y, depth) in mm, in this order, rounded to the µm that a machine can go to."""
+    """A plan of (x, y, depth) in mm, in this order, rounded to µm, the resolution of the machine."""
     return Plan(tuple(Point(i, *(round(value, 3) + 0.0 for value in point)) for i, point in enumerate(points, start=1)))
 
 
@@ -197,9 +197,9 @@ def _random(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
 
 
 def _spread(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
-    """Each place as far as can be from all before it, from the middle on, so that any first part spans the gel.
+    """Each place as far as possible from all before it, starting at the centre, so that any first part covers the gel.
 
-    Gonzalez, Theoretical Computer Science 38, 1985: the furthest-first traversal. Much of it lies on the rim.
+    Gonzalez, Theoretical Computer Science 38, 1985: the furthest-first traversal. Many of the places are on the rim.
     """
     low, high, reach = min(settings.depths_mm), max(settings.depths_mm), settings.reach_mm
     places = [(reach * chance.uniform(-1, 1), reach * chance.uniform(-1, 1)) for _ in range(CANDIDATES)]

@@ -1,4 +1,4 @@
-"""How far a run is, and how long it still takes."""
+"""Progress of a run, and the remaining time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NS_PER_S = 1e9
 
 
 class Progress:
-    """Counts attempts and takes their mean time over the last hundred."""
+    """Counts attempts and averages their time over the last hundred."""
 
     def __init__(self, presses: int, done: int) -> None:
         self.presses = presses
@@ -25,11 +25,11 @@ class Progress:
         self._since_ns = 0
 
     def start(self, now_ns: int) -> None:
-        """The first press begins."""
+        """The first press starts."""
         self._since_ns = self._since_ns or now_ns
 
     def note(self, reason: str, begun_ns: int, now_ns: int) -> None:
-        """An attempt is over; `reason` says why it was rejected, if it was."""
+        """An attempt has ended; `reason` says why it was rejected, if it was."""
         self._times.append((now_ns - begun_ns) / NS_PER_S)
         self.last_reason = reason or self.last_reason
         if reason:
@@ -44,7 +44,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float:
-        """At that pace."""
+        """Remaining time at that pace."""
         return self.seconds_each * (self.presses - self.done)
 
     def line(self, now: Point | None) -> str:
@@ -64,7 +64,7 @@ class Progress:
         """'10952 of 10952 presses recorded, 10952 of them now; 2 attempts rejected (2 times the camera …)'"""
         text = f'{self.done} of {self.presses} presses recorded, {self.done - self.before} of them now'
         if aside := journal.aside:
-            text += f'; {len(aside)} put aside until the next run ({_listed(aside)})'
+            text += f'; {len(aside)} set aside until the next run ({_listed(aside)})'
         if not self.rejected:
             return text
         reasons = Counter(entry.reason.split(':')[0] for entry in journal.rejected[-self.rejected :])

@@ -1,4 +1,4 @@
-"""One press: untouched check and tare, down, rest, window, up, untouched again. A procedure (see `actions`)."""
+"""One press: check and tare without contact, down, settle, window, up, check again. A procedure (see `actions`)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ WINDOW_PATIENCE_S = 2.0
 SLOWEST_FPS = 5.0
 NS_PER_S = 1e9
 UNKNOWN: Wrench = (math.nan,) * 6
-LONGEST_GAP = 2.5  # of the usual time between images
+LONGEST_GAP = 2.5  # times the usual time between images
 
 
 class RejectedError(Exception):
@@ -44,7 +44,7 @@ class RejectedError(Exception):
 
 @dataclass
 class Record:
-    """What became of an attempt; filled as it goes on, so that a broken-off one can be told, too."""
+    """The result of an attempt, filled step by step, so that an aborted attempt can also be reported."""
 
     point: Point
     attempt: int
@@ -60,18 +60,18 @@ class Record:
     depth_reported_mm: float = math.nan
     reason: str = ''
     aside: bool = False
-    """The force was too great: not to be tried again unattended."""
+    """The force was too large: not to be tried again unattended."""
 
 
 @dataclass(frozen=True)
 class Ground:
-    """What is known before the first press: where the surface is, how high the tip travels, and what rest looks like.
+    """What is known before the first press: surface, safe height, zero, and image noise at rest.
 
     Attributes:
         surface: of the gel.
-        safe_z_mm: height for going sideways.
+        safe_z_mm: height for sideways motion.
         zero: the tare at the start of the run.
-        image_noise: greatest change between two images at rest.
+        image_noise: largest change between two images at rest.
     """
 
     surface: Surface
@@ -81,7 +81,7 @@ class Ground:
 
 
 def press_cycle(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
-    """Make the attempt; `record.reason` says why it cannot be used, if it cannot.
+    """Make the attempt; `record.reason` says why it cannot be used, if so.
 
     Raises:
         DeviceFaultError: the tip does not come free of the gel.
@@ -105,22 +105,22 @@ def _tare(record: Record, ground: Ground, settings: CollectionSettings) -> Proce
     seen = yield Look(settings.press.tare_s)
     untouched_ns = seen.since_ns
     if len(seen.samples) < 2:
-        raise RejectedError('too few force samples came for a tare')
+        raise RejectedError('too few force samples for a tare')
     if not all(sample.usable for sample in seen.samples):
         raise RejectedError('the force/torque sensor reported a fault during the tare')
     tare = record.tare = tare_of(seen.samples)
     yield SetTare(tare)
     drift = length(np.subtract(tare.wrench[:3], ground.zero.wrench[:3]))
     if drift > settings.press.drift_n:
-        raise RejectedError(f'the untouched force has changed by {drift:.2f} N since the start; is the tip free?')
+        raise RejectedError(f'the force without contact has changed by {drift:.2f} N since the start; is the tip free?')
     half = len(seen.samples) // 2
     first, last = tare_of(seen.samples[:half]), tare_of(seen.samples[half:])
     wander = length(np.subtract(last.wrench[:3], first.wrench[:3]))
     if wander > settings.press.unloaded_n + 2 * mean_noise(ground.zero, half):
-        raise RejectedError(f'the untouched force wandered by {wander:.2f} N during the tare')
+        raise RejectedError(f'the force without contact changed by {wander:.2f} N during the tare')
     while len(seen.frames) < settings.press.rest_frames:
         if seen.now_ns - untouched_ns > settings.press.settle_s * NS_PER_S:
-            raise RejectedError('no image of the untouched gel came')
+            raise RejectedError('no image of the untouched gel')
         seen = yield Look(LOOK_S, untouched_ns)
     record.rest = list(seen.frames[-settings.press.rest_frames :]) if settings.press.rest_frames else []
 
@@ -160,7 +160,7 @@ def _window(record: Record, ground: Ground, settings: CollectionSettings) -> Pro
 
 
 def _gathered(start_ns: int, settings: CollectionSettings) -> Procedure[tuple[list[Sample], list[Frame]]]:
-    """What is measured from `start_ns` on, until it is enough."""
+    """Measurements from `start_ns` on, until there are enough."""
     press = settings.press
     patience_ns = (WINDOW_PATIENCE_S + press.window_s + press.frames / SLOWEST_FPS) * NS_PER_S
     while True:
@@ -170,7 +170,7 @@ def _gathered(start_ns: int, settings: CollectionSettings) -> Procedure[tuple[li
             return list(seen.samples), list(seen.frames[: press.frames])
         if seen.now_ns - start_ns > patience_ns:
             raise RejectedError(
-                f'{len(seen.frames)} images and {len(seen.samples)} force samples came, too few for the window'
+                f'{len(seen.frames)} images and {len(seen.samples)} force samples are too few for the window'
             )
 
 
@@ -183,10 +183,10 @@ def _judge(record: Record, samples: Sequence[Sample], settings: CollectionSettin
     stamps = np.array([frame.stamp_ns for frame in record.frames])
     gaps = np.diff(stamps)
     if len(gaps) and gaps.max() > LONGEST_GAP * np.median(gaps):
-        raise RejectedError(f'images were lost in the window: {gaps.max() / 1e6:.0f} ms between two')
+        raise RejectedError(f'images were lost in the window: a gap of {gaps.max() / 1e6:.0f} ms')
     error = abs(record.depth_reported_mm - record.point.depth_mm)
     if error > settings.press.depth_error_mm:
-        raise RejectedError(f'the machine reports a depth {error:.3f} mm off the one commanded')
+        raise RejectedError(f'the reported depth differs from the commanded one by {error:.3f} mm')
 
 
 def _measure(record: Record, samples: Sequence[Sample], ground: Ground, settings: CollectionSettings) -> None:
@@ -198,20 +198,18 @@ def _measure(record: Record, samples: Sequence[Sample], ground: Ground, settings
     record.wrench, record.deviation = as_wrench(gel.mean(axis=0)), as_wrench(gel.std(axis=0))
     record.force_rate = slope([sample.stamp_ns for sample in samples], force)
     if not float(force.mean()) > settings.press.contact_n:
-        raise RejectedError(
-            f'the force is {float(force.mean()):.3f} N at {point.depth_mm:g} mm, as if nothing were touched'
-        )
+        raise RejectedError(f'the force is {float(force.mean()):.3f} N at {point.depth_mm:g} mm, as without contact')
     _check_images(record, float(force.mean()), settings)
 
 
 def _check_images(record: Record, force_n: float, settings: CollectionSettings) -> None:
-    """Images that come too late, or again and again, show the gel as it was: untouched."""
+    """Images that are late or repeated show the gel without contact."""
     least_n = settings.press.shows_n
     if not 0 < least_n <= force_n or not record.rest or len(record.frames) < 2:
         return
     noise = pattern_change(record.frames[0], record.frames[-1])
     if not pattern_change(record.rest[-1], record.frames[-1]) > SHOWN * noise:
-        raise RejectedError(f'the images show nothing of the {force_n:.2f} N: do they come too late?')
+        raise RejectedError(f'the images do not show the force of {force_n:.2f} N: are they too late?')
 
 
 def _machine_place(point: Point, settings: CollectionSettings) -> tuple[float, float]:

@@ -1,8 +1,8 @@
-"""Move until a force is felt, and hold it: a loop on the force topic that knows how old its numbers are.
+"""Move until a force is measured, and hold it: a control loop on the force topic that accounts for latency.
 
-It takes one small step, then waits for a force whose image was taken after the machine had come to rest, and only then
-decides on the next. So the time from touch to force, whatever it is, makes the loop slow and never unstable. The other
-half of its safety is the step itself: on the stiffest thing expected it raises the force by step_mm * stiffness_n_mm.
+It takes one small step, then waits for a force whose image was taken after the machine came to rest, and only then
+decides on the next step. So a long latency makes the loop slow, but never unstable. The step size is the other half of
+its safety: on the stiffest expected object, a step raises the force by step_mm * stiffness_n_mm.
 """
 
 from __future__ import annotations
@@ -22,35 +22,37 @@ OK, INVALID = types.ForceDistribution.STATUS_OK, types.ForceDistribution.STATUS_
 
 @dataclass(frozen=True)
 class GuardSettings:
-    """What force is sought, and when the approach is given up."""
+    """The target force, and when the approach gives up."""
 
     target_n: float = parameter(0.2, 'force to reach and to hold [N]', minimum=0.01)
-    band_n: float = parameter(0.005, 'a force so near to the target is the target [N]', minimum=0.001)
-    touch_n: float = parameter(0.03, 'below, nothing is touched and steps have their full length [N]', minimum=0.001)
-    limit_n: float = parameter(0.5, 'above this force the approach is given up [N]', minimum=0.02)
+    band_n: float = parameter(0.005, 'tolerance of the target force [N]', minimum=0.001)
+    touch_n: float = parameter(
+        0.03, 'below this force there is no contact, and steps have their full length [N]', minimum=0.001
+    )
+    limit_n: float = parameter(0.5, 'above this force the approach gives up [N]', minimum=0.02)
     hold_s: float = parameter(5.0, 'how long the force is held [s]', minimum=0.0)
     step_mm: float = parameter(0.02, 'longest step [mm]', minimum=0.001, maximum=0.2)
     stiffness_n_mm: float = parameter(
-        1.0, 'steepest rise of the force with depth that is expected [N/mm]', minimum=0.01
+        1.0, 'largest expected stiffness, the rise of the force with depth [N/mm]', minimum=0.01
     )
-    gain: float = parameter(0.7, 'share of the error that a step makes good', minimum=0.05, maximum=1.0)
-    travel_mm: float = parameter(2.0, 'how far down force is looked for [mm]', minimum=0.01)
-    stale_ms: float = parameter(100.0, 'a force whose image is older ends the approach [ms]', minimum=1.0)
-    seconds: float = parameter(60.0, 'the approach is given up after so long [s]', minimum=0.1)
+    gain: float = parameter(0.7, 'fraction of the error that a step corrects', minimum=0.05, maximum=1.0)
+    travel_mm: float = parameter(2.0, 'largest depth of the search for a force [mm]', minimum=0.01)
+    stale_ms: float = parameter(100.0, 'a force with an older image ends the approach [ms]', minimum=1.0)
+    seconds: float = parameter(60.0, 'time after which the approach gives up [s]', minimum=0.1)
 
     def __post_init__(self) -> None:
         if self.limit_n <= self.target_n + self.step_mm * self.stiffness_n_mm:
             raise ValueError(
-                'limit_n must be above target_n by more than one step raises the force, '
+                'limit_n - target_n must be larger than the force of one step, '
                 f'{self.step_mm * self.stiffness_n_mm:g} N'
             )
         if not self.band_n <= self.touch_n < self.target_n:
-            raise ValueError('band_n, touch_n and target_n must rise in this order')
+            raise ValueError('band_n < touch_n < target_n must hold')
 
 
 @dataclass(frozen=True)
 class Felt:
-    """What the loop needs of a force message: when its image was taken, the force in N, whether it may be used."""
+    """The part of a force message that the loop needs: image time, force (N), validity."""
 
     stamp_ns: int
     force_n: float
@@ -65,23 +67,23 @@ class Felt:
 
 @dataclass
 class Hold:
-    """The forces while the target is held, with their stamps: of every valid frame, not of the good ones."""
+    """The forces while the target is held, with their stamps: of every valid frame, not only of those in the band."""
 
     stamps_ns: list[int] = field(default_factory=list)
     forces_n: list[float] = field(default_factory=list)
 
     @property
     def seconds(self) -> float:
-        """From the first to the last."""
+        """Time from the first to the last."""
         return (self.stamps_ns[-1] - self.stamps_ns[0]) / NS_PER_S if self.stamps_ns else 0.0
 
 
 class Guarded:
-    """Decides on each step; fed with forces and times by hand or by a node.
+    """Decides on each step; gets forces and times as arguments.
 
     Args:
-        settings: what is sought.
-        start_ns: when the approach begins, with the machine at rest.
+        settings: target and limits.
+        start_ns: start of the approach, with the machine at rest.
     """
 
     def __init__(self, settings: GuardSettings, start_ns: int) -> None:
@@ -95,15 +97,15 @@ class Guarded:
 
     @property
     def done(self) -> bool:
-        """Whether the force was held for as long as asked."""
+        """Whether the force was held for the requested time."""
         return bool(self.hold.stamps_ns) and self.hold.seconds >= self._settings.hold_s
 
     def rested(self, now_ns: int) -> None:
-        """The last step is done: only images from now on tell what it did."""
+        """The last step is complete: only later images show its effect."""
         self._rest_ns = now_ns
 
     def step_mm(self, now_ns: int, felt: Felt | None) -> float:
-        """How far to go now; positive is into the gel, 0.0: not yet, or not at all.
+        """The next step; positive is into the gel, 0.0: no step (now).
 
         Raises:
             DeviceFaultError: the approach must end, with the tip away from what it touches.
@@ -123,7 +125,7 @@ class Guarded:
         newest_ns = self._start_ns if felt is None else felt.stamp_ns
         if (age_ms := (now_ns - newest_ns) / NS_PER_MS) > s.stale_ms:
             raise DeviceFaultError(
-                f'the newest force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; look at the sensor'
+                f'the newest force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; check the sensor'
             )
         if felt is None:
             raise DeviceFaultError('there is no force yet; start the sensor first')
@@ -132,10 +134,10 @@ class Guarded:
         if felt.force_n > s.limit_n:
             raise DeviceFaultError(f'the force is {felt.force_n:.3f} N, above the limit of {s.limit_n:g} N')
         if now_ns - self._start_ns > s.seconds * NS_PER_S:
-            raise DeviceFaultError(f'{s.target_n:g} N were not reached and held within {s.seconds:g} s')
+            raise DeviceFaultError(f'{s.target_n:g} N was not reached and held within {s.seconds:g} s')
 
     def _note(self, felt: Felt) -> None:
-        """The hold begins with the first force in the band after a step, and from then on every valid force counts."""
+        """The hold starts with the first force in the band after a step. From then on every valid force counts."""
         self.greatest_n = max(self.greatest_n, felt.force_n)
         settled = felt.status == OK and felt.stamp_ns >= self._rest_ns
         if self.hold.stamps_ns or (settled and abs(felt.force_n - self._settings.target_n) <= self._settings.band_n):
@@ -155,9 +157,11 @@ class Guarded:
         self._travelled_mm += step_mm
         self.steps += step_mm != 0.0
         if self._travelled_mm > self._settings.travel_mm + 1e-9:
-            raise DeviceFaultError(f'{self._settings.target_n:g} N were not met within {self._settings.travel_mm:g} mm')
+            raise DeviceFaultError(
+                f'{self._settings.target_n:g} N was not reached within {self._settings.travel_mm:g} mm'
+            )
         return step_mm
 
 
 Feel = Callable[[], Felt | None]
-"""Gives the newest force; None before the first."""
+"""Returns the newest force; None before the first."""

@@ -1,9 +1,9 @@
-"""Close two fingers on something until a force is felt, and hold it, harder while it is pulled: the slip margin guards.
+"""Close two fingers on an object until a force is measured, and hold it. If it is pulled, the grip is tightened.
 
-As `guarded`: one small step, then a force whose images were taken after the gripper had come to rest, then the next.
-While the thing is held, it is held as hard as the margin asks for: with the friction that the hand's file tells, a
-margin of m at a force of N leaves the wanted margin w at N (1 - m) / (1 - w). It is never held less hard again, since
-whoever pulls may pull again.
+As `guarded`: one small step, then a force whose images were taken after the gripper came to rest, then the next step.
+While the object is held, the slip margin sets the force: with the friction from the hand's file, a margin m at a force
+N becomes the wanted margin w at N (1 - m) / (1 - w). The force is never lowered again, because the object may be pulled
+again.
 """
 
 from __future__ import annotations
@@ -23,41 +23,43 @@ THERE_MM = 0.01
 
 @dataclass(frozen=True)
 class GraspSettings:
-    """What force and margin are sought, and when the grasp is given up."""
+    """Target force and slip margin, and when the grasp gives up."""
 
     target_n: float = parameter(0.3, 'force of each finger to reach and to hold [N]', minimum=0.01)
-    band_n: float = parameter(0.02, 'a force so near to the target is the target [N]', minimum=0.001)
-    touch_n: float = parameter(0.03, 'below, nothing is touched, and steps are long [N]', minimum=0.001)
-    limit_n: float = parameter(0.9, 'no finger presses harder [N]', minimum=0.02)
+    band_n: float = parameter(0.02, 'tolerance of the target force [N]', minimum=0.001)
+    touch_n: float = parameter(0.03, 'below this force there is no contact, and steps are long [N]', minimum=0.001)
+    limit_n: float = parameter(0.9, 'largest force of a finger [N]', minimum=0.02)
     margin: float = parameter(
-        0.4, 'slip margin to keep while something is held, 1 no shear, 0 slips', minimum=0.05, maximum=0.95
+        0.4, 'slip margin to keep while holding (1: no shear, 0: slips)', minimum=0.05, maximum=0.95
     )
-    hold_s: float = parameter(15.0, 'how long it is held [s]', minimum=0.0)
-    search_mm: float = parameter(0.4, 'how much the opening closes at once while nothing is touched [mm]', minimum=0.01)
-    step_mm: float = parameter(0.1, 'longest change of the opening once something is touched [mm]', minimum=0.001)
+    hold_s: float = parameter(15.0, 'time to hold [s]', minimum=0.0)
+    search_mm: float = parameter(0.4, 'closing step before contact [mm]', minimum=0.01)
+    step_mm: float = parameter(0.1, 'longest closing step after contact [mm]', minimum=0.001)
     stiffness_n_mm: float = parameter(
-        0.3, 'steepest rise of the force as the opening closes that is expected [N/mm]', minimum=0.01
+        0.3, 'largest expected stiffness, the rise of the force with closing [N/mm]', minimum=0.01
     )
-    gain: float = parameter(0.7, 'share of the error that a step makes good', minimum=0.05, maximum=1.0)
-    least_mm: float = parameter(5.0, 'opening at which nothing is there to be gripped [mm]', minimum=0.0)
+    gain: float = parameter(0.7, 'fraction of the error that a step corrects', minimum=0.05, maximum=1.0)
+    least_mm: float = parameter(5.0, 'opening at which there is no object to grip [mm]', minimum=0.0)
     stale_ms: float = parameter(
-        1000.0, 'without a newer force nothing moves; when it is older than this, the grasp ends [ms]', minimum=1.0
+        1000.0,
+        'the gripper moves only on a newer force; if the force is older than this, the grasp ends [ms]',
+        minimum=1.0,
     )
-    seconds: float = parameter(60.0, 'the grasp is given up when nothing is held after so long [s]', minimum=0.1)
+    seconds: float = parameter(60.0, 'time after which the grasp gives up if nothing is held [s]', minimum=0.1)
 
     def __post_init__(self) -> None:
         if self.limit_n <= self.target_n + self.search_mm * self.stiffness_n_mm:
             raise ValueError(
-                'limit_n must be above target_n by more than one step of search_mm raises the force, '
+                'limit_n - target_n must be larger than the force of one step of search_mm, '
                 f'{self.search_mm * self.stiffness_n_mm:g} N'
             )
         if not self.band_n <= self.touch_n < self.target_n:
-            raise ValueError('band_n, touch_n and target_n must rise in this order')
+            raise ValueError('band_n < touch_n < target_n must hold')
 
 
 @dataclass(frozen=True)
 class FeltByHand:
-    """What the loop needs of all fingers: when their images were taken, the forces in N, the least slip margin."""
+    """What the loop needs of all fingers: image time, forces (N), smallest slip margin."""
 
     stamp_ns: int
     least_n: float
@@ -68,10 +70,10 @@ class FeltByHand:
 
     @classmethod
     def of(cls, wrench: types.HandWrench, fingers: Mapping[str, Felt]) -> FeltByHand:
-        """What the hand and each finger said last; of different pictures the oldest counts.
+        """The last messages of the hand and of each finger; the oldest image counts.
 
-        The margin is told to the safe side by one standard deviation; NaN where no finger tells one. A force that is no
-        number, as of a finger that measures nothing now, says nothing of the others.
+        The margin is lowered by one standard deviation, to be safe; NaN if no finger reports one. A finger whose force
+        is NaN (no measurement now) does not affect the others.
         """
         forces = [each.force_n for each in fingers.values() if math.isfinite(each.force_n)]
         margins = [
@@ -95,7 +97,7 @@ class FeltByHand:
 
 @dataclass
 class Grasped:
-    """What was held: the opening at which both fingers felt something, and what they felt from then on."""
+    """A hold: the opening at which both fingers measured contact, and the forces from then on."""
 
     opening_mm: float = math.nan
     began_ns: int = 0
@@ -108,24 +110,24 @@ class Grasped:
 
     @property
     def seconds(self) -> float:
-        """For how long it was held."""
+        """Time for which it was held."""
         return (self.ended_ns - self.began_ns) / NS_PER_S if self.began_ns else 0.0
 
     def __str__(self) -> str:
-        margin = f'{self.least_margin:.2f}' if math.isfinite(self.least_margin) else 'not told'
+        margin = f'{self.least_margin:.2f}' if math.isfinite(self.least_margin) else 'unknown'
         return (
-            f'held for {self.seconds:.1f} s from an opening of {self.opening_mm:.1f} mm on: {self.first_n:.2f} N at '
-            f'first, {self.last_n:.2f} N in the end, {self.greatest_n:.2f} N at most; least slip margin {margin}; '
+            f'held for {self.seconds:.1f} s, contact at an opening of {self.opening_mm:.1f} mm: {self.first_n:.2f} N '
+            f'at first, {self.last_n:.2f} N at the end, {self.greatest_n:.2f} N at most; least slip margin {margin}; '
             f'{self.steps} steps'
         )
 
 
 class Grasp:
-    """Decides on each command; fed with forces, openings and times by hand or by a node.
+    """Decides on each command; gets forces, openings and times as arguments.
 
     Args:
-        settings: what is sought.
-        start_ns: when the grasp begins.
+        settings: target and limits.
+        start_ns: start of the grasp.
     """
 
     def __init__(self, settings: GraspSettings, start_ns: int) -> None:
@@ -140,19 +142,19 @@ class Grasp:
 
     @property
     def done(self) -> bool:
-        """Whether it was held for as long as asked."""
+        """Whether it was held for the requested time."""
         return bool(self.grasped.began_ns) and self.grasped.seconds >= self._settings.hold_s
 
     @property
     def strained(self) -> bool:
-        """Whether it is held as hard as it may be, and the margin is not what was asked for."""
+        """Whether the force is at its limit and the margin is smaller than wanted."""
         return self._margin < self._settings.margin and self._target_n >= self._most_n
 
     def command_mm(self, now_ns: int, opening_mm: float, felt: FeltByHand | None) -> float | None:
-        """What to command the gripper now; None: nothing new.
+        """The next command to the gripper; None: no new command.
 
         Raises:
-            DeviceFaultError: the grasp must end; whatever is held stays held until the gripper is told otherwise.
+            DeviceFaultError: the grasp must end; the object stays held until the gripper gets another command.
         """
         if math.isnan(self._command_mm):
             self._command_mm = opening_mm
@@ -177,19 +179,19 @@ class Grasp:
         if (age_ms := (now_ns - newest_ns) / NS_PER_MS) > s.stale_ms:
             valid = 'valid ' if felt is not None and felt.status == INVALID else ''
             raise DeviceFaultError(
-                f'the newest {valid}force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; look at the sensors'
+                f'the newest {valid}force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; check the sensors'
             )
         if felt is not None and felt.greatest_n > s.limit_n:
             raise DeviceFaultError(f'a finger presses with {felt.greatest_n:.2f} N, above the limit of {s.limit_n:g} N')
         if opening_mm <= s.least_mm:
-            raise DeviceFaultError(f'nothing was felt down to an opening of {opening_mm:.1f} mm')
+            raise DeviceFaultError(f'no contact down to an opening of {opening_mm:.1f} mm')
         if not self.grasped.began_ns and now_ns - self._start_ns > s.seconds * NS_PER_S:
-            raise DeviceFaultError(f'{s.target_n:g} N were not reached within {s.seconds:g} s')
+            raise DeviceFaultError(f'{s.target_n:g} N was not reached within {s.seconds:g} s')
         if self.grasped.began_ns and felt is not None and felt.status == OK and felt.greatest_n < s.touch_n:
-            raise DeviceFaultError('what was held is gone')
+            raise DeviceFaultError('the held object is gone')
 
     def _note(self, felt: FeltByHand, opening_mm: float) -> None:
-        """It is held from the first force at the target on."""
+        """The hold starts with the first force at the target."""
         found, force_n = self.grasped, felt.least_n
         if felt.status != OK:
             return
@@ -204,7 +206,7 @@ class Grasp:
                 self._target_n = self._as_hard_as_asked(felt)
 
     def _as_hard_as_asked(self, felt: FeltByHand) -> float:
-        """The force at which the wanted margin is left, no less than before and no more than is allowed."""
+        """The force that gives the wanted margin, never less than before and at most the limit."""
         asked_n = felt.least_n * (1.0 - felt.margin) / (1.0 - self._settings.margin)
         return max(self._target_n, min(asked_n, self._most_n))
 

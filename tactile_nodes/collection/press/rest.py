@@ -1,4 +1,4 @@
-"""Above the untouched gel: the first zero, rest images, and waiting for a device that has fallen silent."""
+"""Above the untouched gel: the first zero, rest images, and waiting for a silent device."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ LOOK_S = 0.05
 
 
 def go_to_gel(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Tare]:
-    """After homing: to above the middle of the gel, and what the unloaded sensor reads there.
+    """After homing: go above the centre of the gel and read the unloaded sensor.
 
     Raises:
-        DeviceFaultError: no sound samples come.
+        DeviceFaultError: there are no valid samples.
     """
     feed = settings.motion.travel_mm_min
     yield Go(settings.surface.gel_x_mm, settings.surface.gel_y_mm, feed_mm_min=feed)  # homing left the tip at the top
-    yield Go(z=safe_z_mm, feed_mm_min=settings.motion.approach_mm_min)  # where the gel begins, nobody knows yet
+    yield Go(z=safe_z_mm, feed_mm_min=settings.motion.approach_mm_min)  # the height of the gel is not known yet
     return (yield from zero(settings))
 
 
 def zero(settings: CollectionSettings) -> Procedure[Tare]:
-    """What the unloaded sensor reads, set as the tare. A sensor that pauses is waited for.
+    """The reading of the unloaded sensor, set as the tare. Waits for a sensor that pauses.
 
     Raises:
-        DeviceFaultError: no sound samples come.
+        DeviceFaultError: there are no valid samples.
     """
     seen = yield Look(settings.press.tare_s)
     start_ns = seen.since_ns
     while len(seen.samples) < 2 and seen.now_ns - start_ns < ZERO_PATIENCE_S * NS_PER_S:
         seen = yield Look(settings.press.tare_s, seen.now_ns)
     if len(seen.samples) < 2 or not all(sample.usable for sample in seen.samples):
-        raise DeviceFaultError('no sound force samples come from the unloaded sensor; check it, then start again')
+        raise DeviceFaultError('no valid force samples from the unloaded sensor; check it, then start again')
     tare = tare_of(seen.samples)
     yield SetTare(tare)
     return tare
@@ -53,24 +53,24 @@ def rest_frames(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Seq
     """Images of the untouched gel, for a rest image.
 
     Raises:
-        DeviceTimeoutError: too few come.
+        DeviceTimeoutError: there are too few.
     """
     yield Go(z=safe_z_mm, feed_mm_min=settings.motion.travel_mm_min)
-    seen = yield Look(settings.press.steady_s)  # what the last motion shook comes to rest
+    seen = yield Look(settings.press.steady_s)  # vibration of the last motion decays
     start_ns = seen.now_ns
     while True:
         seen = yield Look(LOOK_S, start_ns)
         if len(seen.frames) >= settings.reference_frames:
             return seen.frames[: settings.reference_frames]
         if seen.now_ns - start_ns > REST_PATIENCE_S * NS_PER_S:
-            raise DeviceTimeoutError(f'{len(seen.frames)} images came in {REST_PATIENCE_S:g} s; look at the camera')
+            raise DeviceTimeoutError(f'only {len(seen.frames)} images in {REST_PATIENCE_S:g} s; check the camera')
 
 
 def image_noise(frames: Sequence[Frame]) -> float:
-    """How much two images at rest differ at most, in grey levels.
+    """Largest difference of two images at rest, in grey levels.
 
     Raises:
-        DeviceFaultError: too much for images at rest.
+        DeviceFaultError: too large for images at rest.
     """
     noise = max((change(a, b) for a, b in pairwise(frames)), default=0.0)
     if noise > MOST_NOISE_GREY:
@@ -81,17 +81,17 @@ def image_noise(frames: Sequence[Frame]) -> float:
 
 
 def breath() -> Procedure[None]:
-    """Let a tenth of a second pass, with the tip where it is."""
+    """Wait 0.1 s without motion."""
     yield Look(0.1)
 
 
 def await_recovery(hands: Hands, limits: LimitSettings, reason: str) -> None:
-    """Return when sensor and camera have been well for a while.
+    """Return when sensor and camera have been fine for a while.
 
     Raises:
-        DeviceTimeoutError: they are not well again within `recover_s`.
-        InterruptedRunError: the run is to end.
-        TrippedError: the machine failed, too.
+        DeviceTimeoutError: they are not fine again within `recover_s`.
+        InterruptedRunError: the run was asked to end.
+        TrippedError: the machine failed too.
     """
     begin_ns = hands.clock.now_ns()
     well_since_ns = begin_ns
@@ -102,12 +102,12 @@ def await_recovery(hands: Hands, limits: LimitSettings, reason: str) -> None:
         if now_ns - well_since_ns >= limits.steady_again_s * NS_PER_S:
             return
         if well_since_ns - begin_ns > limits.recover_s * NS_PER_S:
-            raise DeviceTimeoutError(f'{reason}; it was not well again within {limits.recover_s:g} s: look at it')
+            raise DeviceTimeoutError(f'{reason}; it did not recover within {limits.recover_s:g} s: check it')
         hands.clock.sleep_until(now_ns + NS_PER_S // 50)
 
 
 def _is_well(hands: Hands, limits: LimitSettings, now_ns: int) -> bool:
-    """Judged by what came in lately; the safety begins anew each time, and only a fault of the machine counts."""
+    """Judged by recent data; the safety is reset each time, and only a fault of the machine counts."""
     if hands.asked_to_stop:
         raise InterruptedRunError
     trip = hands.safety.trip

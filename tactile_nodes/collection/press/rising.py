@@ -1,9 +1,9 @@
-"""Whether the force rises on the way down as the gel says: else the sensor, the tip or the machine tells a tale.
+"""Checks on the way down that the force rises as expected; else sensor, tip or machine is at fault.
 
-What the gel gives is known from its loading lines, felt where the surface was searched for (`surface`). They go on by
-Hertz (F ~ depth^1.5), or straight for a flat punch. On the simulated gels, 0.1 to 2.2 mm deep, the force is 0.68 to
-1.5 times that; where they settle, it is greater on a fast way down than at the slow steps of the search. A sensor that
-tells the force of 0.3 mm for ever is at half of what is expected at 0.48 mm.
+The expected force comes from the loading lines measured during the surface search (`surface`). They continue by Hertz
+(F ~ depth^1.5), or linearly for a flat punch. On the simulated gels, 0.1 to 2.2 mm deep, the force is 0.68 to 1.5 times
+the expected one. If the gel settles (viscoelastic), it is larger on a fast way down than in the slow steps of the
+search. A sensor stuck at the force of 0.3 mm reads half of the expected force at 0.48 mm.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from tactile_nodes.drivers.force_torque.contract import Sample
 
 SIGMAS = 5.0
 Expect = Callable[[Place, Sequence[Sample]], str]
-"""Asked on the way, with where the machine was and what was felt since: why to stop; empty: go on."""
+"""Called on the way with an earlier position and the samples since: the reason to stop; empty: continue."""
 
 
 def rising(surface: Surface, tare: Tare, settings: CollectionSettings, x_mm: float, y_mm: float) -> Expect:
-    """What to expect on the way down at a place of the gel; nothing before its stiffness is known.
+    """The check for the way down at a place of the gel; no check before its stiffness is known.
 
-    The surface may lie deeper by `surface.flat_mm` than it was found, the force be `limits.least_share` of that of the
-    softest corner, less what counts as no touch. What was felt *since* the machine was there is never too little for
-    that depth, for the tip has gone deeper meanwhile.
+    The surface may be deeper by `surface.flat_mm` than it was found. The force must be at least `limits.least_share` of
+    that of the softest corner, minus the contact threshold. The samples since a position never have too small a force
+    for its depth, because the tip has gone deeper since.
     """
 
     def expect(place: Place, samples: Sequence[Sample]) -> str:
@@ -38,8 +38,8 @@ def rising(surface: Surface, tare: Tare, settings: CollectionSettings, x_mm: flo
         if not felt_n + spare_n < settings.limits.least_share * gave_n:
             return ''
         return (
-            f'the force is {felt_n:.2f} N at {depth_mm:.2f} mm, where the gel gave {gave_n:.2f} N '
-            'when its surface was felt: does the sensor tell the truth, does z move, is tip or gel loose?'
+            f'the force is {felt_n:.2f} N at {depth_mm:.2f} mm, but the gel gave {gave_n:.2f} N '
+            'in the surface search: is the sensor correct, does z move, is tip or gel loose?'
         )
 
     return expect

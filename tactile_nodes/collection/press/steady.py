@@ -1,4 +1,4 @@
-"""Whether force and image have come to rest, beyond what their noise makes of them."""
+"""Whether force and image have come to rest, within their noise."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ FEWEST = 3
 
 
 class Settling:
-    """Looks at the last `steady_s` of force and images.
+    """Checks the last `steady_s` of force and images.
 
     Args:
-        settings: what counts as steady.
+        settings: the criteria.
         tare: with the noise of the sensor.
-        image_noise: greatest change between two images at rest, in grey levels.
-        since_ns: what was measured before then does not count.
+        image_noise: largest change between two images at rest, in grey levels.
+        since_ns: earlier measurements do not count.
     """
 
     def __init__(self, settings: CollectionSettings, tare: Tare, image_noise: float, since_ns: int) -> None:
@@ -31,26 +31,26 @@ class Settling:
         self._since_ns = since_ns
         self._samples: Sequence[Sample] = ()
         self._frames: Sequence[Frame] = ()
-        self.unsteady = 'nothing was measured yet'
+        self.unsteady = 'no measurement yet'
 
     def start_ns(self, now_ns: int) -> int:
-        """Since when force and image must have been steady."""
+        """The time since which force and image must have been steady."""
         return now_ns - round(self._settings.press.steady_s * NS_PER_S)
 
     def is_steady(self, now_ns: int, samples: Sequence[Sample], frames: Sequence[Frame]) -> bool:
-        """Whether force and image were steady, by what was measured since `start_ns`. Else `unsteady` says what not."""
+        """Whether force and image were steady since `start_ns`. Otherwise `unsteady` says what was not."""
         start_ns = self.start_ns(now_ns)
         self._samples = [sample for sample in samples if sample.stamp_ns >= start_ns]
         self._frames = [frame for frame in frames if frame.stamp_ns >= start_ns]
         if start_ns < self._since_ns:
-            self.unsteady = 'it rests for too short a time'
+            self.unsteady = 'at rest for too short a time'
         else:
             self.unsteady = self._force() or self._image()
         return not self.unsteady
 
     def _force(self) -> str:
         if len(self._samples) < FEWEST:
-            return 'too few force samples came'
+            return 'too few force samples'
         press = self._settings.press
         stamps = [sample.stamp_ns for sample in self._samples]
         rate = slope(stamps, pressing_n(wrenches(self._samples), self._tare, self._settings.mounting))
@@ -59,7 +59,7 @@ class Settling:
 
     def _image(self) -> str:
         if len(self._frames) < 2:
-            return 'too few images came'
+            return 'too few images'
         limit = self._settings.press.steady_grey + self._image_noise
         moved = change(self._frames[0], self._frames[-1])
         return f'the image changes by {moved:.1f} grey levels, more than {limit:.1f}' if moved > limit else ''

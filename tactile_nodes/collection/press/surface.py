@@ -1,8 +1,8 @@
-"""Where the gel's surface is: felt at three or four corners, with a plane through them.
+"""Height of the gel's surface: measured at three or four corners, with a plane fitted through them.
 
-At each corner the tip goes down in steps, each followed by a look at the force, until the force is five sigma and a
-minimum above the tare; backs off; and repeats that with smaller steps. After a touch it goes a few steps on, and the
-loading line F^(2/3) over depth (a sphere on an elastic body, Hertz), or F of a flat punch, is drawn back to F = 0.
+At each corner the tip goes down in steps, with a force reading after each, until the force exceeds the tare by five
+sigma and a minimum. It backs off and repeats that with smaller steps. After contact it goes a few steps further. The
+loading line F^(2/3) over depth (a sphere on an elastic body, Hertz), or F for a flat punch, is extrapolated to F = 0.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ class Loading(NamedTuple):
     power: float
 
     def force_n(self, depth_mm: float) -> float:
-        """At a depth below the touch."""
+        """Force at a depth below the contact point."""
         return float((self.slope * max(depth_mm, 0.0)) ** (1 / self.power))
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A plane: height of the untouched surface in machine coordinates over the gel's own x and y, all in mm.
+    """A plane: height of the untouched surface in machine coordinates as a function of the gel's x and y, all in mm.
 
-    `softest` is the loading line of the corner that gave the least force; None: no corner was felt.
+    `softest` is the loading line of the corner with the smallest force; None: no corner was measured.
     """
 
     z_mm: float
@@ -51,7 +51,7 @@ class Surface:
     softest: Loading | None = None
 
     def height_mm(self, x_mm: float, y_mm: float) -> float:
-        """Of the surface at a place; 0.01 mm/mm along x is 0.1 mm at x = 10 mm."""
+        """Height of the surface at a place; 0.01 mm/mm along x is 0.1 mm at x = 10 mm."""
         return self.z_mm + self.slope_x * x_mm + self.slope_y * y_mm
 
     def tip_mm(self, x_mm: float, y_mm: float, depth_mm: float) -> float:
@@ -59,11 +59,11 @@ class Surface:
         return self.height_mm(x_mm, y_mm) - depth_mm * self._steepness
 
     def depth_mm(self, x_mm: float, y_mm: float, z_mm: float) -> float:
-        """The reverse of `tip_mm`."""
+        """The inverse of `tip_mm`."""
         return (self.height_mm(x_mm, y_mm) - z_mm) / self._steepness
 
     def force_n(self, depth_mm: float) -> float:
-        """What the softest corner gave at a depth, by its loading line; 0 where none is known."""
+        """Force of the softest corner at a depth, by its loading line; 0 if unknown."""
         return 0.0 if self.softest is None else self.softest.force_n(depth_mm)
 
     @property
@@ -72,7 +72,7 @@ class Surface:
 
 
 class Corner(NamedTuple):
-    """What was felt at one: its place on the gel, the height of the surface in mm, and each loading line."""
+    """The result at a corner: its place on the gel, the height of the surface in mm, and each loading line."""
 
     x_mm: float
     y_mm: float
@@ -81,7 +81,7 @@ class Corner(NamedTuple):
 
 
 def corners(settings: CollectionSettings) -> Sequence[tuple[float, float]]:
-    """Where to feel for the surface, on the gel in mm."""
+    """Places where the surface is measured, on the gel in mm."""
     reach = settings.surface.reach_mm
     return [(x * reach, y * reach) for x, y in CORNERS[: settings.surface.corners]]
 
@@ -93,18 +93,19 @@ def feel_corner(
     felt: Sequence[Corner],
     found: list[Loading],
 ) -> Procedure[Corner]:
-    """Feel for the surface at one corner.
+    """Measure the height of the surface at one corner.
 
     Args:
-        settings: how.
-        safe_z_mm: where the machine may go sideways.
-        at: which one.
-        felt: those before it.
-        found: its loading lines, the first search before the repeats; grows. What was found is not searched again when
-            this is begun again because a device fell silent.
+        settings: speeds, steps and limits.
+        safe_z_mm: height for sideways motion.
+        at: the corner.
+        felt: the corners before it.
+        found: its loading lines, the coarse search before the repeats; appended to. If this is restarted because a
+            device
+                became silent, lines already in it are not measured again.
 
     Raises:
-        DeviceFaultError: no surface between top and bottom, or measurements that contradict each other.
+        DeviceFaultError: no surface between top and bottom, or contradictory measurements.
     """
     known = _elsewhere(felt, at, settings.surface.tilt)
     yield from _search_again(settings, safe_z_mm, at, known, found)
@@ -112,7 +113,7 @@ def feel_corner(
     low, high = min(heights), max(heights)
     if high - low > settings.surface.spread_mm:
         raise DeviceFaultError(
-            f'the surface was found between {low:.3f} and {high:.3f} mm at x {at[0]:g}, y {at[1]:g} mm from the middle '
+            f'the surface was found between {low:.3f} and {high:.3f} mm at x {at[0]:g}, y {at[1]:g} mm from the centre '
             'of the gel; is the tip loose, or the force/torque sensor too noisy?'
         )
     return Corner(*at, float(np.median(heights)), found[1:])
@@ -122,7 +123,7 @@ def surface_through(felt: Sequence[Corner], settings: CollectionSettings) -> Sur
     """The plane through all corners, with the softest of their loading lines.
 
     Raises:
-        DeviceFaultError: measurements that contradict each other.
+        DeviceFaultError: contradictory measurements.
     """
     lines = [line for corner in felt for line in corner.lines]
     places = [corner[:3] for corner in felt]
@@ -130,7 +131,7 @@ def surface_through(felt: Sequence[Corner], settings: CollectionSettings) -> Sur
 
 
 def _elsewhere(felt: Sequence[Corner], at: tuple[float, float], tilt: float) -> Loading | None:
-    """How the force grows at a place at least: as softly as at any corner felt, from as low as a tilted gel may lie."""
+    """A lower bound of the force at a place: as soft as the softest corner, from as low as a tilted gel may lie."""
     if not felt:
         return None
     lowest_mm = max(corner.z_mm - tilt * math.dist(corner[:2], at) for corner in felt)
@@ -139,23 +140,23 @@ def _elsewhere(felt: Sequence[Corner], at: tuple[float, float], tilt: float) -> 
 
 
 def softest(lines: Sequence[Loading], least_share: float) -> Loading:
-    """The loading line that gives the least force.
+    """The loading line with the smallest force.
 
     Raises:
-        DeviceFaultError: less than `least_share` of what the stiffest gives at the same depth.
+        DeviceFaultError: less than `least_share` of the force of the stiffest at the same depth.
     """
     soft, stiff = (least(lines, key=lambda line: line.slope) for least in (min, max))
     if soft.force_n(1.0) < least_share * stiff.force_n(1.0):
         raise DeviceFaultError(
-            f'the gel gave {soft.force_n(1.0):.2f} N at 1 mm when its surface was felt once, and '
-            f'{stiff.force_n(1.0):.2f} N another time: does the sensor tell the truth? '
-            'A gel like that needs a smaller limits.least_share'
+            f'in the surface search the gel gave {soft.force_n(1.0):.2f} N at 1 mm once, and '
+            f'{stiff.force_n(1.0):.2f} N another time: is the sensor correct? '
+            'If the gel really differs, lower limits.least_share'
         )
     return soft
 
 
 def plane(places: Sequence[tuple[float, float, float]], settings: CollectionSettings) -> Surface:
-    """The plane nearest to the places (x, y, height).
+    """The least-squares plane through the places (x, y, height).
 
     Raises:
         DeviceFaultError: it is too steep, or too far from one of them.
@@ -179,7 +180,7 @@ def _search_again(
     known: Loading | None,
     found: list[Loading],
 ) -> Procedure[None]:
-    """From the safe height and back to it: once with coarse steps, `repeats` times with fine ones."""
+    """From the safe height and back: once with coarse steps, `repeats` times with fine ones."""
     surface, motion = settings.surface, settings.motion
     x, y = surface.gel_x_mm + at[0], surface.gel_y_mm + at[1]
     yield Go(z=safe_z_mm, feed_mm_min=motion.travel_mm_min)
@@ -198,9 +199,9 @@ def _search_again(
 def _search(
     settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float, known: Loading | None = None
 ) -> Procedure[Loading]:
-    """From `start_mm` down to the touch and some steps on; how the force grew, and where it would begin.
+    """From `start_mm` down to contact and some steps further; returns how the force grew, and where it would begin.
 
-    Where it is `known` how it grew there before, a force that stays too small ends the search.
+    If the loading line there is already `known`, a force that stays too small ends the search.
     """
     surface = settings.surface
     loading: list[tuple[float, float]] = []
@@ -227,17 +228,17 @@ def _search(
 
 
 def _require_rise(known: Loading, settings: CollectionSettings, z_mm: float, most_n: float) -> None:
-    """Raise DeviceFaultError where less than `least_share` of the force is felt that was felt there before."""
+    """Raise DeviceFaultError if the force is less than `least_share` of the earlier force at this place."""
     gave_n = known.force_n(known.touch_mm - settings.surface.flat_mm - z_mm)
     if most_n + settings.surface.least_n < settings.limits.least_share * gave_n:
         raise DeviceFaultError(
-            f'no more than {most_n:.2f} N are felt at z {z_mm:.2f} mm, where the gel gave {gave_n:.2f} N just before: '
-            'does the sensor tell the truth, does z move?'
+            f'the force is at most {most_n:.2f} N at z {z_mm:.2f} mm, but the gel gave {gave_n:.2f} N just before: '
+            'is the sensor correct, does z move?'
         )
 
 
 def _felt(dwell_s: float) -> Procedure[Seen]:
-    """At least some samples; how long a sensor may be silent is for the safety to say."""
+    """Wait for some samples; the safety decides how long a sensor may be silent."""
     seen = yield Look(dwell_s)
     start_ns = seen.since_ns
     while len(seen.samples) < FEWEST:
@@ -246,9 +247,9 @@ def _felt(dwell_s: float) -> Procedure[Seen]:
 
 
 def loading_line(loading: Sequence[tuple[float, float]], power: float = HERTZ) -> Loading:
-    """The line through F^power over height, and the height at which it meets 0.
+    """The line through F^power over height, and the height at which it reaches 0.
 
-    A sphere that gives F = d^1.5 at depth d, touched at 0: (-0.1, 0.0316), (-0.2, 0.0894) give 0 and 1.
+    A sphere with F = d^1.5 at depth d, contact at 0: (-0.1, 0.0316), (-0.2, 0.0894) give 0 and 1.
 
     Raises:
         DeviceFaultError: the force does not grow with depth.
@@ -257,5 +258,5 @@ def loading_line(loading: Sequence[tuple[float, float]], power: float = HERTZ) -
     roots = np.array([max(force, 0.0) ** power for _, force in loading])
     slope, offset = np.polyfit(heights, roots, 1)
     if slope >= 0:
-        raise DeviceFaultError('the force does not grow where the tip goes down; does it move at all?')
+        raise DeviceFaultError('the force does not grow while the tip goes down; does the tip move?')
     return Loading(float(-offset / slope), float(-slope), power)

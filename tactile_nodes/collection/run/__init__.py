@@ -1,1 +1,1 @@
-"""A whole run of a plan, and what it does when something goes wrong."""
+"""A whole run of a plan, and its handling of faults."""

@@ -1,9 +1,9 @@
-"""Anchor presses: one place, pressed again and again, whose image and force must stay the same.
+"""Anchor presses (reference presses): one place, pressed repeatedly, whose image and force must stay the same.
 
-The machine counts its steps and believes itself; an axis that sticks or loses steps moves the presses without a word.
-The gel sees it. At the start of a run the anchor is pressed, then half a millimetre to the right, half a millimetre
-to the back, and once more: that tells how the image follows each axis (an axis that is stuck already does not move
-it), and the noise. From then on an anchor that lies beside the first says that the place is lost.
+The machine counts its steps without feedback. An axis that sticks or loses steps moves the presses without notice, but
+the gel shows it. At the start of a run the anchor is pressed, then half a millimetre to the right, half a millimetre to
+the back, and once more. This gives the image motion for each axis (a stuck axis does not move the image), and the
+noise. From then on, an anchor that is displaced from the first one means that the position is lost.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.sensing.rest.reference import average
 
 FRAMES = 5
-WIDEST_VIEW_MM = 100.0  # no image of a gel shows more: a tip that moves, moves the image by its share of this
-SKEWED = 0.4  # an axis that moves the image by less than this share of what the other one does, sticks
+WIDEST_VIEW_MM = 100.0  # upper bound of the visible width: moving the tip moves the image by at least its share of this
+SKEWED = 0.4  # an axis is stuck if it moves the image by less than this fraction of the other axis
 HERTZ = 2 / 3
 AXES = 'xy'
 
 
 class Shift(NamedTuple):
-    """How far a press lies beside where it should be: x and y by the image, z (up) by the force, in mm."""
+    """Displacement of a press from where it should be: x and y by the image, z (up) by the force, in mm."""
 
     x_mm: float
     y_mm: float
@@ -41,7 +41,7 @@ class Shift(NamedTuple):
 
     @property
     def farthest_mm(self) -> float:
-        """Along any axis."""
+        """The largest component."""
         return max(map(abs, self))
 
     def told(self) -> str:
@@ -53,7 +53,7 @@ class Anchors:
     """The anchor of a run.
 
     Args:
-        settings: where it is, and what is too far.
+        settings: its place, and the largest allowed displacement.
         press: makes a press, with images, or raises.
     """
 
@@ -64,7 +64,7 @@ class Anchors:
         self._mm_from_px: npt.NDArray[Any] = np.zeros((2, 2))
 
     def begin(self) -> Shift:
-        """Press the anchor for the first time, beside it, and again; how far the second lies beside the first.
+        """Press the anchor, beside it, and again; returns the displacement of the second from the first.
 
         Raises:
             DeviceFaultError: the image does not follow an axis, or the same place gives another image.
@@ -76,27 +76,27 @@ class Anchors:
         shift = self.look()
         if self.is_beside(shift):
             raise DeviceFaultError(
-                f'pressed twice, the same place came out {shift.told()} apart; does an axis stick or lose steps, '
+                f'two presses at the same place were {shift.told()} apart; does an axis stick or lose steps, '
                 'is the tip loose, does the gel slip?'
             )
         return shift
 
     def look(self) -> Shift:
-        """Press the anchor; how far it lies beside the first."""
+        """Press the anchor; returns its displacement from the first."""
         assert self._first is not None
         return self.between(self._first, self._made(0.0, 0.0))
 
     def between(self, earlier: Record, later: Record) -> Shift:
-        """How far a press lies beside an earlier one of the same place and depth."""
+        """Displacement of a press from an earlier one with the same place and depth."""
         x_mm, y_mm = self._mm_from_px @ shift_px(_imprint(earlier), _imprint(later))
         return Shift(float(x_mm), float(y_mm), _deeper_mm(earlier, later))
 
     def again(self, point: Point) -> Record:
-        """Press a point of the plan to compare it with an earlier press."""
+        """Press a point of the plan again, to compare it with an earlier press."""
         return self._press(point._replace(press=NO_PRESS))
 
     def is_beside(self, shift: Shift) -> bool:
-        """Whether that is too far, or no number at all."""
+        """Whether a displacement is too large, or not a number."""
         return not shift.farthest_mm <= self._settings.shift_mm
 
     def _made(self, x_mm: float, y_mm: float) -> Record:
@@ -105,10 +105,10 @@ class Anchors:
 
 
 def anchor_press(point: Point, ground: Ground, settings: CollectionSettings) -> Procedure[Record]:
-    """A press like any other, until one can be used.
+    """A press like any other, repeated until one can be used.
 
     Raises:
-        DeviceFaultError: none of `limits.attempts` can.
+        DeviceFaultError: none of `limits.attempts` attempts can be used.
     """
     record = Record(point, 0)
     frames = max(FRAMES, settings.press.frames)
@@ -139,7 +139,7 @@ def follows(px_per_mm: npt.NDArray[Any], step_mm: float, side_px: int) -> npt.ND
             f'{step_mm:g} mm, less than {least * step_mm:.2f}; the axis sticks, or the camera does not see the gel'
         )
     if abs(np.linalg.det(px_per_mm)) < SKEWED * lengths.prod():
-        raise DeviceFaultError('the image moves the same way with both axes; is one of them coupled to the other?')
+        raise DeviceFaultError('the image moves in the same direction with both axes; are the axes coupled?')
     return px_per_mm
 
 
@@ -148,7 +148,7 @@ def _imprint(record: Record) -> Imprint:
 
 
 def _deeper_mm(earlier: Record, later: Record) -> float:
-    """How much higher the later press was: by Hertz F^(2/3) grows as depth; 0 where z is not measured in either."""
+    """How much higher the later press was: by Hertz F^(2/3) grows as depth; 0 if z is not measured in either."""
     before, after = -earlier.wrench[2], -later.wrench[2]
     if math.isnan(before) or math.isnan(after):
         return 0.0

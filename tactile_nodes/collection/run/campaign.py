@@ -1,12 +1,12 @@
-"""The whole run: home, find the surface, press after press, and what to do when something goes wrong.
+"""The whole run: home, find the surface, press after press, and the handling of faults.
 
-A rejected press is tried again after the others. A force above its limit puts the point aside for this run; one that is
-not bearable halts the run until a person has looked. A sensor or camera that falls silent ends an attempt, and the run
-goes on when they are well again; after a silent machine once a force has confirmed besides that the tip is up. Another
-fault of the machine ends the run, because only a person can say where it stands, and so does an anchor (`anchors`) that
-is not where it was: what was recorded since the last good one is suspect then, and done again by the next run. Whatever
-happens, the tip goes straight up first, if the machine still obeys. After a run that was cut off nobody knows where the
-tip is: before the next one moves anything, a person is asked.
+A rejected press is tried again after the others. A force above its limit sets the point aside for this run. A force
+that is not bearable halts the run until a person has checked the rig. A sensor or camera that becomes silent ends an
+attempt, and the run continues when it has recovered. After a silent machine it continues once a force also confirms
+that the tip is up. Any other fault of the machine ends the run, because only a person can tell its position. A
+displaced anchor (`anchors`) also ends it: presses since the last good anchor are suspect, and the next run does them
+again. In all cases the tip first goes straight up, if the machine still obeys. After a run that was cut off, the
+position of the tip is unknown: before the next run moves anything, a person is asked.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ class Campaign:
     Args:
         plan: what to press.
         order: all of its points, in the order in which they are done.
-        journal: of this plan; what it says is done is not done again.
-        record: of the machine, for whatever is done with it next.
+        journal: of this plan; presses that it lists as done are not repeated.
+        record: of the machine, for the process that uses it next.
         hands: the machine.
-        settings: limits and wishes.
-        safe_z_mm: where the machine may go sideways.
-        outlet: whom to tell.
-        period_s: between two samples of the force/torque sensor.
-        unasked: a person has said beforehand that it may go on after a run that was cut off.
+        settings: limits and requirements.
+        safe_z_mm: height for sideways motion.
+        outlet: receives results and messages.
+        period_s: sample period of the force/torque sensor.
+        unasked: whether a person has allowed in advance to continue after a run that was cut off.
 
     Raises:
         ConfigurationError: a plan that is too deep, or a feed too fast to be stopped in time.
@@ -102,11 +102,11 @@ class Campaign:
         self.progress = Progress(len(plan.points), journal.done)
 
     def run(self) -> str:
-        """Do all that is left of the plan; what came of it, in a sentence. Ends with the tip at the safe height.
+        """Do the rest of the plan; returns a sentence about the result. Ends with the tip at the safe height.
 
         Raises:
-            DeviceError: a device that only a person can set right.
-            TactileError: the journal or the recorder does not take what was measured.
+            DeviceError: a device needs a person.
+            TactileError: the journal or the recorder cannot store the measurements.
         """
         hands, limits = self._hands, self._settings.limits
         end_ns = hands.clock.now_ns() + round(limits.hours * 3600 * NS_PER_S)
@@ -126,21 +126,21 @@ class Campaign:
         finally:
             self.now = None
             self._leave()
-        done = 'the plan is done but for what was put aside' if self._journal.aside else 'the plan is done'
+        done = 'the plan is done except for presses that were set aside' if self._journal.aside else 'the plan is done'
         return f'{ended or done}: {self.progress.summary(self._journal)}'
 
     def _left(self) -> list[Point]:
-        """What is still to be done; when that is nothing, what the bags do not hold after all."""
+        """The remaining presses; if there are none, the presses that are missing in the bags."""
         most = self._settings.limits.attempts
         left = self._journal.left(self._order, most)
         if left or not (missing := self._outlet.missing()):
             return left
-        self._outlet.say(f'{missing} presses are in no bag, perhaps published while nobody recorded; doing them again')
+        self._outlet.say(f'{missing} presses are in no bag, perhaps because no recorder was running; doing them again')
         self.progress.done = self._journal.done
         return self._journal.left(self._order, most)
 
     def _round(self, left: Sequence[Point], end_ns: int) -> str:
-        """Each of these once; why it ended before the last, if it did."""
+        """Each of these once; returns why it ended before the last, if it did."""
         for point in left:
             self._wait_while_paused()
             if self._hands.clock.now_ns() > end_ns:
@@ -158,12 +158,12 @@ class Campaign:
             if self._in_a_row >= self._settings.limits.rejects_in_a_row:
                 raise DeviceFaultError(
                     f'{self._in_a_row} presses in a row were rejected, the last because {self.progress.last_reason}; '
-                    'look at gel, tip and sensors, then start again: what is recorded stays'
+                    'check gel, tip and sensors, then start again: recorded presses are kept'
                 )
         return ''
 
     def _press(self, point: Point) -> None:
-        """One attempt, told and written down."""
+        """One attempt, reported and written down."""
         assert self._ground is not None
         journal, clock = self._journal, self._hands.clock
         record = Record(point, journal.next_attempt(point.press))
@@ -177,7 +177,7 @@ class Campaign:
             self._up_then_tell(record, begun_ns, tripped.trip.reason)
             self._recovery.go_on_after(tripped)
         except DeviceError as error:
-            with contextlib.suppress(DeviceError):  # the last way up meets it again, and says it
+            with contextlib.suppress(DeviceError):  # the last motion up meets it again, and reports it
                 self._up_then_tell(record, begun_ns, str(error), doubted=True)
             raise
         else:
@@ -197,7 +197,7 @@ class Campaign:
             self._tell(record, begun_ns)
 
     def _put_aside(self, record: Record) -> None:
-        """A press whose force was too great; before the tip goes up, so that no other process presses there again."""
+        """Note a press with too large a force before the tip goes up, so that no other process presses there again."""
         trip = self._hands.safety.trip
         if trip is None or trip.kind not in TOO_GREAT or record.aside:
             return
@@ -205,7 +205,7 @@ class Campaign:
         self._journal.note(record.point.press, record.attempt, ASIDE, self._hands.clock.now_ns(), trip.reason)
 
     def _tell(self, record: Record, begun_ns: int) -> None:
-        """First the recorder, then the journal: what was cut off between the two is found in the bag (`audit`)."""
+        """First the recorder, then the journal: an attempt cut off between the two is found in the bag (`audit`)."""
         self._outlet.record(record)
         now_ns = self._hands.clock.now_ns()
         if not record.aside:
@@ -216,7 +216,7 @@ class Campaign:
         self._in_a_row = self._in_a_row + 1 if record.reason else 0
         self.progress.note(record.reason, begun_ns, now_ns)
         if record.reason:
-            done = 'was put aside' if record.aside else 'was rejected'
+            done = 'was set aside' if record.aside else 'was rejected'
             self._outlet.say(f'press {record.point.press} {done}: {record.reason}')
 
     def _reference(self) -> None:
@@ -226,8 +226,8 @@ class Campaign:
         self._since_reference = 0
 
     def _pattern(self) -> None:
-        """Edges at irregular times, by which the clocks of other recorders are fitted."""
-        number = self.progress.done + self._patterns  # grows within a run, and differs in one that goes on with it
+        """Edges at irregular times, with which the clocks of other recorders are fitted."""
+        number = self.progress.done + self._patterns  # increases within a run, and differs in a run that resumes it
         gaps = list(pattern_gaps(self._plan_id, number, 2 * self._settings.sync.pulses))
         self._recovery.patiently(lambda: sync_pattern(gaps, self._settings, self._safe_z_mm))
         self._patterns += 1
@@ -267,7 +267,7 @@ class Campaign:
         self._recovery.ask_first(self._unasked)
         self._await_recorder()
         hands.safety.watch(hands.clock.now_ns(), camera=True)
-        await_recovery(hands, self._settings.limits, 'force/torque sensor or camera are not well')
+        await_recovery(hands, self._settings.limits, 'force/torque sensor or camera do not work properly')
         self._recovery.begin(f'plan {self._plan_id} in {self._journal.path.parent}')
         self._outlet.say('homing')
         self._home()
@@ -275,12 +275,12 @@ class Campaign:
         self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, zero, 0.0)
         noise = image_noise(self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm)))
         self._reference()
-        self._outlet.say('feeling for the surface of the gel')
+        self._outlet.say('searching for the surface of the gel')
         self.surface = surface = self._feel_for_surface()
         self._check_safe_height(surface)
         self._ground = Ground(surface, self._safe_z_mm, zero, noise)
         self._outlet.say(
-            f'the surface is at z {surface.z_mm:.3f} mm, sloping by {surface.slope_x:.4f} along x '
+            f'the surface is at z {surface.z_mm:.3f} mm, with a slope of {surface.slope_x:.4f} along x '
             f'and {surface.slope_y:.4f} along y'
         )
         self._trust.begin()
@@ -295,14 +295,14 @@ class Campaign:
         return surface_through(felt, self._settings)
 
     def _home(self) -> None:
-        """Find the end switches, which leads up and off the gel."""
+        """Find the end switches; this moves up and off the gel."""
         try:
             self._home_patiently()
         finally:
             self._hands.safety.watching_machine = True
 
     def _home_patiently(self) -> None:
-        """Again when sensor or camera failed meanwhile: the machine is locked then, until it homes."""
+        """Again if sensor or camera failed meanwhile: the machine is then locked until it is homed."""
         for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
                 return self._hands.home()
@@ -310,7 +310,7 @@ class Campaign:
                 if tripped.trip.kind not in PASSING:
                     raise
                 self._hands.safety.watching_machine = False
-                self._outlet.say(f'{tripped.trip.reason}; homing again when it is well')
+                self._outlet.say(f'{tripped.trip.reason}; homing again when it has recovered')
                 await_recovery(self._hands, self._settings.limits, tripped.trip.reason)
         return self._hands.home()
 

@@ -1,4 +1,4 @@
-"""What the force/torque sensor itself said, gathered into messages: thousands of samples a second would be too many."""
+"""Raw readings of the force/torque sensor, collected into messages: thousands of messages per second are too many."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Batch:
         self._samples: list[Sample] = []
 
     def add(self, sample: Sample) -> Sequence[Sample]:
-        """Take a sample; the samples before it, if it begins the next batch."""
+        """Add a sample; returns the previous samples if it starts the next batch."""
         if self._samples and 0 <= sample.stamp_ns - self._samples[0].stamp_ns < SPAN_NS:
             self._samples.append(sample)
             return ()
@@ -28,7 +28,7 @@ class Batch:
         return full
 
     def rest(self) -> Sequence[Sample]:
-        """What is left."""
+        """The remaining samples."""
         full, self._samples = self._samples, []
         return full
 

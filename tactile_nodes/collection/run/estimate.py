@@ -1,9 +1,8 @@
-"""How long a plan takes, and how long the machine alone would need for it.
+"""How long a plan takes, and how long the motions alone would take.
 
-Counted is what a campaign does when nothing goes wrong: homing, the first zero, feeling for the surface, anchors, rest
-images, patterns of the digital line and presses. Each motion is made of jogs that come to rest, as those of the
-machine's twin do; a controller that joins them saves these stops, and takes time to answer instead. A gel that settles
-takes longer.
+The estimate covers a campaign without faults: homing, the first zero, surface search, anchors, rest images, patterns of
+the digital line, and presses. Each motion consists of jogs that come to rest, like those of the simulated machine. A
+controller that joins jogs saves these stops, but needs time to respond. A gel that settles takes longer.
 """
 
 from __future__ import annotations
@@ -25,24 +24,24 @@ from tactile_nodes.collection.press.up import UNLOADED_S
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.drivers.cnc.contract import CncSettings
 
-ACCELERATION = 200.0  # mm/s² of each axis, where the machine is not asked
+ACCELERATION = 200.0  # mm/s² of each axis, if the machine does not report it
 HOMING_S = 5.0
-HOME_MM = -1.0  # where it leaves each axis
+HOME_MM = -1.0  # where homing leaves each axis
 USUAL_FPS = 60.0
-FELT_MM = 0.15  # how deep the paper's tip is when its force is noticed
+FELT_MM = 0.15  # depth of the paper's tip when its force is detected
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Of a plan in its order.
+    """Estimate for a plan in its order.
 
     Attributes:
-        presses: of the plan.
+        presses: number of presses.
         seconds: of the whole run.
-        each_s: of one of the plan's presses, on average.
-        machine_s: of the presses' motions alone, at the greatest feed that is allowed, without any waiting.
-        travel_mm: the way over the gel.
-        least_rest: the least number of presses between two that are near to each other.
+        each_s: mean time of one press of the plan.
+        machine_s: of the motions of the presses alone, at the largest allowed feed, without any waiting.
+        travel_mm: length of the path over the gel.
+        least_rest: the smallest number of presses between two that are close to each other.
     """
 
     presses: int
@@ -53,12 +52,12 @@ class Estimate:
     least_rest: int
 
     def told(self) -> str:
-        """Two lines for a person."""
+        """Two lines of text."""
         return (
-            f'{self.presses} presses, {self.travel_mm / 1000:.1f} m over the gel; neighbours rest for at least '
-            f'{self.least_rest} presses\n'
-            f'about {duration(self.seconds)} for all, {self.each_s:.1f} s for a press; the machine alone would need '
-            f'{duration(self.machine_s)} for these motions at its greatest feed'
+            f'{self.presses} presses, {self.travel_mm / 1000:.1f} m over the gel; neighbouring presses are at least '
+            f'{self.least_rest} presses apart\n'
+            f'about {duration(self.seconds)} in total, {self.each_s:.1f} s per press; the motions alone take '
+            f'{duration(self.machine_s)} at the largest feed'
         )
 
 
@@ -71,7 +70,7 @@ def estimate(
     rest_mm: float,
     fps: float = USUAL_FPS,
 ) -> Estimate:
-    """Times of a plan on a machine that goes sideways at `cnc.safe_z_mm`, with a gel whose surface is below that."""
+    """Times of a plan on a machine that moves sideways at `cnc.safe_z_mm`, with the gel's surface below that."""
     course = Course(settings, cnc.safe_z_mm, surface_z_mm, fps)
     others_s = course.begin_s() + course.surface_s() + course.rests_s(len(order)) + patterns_s(plan_id, order, settings)
     pressed = [course.press_s(before, point) for before, point in pairwise(pressed_points(order, settings))]
@@ -86,7 +85,7 @@ def estimate(
 
 
 def pressed_points(order: Sequence[Point], settings: CollectionSettings) -> Iterator[Point]:
-    """Where the tip goes down, anchors between the plan's points; the first is the corner where it was last."""
+    """Places where the tip goes down, anchors included; the first is the corner of the last surface search."""
     anchor, reach = settings.anchor, settings.surface.reach_mm
     x, y = CORNERS[settings.surface.corners - 1]
     yield Point(NO_PRESS, x * reach, y * reach, 0.0)
@@ -103,20 +102,20 @@ def pressed_points(order: Sequence[Point], settings: CollectionSettings) -> Iter
 
 
 def patterns_s(plan_id: str, order: Sequence[Point], settings: CollectionSettings) -> float:
-    """Of the irregular patterns at the start, after every so many presses, and at the end."""
+    """Time of the irregular patterns at the start, after every so many presses, and at the end."""
     done = [0, *range(settings.sync.every, len(order), settings.sync.every)] if settings.sync.every else [0]
     numbers = (presses + earlier for earlier, presses in enumerate((*done, len(order))))
     return sum(sum(pattern_gaps(plan_id, number, 2 * settings.sync.pulses)) for number in numbers)
 
 
 class Course:
-    """How long each part of a run takes on the machine's twin.
+    """Duration of each part of a run on the simulated machine.
 
     Args:
         settings: of the collection.
-        safe_z_mm: where the machine goes sideways.
-        surface_z_mm: of the gel.
-        fps: of the camera.
+        safe_z_mm: height for sideways motion.
+        surface_z_mm: height of the gel.
+        fps: frame rate of the camera.
     """
 
     def __init__(self, settings: CollectionSettings, safe_z_mm: float, surface_z_mm: float, fps: float) -> None:
@@ -127,7 +126,7 @@ class Course:
         self._fps = fps
 
     def press_s(self, before: Point, point: Point) -> float:
-        """One press, from above the place of the one before."""
+        """One press, from above the place of the previous one."""
         motion, press = self._settings.motion, self._settings.press
         standoff_mm = min(motion.standoff_mm, self._high_mm)
         ways_s = (
@@ -136,19 +135,19 @@ class Course:
             + self._along_s(standoff_mm + point.depth_mm, motion.press_mm_min)
             + self._along_s(self._high_mm + point.depth_mm, motion.travel_mm_min)
         )
-        # The window ends with the first look after its last sample, half a look later on average.
+        # The window ends with the first look after its last sample, on average half a look later.
         window_s = looks_s(max(press.window_s, press.frames / self._fps) + LOOK_S / 2, LOOK_S)
         return ways_s + press.tare_s + looks_s(press.steady_s, LOOK_S) + window_s + UNLOADED_S
 
     def begin_s(self) -> float:
-        """Until the first zero: devices are well, homing, to above the middle of the gel."""
+        """Until the first zero: waiting for devices, homing, moving above the centre of the gel."""
         s = self._settings
         way_s = self._over_s(s.surface.gel_x_mm - HOME_MM, s.surface.gel_y_mm - HOME_MM)
         down_s = self._along_s(HOME_MM - self._safe_z_mm, s.motion.approach_mm_min)
         return s.limits.steady_again_s + HOMING_S + way_s + down_s + s.press.tare_s
 
     def surface_s(self) -> float:
-        """Feeling for the surface at the corners."""
+        """Surface search at the corners."""
         s, reach = self._settings.surface, self._settings.surface.reach_mm
         corners = CORNERS[: s.corners]
         ways_s = sum(
@@ -174,13 +173,13 @@ class Course:
         return seconds + self._along_s(self._high_mm + deepest_mm, motion.approach_mm_min) + self._settings.press.tare_s
 
     def _search_s(self, above_mm: float, step_mm: float) -> tuple[float, float]:
-        """A search that begins so far above the surface, and how deep it ends."""
+        """Time of a search that starts this far above the surface, and its final depth."""
         s = self._settings.surface
         steps = math.ceil((above_mm + FELT_MM) / step_mm - 1e-9) + s.beyond
         return steps * (self._along_s(step_mm, s.feed_mm_min) + s.dwell_s), steps * step_mm - above_mm
 
     def _over_s(self, x_mm: float, y_mm: float) -> float:
-        """Sideways; on a diagonal both axes speed up."""
+        """Sideways; on a diagonal, both axes accelerate."""
         way_mm = math.hypot(x_mm, y_mm)
         share = max(abs(x_mm), abs(y_mm)) / way_mm if way_mm else 1.0
         return self._along_s(way_mm, self._settings.motion.travel_mm_min, ACCELERATION / share)
@@ -192,14 +191,14 @@ class Course:
 
 
 def looks_s(seconds: float, look_s: float) -> float:
-    """Until the first look that is not before: 0.21 s in looks of 0.02 s are 0.22 s."""
+    """Time until the first look that is not earlier: 0.21 s in looks of 0.02 s are 0.22 s."""
     return math.ceil(seconds / look_s - 1e-9) * look_s
 
 
 def leg_s(length_mm: float, feed_mm_min: float, acceleration: float = ACCELERATION) -> float:
     """From rest to rest along a line.
 
-    10 mm at 600 mm/min with 200 mm/s² take 1 s and 0.05 s for speeding up and slowing down.
+    10 mm at 600 mm/min with 200 mm/s² take 1 s and 0.05 s for acceleration and deceleration.
     """
     if length_mm <= 0:
         return 0.0

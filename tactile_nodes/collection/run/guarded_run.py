@@ -1,8 +1,8 @@
-"""A guarded approach on a rig: home, go above the gel, feel for the force on its topic, hold it, go up again.
+"""A guarded approach on a rig: home, move above the gel, search for the force on its topic, hold it, move up again.
 
-The force/torque sensor is no part of the loop. It keeps the rig's own limits (`Safety`), and it says at the end how
-large the held force really was, and whether the tip is free. That the force rises as a surface promised (`rising`) is
-not asked: nobody has felt for a surface here, and what is met need not be the gel.
+The force/torque sensor is not part of the loop. It enforces the rig's own limits (`Safety`), and at the end it measures
+the held force and whether the tip is free. The force is not compared with a surface search (`rising`): there was none,
+and the tip may meet something other than the gel.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutErr
 from tactile_nodes.params import parameter
 
 LOOK_S = 0.005
-LATE_S = 0.2  # samples of the force/torque sensor come in so late at most
+LATE_S = 0.2  # samples of the force/torque sensor arrive at most this late
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,15 @@ class GuardedRunSettings(CollectionSettings):
     cnc: CncSettings = field(default_factory=CncSettings)
     force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
-    x_mm: float = parameter(0.0, "where to go down, from the gel's centre along the machine's x")
-    y_mm: float = parameter(0.0, "where to go down, from the gel's centre along the machine's y")
-    wait_s: float = parameter(20.0, 'how long the first force may take to come', minimum=0.0)
+    x_mm: float = parameter(0.0, "where to go down, from the centre of the gel along the machine's x")
+    y_mm: float = parameter(0.0, "where to go down, from the centre of the gel along the machine's y")
+    wait_s: float = parameter(20.0, 'how long to wait for the first force', minimum=0.0)
     after_kill: str = parameter(ASK, AFTER_KILL, choices=(ASK, GO_ON))
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was held: the force by the gel at each frame, and by the force/torque sensor at the same time, in N."""
+    """The held force: by the gel at each frame, and by the force/torque sensor at the same time, in N."""
 
     gel_n: Array
     sensor_n: Array
@@ -77,8 +77,8 @@ class GuardedRun:
     Args:
         settings: rig and approach.
         clock: the host's.
-        feel: gives the newest force.
-        person: is asked after whatever moved the machine last was cut off or halted.
+        feel: returns the newest force.
+        person: is asked after the previous run of the machine was cut off or halted.
 
     Raises:
         ConfigurationError, DeviceError: a device that cannot be opened.
@@ -100,10 +100,10 @@ class GuardedRun:
             raise
 
     def run(self) -> Outcome | None:
-        """One approach, ended by going up, whatever happens; what was held, None when `stop` ended it.
+        """One approach, which always ends with the tip up; returns the held force, None if `stop` ended it.
 
         Raises:
-            DeviceError: it was given up, and why; or the tip is not up, or nobody knows.
+            DeviceError: it gave up, and why; or the tip is not up, or that is unknown.
         """
         why = ''
         try:
@@ -111,7 +111,7 @@ class GuardedRun:
         except InterruptedRunError:
             return None
         except TrippedError as tripped:
-            why = f'the approach was given up: {tripped}'
+            why = f'the approach gave up: {tripped}'
             self._write_down(tripped)
             raise DeviceFaultError(why) from tripped
         except DeviceError as error:
@@ -122,11 +122,11 @@ class GuardedRun:
                 self._up(why)
 
     def stop(self) -> None:
-        """Let the run end, with the tip up; returns at once."""
+        """Ask the run to end, with the tip up; returns at once."""
         self.station.hands.asked_to_stop = True
 
     def close(self, run: threading.Thread | None = None, within_s: float = 0.0) -> bool:
-        """Let go of the devices when the run has ended, as `Station.close_after`."""
+        """Close the devices when the run has ended, as `Station.close_after`."""
         return self.station.close_after(run, within_s)
 
     def _approach(self) -> Outcome:
@@ -142,7 +142,7 @@ class GuardedRun:
         return hands.run(guarded_approach(self._settings, hands.readings, self._feel, self._tare))
 
     def _write_down(self, tripped: TrippedError) -> None:
-        """That a person has to look, before the tip goes up."""
+        """Note that a person must check, before the tip goes up."""
         trip = self.station.safety.trip or tripped.trip
         if trip.kind == OVERLOAD:
             self._note(HALTED, trip.reason)
@@ -151,7 +151,7 @@ class GuardedRun:
         self._record.note(step, self._clock.now_ns(), reason)
 
     def _up(self, why: str) -> None:
-        """Bring the tip up; where it is not, that is told first, and then `why` the approach ended."""
+        """Bring the tip up. If that fails, the error names this first, and then `why` the approach ended."""
         hands = self.station.hands
         doubted = hands.machine_failed or hands.safety.machine_tripped
         try:
@@ -162,7 +162,7 @@ class GuardedRun:
 
 
 def _is_homed(cnc: Cnc, before: bool) -> bool:
-    """Whether the machine knows where it is; as before where it does not answer: one lost report leaves no tip down."""
+    """Whether the machine knows its position; as before if it does not respond: one lost report leaves no tip down."""
     try:
         return cnc.status().homed
     except DeviceError:
@@ -170,10 +170,10 @@ def _is_homed(cnc: Cnc, before: bool) -> bool:
 
 
 def above_gel(settings: GuardedRunSettings, feel: Feel) -> Procedure[Tare]:
-    """To above the gel, and what the unloaded sensor reads there.
+    """Move above the gel, and read the unloaded sensor.
 
     Raises:
-        DeviceError: no force within `wait_s`, or the force/torque sensor is not sound.
+        DeviceError: no force within `wait_s`, or the force/torque sensor has a fault.
     """
     motion, surface = settings.motion, settings.surface
     yield Go(z=settings.cnc.safe_z_mm, feed_mm_min=motion.travel_mm_min)
@@ -198,18 +198,18 @@ def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Fee
 
 
 def first_force(wait_s: float, feel: Feel) -> Procedure[Felt]:
-    """Wait for a force that is in order."""
+    """Wait for a valid force."""
     seen = yield Look(LOOK_S)
     end_ns = seen.now_ns + round(wait_s * NS_PER_S)
     while (felt := feel()) is None or felt.status != OK:
         seen = yield Look(10 * LOOK_S)
         if seen.now_ns > end_ns:
-            raise DeviceTimeoutError(f'no force in order came within {wait_s:g} s; is the sensor running?')
+            raise DeviceTimeoutError(f'no valid force within {wait_s:g} s; is the sensor running?')
     return felt
 
 
 def felt_for(guarded: Guarded, top_mm: float, feed_mm_min: float, feel: Feel) -> Procedure[None]:
-    """Step by step from a height until the hold is over."""
+    """Step by step down from a height until the hold is over."""
     z_mm = top_mm
     while not guarded.done:
         seen = yield Look(LOOK_S)
@@ -221,7 +221,7 @@ def felt_for(guarded: Guarded, top_mm: float, feed_mm_min: float, feel: Feel) ->
 
 
 def outcome(guarded: Guarded, start_ns: int, readings: Readings, tare: Tare, settings: GuardedRunSettings) -> Outcome:
-    """What gel and force/torque sensor say of the same time."""
+    """Forces of gel and force/torque sensor at the same time."""
     stamps = guarded.hold.stamps_ns
     samples = readings.samples(stamps[0], stamps[-1])
     if not samples:

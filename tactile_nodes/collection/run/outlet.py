@@ -1,4 +1,4 @@
-"""Whom a run tells what it does, and whom it asks."""
+"""The functions by which a run reports results and asks questions."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from tactile_nodes.collection.run.person import Person
 
 @dataclass(frozen=True)
 class Outlet:
-    """The world outside of a run.
+    """The interface of a run to the outside.
 
     Attributes:
-        record: an attempt is over; returns when it is on its way to the recorder.
+        record: an attempt has ended; returns when it was sent to the recorder.
         rest_image: a new one, and the stamp of its last frame.
         say: a line for a person.
-        require_recorder: whether somebody records; raises when nobody has done so for too long.
-        person: who has to look when only a person can tell.
-        missing: looks for what was recorded in the bags, and says how many presses it has marked as to be done again.
-        suspect: an attempt that was recorded was perhaps not at its place, and why.
-        recall: the attempt of an entry as it was recorded, with its images; None where they are no more.
+        require_recorder: whether a recorder is running; raises if there was none for too long.
+        person: who must check the rig when only a person can.
+        missing: checks the bags for recorded presses, and returns how many it has marked as to be done again.
+        suspect: a recorded attempt was perhaps not at its place, and why.
+        recall: the recorded attempt of an entry, with its images; None if they no longer exist.
     """
 
     record: Callable[[Record], None]

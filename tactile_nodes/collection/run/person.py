@@ -1,4 +1,4 @@
-"""Somebody who has to look at the rig before anything moves again."""
+"""Waits for a person who must check the rig before anything moves again."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from tactile_nodes.collection.machine_record import ACKNOWLEDGED, MachineRecord
 
 LOOK_S = 0.05
 ASK, GO_ON = 'ask', 'go_on'
-AFTER_KILL = 'after a run that was cut off: ask a person before anything moves, or go_on by itself'
+AFTER_KILL = 'after a run that was cut off: ask a person before anything moves, or go_on without asking'
 
 
 def require_looked(why: str, person: Person, record: MachineRecord, hands: Hands) -> None:
-    """Wait until a person has looked, and write that down.
+    """Wait until a person has checked the rig, and write that down.
 
     Raises:
-        InterruptedRunError: the run is to end before that.
+        InterruptedRunError: the run was asked to end before that.
     """
     if not person.ask(why, lambda: hands.asked_to_stop):
         raise InterruptedRunError
@@ -25,11 +25,11 @@ def require_looked(why: str, person: Person, record: MachineRecord, hands: Hands
 
 
 class Person:
-    """Is asked by the thread of the run, and answers from any other.
+    """Asked by the thread of the run, answered from any other thread.
 
     Args:
         how: what to type for an answer.
-        tell: says a line where a person sees it.
+        tell: prints a line where a person sees it.
         clock: the host's.
     """
 
@@ -41,11 +41,11 @@ class Person:
 
     @property
     def question(self) -> str:
-        """What is asked now; empty: nothing."""
-        return f'{self._why}; look at machine, tip and gel, then type: {self._how}' if self._why else ''
+        """The open question; empty: none."""
+        return f'{self._why}; check machine, tip and gel, then type: {self._how}' if self._why else ''
 
     def ask(self, why: str, is_over: Callable[[], bool]) -> bool:
-        """Wait for an answer; false: none came before it was over."""
+        """Wait for an answer; false: it was over before an answer came."""
         self._why = why
         self._tell(self.question)
         try:
@@ -56,10 +56,10 @@ class Person:
             self._why = ''
 
     def acknowledge(self) -> str:
-        """It may go on, and what to tell who said so."""
-        return 'going on' if self.answer() else 'nothing is asked at the moment'
+        """Continue; returns a reply for the person."""
+        return 'continuing' if self.answer() else 'there is no open question'
 
     def answer(self) -> bool:
-        """It may go on; false: nobody has asked."""
+        """Continue; false: there was no question."""
         asked, self._why = bool(self._why), ''
         return asked

@@ -1,4 +1,4 @@
-"""A press as an earlier run recorded it, with its images, from the bags of a folder."""
+"""A press as an earlier run recorded it, with its images, read from the bags of a folder."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ REST_FRAMES = 5
 
 
 def recalled(folder: Path, plan_id: str, entry: Entry) -> Record | None:
-    """The attempt that the entry tells of; None if no bag of the folder holds it with images at rest and pressed."""
+    """The attempt of an entry; None if no bag of the folder holds it with images at rest and pressed."""
     for bag in bags_below(folder):
         try:
             with BagReader(bag) as reader:
                 found = _press(reader, plan_id, entry)
                 record = _record(reader, *found) if found is not None else None
-        except BagError:  # it holds nothing that can be read
+        except BagError:  # it holds no readable data
             continue
         if record is not None:
             return record
@@ -34,7 +34,7 @@ def recalled(folder: Path, plan_id: str, entry: Entry) -> Record | None:
 
 
 def _press(reader: BagReader, plan_id: str, entry: Entry) -> tuple[types.Press, int] | None:
-    """The press, and when the one before it was over."""
+    """The press, and the end time of the one before it."""
     wanted = (plan_id, entry.press, entry.attempt, types.Press.STATUS_RECORDED)
     before_ns = 0
     for found in reader.messages([name for name in topics_of(reader) if is_topic(name, PRESS)]):

@@ -1,4 +1,4 @@
-"""What a run does when something went wrong: the tip up, a person asked, devices waited for, and whether it goes on."""
+"""Fault handling of a run: tip up, ask a person, wait for devices, and decide whether the run continues."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ TOO_GREAT = {FORCE, OVERLOAD}
 
 
 class Recovery:
-    """What is done about a trip; `tare` is what the unloaded sensor read last.
+    """Handles a trip; `tare` is the last reading of the unloaded sensor.
 
     Args:
         hands: the machine.
         settings: limits.
-        record: where it is written that the machine moves, that it is halted, that its tip is up.
-        outlet: whom to tell and to ask.
-        shaken: told when something was hit, or the machine fell silent, which may have cost steps.
+        record: where it is noted that the machine moves, was halted, or has its tip up.
+        outlet: receives messages and questions.
+        shaken: called after a collision, or when the machine became silent, because steps may be lost.
     """
 
     def __init__(
@@ -48,11 +48,11 @@ class Recovery:
         self.tare: Tare | None = None
 
     def begin(self, what: str) -> None:
-        """From now on the machine moves, for a run that is called so."""
+        """The machine moves from now on, for a run of this name."""
         self._note(BEGUN, what)
 
     def end(self) -> bool:
-        """Up at last, and whether it is; what the machine answers to that matters only if all else was well."""
+        """Finally go up; returns whether the tip is up. An error counts only if all else was fine."""
         try:
             self.up()
         except DeviceError as error:
@@ -62,10 +62,10 @@ class Recovery:
         return True
 
     def ask_first(self, unasked: bool) -> None:
-        """A person, after a run that was cut off; after one that was halted whatever was said beforehand.
+        """Ask a person, after a run that was cut off; after a halted run always.
 
         Raises:
-            InterruptedRunError: the run is to end.
+            InterruptedRunError: the run was asked to end.
         """
         if why := self._record.question(unasked):
             self._ask(why)
@@ -76,18 +76,18 @@ class Recovery:
         bring_up(self._hands, tare or self.tare, self._settings, doubted)
 
     def write_down(self, tripped: TrippedError) -> None:
-        """That a person has to look, before anything moves: so that no other process goes on either."""
+        """Note that a person must check, before anything moves, so that no other process continues either."""
         trip = self._worst(tripped)
         if trip.kind == OVERLOAD and not self._record.halted:
             self._note(HALTED, trip.reason)
 
     def go_on_after(self, tripped: TrippedError) -> None:
-        """The tip is up; see whether the run can go on.
+        """The tip is up; check whether the run can continue.
 
         Raises:
             DeviceError: it cannot.
-            InterruptedRunError: the run is to end.
-            TrippedError: something new is wrong.
+            InterruptedRunError: the run was asked to end.
+            TrippedError: there is a new fault.
         """
         trip = self._worst(tripped)
         if trip.kind == MACHINE:
@@ -109,7 +109,7 @@ class Recovery:
         return self._require_free()
 
     def patiently(self, procedure: Callable[[], Procedure[Result]]) -> Result:
-        """What a procedure gives; again from its beginning when a device fell silent, or a person has looked."""
+        """Run a procedure; restart it if a device became silent, or after a person has checked."""
         for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
                 return self._hands.run(procedure())
@@ -122,18 +122,18 @@ class Recovery:
         return self._hands.run(procedure())
 
     def _await_well(self, reason: str) -> None:
-        self._outlet.say(f'{reason}; the tip is up, waiting until it is well again')
+        self._outlet.say(f'{reason}; the tip is up, waiting until it has recovered')
         await_recovery(self._hands, self._settings.limits, reason)
 
     def _require_free(self) -> None:
-        """Look for trouble again, and whether anything touches."""
+        """Check for faults again, and for contact."""
         self._hands.safety.reset(self._hands.clock.now_ns())
         if self.tare is not None:
             self._hands.safety.tare(self.tare.wrench)
             self._hands.run(check_free(self.tare, self._settings))
 
     def _worst(self, tripped: TrippedError) -> Trip:
-        """A force goes on to grow while the machine stops."""
+        """The force still grows while the machine stops."""
         return self._hands.safety.trip or tripped.trip
 
     def _ask(self, why: str) -> None:

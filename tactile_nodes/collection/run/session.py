@@ -1,4 +1,4 @@
-"""One run of a plan on a rig: journal, devices and campaign, from the first look at the bags to letting go of all."""
+"""One run of a plan on a rig: journal, devices and campaign, from checking the bags to closing everything."""
 
 from __future__ import annotations
 
@@ -36,23 +36,25 @@ from tactile_nodes.simulation.indenter import indenter_name
 
 LEAVE_S = 1.5
 NOT_THERE_YET = (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError)
-"""Why a rig that was just switched on may not open; a fault it would tell again."""
+"""Why a rig that was just switched on may not open; a persistent fault would be reported again."""
 
 
 @dataclass(frozen=True)
 class RigSettings(CollectionSettings):
-    """A collection, with its plan, its devices, and where its traces are."""
+    """A collection with its plan, its devices, and its files."""
 
-    folder: str = parameter('collection', 'where the journal lies, and the bags that it is compared with')
-    plan_file: str = parameter('', 'a plan of config/plans by name, or a YAML file; empty: the plan below `plan`')
+    folder: str = parameter('collection', 'folder with the journal and the bags that it is compared with')
+    plan_file: str = parameter('', 'name of a plan in config/plans, or a YAML file; empty: the plan below `plan`')
     plan: PlanSettings = field(default_factory=PlanSettings)
-    anew: bool = parameter(False, 'do the whole plan again at each start, instead of what the journal leaves of it')
+    anew: bool = parameter(False, 'do the whole plan again at each start, instead of the rest of it')
     after_kill: str = parameter(ASK, AFTER_KILL, choices=(ASK, GO_ON))
     cnc: CncSettings = field(default_factory=CncSettings)
     force_torque: ForceTorqueSettings = field(default_factory=ForceTorqueSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
-    wait_s: float = parameter(20.0, 'how long camera and recorder may take to come, or to come back', minimum=0.0)
-    require_recorder: bool = parameter(True, 'press only while somebody records')
+    wait_s: float = parameter(
+        20.0, 'how long to wait for camera and recorder, at the start or after a loss', minimum=0.0
+    )
+    require_recorder: bool = parameter(True, 'press only while a recorder is running')
     sensor_frame_id: str = parameter('force_torque_sensor', 'frame of the force samples')
     machine_frame_id: str = parameter('rig', "frame of the machine's coordinates")
     surface_frame_id: str = parameter('gel_surface', 'frame of the presses')
@@ -60,8 +62,8 @@ class RigSettings(CollectionSettings):
 
 
 def with_indenter(settings: RigSettings) -> RigSettings:
-    """The settings with the name of what presses: of a simulated machine that of the world's indenter, of one that is
-    not the name in `press.indenter`, or, where that is empty as with an emulated rig, the world's again.
+    """The settings with the name of the indenter. For a simulated machine it is the world's. Otherwise it is
+    `press.indenter`, or, if that is empty as with an emulated rig, the world's.
 
     Raises:
         ConfigurationError: a gel that cannot be read.
@@ -74,7 +76,7 @@ def with_indenter(settings: RigSettings) -> RigSettings:
 
 
 class Session:
-    """Opens everything; `run` does what is left of the plan.
+    """Opens everything; `run` does the rest of the plan.
 
     Args:
         settings: plan, devices and limits.
@@ -84,8 +86,8 @@ class Session:
         answer: what a person types to answer a question of the run.
 
     Raises:
-        ConfigurationError: a plan, a journal or a limit that cannot be.
-        DeviceError: a device that does not come within `wait_s`.
+        ConfigurationError: an invalid plan, journal or limit.
+        DeviceError: a device that is not available within `wait_s`.
     """
 
     def __init__(
@@ -114,7 +116,7 @@ class Session:
                 lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry), self._missing,
                 self.person,
             )  # fmt: skip
-            machine = MachineRecord(record_file(s.cnc.source, Path(s.folder)))  # nobody else has its port now
+            machine = MachineRecord(record_file(s.cnc.source, Path(s.folder)))  # no other process has its port now
             order, period_s = ordered(self.plan, plan), 1 / station.sensor.rate_hz
             self.campaign = Campaign(
                 self.plan, order, self._journal, machine, station.hands, s, s.cnc.safe_z_mm, outlet, period_s,
@@ -125,17 +127,17 @@ class Session:
             raise
 
     def run(self) -> str:
-        """Do what is left of the plan, in this thread; what came of it, in a sentence. Raises as `Campaign.run`."""
+        """Do the rest of the plan, in this thread; returns a sentence about the result. Raises as `Campaign.run`."""
         self._runner = threading.current_thread()
         self._await_partners()
         return self.campaign.run()
 
     def stop(self) -> None:
-        """Let the run end, with the tip up; returns at once."""
+        """Ask the run to end, with the tip up; returns at once."""
         self.station.hands.asked_to_stop = True
 
     def close(self) -> None:
-        """End the run and let go of everything, but of what a run needs whose tip is not up yet."""
+        """End the run and close everything, except what a run still needs while its tip is not up."""
         if self._station is not None:
             self.stop()
             if not self._station.close_after(self._runner, LEAVE_S):
@@ -145,7 +147,7 @@ class Session:
         self._journal.close()
 
     def image(self, stamp_ns: int, image: Picture) -> None:
-        """An image has come. Raises ImageError."""
+        """Add an image. Raises ImageError."""
         self.station.image(stamp_ns, image)
 
     def _devices(self) -> Station:
@@ -162,7 +164,7 @@ class Session:
         self._voice.status(status, self.campaign.now, self.campaign.surface)
 
     def _await_partners(self) -> None:
-        """Camera and recorder; whether they came, the campaign finds out."""
+        """Wait for camera and recorder; the campaign checks whether they came."""
         self._alone_ns = self._clock.now_ns()
         deadline_ns = self._alone_ns + round(self._settings.wait_s * NS_PER_S)
         while self._clock.now_ns() < deadline_ns and not self.station.hands.asked_to_stop:
@@ -175,25 +177,25 @@ class Session:
         return self._voice.is_recorded or not self._settings.require_recorder
 
     def _require_recorder(self) -> bool:
-        """See `Outlet.require_recorder`: a recorder that was killed is started again by its launch."""
+        """See `Outlet.require_recorder`: a killed recorder is restarted by its launch."""
         now_ns, wait_s = self._clock.now_ns(), self._settings.wait_s
         if self._is_recorded:
             self._alone_ns = 0
         elif not self._alone_ns:
             self._alone_ns = now_ns
-            self._log.warn(f'nobody records; the tip stays up and waits {wait_s:g} s at most for a recorder')
+            self._log.warn(f'no recorder is running; the tip stays up, waiting up to {wait_s:g} s for one')
         elif now_ns - self._alone_ns > wait_s * NS_PER_S:
-            raise BusError('nobody records press, press_image and force_torque; start a recorder, then this again')
+            raise BusError('no recorder for press, press_image and force_torque; start one, then start this again')
         return self._is_recorded
 
     def _record(self, record: Record) -> None:
-        """Tell it; an attempt that fell between two recorders is one to be made again."""
+        """Publish it; an attempt without a running recorder is to be made again."""
         if self._settings.require_recorder and not record.reason and self._voice.unheard_ns >= record.start_ns:
-            record.reason = 'nobody recorded the force while it was pressed'
+            record.reason = 'no recorder was running during the press'
         self._voice.record(record)
 
     def _missing(self) -> int:
-        """See `Outlet.missing`. Where no bag of the folder holds any press, all are recorded elsewhere."""
+        """See `Outlet.missing`. If no bag of the folder holds any press, they are all recorded elsewhere."""
         if not self._settings.require_recorder:
             return 0
         held = await_recorded(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock)
@@ -205,14 +207,14 @@ class Session:
         if self._settings.anew:
             if done := self._journal.begin_anew(self._clock.now_ns()):
                 self._log.info(
-                    f'beginning plan {self.plan.plan_id} anew; {done} presses of runs before stay in their bags'
+                    f'starting plan {self.plan.plan_id} anew; {done} presses of earlier runs remain in their bags'
                 )
             return
         found, missing = audit(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock.now_ns())
         if self._journal.done or missing:
             self._log.info(
-                f'going on with plan {self.plan.plan_id}: {self._journal.done} of {len(self.plan.points)} presses are '
-                f'there, {found} of them just found in the bags; {missing} not found will be done again'
+                f'resuming plan {self.plan.plan_id}: {self._journal.done} of {len(self.plan.points)} presses are '
+                f'done, {found} of them newly found in the bags; {missing} not found will be done again'
             )
         if aside := self._journal.aside:
-            self._log.info(f'{len(aside)} presses were put aside because the force was too great; see the journal')
+            self._log.info(f'{len(aside)} presses were set aside because the force was too large; see the journal')

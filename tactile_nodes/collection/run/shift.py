@@ -1,8 +1,8 @@
-"""How far a press lies beside an earlier one that was to be the same, by their images alone.
+"""Displacement between a press and an earlier one at the same place, from their images alone.
 
-A tip that is off by a little moves the whole field of displacements u that it makes: u' - u = -s·∇u + c·u. So s
-follows by least squares from two pairs of images, rest and pressed, without any model of gel or camera. On the
-simulated gel at 1 mm depth s scatters by 0.02 mm and is right to a tenth up to 1 mm; beyond 2 mm it only says "far".
+A tip that is displaced by s moves the field of displacements u that it makes: u' - u = -s·∇u + c·u. So s
+follows by least squares from two pairs of images, rest and pressed, without a model of gel or camera. On the simulated
+gel at 1 mm depth, s has a scatter of 0.02 mm and is right to a tenth up to 1 mm; beyond 2 mm it only means "far".
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from tactile_nodes.collection.readings import Picture, frame_of
 from tactile_nodes.sensing.flow.choice import make_flow
 
 Field = npt.NDArray[np.float32]
-NEAR = 1 / 7  # of the image's side: so far from the press counts what moved
+NEAR = 1 / 7  # of the image's side: radius around the press in which motion counts
 SMOOTH = 1 / 55
-NOISE = 3.0  # medians of all blocks' change that are no change
+NOISE = 3.0  # changes below this many medians of all blocks are noise
 
 
 @dataclass(frozen=True)
 class Imprint:
-    """What a press did to the image: displacement (h, w, 2) in pixels, smoothed, and the pixel (x, y) of its middle."""
+    """Effect of a press on the image: displacement (h, w, 2) in pixels, smoothed, and its centre (x, y) in pixels."""
 
     field_px: Field
     middle_px: tuple[float, float]
@@ -34,7 +34,7 @@ def imprint(rest: Picture, pressed: Picture) -> Imprint:
     """From images of the gel untouched and pressed.
 
     Raises:
-        ImageError: they differ in size, or are no grey images of at least 32x32 pixels.
+        ImageError: they differ in size, or are not grey images of at least 32x32 pixels.
     """
     flow = make_flow('dis')
     flow.set_reference(rest)
@@ -44,7 +44,7 @@ def imprint(rest: Picture, pressed: Picture) -> Imprint:
 
 
 def shift_px(first: Imprint, second: Imprint) -> tuple[float, float]:
-    """How far to the right and down the second press is from the first; (0, 0) where there is no image of either.
+    """Displacement of the second press from the first, right and down; (0, 0) if either has no image.
 
     A field that is the first one moved by 1 pixel to the right gives (1, 0).
     """
@@ -59,7 +59,7 @@ def shift_px(first: Imprint, second: Imprint) -> tuple[float, float]:
 
 
 def _middle_px(rest: Picture, pressed: Picture) -> tuple[float, float]:
-    """Of what changed; the image's own where nothing did."""
+    """Centre of the change; that of the image if nothing changed."""
     blocks = np.abs(frame_of(0, pressed).blocks - frame_of(0, rest).blocks)
     weights = np.maximum(blocks - NOISE * np.median(blocks), 0.0)
     if not weights.sum() > 0:

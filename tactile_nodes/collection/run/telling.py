@@ -1,4 +1,4 @@
-"""What a run measures, as messages."""
+"""Measurements of a run as messages."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def edge_message(switched: Switched, count: int, recorder: str, line: str) -> ty
 def state_message(
     status: CncStatus, press: int, surface: Surface | None, gel_mm: tuple[float, float], words: str, frame_id: str
 ) -> types.RigState:
-    """Where the machine is."""
+    """The state of the machine."""
     x, y, z = status.position_mm
     depth = math.nan if surface is None else surface.depth_mm(x - gel_mm[0], y - gel_mm[1], z)
     return types.RigState(
@@ -99,7 +99,7 @@ def press_message(record: Record, plan_id: str, indenter: str, frame_id: str) ->
 
 
 def suspect_message(entry: Entry, plan_id: str, reason: str, now_ns: int, frame_id: str) -> types.Press:
-    """An attempt that was recorded counts no more."""
+    """A recorded attempt no longer counts."""
     return types.Press(
         header=conversions.header(now_ns, frame_id),
         plan_id=plan_id,

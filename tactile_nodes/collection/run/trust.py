@@ -1,8 +1,8 @@
-"""Whether presses were where the machine says: what is recorded counts for good once an anchor after it was right.
+"""Whether presses were at the positions that the machine reports: they count once a later anchor was right.
 
-Presses that no anchor has confirmed yet are suspect when the next one lies elsewhere, and are done again. So are those
-that an interrupted run left behind, unless the last of them, pressed once more after homing, gives the image that was
-recorded: steps that were lost stay lost, so what is right at the end was right before.
+Presses that no anchor has confirmed are suspect if the next anchor is displaced, and are done again. The same holds for
+presses left by an interrupted run, unless the last of them, pressed again after homing, gives the recorded image: lost
+steps stay lost, so a press that is right at the end was right before.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError
 
-TELLS = 0.5  # of the anchor's depth: a press as deep as that shows in the image where it is
+TELLS = 0.5  # of the anchor's depth: a press this deep shows its position in the image
 
 
 class Trust:
-    """Presses anchors, and settles in the journal what they confirm.
+    """Presses anchors, and updates the journal with what they confirm.
 
     Args:
-        settings: `anchor.every` of 0 believes the machine without looking.
+        settings: `anchor.every` of 0 trusts the machine without checking.
         order: the points of the plan.
         journal: of the plan.
         clock: for the journal.
-        outlet: told of suspects, asked for what an earlier run recorded.
+        outlet: is told of suspect presses, and asked for recorded presses of earlier runs.
         press: makes a press.
 
     Raises:
@@ -48,7 +48,7 @@ class Trust:
         every, depth_mm, deepest_mm = settings.anchor.every, settings.anchor.depth_mm, settings.limits.depth_mm
         if every and depth_mm > deepest_mm:
             raise ConfigurationError(
-                f'anchor.depth_mm is {depth_mm:g}, limits.depth_mm allows {deepest_mm:g}; change one of them'
+                f'anchor.depth_mm is {depth_mm:g}, but limits.depth_mm allows {deepest_mm:g}; change one of them'
             )
         self._every = every
         self._tells_mm = depth_mm * TELLS
@@ -60,7 +60,7 @@ class Trust:
         self._since = 0
 
     def begin(self) -> None:
-        """Set out the anchor, and look at what an interrupted run has left.
+        """Set up the anchor, and check the presses that an interrupted run has left.
 
         Raises:
             DeviceFaultError: the image does not follow the machine.
@@ -69,23 +69,23 @@ class Trust:
             return
         self._outlet.say('pressing the anchor')
         shift = self._anchors.begin()
-        self._outlet.say(f'the anchor, pressed twice, lies {shift.told()} apart')
+        self._outlet.say(f'two presses of the anchor are {shift.told()} apart')
         if self._journal.unconfirmed():
             self._look_back()
 
     def pressed(self) -> None:
-        """One press more since the last anchor."""
+        """Count one more press since the last anchor."""
         self._since += 1
 
     def shaken(self) -> None:
-        """Something was hit, which may have cost steps: the next thing to do is an anchor."""
+        """After a collision, which may have cost steps, the next action is an anchor."""
         self._since = self._every
 
     def check(self, at_end: bool = False) -> None:
-        """Press the anchor if it is due, or at the end of a run if anything waits to be confirmed.
+        """Press the anchor if it is due, or at the end of a run if presses wait to be confirmed.
 
         Raises:
-            DeviceFaultError: the anchor is not where it was.
+            DeviceFaultError: the anchor is displaced.
         """
         due = bool(self._journal.unconfirmed()) if at_end else self._since >= self._every
         if not self._every or not due:
@@ -95,36 +95,38 @@ class Trust:
         if not self._anchors.is_beside(shift):
             self._confirm(shift)
             return
-        reason = f'the anchor lies {shift.told()} beside the first one'
+        reason = f'the anchor is displaced by {shift.told()} from the first one'
         count = self._doubt(self._journal.unconfirmed(), reason)
         raise DeviceFaultError(
-            f'the tip is not where the machine believes: {reason}; the {count} presses since the last good anchor are '
-            'suspect and will be done again: see which axis sticks or loses steps, then start again'
+            f'the tip is not where the machine reports: {reason}; the {count} presses since the last good anchor are '
+            'suspect and will be done again. Check which axis sticks or loses steps, then start again'
         )
 
     def _look_back(self) -> None:
-        """Only a press that is deep enough tells; what came after it, nobody knows."""
+        """Only a press that is deep enough shows its position; presses after it remain unknown."""
         unconfirmed = self._journal.unconfirmed()
         points = {point.press: point for point in self._order}
         telling = [entry for entry in unconfirmed if points[entry.press].depth_mm >= self._tells_mm]
         earlier = self._outlet.recall(telling[-1]) if telling else None
         if earlier is None:
-            self._doubt(unconfirmed, 'the run broke off before an anchor, and left no image to compare with')
+            self._doubt(unconfirmed, 'the run was cut off before an anchor, and left no image for comparison')
             return
         shift = self._anchors.between(earlier, self._anchors.again(points[telling[-1].press]))
         if self._anchors.is_beside(shift):
-            self._doubt(unconfirmed, f'before the run broke off, press {telling[-1].press} was {shift.told()} off')
+            self._doubt(
+                unconfirmed, f'before the run was cut off, press {telling[-1].press} was displaced by {shift.told()}'
+            )
             return
         late = unconfirmed[unconfirmed.index(telling[-1]) + 1 :]
         if late:
-            self._doubt(late, 'the run broke off before an anchor')
+            self._doubt(late, 'the run was cut off before an anchor')
         self._confirm(shift)
 
     def _confirm(self, shift: Shift) -> None:
         self._journal.note_run(ANCHORED, self._clock.now_ns(), shift.told())
 
     def _doubt(self, entries: Sequence[Entry], reason: str) -> int:
-        """These count no more; how many they are."""
+        """Mark these as suspect; returns how many they are."""
         for entry in entries:
             self._outlet.suspect(entry, reason)
             self._journal.note(entry.press, entry.attempt, SUSPECT, self._clock.now_ns(), reason)

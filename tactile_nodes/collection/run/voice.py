@@ -1,4 +1,4 @@
-"""What a run tells the world: each measurement as a message to the publisher of its topic."""
+"""Publishes the measurements of a run, each as a message on its topic."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ from tactile_nodes.drivers.force_torque.contract import Sample
 
 TOPICS = (FORCE_TORQUE, FORCE_TORQUE_COUNTS, SERIAL_TRAFFIC, RIG_STATE, SYNC_EDGE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE)
 LINE = 'press'
-MOST_TRAFFIC = 20_000  # pieces that wait for a listener: some minutes
-BETWEEN = 0  # what the rig's state calls the press while there is none
+MOST_TRAFFIC = 20_000  # pieces that wait for a subscriber: some minutes
+BETWEEN = 0  # press number in the rig's state while there is no press
 
 Piece = tuple[str, int, bytes]
-"""Bytes as they passed, see `drivers.cnc.contract.Traffic`."""
+"""Bytes as they were sent and received, see `drivers.cnc.contract.Traffic`."""
 
 
 @dataclass(frozen=True)
 class Names:
-    """What messages say about themselves: frames, plan, indenter, the source of the force samples, the
+    """Names in messages: frames, plan, indenter, the source of the force samples, the
     port of the machine."""
 
     sensor_frame: str
@@ -56,12 +56,12 @@ class Names:
 
 
 class Backlog:
-    """What waits for a listener: the newest pieces, and how many bytes of older ones gave way to them.
+    """Data that waits for a subscriber: the newest pieces, and how many bytes of older ones were dropped.
 
-    Any thread may put and take; nobody waits for more than that.
+    Any thread may put and take; calls do not block.
 
     Args:
-        most: pieces that are kept.
+        most: largest number of pieces.
     """
 
     def __init__(self, most: int) -> None:
@@ -71,33 +71,33 @@ class Backlog:
         self._dropped = 0
 
     def put(self, piece: Piece) -> None:
-        """Keep a piece; where there are too many, the oldest goes."""
+        """Add a piece; if there are too many, the oldest is dropped."""
         with self._lock:
             self._pieces.append(piece)
             if len(self._pieces) > self._most:
                 self._dropped += len(self._pieces.popleft()[2])
 
     def take(self) -> Piece | None:
-        """The oldest; None: nothing waits."""
+        """The oldest; None: nothing is waiting."""
         with self._lock:
             return self._pieces.popleft() if self._pieces else None
 
     def take_dropped(self) -> int:
-        """How many bytes were dropped since this was asked last."""
+        """How many bytes were dropped since the last call."""
         with self._lock:
             dropped, self._dropped = self._dropped, 0
             return dropped
 
 
 class Voice:
-    """Publishes what a run measures.
+    """Publishes the measurements of a run.
 
     Args:
         publishers: one for each of `TOPICS`.
         names: as above.
         clock: the host's.
         gel_mm: the gel's centre in machine coordinates.
-        warn: told what was not recorded, for a person.
+        warn: receives warnings for a person about data that was not recorded.
     """
 
     def __init__(
@@ -118,11 +118,11 @@ class Voice:
         self._traffic = Backlog(MOST_TRAFFIC)
         self._telling_traffic = threading.Lock()
         self.unheard_ns = 0
-        """Stamp of the last force sample to which nobody listened."""
+        """Stamp of the last force sample without a subscriber."""
 
     @property
     def is_recorded(self) -> bool:
-        """Whether somebody listens to all that a press consists of."""
+        """Whether all topics of a press have subscribers."""
         return all(self._publishers[topic].listeners for topic in (PRESS, PRESS_IMAGE, FORCE_TORQUE))
 
     def sample(self, sample: Sample) -> None:
@@ -135,17 +135,17 @@ class Voice:
         self._tell_traffic()
 
     def passed(self, way: str, stamp_ns: int, data: bytes) -> None:
-        """Bytes to or from the machine (`Traffic`); only kept here, as whoever sends a stop must not wait."""
+        """Bytes to or from the machine (`Traffic`); only stored here, because the sender of a stop must not wait."""
         self._traffic.put((way, stamp_ns, data))
 
     def the_rest(self) -> None:
-        """The devices are closed: tell what was gathered of samples and bytes."""
+        """The devices are closed: publish the remaining samples and bytes."""
         self._count(self._batch.rest())
         self._tell_traffic()
         self._warn_of_dropped()
 
     def status(self, status: CncStatus, now: Point | None, surface: Surface | None) -> None:
-        """Where the machine is, and which press is under way."""
+        """Publish the state of the machine, and the current press."""
         press = BETWEEN if now is None else now.press
         words, frame = status.state.value, self._names.machine_frame
         told = telling.state_message(status, press, surface, self._gel_mm, words, frame)
@@ -159,7 +159,7 @@ class Voice:
         self._publishers[SYNC_EDGE].publish(edge)
 
     def record(self, record: Record) -> None:
-        """An attempt, after its images."""
+        """Publish an attempt, after its images."""
         for frame in (*record.rest, *record.frames):
             self._image(PRESS_IMAGE, frame.image, frame.stamp_ns)
         names = self._names
@@ -168,7 +168,7 @@ class Voice:
         )
 
     def suspect(self, entry: Entry, reason: str) -> None:
-        """An attempt counts no more."""
+        """An attempt no longer counts."""
         names, now_ns = self._names, self._clock.now_ns()
         told = telling.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
         self._publishers[PRESS].publish(told)
@@ -183,7 +183,7 @@ class Voice:
             self._publishers[FORCE_TORQUE_COUNTS].publish(told)
 
     def _tell_traffic(self) -> None:
-        """Once somebody listens also what passed before, as when the machine was opened."""
+        """When there is a subscriber, also publish earlier bytes, such as those of opening the machine."""
         publisher, names = self._publishers[SERIAL_TRAFFIC], self._names
         with self._telling_traffic:
             if publisher.listeners:
@@ -193,11 +193,11 @@ class Voice:
                 publisher.publish(telling.traffic_message(way == '>', stamp_ns, data, names.port, names.machine_frame))
 
     def _warn_of_dropped(self) -> None:
-        """Once it is known how many: somebody listens again, or the run is over."""
+        """When the number is known: there is a subscriber again, or the run is over."""
         if dropped := self._traffic.take_dropped():
             self._warn(
-                f'{dropped} bytes between computer and machine are in no recording: nobody listened to '
-                f'{SERIAL_TRAFFIC.name}, and no more than {MOST_TRAFFIC} pieces wait; start the recorder sooner'
+                f'{dropped} bytes to or from the machine were not recorded: {SERIAL_TRAFFIC.name} had no subscriber, '
+                f'and at most {MOST_TRAFFIC} pieces are buffered; start the recorder earlier'
             )
 
     def _image(self, topic: Topic, image: Picture, stamp_ns: int) -> None:

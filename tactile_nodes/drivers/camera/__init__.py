@@ -1,1 +1,1 @@
-"""Cameras: one contract, one file a kind."""
+"""Cameras: one protocol, one file per kind."""

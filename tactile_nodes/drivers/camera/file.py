@@ -1,11 +1,11 @@
 """Recorded pictures as a camera: a video file, or a folder of images.
 
-Neither says when a picture was taken. An AVI file holds a frame rate and no time stamps, and a folder not even that;
-so frame k is stamped ``start + k / fps``, which is the file's claim and not a measurement.
+Neither contains capture times. An AVI file holds a frame rate and no time stamps, and a folder not even that. So frame
+k is stamped ``start + k / fps``, which is nominal and not measured.
 
-At a `rate` above 0 frame k is delivered no earlier than its stamp, ``start + k / (fps * rate)``; a reader that falls
-behind catches up, nothing is skipped. At a rate of 0 frames come as fast as they are read, stamped when they are
-read, because a stamp of the future would break every latency that is computed from it.
+At a `rate` above 0, frame k is delivered no earlier than ``start + k / (fps * rate)``; a reader that falls behind
+catches up, and no frame is skipped. At a rate of 0, frames come as fast as they are read and are stamped when they are
+read, because a stamp in the future would make all latencies computed from it wrong.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.files import open_plain
 
 IMAGE_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp'})
-FASTEST_CLAIM = 1000.0  # broken headers claim 90000 frames a second and more
+FASTEST_CLAIM = 1000.0  # broken headers state 90000 frames per second and more
 
 
 class Recording(Protocol):
-    """Pictures in a row that can be read again from the start."""
+    """A sequence of pictures that can be read again from the start."""
 
     name: str
     fps: float
     advice: str
-    """What else to set, said after its end."""
+    """A hint about further settings, shown after its end."""
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -49,12 +49,12 @@ class Recording(Protocol):
         ...
 
     def stop(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         ...
 
 
 class FileCamera:
-    """A recording that is played as a camera."""
+    """A recording played as a camera."""
 
     def __init__(self, settings: CameraSettings, clock: Clock, recording: Recording) -> None:
         self._settings = settings
@@ -75,19 +75,19 @@ class FileCamera:
             **self._recording.description,
             'size': 'x'.join(map(str, reversed(self._shape[:2]))),
             'played at': self._pace,
-            'stamps': 'start + index / fps, a claim of the file' if self._settings.rate > 0 else 'time of reading',
+            'stamps': 'start + index / fps (nominal)' if self._settings.rate > 0 else 'time of reading',
             'loop': str(self._settings.loop).lower(),
         }
 
     @property
     def health(self) -> Health:
-        """OK while it plays, WARN after its last picture, with the time since then and how to begin again."""
+        """OK while it plays, WARN after its last picture, with the time since then and how to restart it."""
         if not self._open:
             return Health(Level.STALE, f'{self._recording.name} is not open')
         if self._ended_ns is None:
             return Health(Level.OK, f'playing {self._recording.name}')
         since_s = (self._clock.now_ns() - self._ended_ns) // NS_PER_S
-        ago = f' {since_s} s ago' if since_s else ''  # the log keeps what is said first
+        ago = f' {since_s} s ago' if since_s else ''  # the log keeps the first message
         return Health(
             Level.WARN,
             f'recording ended{ago}; start again or set loop:=true to play it again'
@@ -105,7 +105,7 @@ class FileCamera:
         self._waiting = self._recording.next()
         if self._waiting is None:
             self._recording.stop()
-            raise ImageError(f'{self._recording.name} holds no picture; give another file or folder')
+            raise ImageError(f'{self._recording.name} contains no picture; use another file or folder')
         check_size(self._waiting, self._settings, self._recording.name)
         self._shape = self._waiting.shape
         self._start_ns = self._clock.now_ns()
@@ -129,7 +129,7 @@ class FileCamera:
         return frame
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._open:
             self._open = False
             self._recording.stop()
@@ -151,8 +151,8 @@ class FileCamera:
             picture = self._recording.next()
         if picture is not None and picture.shape[:2] != self._shape[:2]:
             raise ImageError(
-                f'{self._recording.name} mixes pictures of {self._shape[1]}x{self._shape[0]} and of '
-                f'{picture.shape[1]}x{picture.shape[0]}; put each size into a folder of its own'
+                f'{self._recording.name} contains pictures of {self._shape[1]}x{self._shape[0]} and of '
+                f'{picture.shape[1]}x{picture.shape[0]}; put each size into its own folder'
             )
         return picture
 
@@ -162,7 +162,7 @@ class VideoFile:
 
     Args:
         path: the file.
-        fps: what to assume where the file claims no rate, or an absurd one.
+        fps: assumed rate if the file has no rate or an absurd one.
     """
 
     advice = ''
@@ -176,13 +176,13 @@ class VideoFile:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The file and the rate that it claims."""
+        """The file and its stated rate."""
         return {'source': self.name, 'kind': 'video file', 'frames/s of the file': f'{self._claimed:g}'}
 
     def start(self) -> None:
         """Open the file at its first frame.
 
-        Opening again instead of seeking: to seek to frame 0 lands elsewhere in files without an index.
+        Reopens instead of seeking: seeking to frame 0 goes elsewhere in files without an index.
         """
         cv2 = opencv.load()
         self.stop()
@@ -192,7 +192,7 @@ class VideoFile:
         except OSError as error:
             raise ImageError(f'cannot read the video {self.name} ({error.strerror}); make it smaller') from error
         if self._video is None:
-            raise ImageError(f'{self.name} is no video that can be read here; convert it, to MP4 or AVI say')
+            raise ImageError(f'{self.name} cannot be read as a video; convert it, e.g. to MP4 or AVI')
         self._claimed = self._video.get(cv2.CAP_PROP_FPS)
         if 0 < self._claimed <= FASTEST_CLAIM:
             self.fps = self._claimed
@@ -211,14 +211,14 @@ class VideoFile:
 
 
 class ImageFolder:
-    """The images of a folder: ``2.png`` before ``10.png``, other files passed over.
+    """The images of a folder: ``2.png`` before ``10.png``; other files are ignored.
 
     Args:
         path: the folder.
-        fps: their rate, which a folder does not know.
+        fps: their rate.
     """
 
-    advice = '; fps sets the pace of a folder, say fps:=2.0'
+    advice = '; fps sets the pace of a folder, e.g. fps:=2.0'
 
     def __init__(self, path: Path, fps: float) -> None:
         self.name = str(path)
@@ -240,24 +240,24 @@ class ImageFolder:
             raise ImageError(f'cannot list the folder {self.name} ({error.strerror})') from error
         if not files:
             known = ' '.join(sorted(IMAGE_SUFFIXES))
-            raise ImageError(f'the folder {self.name} holds no images; it may hold {known}')
+            raise ImageError(f'the folder {self.name} contains no images; supported: {known}')
         _check_rate(self.fps, self.name)
         self._files = sorted(files, key=lambda file: natural_key(file.name))
         self._next = 0
 
     def next(self) -> Picture | None:
-        """The next image: (h, w) if it is grey, else (h, w, 3); deeper pixels are cut to 8 bits."""
+        """The next image: (h, w) if grey, else (h, w, 3); higher bit depths are converted to 8 bits."""
         if self._next == len(self._files):
             return None
         self._next += 1
         return read_image(self._files[self._next - 1])
 
     def stop(self) -> None:
-        """Nothing is held between two images."""
+        """No file is open between two images."""
 
 
 def natural_key(name: str) -> list[tuple[int, str]]:
-    """Sorts names as people do: ``frame2`` before ``frame10``.
+    """Sort key for natural order: ``frame2`` before ``frame10``.
 
     >>> sorted(['frame10', 'frame2', 'Frame1'], key=natural_key)
     ['Frame1', 'frame2', 'frame10']
@@ -269,7 +269,7 @@ def read_image(path: Path) -> Picture:
     """The image in a file, (h, w) or (h, w, 3) blue-green-red, uint8.
 
     Raises:
-        ImageError: it cannot be read, holds no image, or one that is too large.
+        ImageError: it cannot be read, contains no image, or one that is too large.
     """
     try:
         return read_picture(path, grey=False)
@@ -287,4 +287,4 @@ def _check_readable(path: Path) -> None:
 
 def _check_rate(fps: float, name: str) -> None:
     if fps <= 0:
-        raise ImageError(f'{name} does not say its frames per second; set fps of the camera')
+        raise ImageError(f'{name} has no frame rate; set fps of the camera')

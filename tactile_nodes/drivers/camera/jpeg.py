@@ -1,8 +1,8 @@
-"""JPEG pictures as cameras send them, whole or not.
+"""JPEG pictures from cameras, complete or truncated.
 
-A camera on a bad cable and a cut network stream both send pictures that stop in the middle. A decoder fills the
-rest with grey, which a flow method takes for motion; so a picture counts only if its end arrived. The marks are
-those of ITU-T T.81, table B.1: FFD8 begins an image, FFD9 ends it.
+A bad cable or an interrupted network stream gives truncated pictures. A decoder fills the missing part with grey, which
+a flow method would mistake for motion. So a picture counts only if its end marker arrived. The markers are those of
+ITU-T T.81, table B.1: FFD8 begins an image, FFD9 ends it.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ from tactile_nodes.drivers.camera.contract import Picture
 
 START = b'\xff\xd8'
 END = b'\xff\xd9'
-PADDING = b'\x00\r\n-'  # UVC cameras fill up with zeros; a multipart stream leaves line ends and dashes
+PADDING = b'\x00\r\n-'  # UVC cameras pad with zeros; a multipart stream leaves line ends and dashes
 
 
 def is_whole(data: bytes) -> bool:
-    """Whether a picture begins and ends where it should; padding after its end is allowed."""
+    """Whether a picture has its begin and end markers; padding after its end is allowed."""
     return data.startswith(START) and data.rstrip(PADDING).endswith(END)
 
 
 def decode(data: bytes) -> Picture | None:
-    """The picture in grey, (h, w); None if it is not whole, or larger than any camera's.
+    """The picture in grey, (h, w); None if it is truncated, or larger than any camera's.
 
-    Nothing here looks at colour. A JPEG holds its grey apart, as it would be made of red, green and blue again, and
-    leaving out the colours takes two thirds of the time.
+    Colour is not used here. JPEG stores luminance separately, with the same weights as a conversion from RGB. Skipping
+    the colours saves two thirds of the time.
     """
     if not is_whole(data):
         return None
     try:
         return decoding.decode(data, grey=True)
-    except OSError:  # a damaged header may claim any size, and costs this picture alone
+    except OSError:  # a damaged header may state any size; only this picture is lost
         return None

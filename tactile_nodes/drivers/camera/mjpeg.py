@@ -1,9 +1,9 @@
-"""MJPEG over HTTP: ``multipart/x-mixed-replace`` as IP cameras, mjpg-streamer, ESP32-CAM and others send it.
+"""MJPEG over HTTP: ``multipart/x-mixed-replace``, as sent by IP cameras, mjpg-streamer, ESP32-CAM and others.
 
-OpenCV can read such streams too, but notices a stall late, keeps old frames in a queue, and its time stamps are
-the frame's number divided by 25. So this driver reads the stream itself: a picture is stamped when its first bytes
-arrive, a silence of `stall_s` is a lost camera, and pictures that are not whole are counted and dropped. What the
-network adds to the age of a picture, arrival stamps cannot show.
+OpenCV can read such streams too, but it detects a stall late, keeps old frames in a queue, and its time stamps are the
+frame number divided by 25. So this driver reads the stream itself. A picture is stamped when its first bytes arrive,
+a silence of `stall_s` means that the camera is lost, and truncated pictures are counted and dropped. Arrival stamps do
+not include the latency of the network.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceLostErro
 
 CONNECT_S = 3.0
 CHUNK = 64 * 1024
-RECEIVE_BUFFER = 256 * 1024  # the kernel would keep megabytes of old pictures for a reader that was held up
+RECEIVE_BUFFER = 256 * 1024  # the kernel would keep megabytes of old pictures for a delayed reader
 
 
 class MjpegCamera(LiveCamera):
-    """One connection to an MJPEG server; after it is lost, make another."""
+    """One connection to an MJPEG server; make a new one after it is lost."""
 
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
@@ -46,12 +46,12 @@ class MjpegCamera(LiveCamera):
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The address, the size of the pictures, and how they are stamped."""
+        """The address, the size of the pictures, and the kind of stamps."""
         return {'source': self.name, 'kind': 'MJPEG over HTTP', 'size': self._size, 'stamps': 'arrival'}
 
     @property
     def health(self) -> Health:
-        """OK while pictures come; the frames lost are said."""
+        """OK while pictures come, with the number of lost frames."""
         if self._reader is None:
             return Health(Level.STALE, f'{self.name} is not open')
         if self._lost is not None:
@@ -59,7 +59,7 @@ class MjpegCamera(LiveCamera):
         return Health(Level.OK, f'receiving {self.name}, {self._reader.dropped} frames lost')
 
     def open(self) -> None:
-        """Connect, and wait for the first whole picture."""
+        """Connect, and wait for the first complete picture."""
         response = self._request()
         parser = MultipartParser(_boundary(response, self.name))
         self._good_ns = self._clock.now_ns()
@@ -91,7 +91,7 @@ class MjpegCamera(LiveCamera):
         except TimeoutError as error:
             connection.close()
             raise DeviceNotFoundError(
-                f'{self.name} does not answer within {CONNECT_S:g} s; check the address and the network'
+                f'{self.name} did not respond within {CONNECT_S:g} s; check the address and the network'
             ) from error
         except (OSError, http.client.HTTPException) as error:
             connection.close()
@@ -105,7 +105,7 @@ class MjpegCamera(LiveCamera):
             self._put(part, slot)
         if self._clock.now_ns() - self._good_ns > self._settings.stall_s * NS_PER_S:
             raise DeviceLostError(
-                f'{self.name} sends bytes and no whole JPEG pictures of at most {LARGEST}; check the address'
+                f'{self.name} sends data, but no complete JPEG pictures of at most {LARGEST}; check the address'
             )
 
     def _receive(self, response: http.client.HTTPResponse) -> bytes:
@@ -126,17 +126,17 @@ class MjpegCamera(LiveCamera):
             return
         check_size(image, self._settings, self.name)
         self._good_ns = self._clock.now_ns()
-        self._last_ns = max(part.arrival_ns, self._last_ns + 1)  # two parts may arrive in one piece
+        self._last_ns = max(part.arrival_ns, self._last_ns + 1)  # two parts may arrive together
         slot.put(image, self._last_ns)
 
     def _shut(self) -> None:
         if self._socket is not None:
-            with contextlib.suppress(OSError):  # it may be down already
+            with contextlib.suppress(OSError):  # it may be closed already
                 self._socket.shutdown(socket.SHUT_RDWR)
 
 
 def without_password(url: urllib.parse.SplitResult) -> str:
-    """The address as it may stand in logs: ``http://user:secret@host/`` becomes ``http://host/``."""
+    """The address as shown in logs: ``http://user:secret@host/`` becomes ``http://host/``."""
     return url._replace(netloc=url.netloc.rpartition('@')[2]).geturl()
 
 
@@ -145,9 +145,9 @@ def _parse(source: str) -> urllib.parse.SplitResult:
         url = urllib.parse.urlsplit(source.strip())
         usable = bool(url.hostname) and url.port != 0
     except ValueError as error:
-        raise ConfigurationError(f'{source!r} is no address of a camera ({error})') from error
+        raise ConfigurationError(f'{source!r} is not a camera address ({error})') from error
     if not usable:
-        raise ConfigurationError(f'{source!r} is no address of a camera; write http://host:port/path')
+        raise ConfigurationError(f'{source!r} is not a camera address; use http://host:port/path')
     return url
 
 
@@ -168,10 +168,10 @@ def _accepted(response: http.client.HTTPResponse, name: str) -> http.client.HTTP
         return response
     target = response.getheader('Location')
     response.close()
-    advice = f'it sends to {target}' if target else 'check the path'
+    advice = f'it redirects to {target}' if target else 'check the path'
     if response.status == http.client.UNAUTHORIZED:
         advice = 'give user and password as http://user:password@host/…'
-    raise DeviceNotFoundError(f'{name} answers {response.status} {response.reason}; {advice}')
+    raise DeviceNotFoundError(f'{name} responded {response.status} {response.reason}; {advice}')
 
 
 def _boundary(response: http.client.HTTPResponse, name: str) -> str:
@@ -181,7 +181,7 @@ def _boundary(response: http.client.HTTPResponse, name: str) -> str:
         return found.group(1)
     response.close()
     raise DeviceNotFoundError(
-        f'{name} sends {kind or "no Content-Type"} where an MJPEG stream is multipart/x-mixed-replace with a '
+        f'{name} sends {kind or "no Content-Type"}, but an MJPEG stream is multipart/x-mixed-replace with a '
         "boundary; look up the address of the stream in the camera's manual"
     )
 

@@ -1,8 +1,8 @@
-"""The parts of a ``multipart/x-mixed-replace`` stream, cut from bytes that arrive in any pieces.
+"""The parts of a ``multipart/x-mixed-replace`` stream, parsed from bytes that arrive in arbitrary pieces.
 
-The form is RFC 2046, 5.1: ``--boundary``, header lines, an empty line, the body. Servers of pictures take liberties:
-boundaries with dashes of their own, bare line feeds, no Content-Length or a wrong one. The delimiter decides where
-a part ends; the length only allows handing it out before the next delimiter has come.
+The format is RFC 2046, 5.1: ``--boundary``, header lines, an empty line, the body. Many servers deviate: boundaries
+with extra dashes, bare line feeds, no Content-Length or a wrong one. The delimiter decides where a part ends; the
+length only allows returning it before the next delimiter has arrived.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ LONGEST_BODY = 32 * 1024 * 1024
 
 @dataclass(frozen=True)
 class Part:
-    """One part's body, and when its delimiter arrived."""
+    """One part's body, and the arrival time of its delimiter."""
 
     body: bytes
     arrival_ns: int
 
 
 class MultipartParser:
-    """Feed it what arrives; it gives back the parts that are complete.
+    """Takes bytes as they arrive, and returns the parts that are complete.
 
     Args:
         boundary: as in the Content-Type, with or without leading dashes.
@@ -39,7 +39,7 @@ class MultipartParser:
         self._parts: list[Part] = []
 
     def feed(self, data: bytes, now_ns: int) -> list[Part]:
-        """The parts that `data`, which arrived at `now_ns`, completes."""
+        """The parts completed by `data`, which arrived at `now_ns`."""
         self._buffer += data
         self._parts = []
         self._now_ns = now_ns

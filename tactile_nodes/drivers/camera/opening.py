@@ -1,11 +1,11 @@
-"""The choice of the camera that a SOURCE names.
+"""The choice of the camera for a SOURCE.
 
 ===========================================  ==================================================================
 source                                       camera
 ===========================================  ==================================================================
-``simulated``                                the twin: a rendered gel (`camera.simulated`)
+``simulated``                                a rendered gel (`camera.simulated`)
 ``/dev/video0``, ``/dev/v4l/by-id/…``, ``0``  a V4L2 device (`camera.v4l2`); prefer by-id: indices change at boot
-``serial:A1B2``                              the V4L2 device with this serial number, at whatever port
+``serial:A1B2``                              the V4L2 device with this serial number, at any port
 ``http://…``, ``https://…``                  MJPEG over HTTP (`camera.mjpeg`)
 ``rtsp://…``                                 RTSP, through FFmpeg (`camera.rtsp`)
 a file                                       a recorded video (`camera.file`)
@@ -25,12 +25,12 @@ from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
 
 def open_camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] | None = None) -> Camera:
-    """The camera that `settings.source` names, open; a live one reconnects by itself (`Reconnecting`).
+    """The camera of `settings.source`, open; a live one reconnects by itself (`Reconnecting`).
 
-    `told` hears what the simulated one does where opening takes long.
+    `told` receives messages of the simulated camera while opening takes long.
 
     Raises:
-        ConfigurationError: the source names no kind of camera.
+        ConfigurationError: the source is not a kind of camera.
         DeviceError, ImageError: as `Camera.open`.
     """
     camera = _camera(settings, clock, told)
@@ -83,6 +83,6 @@ def _recording(path: Path, settings: CameraSettings, clock: Clock) -> Camera:
     if path.exists():
         return FileCamera(settings, clock, VideoFile(path, settings.fps))
     raise DeviceNotFoundError(
-        f'there is no camera, video or folder of images named {str(path)!r}; the source may be a device '
+        f'no camera, video or folder of images is named {str(path)!r}; the source may be a device '
         '(/dev/video0, serial:NUMBER), a file, a folder, an http:// or rtsp:// address, or "simulated"'
     )

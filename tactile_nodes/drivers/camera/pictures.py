@@ -18,10 +18,10 @@ def read_grey(file: str | Path) -> Picture:
     """A picture as (h, w) grey levels.
 
     Raises:
-        ConfigurationError: no file is named, or it is no picture, or too large a one.
+        ConfigurationError: no file is given, or it is not a picture, or too large.
     """
     if not str(file):
-        raise ConfigurationError('no picture is named that the rest image could be read from; set reference_file')
+        raise ConfigurationError('no file for the rest image; set reference_file')
     try:
         return read_picture(file, grey=True)
     except OSError as error:
@@ -31,10 +31,10 @@ def read_grey(file: str | Path) -> Picture:
 
 
 def write_png(file: Path, picture: Picture) -> Path:
-    """Write a picture, making its folder; returns its full path.
+    """Write a picture, creating its folder; returns its full path.
 
     Raises:
-        ConfigurationError: the place cannot be written to.
+        ConfigurationError: the file cannot be written.
     """
     encoded, data = cv2.imencode('.png', picture)
     assert encoded
@@ -42,5 +42,5 @@ def write_png(file: Path, picture: Picture) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(data.tobytes())
     except OSError as error:
-        raise ConfigurationError(f'cannot write {file} ({error.strerror}); choose another place') from error
+        raise ConfigurationError(f'cannot write {file} ({error.strerror}); choose another folder') from error
     return file.resolve()

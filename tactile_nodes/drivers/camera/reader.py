@@ -1,8 +1,8 @@
-"""Between a device that delivers when it likes and a reader that wants the newest frame: one thread, one slot.
+"""A thread that reads a device continuously, and a slot with its newest frame.
 
-A device that is not drained hands out old frames: after a second without reading, a UVC camera's next two frames
-were 977 and 924 ms old. So a thread of its own always drains it, the newest frame overwrites an unread one, and
-every frame that was lost is counted.
+A device that is not read continuously returns old frames: after a second without reading, a UVC camera's next two
+frames were 977 and 924 ms old. So a separate thread always reads it, the newest frame replaces an unread one, and every
+lost frame is counted.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from collections.abc import Callable
 from tactile_nodes.drivers.camera.contract import Frame, Picture
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError, TactileError
 
-JOIN_S = 1.0  # less than the two seconds in which a node must end
+JOIN_S = 1.0  # less than the two seconds that a node has to end
 
 
 class NewestFrame:
-    """One slot: the writer never waits, the reader gets the newest frame or the reason why there is none."""
+    """One slot: the writer never waits; the reader gets the newest frame, or the reason why there is none."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -29,7 +29,7 @@ class NewestFrame:
         self._dropped = 0
 
     def put(self, image: Picture, stamp_ns: int) -> None:
-        """A frame; it takes the place of one that was not read."""
+        """Store a frame; it replaces one that was not read."""
         with self._changed:
             if self._unread is not None:
                 self._dropped += 1
@@ -38,19 +38,19 @@ class NewestFrame:
             self._changed.notify_all()
 
     def miss(self, count: int = 1) -> None:
-        """Frames that the device made and that did not arrive whole."""
+        """Count frames that the device captured but that did not arrive complete."""
         with self._changed:
             self._sequence += count
             self._dropped += count
 
     def fail(self, error: TactileError) -> None:
-        """No more frames, and why; the first reason counts."""
+        """Report that no more frames will come, and why; the first reason counts."""
         with self._changed:
             self._failure = self._failure or error
             self._changed.notify_all()
 
     def close(self) -> None:
-        """No more frames, on request."""
+        """End on request; no more frames."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -65,7 +65,7 @@ class NewestFrame:
 
         Raises:
             DeviceTimeoutError: none came.
-            TactileError: what `fail` was told.
+            TactileError: the error given to `fail`.
         """
         with self._changed:
             frame = self._wait(timeout_s)
@@ -73,7 +73,7 @@ class NewestFrame:
             return frame
 
     def peek(self, timeout_s: float) -> Frame:
-        """As `take`, and the frame stays unread."""
+        """As `take`, but the frame stays unread."""
         with self._changed:
             return self._wait(timeout_s)
 
@@ -85,17 +85,17 @@ class NewestFrame:
             return self._unread
         if self._failure is not None:
             raise self._failure
-        raise DeviceTimeoutError(f'{self._name} sent no whole picture within {timeout_s:g} s; check its cable')
+        raise DeviceTimeoutError(f'{self._name} sent no complete picture within {timeout_s:g} s; check its cable')
 
 
 class FrameReader:
-    """The thread that drains a device into a slot.
+    """The thread that reads a device into a slot.
 
     Args:
-        name: of the device, for errors.
-        fetch: waits for what the device sends next and puts it into the slot; raises a `TactileError` at the end.
-        release: lets go of the device. The thread calls it itself when it ends, because a handle that is
-            released while another thread reads from it crashes in the libraries below.
+        name: name of the device, for errors.
+        fetch: waits for the next data of the device and puts it into the slot; raises a `TactileError` at the end.
+        release: closes the device. The thread calls it itself at its end, because closing a handle that another
+            thread reads from crashes in the libraries below.
     """
 
     def __init__(self, name: str, fetch: Callable[[NewestFrame], None], release: Callable[[], None]) -> None:
@@ -117,16 +117,16 @@ class FrameReader:
         return self._slot.take(timeout_s)
 
     def first(self, timeout_s: float) -> Frame:
-        """As `NewestFrame.peek`: the proof that the device delivers."""
+        """As `NewestFrame.peek`: it shows that the device delivers."""
         return self._slot.peek(timeout_s)
 
     def stop(self) -> None:
-        """Ask the thread to end after what it waits for now."""
+        """Ask the thread to end after its current wait."""
         self._stopping.set()
         self._slot.close()
 
     def join(self) -> None:
-        """Wait, not for long, until the device is released; a blocked thread releases it when it wakes."""
+        """Wait briefly until the device is closed; a blocked thread closes it when it wakes."""
         self._thread.join(JOIN_S)
 
     def _run(self) -> None:
@@ -141,7 +141,7 @@ class FrameReader:
 
 
 class LiveCamera:
-    """What all cameras have in common that a `FrameReader` drains; subclasses open the device and describe it."""
+    """Common part of all cameras that use a `FrameReader`; subclasses open the device and describe it."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -154,7 +154,7 @@ class LiveCamera:
         return self._reader.read(timeout_s)
 
     def close(self) -> None:
-        """Let go of the device; a thread that is blocked in it does so when it wakes."""
+        """Close the device; a thread that is blocked in it does so when it wakes."""
         if self._reader is None:
             return
         self._reader.stop()
@@ -163,7 +163,7 @@ class LiveCamera:
         self._reader = None
 
     def _drain(self, fetch: Callable[[NewestFrame], None], release: Callable[[], None], first_s: float) -> Frame:
-        """Start the thread and wait for its first frame; without one the device is let go of again."""
+        """Start the thread and wait for its first frame; without a frame, the device is closed again."""
         self._reader = FrameReader(self.name, fetch, release)
         try:
             return self._reader.first(first_s)
@@ -172,4 +172,4 @@ class LiveCamera:
             raise
 
     def _interrupt(self) -> None:
-        """Wake the thread, where the device can be made to return."""
+        """Wake the thread, if the device can be made to return."""

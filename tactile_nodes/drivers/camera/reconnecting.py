@@ -1,4 +1,4 @@
-"""A live camera that comes back by itself after its cable was pulled, its stream cut, or its driver stuck."""
+"""A live camera that reconnects by itself after an unplugged cable, an interrupted stream, or a stuck driver."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ LONGEST_DELAY_S = 5.0
 
 
 def in_a_thread(job: Callable[[], None]) -> None:
-    """Run a job beside everything else; it may outlive its usefulness, but not the process."""
+    """Run a job in a daemon thread: it may finish late, but does not keep the process alive."""
     threading.Thread(target=job, name='camera reconnecting', daemon=True).start()
 
 
 class _Attempt:
-    """Opening a camera again, which can take seconds, beside a reader that has less patience."""
+    """Reopening a camera, which can take seconds, while a reader with a shorter timeout waits."""
 
     def __init__(self, connect: Callable[[], Camera], spawn: Callable[[Callable[[], None]], None]) -> None:
         self._connect = connect
@@ -39,10 +39,10 @@ class _Attempt:
         """The open camera, or the error of opening it."""
         if self._camera is not None:
             return self._camera
-        raise self._error or DeviceLostError('opening the camera again was broken off')
+        raise self._error or DeviceLostError('reopening the camera was cancelled')
 
     def abandon(self) -> None:
-        """Nobody wants it any more: it is closed as soon as it is open."""
+        """The camera is no longer wanted: it is closed as soon as it is open."""
         with self._lock:
             self._abandoned = True
             if self._camera is not None:
@@ -63,18 +63,18 @@ class _Attempt:
 
 
 class Reconnecting:
-    """A camera around the cameras that `connect` makes, one after the other.
+    """A camera that wraps the cameras made by `connect`, one after another.
 
-    The first `open` fails as the camera fails: a camera that was never there is a mistake to be told at once.
-    From then on a lost camera is opened again and again, with delays that double from 0.25 s to 5 s until a
-    good frame arrives, and `read` raises `DeviceTimeoutError` meanwhile, never `DeviceLostError`, and keeps to its
-    timeout. Liveness is the time of the last good frame: OpenCV's ``isOpened()`` stays true after the cable is pulled.
+    The first `open` fails if the camera fails: a camera that was never there should be reported at once. After that, a
+    lost camera is reopened repeatedly, with delays that double from 0.25 s to 5 s until a good frame arrives. Meanwhile
+    `read` raises `DeviceTimeoutError`, never `DeviceLostError`, and keeps its timeout. The camera counts as alive by
+    the time of its last good frame: OpenCV's ``isOpened()`` stays true after the cable is pulled.
 
     Args:
         connect: makes a camera that is not open yet.
         clock: times the delays.
-        settings: `stall_s` is the silence that counts as lost.
-        spawn: runs an attempt to open it again.
+        settings: `stall_s` is the silence after which the camera counts as lost.
+        spawn: runs an attempt to reopen it.
     """
 
     def __init__(
@@ -105,14 +105,14 @@ class Reconnecting:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """As of the camera that is or was connected, with the number of times that it was lost."""
+        """As of the current or last camera, with the number of losses."""
         if self._camera is not None:
             self._description = dict(self._camera.description)
         return {**self._description, 'times lost': str(self._losses)}
 
     @property
     def health(self) -> Health:
-        """ERROR while it is lost, or back without a frame yet; else what the camera says."""
+        """ERROR while it is lost, or reopened without a frame yet; else the health of the camera."""
         if self._reason:
             away_s = (self._clock.now_ns() - self._alive_ns) / NS_PER_S
             return Health(Level.ERROR, f'lost for {away_s:.1f} s, reconnecting: {self._reason}')
@@ -120,11 +120,11 @@ class Reconnecting:
             return Health(Level.STALE, f'{self._source} is not open')
         health = self._camera.health
         if self._losses and health.level == Level.OK:
-            return Health(Level.OK, f'{health.message}; lost and found again {self._losses} times')
+            return Health(Level.OK, f'{health.message}; reconnected {self._losses} times')
         return health
 
     def open(self) -> None:
-        """As `Camera.open`; the first failure is the caller's."""
+        """As `Camera.open`; the first failure is raised."""
         camera = self._connect()
         try:
             camera.open()
@@ -136,7 +136,7 @@ class Reconnecting:
         self._alive_ns = self._clock.now_ns()
 
     def read(self, timeout_s: float) -> Frame | None:
-        """The newest frame; `DeviceTimeoutError` as long as the camera is away."""
+        """The newest frame; `DeviceTimeoutError` while the camera is lost."""
         if not self._opened:
             raise DeviceError(f'{self._source} is closed; open it before reading')
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
@@ -167,20 +167,20 @@ class Reconnecting:
         self._connected_ns = self._clock.now_ns()
 
     def _try_again(self, deadline_ns: int) -> Camera:
-        """The camera, if it can be had by then."""
+        """The camera, if it is available by then."""
         if self._attempt is None:
             self._clock.sleep_until(min(self._next_try_ns, deadline_ns))
             if self._next_try_ns > deadline_ns:
-                raise DeviceTimeoutError(f'{self._source} is away ({self._reason}); reconnecting')
+                raise DeviceTimeoutError(f'{self._source} is lost ({self._reason}); reconnecting')
             self._attempt = _Attempt(self._connect, self._spawn)
         if not self._attempt.finished(max(0.0, (deadline_ns - self._clock.now_ns()) / NS_PER_S)):
-            raise DeviceTimeoutError(f'{self._source} is away ({self._reason}); opening it again')
+            raise DeviceTimeoutError(f'{self._source} is lost ({self._reason}); reopening it')
         attempt, self._attempt = self._attempt, None
         try:
             self._adopt(camera := attempt.result())
         except (DeviceError, OSError) as error:
             self._wait_longer(error)
-            raise DeviceTimeoutError(f'{self._source} is still away ({error}); reconnecting') from error
+            raise DeviceTimeoutError(f'{self._source} is still lost ({error}); reconnecting') from error
         return camera
 
     def _lose(self, error: DeviceError) -> None:
@@ -201,7 +201,7 @@ class Reconnecting:
             self._camera = None
 
     def _counted(self, frame: Frame) -> Frame:
-        """The frame with numbers that go on across connections, and the camera marked alive."""
+        """The frame with numbers that continue across connections; marks the camera as alive."""
         if self._frames_of_connection == 0:
             self._offset = (self._last[0] + 1, self._last[1])
         self._frames_of_connection += 1

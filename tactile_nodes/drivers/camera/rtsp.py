@@ -1,8 +1,8 @@
 """RTSP cameras, through OpenCV and FFmpeg, over TCP.
 
-The stamps are arrival times: OpenCV's position on a network source is the frame's number over its nominal rate.
-FFmpeg holds some frames back to put them in order, so the age of a picture is what the network and this queue add,
-and arrival stamps cannot show it; where latency counts, take the camera's MJPEG address instead.
+The stamps are arrival times: for a network source, OpenCV's position is the frame number over the nominal rate. FFmpeg
+reorders frames in a buffer. Arrival stamps do not include the delay of that buffer and of the network. If latency
+matters, use the MJPEG address of the camera instead.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ CONNECT_S = 3.0
 
 
 class RtspCamera(LiveCamera):
-    """One session with an RTSP server; after it is lost, make another."""
+    """One session with an RTSP server; make a new one after it is lost."""
 
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
@@ -40,12 +40,12 @@ class RtspCamera(LiveCamera):
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The address, the size of the pictures, and how they are stamped."""
+        """The address, the size of the pictures, and the kind of stamps."""
         return {'source': self.name, 'kind': 'RTSP over TCP', 'size': self._size, 'stamps': 'arrival'}
 
     @property
     def health(self) -> Health:
-        """OK while it is open; the frames lost are said."""
+        """OK while it is open, with the number of lost frames."""
         if self._reader is None:
             return Health(Level.STALE, f'{self.name} is not open')
         return Health(Level.OK, f'receiving {self.name}, {self._reader.dropped} frames lost')
@@ -58,7 +58,7 @@ class RtspCamera(LiveCamera):
         self._size = f'{frame.image.shape[1]}x{frame.image.shape[0]}'
 
     def _knock(self) -> None:
-        """FFmpeg fails without a reason; a plain connection gives one."""
+        """FFmpeg gives no reason for a failure; a plain connection does."""
         try:
             address = (self._url.hostname or '', self._url.port or PORTS[self._url.scheme.lower()])
             socket.create_connection(address, timeout=CONNECT_S).close()
@@ -77,10 +77,10 @@ class RtspCamera(LiveCamera):
         try:
             video = open_video(self._settings.source.strip(), [value for pair in limits for value in pair])
         except OSError as error:
-            raise DeviceError(f'{self.name} sends too large pictures: {error.strerror}; set it lower') from error
+            raise DeviceError(f'{self.name} sends too large pictures: {error.strerror}; reduce the size') from error
         if video is None:
             raise DeviceNotFoundError(
-                f'{self.name} answers and gives no video; check the path, user and password: '
+                f'{self.name} responds, but sends no video; check the path, user and password: '
                 'rtsp://user:password@host/path'
             )
         return video

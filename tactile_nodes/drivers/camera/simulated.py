@@ -1,7 +1,7 @@
-"""The camera's twin: it renders the shared scene at its frame rate.
+"""The simulated camera: it renders the shared scene at its frame rate.
 
-The scene is a function of time, and the time is the frame's stamp on the host's time base; so another process that
-builds the same scene (`build_scene`) knows the truth for every frame from the frame's stamp alone.
+The scene is a function of time, and the time is the frame's stamp on the host's time base. So another process that
+builds the same scene (`build_scene`) knows the truth of every frame from its stamp alone.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ NAME = 'the simulated camera'
 TIP, MIXED, HELD = 'tip', 'mixed', 'held'
 REST_BEFORE_FIRST_PRESS_NS = NS_PER_S
 REST_FRAMES = 32
-"""What a rest image needs, which must show an untouched gel: a second, and twice the frames that a live launch asks."""
+"""A rest image needs an untouched gel: for a second, and for twice the frames that a live launch uses."""
 
 Told = Callable[[str], None]
-"""Hears, while a scene is built, what takes long."""
+"""Receives progress messages while a scene is built."""
 
 
 class Untouched:
-    """What a camera sees until the world is there that it shall look at."""
+    """The view before the shared world exists."""
 
     def press_at(self, time_ns: int) -> Press:  # noqa: ARG002
-        """Above the middle."""
+        """Above the centre."""
         return Press(0.0, 0.0, -1.0)
 
 
 class SimulatedCamera:
-    """Renders a frame when its time has come; frames that nobody was there to take are lost, as from a camera.
+    """Renders a frame when its time has come. Frames that were not read in time are lost, as with a real camera.
 
-    A camera that looks at a shared world (`scene.world`) shows the gel of that world as soon as there is one.
+    A camera of a shared world (`scene.world`) shows the gel of that world as soon as it exists.
     """
 
     def __init__(self, settings: CameraSettings, clock: Clock, told: Told | None = None) -> None:
@@ -73,15 +73,15 @@ class SimulatedCamera:
 
     @property
     def health(self) -> Health:
-        """OK while it is open; the frames lost are said."""
+        """OK while it is open, with the number of lost frames."""
         if self._scene is None:
             return Health(Level.STALE, f'{NAME} is not open')
         return Health(Level.OK, f'rendering, {self._dropped} frames lost')
 
     def open(self) -> None:
-        """Build the scene and render once, so that the first frame comes as fast as the others.
+        """Build the scene and render once, so that the first frame comes as fast as later ones.
 
-        A contact that nobody has solved yet is solved first, which takes some ten seconds and is told.
+        A new contact shape is solved first, which takes some ten seconds and is reported.
         """
         if self._settings.fps <= 0:
             raise ConfigurationError(f'{NAME} needs a frame rate above 0; set fps')
@@ -100,12 +100,12 @@ class SimulatedCamera:
 
     @property
     def told(self) -> worlds.ToldWorld | None:
-        """Where to put what a simulated gripper does, if that is what touches."""
+        """Where to store the state of a simulated gripper, if that touches the gel."""
         return self._told_world
 
     @property
     def bins(self) -> BinGrid:
-        """The bins that the truth is told in."""
+        """The bins of the true force."""
         return self._open_scene().bins
 
     def truth(self, stamp_ns: int) -> Truth:
@@ -113,7 +113,7 @@ class SimulatedCamera:
         return self._open_scene().truth(stamp_ns)
 
     def read(self, timeout_s: float) -> Frame:
-        """The next frame when it is due; of frames that are overdue, the newest."""
+        """The next frame when it is due; if several are overdue, the newest."""
         scene = self._open_scene()
         now_ns = self._clock.now_ns()
         newest = int((now_ns - self._start_ns) * self._settings.fps / NS_PER_S)
@@ -121,13 +121,13 @@ class SimulatedCamera:
         stamp_ns, deadline_ns = self._due_ns(sequence), now_ns + round(timeout_s * NS_PER_S)
         self._clock.sleep_until(min(stamp_ns, deadline_ns))
         if stamp_ns > deadline_ns:
-            raise DeviceTimeoutError(f'{NAME} makes no picture within {timeout_s:g} s at its rate')
+            raise DeviceTimeoutError(f'{NAME} has no frame due within {timeout_s:g} s at its rate')
         self._dropped += sequence - self._sequence - 1
         self._sequence = sequence
         return Frame(np.asarray(scene.render(stamp_ns)), stamp_ns, sequence, self._dropped)
 
     def close(self) -> None:
-        """Forget the scene."""
+        """Drop the scene."""
         self._scene = None
 
     def _open_scene(self) -> Scene:
@@ -142,10 +142,10 @@ class SimulatedCamera:
 
 
 def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str = '') -> Scene:
-    """The gel and what happens to it; the same settings give the same world in every process.
+    """The gel and the contacts; the same settings give the same world in every process.
 
     Raises:
-        ConfigurationError: a gel or sensor that cannot be used, or a contact that cannot be solved.
+        ConfigurationError: an invalid gel or sensor, or a contact that cannot be solved.
     """
     described = load_sensor(sensor) if sensor else Sensor()
     gel = _gel(settings, described)
@@ -157,7 +157,7 @@ def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str =
 
 
 def _held(scene: Scene) -> tuple[worlds.ToldWorld, WorldScene]:
-    """A world that a gripper tells; what dragging a contact takes is found now, and not when somebody first pulls."""
+    """A world moved by a gripper. The shear response is solved now, not at the first pull."""
     world = worlds.ToldWorld(scene.gel, contact_table(scene.gel))
     made = WorldScene(world, scene.bins)
     world.put(1, Press(0.0, 0.0, 0.1, shift_mm=(0.1, 0.0)))
@@ -167,7 +167,7 @@ def _held(scene: Scene) -> tuple[worlds.ToldWorld, WorldScene]:
 
 
 def _bodies(contact: str, gel: Gel, told: Told | None) -> dict[str, TouchTable]:
-    """What touches the gel beside its tip; a contact that nobody has solved yet takes some ten seconds."""
+    """The bodies that touch the gel besides the tip; a new contact shape takes some ten seconds to solve."""
     if contact in ('', TIP, HELD):
         return {}
     if contact == MIXED:
@@ -178,13 +178,13 @@ def _bodies(contact: str, gel: Gel, told: Told | None) -> dict[str, TouchTable]:
 
 def _progress(contact: str, told: Told) -> Callable[[int, int], None]:
     def tell(done: int, stages: int) -> None:
-        told(f'solving how the gel deforms under {contact}, once: {done} of {stages} stages')
+        told(f'solving the gel deformation under {contact} (only once): {done} of {stages} stages')
 
     return tell
 
 
 def _schedule(settings: SceneSettings, start_ns: int, scene: Scene) -> TouchSchedule:
-    """Tips press as near to the rim as the paper's do, 13.5 of 16 mm from the middle, bodies half of the way there."""
+    """Tips press as close to the rim as in the paper, 13.5 of 16 mm from the centre, other bodies half as far out."""
     to_rim_mm = scene.gel.rim.inner_mm
     return TouchSchedule(
         seed=settings.seed,

@@ -1,4 +1,4 @@
-"""When a frame was taken, from what the kernel says and from when it arrived; and how many are missing before it."""
+"""Capture times from kernel stamps and arrival times, and the number of missing frames."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections import deque
 
 from tactile_nodes import clock
 
-OLDEST_NS = 2_000_000_000  # an always drained device hands out nothing older
+OLDEST_NS = 2_000_000_000  # a device that is read continuously returns no older frames
 NS_PER_MS = 1_000_000
 CADENCE_FRAMES = 31
 SLOWER = 1.2
 
 
 class KernelStamps:
-    """Stamps of a V4L2 device: the kernel's if they make sense, else arrival times, and then for good.
+    """Stamps of a V4L2 device: the kernel's if they are plausible, else arrival times, permanently.
 
-    ``CAP_PROP_POS_MSEC`` after a grab is the V4L2 buffer's time stamp in ms of CLOCK_MONOTONIC. uvcvideo takes it
-    when the first USB packet of the frame arrives: after the exposure, a constant time before the picture is
-    complete. Drivers that stamp with another clock, or not at all, show by an age that cannot be.
+    ``CAP_PROP_POS_MSEC`` after a grab is the V4L2 buffer's time stamp in ms of CLOCK_MONOTONIC. uvcvideo takes it when
+    the first USB packet of the frame arrives: after the exposure, a constant time before the picture is complete.
+    Drivers that use another clock, or no stamps, are detected by an implausible age.
     """
 
     def __init__(self) -> None:
@@ -27,11 +27,11 @@ class KernelStamps:
 
     @property
     def source(self) -> str:
-        """Which stamps are in use, for people."""
+        """The stamps in use, as text."""
         return f'arrival ({self.complaint})' if self.complaint else 'kernel, CLOCK_MONOTONIC'
 
     def stamp(self, position_ms: float, monotonic_ns: int) -> int:
-        """The stamp, on the host's time base, of a frame that was handed over at `monotonic_ns`."""
+        """The stamp, on the host's time base, of a frame that was returned at `monotonic_ns`."""
         taken_ns = round(position_ms * NS_PER_MS)
         if not self.complaint:
             self.complaint = _complaint(taken_ns, monotonic_ns, self._last_ns)
@@ -43,7 +43,7 @@ def _complaint(taken_ns: int, now_ns: int, last_ns: int) -> str:
     if taken_ns <= 0:
         return 'the driver gives no stamps'
     if taken_ns > now_ns:
-        return f"the driver's stamps lie {(taken_ns - now_ns) / 1e9:.3f} s in the future"
+        return f"the driver's stamps are {(taken_ns - now_ns) / 1e9:.3f} s in the future"
     if now_ns - taken_ns > OLDEST_NS:
         return f"the driver's stamps are {(now_ns - taken_ns) / 1e9:.3f} s old"
     if taken_ns <= last_ns:
@@ -52,7 +52,7 @@ def _complaint(taken_ns: int, now_ns: int, last_ns: int) -> str:
 
 
 def missing_between(last_ns: int, stamp_ns: int, fps: float) -> int:
-    """How many frames of a camera of `fps` should have come between two that did.
+    """How many frames of a camera of `fps` are missing between two stamps.
 
     At 60 fps a gap of 50 ms is three periods, so two are missing; a gap of 24 ms is jitter.
     """
@@ -62,13 +62,14 @@ def missing_between(last_ns: int, stamp_ns: int, fps: float) -> int:
 
 
 class Cadence:
-    """How many frames are missing from a camera that may be slower than it says.
+    """Counts missing frames of a camera that may be slower than announced.
 
-    Cameras lower their rate to expose longer, and go on announcing the old one. Where the gap between most of the last
-    frames is a longer one, that is the period, which is told, and not counted as a loss with every frame.
+    Cameras lower their rate for longer exposures, but still announce the old one. If most recent gaps are longer than
+    the announced period, the longer gap is taken as the period. This is reported, and not counted as a loss at every
+    frame.
 
     Args:
-        fps: as announced; 0: not announced, nothing is missing.
+        fps: announced rate; 0: not announced, so no frame counts as missing.
     """
 
     def __init__(self, fps: float) -> None:
@@ -78,7 +79,7 @@ class Cadence:
 
     @property
     def fps(self) -> float:
-        """Frames a second: as announced, or as seen where that is clearly less."""
+        """Frames per second: as announced, or as observed if that is clearly less."""
         if self._fps <= 0 or len(self._gaps_ns) < CADENCE_FRAMES:
             return self._fps
         seen = clock.NS_PER_S / statistics.median(self._gaps_ns)
@@ -86,12 +87,12 @@ class Cadence:
 
     @property
     def complaint(self) -> str:
-        """That it is slower than announced; empty if it is not."""
+        """A message if it is slower than announced; else empty."""
         fps = self.fps
-        return f'it sends {fps:.1f} frames/s and announces {self._fps:g}' if fps != self._fps else ''
+        return f'it sends {fps:.1f} frames/s, but announces {self._fps:g}' if fps != self._fps else ''
 
     def missing(self, stamp_ns: int) -> int:
-        """How many should have come between the last frame and this one."""
+        """Number of missing frames between the last frame and this one."""
         fps, last_ns = self.fps, self._last_ns
         if last_ns:
             self._gaps_ns.append(max(1, stamp_ns - last_ns))

@@ -1,10 +1,10 @@
 """A UVC or other V4L2 camera, through OpenCV.
 
-What such devices do, and what is done about it here: ``set`` returns True and changes nothing, so everything is read
-back; setting the size resets the format, so the format comes first; a camera pulled out lets ``read`` return False at
-once while ``isOpened()`` stays True, so alive is who sent a good frame lately; a stalled one blocks ``grab``, so a
-thread of its own grabs; some take manual exposure only while they stream, so controls are set after the first frame
-and again a second later. Pictures in MJPG are taken raw, checked for their end, and decoded here.
+Problems of such devices, and what is done about them: ``set`` returns True without effect, so all values are read back.
+Setting the size resets the format, so the format is set first. After a camera is unplugged, ``read`` returns False at
+once while ``isOpened()`` stays True, so the time of the last good frame decides whether it is alive. A stalled camera
+blocks ``grab``, so a separate thread grabs. Some accept manual exposure only while streaming, so controls are set after
+the first frame and again a second later. MJPG pictures are taken raw, checked for their end, and decoded here.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path,
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
 
-FIRST_FRAME_S = 5.0  # cameras with a cold sensor take seconds
+FIRST_FRAME_S = 5.0  # some cameras take seconds to start
 SETTLED_S = 1.0
 PAUSE_S = 0.005
 
@@ -46,21 +46,21 @@ class Capture(Protocol):
 
 
 def open_capture(path: str) -> Capture:
-    """OpenCV's capture of a device, by V4L2 and nothing else: other back-ends would guess."""
+    """OpenCV's capture of a device, with the V4L2 back-end only: other back-ends would guess."""
     cv2 = opencv.load()
     capture: Capture = cv2.VideoCapture(path, cv2.CAP_V4L2)
     return capture
 
 
 class V4l2Camera(LiveCamera):
-    """One connection to a device; after it is lost, make another.
+    """One connection to a device; make a new one after it is lost.
 
     Args:
-        settings: what to ask of it.
+        settings: the requested settings.
         clock: the host's.
         capture: opens the device's stream.
         controls: opens the device's controls.
-        check: raises if the device cannot be a camera of this user.
+        check: raises if the device is not a camera that this user may open.
     """
 
     def __init__(
@@ -82,13 +82,13 @@ class V4l2Camera(LiveCamera):
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The format and the controls, as read back, with what was asked."""
+        """Format and controls, as read back, with the requested values."""
         base = {'source': self.name, 'kind': 'V4L2 camera'}
         return base if self._device is None else {**base, **self._device.description}
 
     @property
     def health(self) -> Health:
-        """WARN if the camera did not take a setting."""
+        """WARN if the camera did not accept a setting."""
         if self._device is None or self._reader is None:
             return Health(Level.STALE, f'{self.name} is not open')
         if complaints := self._device.complaints:
@@ -102,15 +102,15 @@ class V4l2Camera(LiveCamera):
         capture = self._open_capture(self._path)
         if not capture.isOpened():
             raise DeviceNotFoundError(
-                f'{self._path} is there and gives no video; another program may hold it '
-                f'(see: fuser -v {self._path}), or it is no camera (see: v4l2-ctl --list-devices)'
+                f'{self._path} exists but gives no video; another program may use it '
+                f'(see: fuser -v {self._path}), or it is not a camera (see: v4l2-ctl --list-devices)'
             )
         self._device = _Device(self._path, capture, self._settings, self._clock)
         self._device.controls = self._control_access()
         self._drain(self._device.fetch, self._device.release, FIRST_FRAME_S)
 
     def _control_access(self) -> Controls | None:
-        with contextlib.suppress(OSError):  # no controls: what was asked of them is reported as not there
+        with contextlib.suppress(OSError):  # no controls: requested ones are reported as missing
             return self._open_controls(self._path)
         return None
 
@@ -188,13 +188,13 @@ class _Device:
         self._cadence = Cadence(fps)
         self._take_raw(fourcc)
         self._format = {
-            'format': f'{fourcc} (asked {asked.fourcc or "nothing"})',
-            'frames/s': f'{fps:g} (asked {asked.fps:g})',
+            'format': f'{fourcc} (requested {asked.fourcc or "none"})',
+            'frames/s': f'{fps:g} (requested {asked.fps:g})',
         }
         if asked.fourcc and fourcc != asked.fourcc:
-            self._format_complaints.append(f'the pixel format is {fourcc}, asked for was {asked.fourcc}')
+            self._format_complaints.append(f'the pixel format is {fourcc}, but {asked.fourcc} was requested')
         if asked.fps and abs(fps - asked.fps) > 0.01 * asked.fps:
-            self._format_complaints.append(f'it gives {fps:g} frames/s, asked for were {asked.fps:g}')
+            self._format_complaints.append(f'it gives {fps:g} frames/s, but {asked.fps:g} was requested')
 
     def _take_raw(self, fourcc: str) -> None:
         convert = opencv.load().CAP_PROP_CONVERT_RGB
@@ -203,7 +203,7 @@ class _Device:
             self._raw = self._capture.get(convert) == 0
 
     def _picture(self) -> Picture | None:
-        """None: it did not arrive whole, or OpenCV cannot make a picture of what did."""
+        """None: it did not arrive complete, or OpenCV cannot decode it."""
         try:
             good, image = self._capture.retrieve()
         except opencv.load().error:
@@ -216,10 +216,10 @@ class _Device:
 
     def _note_size(self, image: Picture) -> None:
         asked = f'{self._settings.width or "any"}x{self._settings.height or "any"}'
-        self._format['size'] = f'{image.shape[1]}x{image.shape[0]} (asked {asked})'
+        self._format['size'] = f'{image.shape[1]}x{image.shape[0]} (requested {asked})'
 
     def _set_controls(self) -> None:
-        """With the first frame, and once more when the camera has had time to forget."""
+        """With the first frame, and again after a second, because some cameras reset them."""
         self._first_good_ns = self._first_good_ns or self._good_ns
         settled = self._good_ns - self._first_good_ns >= SETTLED_S * clocks.NS_PER_S
         if self._readbacks and (self._settled or not settled):
@@ -240,9 +240,9 @@ class _Device:
         silent_s = (self._clock.now_ns() - self._good_ns) / clocks.NS_PER_S
         if self._first_good_ns and silent_s >= self._settings.stall_s:
             raise DeviceLostError(
-                f'{self._name} has sent no whole picture for {silent_s:.1f} s; check its cable and its USB hub'
+                f'{self._name} has sent no complete picture for {silent_s:.1f} s; check its cable and its USB hub'
             )
-        self._pause.wait(PAUSE_S)  # read() fails at once after an unplug: do not burn a core on it
+        self._pause.wait(PAUSE_S)  # read() fails at once after unplugging: avoid a busy loop
 
 
 def fourcc_text(code: int) -> str:

@@ -1,8 +1,9 @@
-"""The controls of a V4L2 device, through the kernel's own interface.
+"""The controls of a V4L2 device, through the kernel's interface.
 
-OpenCV's ``set`` returns True for a gain that the running auto-gain overrides, and has no name for auto-gain and for
-the exposure that lowers the frame rate. The kernel's G_CTRL and S_CTRL say what is (Linux media documentation,
-part I, VIDIOC_G_CTRL; numbers from linux/videodev2.h and linux/v4l2-controls.h), and work while OpenCV streams.
+OpenCV's ``set`` returns True for a gain that a running auto-gain overrides. It has no property for auto-gain, nor for
+the exposure mode that lowers the frame rate. The kernel's G_CTRL and S_CTRL report the actual values (Linux media
+documentation, part I, VIDIOC_G_CTRL; numbers from linux/videodev2.h and linux/v4l2-controls.h), and work while OpenCV
+streams.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ CONTROLS = {
     'focus_automatic_continuous': 0x009A090C,
 }
 
-# In this order: a manual value is refused, or forgotten, while its automatic mode is on.
+# In this order: a manual value is refused, or lost, while its automatic mode is on.
 _MANUAL = {
     'auto_exposure': 1,
     'exposure_dynamic_framerate': 0,
@@ -49,16 +50,16 @@ class Controls(Protocol):
         ...
 
     def set(self, name: str, value: int) -> None:
-        """Ask for a value; whether it was taken, `get` tells."""
+        """Request a value; `get` shows whether it was accepted."""
         ...
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Close the device."""
         ...
 
 
 class KernelControls:
-    """Controls through ioctl, on a file descriptor of their own."""
+    """Controls through ioctl, on a separate file descriptor."""
 
     def __init__(self, path: str) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -67,12 +68,12 @@ class KernelControls:
         """As `Controls.get`."""
         try:
             answer = fcntl.ioctl(self._file, _G_CTRL, _CONTROL.pack(CONTROLS[name], 0))
-        except OSError:  # EINVAL: no such control; EACCES: cannot be read; both mean that nobody knows
+        except OSError:  # EINVAL: no such control; EACCES: cannot be read; in both cases the value is unknown
             return None
         return int(_CONTROL.unpack(answer)[1])
 
     def set(self, name: str, value: int) -> None:
-        """As `Controls.set`; a refusal shows in what is read back."""
+        """As `Controls.set`; a refusal shows when the value is read back."""
         try:
             fcntl.ioctl(self._file, _S_CTRL, _CONTROL.pack(CONTROLS[name], value))
         except OSError as error:
@@ -88,7 +89,7 @@ class KernelControls:
 
 @dataclass(frozen=True)
 class Readback:
-    """What was asked of a control and what it is now; None: the device has no such control."""
+    """Requested and actual value of a control; None: the device does not have it."""
 
     name: str
     asked: int
@@ -97,17 +98,17 @@ class Readback:
 
     @property
     def complaint(self) -> str:
-        """Why a person should look at it; empty if it is as asked, or if there was nothing to switch off."""
+        """A message if a person should check it; empty if it is as requested, or if there was nothing to switch off."""
         if self.got == self.asked or (self.got is None and not self.needed):
             return ''
-        return f'{self.name} is {"not there" if self.got is None else self.got}, asked for was {self.asked}'
+        return f'{self.name} is {"missing" if self.got is None else self.got}, but {self.asked} was requested'
 
     def __str__(self) -> str:
-        return 'not there' if self.got is None else f'{self.got} (asked {self.asked})'
+        return 'missing' if self.got is None else f'{self.got} (requested {self.asked})'
 
 
 def wishes(settings: CameraSettings) -> dict[str, tuple[int, bool]]:
-    """What to ask of which control, in the order to ask it, and whether its absence is worth a word.
+    """The values to request, in order, and whether a missing control should be reported.
 
     An exposure of 15.6 ms is 156 units of `exposure_time_absolute`.
     """
@@ -122,7 +123,7 @@ def wishes(settings: CameraSettings) -> dict[str, tuple[int, bool]]:
 
 
 def apply(controls: Controls, settings: CameraSettings) -> list[Readback]:
-    """Set the controls that are not as asked, then read all of them."""
+    """Set the controls that differ from the request, then read all of them."""
     asked = wishes(settings)
     for name, (value, _needed) in asked.items():
         if controls.get(name) not in {None, value}:

@@ -1,4 +1,4 @@
-"""Which V4L2 devices there are, where one is that is named by its serial number, and why one cannot be opened."""
+"""The V4L2 devices, finding one by its serial number, and the reason why one cannot be opened."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _CAP_DEVICE_CAPS = 0x80000000
 
 @dataclass(frozen=True)
 class UsbCamera:
-    """A video device as the kernel lists it. `serial` is that of its USB device, which may have none: ''."""
+    """A video device as listed by the kernel. `serial` is that of its USB device, or '' if it has none."""
 
     path: str
     name: str
@@ -33,7 +33,7 @@ class UsbCamera:
 
 
 def cameras(sysfs: Path = SYSFS) -> list[UsbCamera]:
-    """The devices that may bring pictures: of each camera its first node, in the order of their numbers."""
+    """The devices that may be cameras: the first node of each camera, sorted by number."""
     nodes = sorted((int(node.name[5:]), node) for node in sysfs.glob('video[0-9]*') if node.name[5:].isdigit())
     return [
         UsbCamera(f'/dev/{node.name}', _line(node / 'name'), _line(node / 'device' / '..' / 'serial'))
@@ -43,16 +43,16 @@ def cameras(sysfs: Path = SYSFS) -> list[UsbCamera]:
 
 
 def device_path(source: str) -> str:
-    """``0`` is ``/dev/video0``; everything else is a path, or a serial number, already."""
+    """``0`` becomes ``/dev/video0``; any other source is a path or a serial number already."""
     source = source.strip()
     return f'/dev/video{int(source)}' if source.isdigit() else source
 
 
 def located(name: str, sysfs: Path = SYSFS) -> str:
-    """The path of a device that may be named by its serial number, ``serial:A1B2``, wherever it is plugged in now.
+    """The path of a device; a serial number ``serial:A1B2`` is looked up at all ports.
 
     Raises:
-        DeviceNotFoundError: no camera has it, or several have.
+        DeviceNotFoundError: no camera or several cameras have this serial number.
     """
     if not name.startswith(SERIAL):
         return name
@@ -60,47 +60,47 @@ def located(name: str, sysfs: Path = SYSFS) -> str:
     found = [each.path for each in there if each.serial == wanted]
     if len(found) > 1:
         raise DeviceNotFoundError(
-            f'the cameras {" and ".join(found)} have one serial number, {wanted}; '
-            'name each by its path below /dev/v4l/by-path, which follows from the USB port'
+            f'the cameras {" and ".join(found)} have the same serial number, {wanted}; '
+            'use their paths below /dev/v4l/by-path, which depend on the USB port'
         )
     if not found:
         known = ', '.join(each.serial for each in there if each.serial) or 'none'
         raise DeviceNotFoundError(
-            f'there is no camera with the serial number {wanted!r} (there are: {known}); plug it in, or look with: '
+            f'no camera has the serial number {wanted!r} (found: {known}); connect it, or list cameras with: '
             'tactile camera list'
         )
     return found[0]
 
 
 def check_device(path: str, by_id: Path = BY_ID) -> None:
-    """Say why a device cannot be opened before OpenCV only says that it cannot.
+    """Find out why a device cannot be opened, since OpenCV gives no reason.
 
     Raises:
-        DeviceNotFoundError: it is not there, not this user's, or not a camera.
+        DeviceNotFoundError: it does not exist, this user may not open it, or it is not a camera.
     """
     if not Path(path).exists():
         raise DeviceNotFoundError(f'there is no camera {path}; {_known(by_id)}')
     if not os.access(path, os.R_OK | os.W_OK):
         raise DeviceNotFoundError(
             f'no permission to open the camera {path}; '
-            'join its group with: sudo usermod -aG video $USER, then log in again'
+            'add yourself to its group: sudo usermod -aG video $USER, then log in again'
         )
     try:
         found = capability(path)
     except OSError as error:
         if error.errno in {errno.EBUSY, errno.EINTR}:
             return
-        raise DeviceNotFoundError(f'{path} is no video device ({error.strerror}); {_known(by_id)}') from error
+        raise DeviceNotFoundError(f'{path} is not a video device ({error.strerror}); {_known(by_id)}') from error
     if not found.captures:
         raise DeviceNotFoundError(
-            f'{path} of {found.card} carries no pictures (a UVC camera has a second node for metadata); '
-            'take the other node of this camera'
+            f'{path} of {found.card} is not a picture stream (a UVC camera has a second node for metadata); '
+            'use the other node of this camera'
         )
 
 
 @dataclass(frozen=True)
 class Capability:
-    """Who a device node says it is."""
+    """The properties of a device node."""
 
     card: str
     driver: str
@@ -108,10 +108,10 @@ class Capability:
 
 
 def capability(path: str) -> Capability:
-    """Ask a node what it is: the second node of a UVC camera carries metadata and no pictures.
+    """Query a node: the second node of a UVC camera carries metadata, not pictures.
 
     Raises:
-        OSError: it cannot be opened (EACCES, EBUSY), or is no V4L2 device (ENOTTY).
+        OSError: it cannot be opened (EACCES, EBUSY), or is not a V4L2 device (ENOTTY).
     """
     file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
@@ -124,7 +124,7 @@ def capability(path: str) -> Capability:
 
 
 def _line(file: Path) -> str:
-    """What the kernel says in a file of a line; nothing where it says nothing."""
+    """The content of a one-line file; empty if it cannot be read."""
     try:
         return read_text(file, LINE_BYTES, 'latin-1').strip()
     except OSError:
@@ -138,5 +138,5 @@ def _text(field: bytes) -> str:
 def _known(by_id: Path) -> str:
     names = sorted(str(path) for path in by_id.iterdir()) if by_id.is_dir() else []
     if names:
-        return f'there are {", ".join(names)}'
-    return f'no USB camera is plugged in ({by_id} is empty or missing); plug one in, or use source simulated'
+        return f'found: {", ".join(names)}'
+    return f'no USB camera is connected ({by_id} is empty or missing); connect one, or use source simulated'

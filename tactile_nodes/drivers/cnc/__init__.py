@@ -1,1 +1,1 @@
-"""Machines that press: one contract, one file a kind."""
+"""Machines (CNC, 3D printers) that press: one protocol, one file per kind."""

@@ -1,7 +1,7 @@
-"""What every CNC does for an indentation rig.
+"""The protocol of all machines of an indentation rig.
 
-Positions are the machine's own coordinates in mm (never work offsets), feeds are mm/min. Nothing moves before `home`
-but the tip straight up. Every target is checked against the envelope before it is sent (`cnc.envelope`).
+Positions are machine coordinates in mm (never work offsets), feeds are mm/min. Before `home`, only motion straight up
+is allowed. Every target is checked against the envelope before it is sent (`cnc.envelope`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tactile_nodes.params import parameter
 
 Place = tuple[float, float, float]
 Traffic = Callable[[str, int, bytes], None]
-"""Told everything on the wire: '>' for to the machine or '<' for from it, the stamp in ns, the bytes."""
+"""Receives all data on the wire: '>' for sent or '<' for received, the stamp in ns, the bytes."""
 
 SIMULATED = 'simulated'
 NO_SOFT_LIMITS = 'no soft limits'
@@ -28,41 +28,43 @@ BLIND_STEP_MM = 0.05
 
 @dataclass(frozen=True)
 class CncSettings:
-    """What is asked of a CNC, and what it may do."""
+    """Settings of a machine, and its allowed motion."""
 
-    source: str = parameter(SIMULATED, 'simulated, or a serial port, best one below /dev/serial/by-id')
+    source: str = parameter(SIMULATED, 'simulated, or a serial port, preferably below /dev/serial/by-id')
     kind: str = parameter('grbl', 'protocol: grbl (also grblHAL and FluidNC) or marlin', choices=('grbl', 'marlin'))
     baud: int = parameter(115200, 'bits per second of the port', minimum=1200)
     dtr: str = parameter(
-        'default', 'what happens to DTR, see serial_port', choices=('default', 'pulse', 'low', 'untouched')
+        'default', 'policy for the DTR line, see serial_port', choices=('default', 'pulse', 'low', 'untouched')
     )
-    boot_s: float = parameter(3.0, 'how long a controller may take to start after its port was opened', minimum=0.0)
-    answer_s: float = parameter(2.0, 'how long it may take to answer a line that moves nothing', minimum=0.1)
-    home_s: float = parameter(120.0, 'how long homing may take', minimum=1.0)
-    report_hz: float = parameter(
-        5.0, 'status reports asked for per second at rest; ten while it moves', minimum=1.0, maximum=10.0
+    boot_s: float = parameter(3.0, 'time for a controller to start after its port was opened', minimum=0.0)
+    answer_s: float = parameter(2.0, 'time to respond to a line without motion', minimum=0.1)
+    home_s: float = parameter(120.0, 'time for homing', minimum=1.0)
+    report_hz: float = parameter(5.0, 'status requests per second at rest; ten while moving', minimum=1.0, maximum=10.0)
+    lowest_mm: tuple[float, ...] = parameter(
+        (), "x, y, z of the lower corner of the workspace; empty: the machine's own limits"
     )
-    lowest_mm: tuple[float, ...] = parameter((), "x, y, z of the box's lower corner; empty: the machine's own limits")
-    highest_mm: tuple[float, ...] = parameter((), "x, y, z of the box's upper corner; empty: the machine's own limits")
-    safe_z_mm: float = parameter(-5.0, 'at and above this height the tip may move sideways; retract goes here')
+    highest_mm: tuple[float, ...] = parameter(
+        (), "x, y, z of the upper corner of the workspace; empty: the machine's own limits"
+    )
+    safe_z_mm: float = parameter(-5.0, 'at and above this height the tip may move sideways; target of a retract')
     lateral_when_low: bool = parameter(False, 'allow sideways moves below safe_z_mm, to shear the gel')
-    fastest_mm_min: float = parameter(2000.0, 'greatest feed of any move', minimum=1.0)
+    fastest_mm_min: float = parameter(2000.0, 'largest feed of any move', minimum=1.0)
     retract_mm_min: float = parameter(600.0, 'feed of a retract', minimum=1.0)
-    home_command: str = parameter('', 'empty: $H on Grbl, none on Marlin, where G28 may drive the tip into the gel')
-    line_on: str = parameter('', 'command that raises the digital line; empty: M8 on Grbl, M106 S255 on Marlin')
-    line_off: str = parameter('', 'command that lowers it; empty: M9 on Grbl, M107 on Marlin')
-    accept: tuple[str, ...] = parameter((), f'risks that are accepted in words: {", ".join(map(repr, RISKS))}')
+    home_command: str = parameter('', 'empty: $H on Grbl, none on Marlin, because G28 may drive the tip into the gel')
+    line_on: str = parameter('', 'command that sets the digital line high; empty: M8 on Grbl, M106 S255 on Marlin')
+    line_off: str = parameter('', 'command that sets it low; empty: M9 on Grbl, M107 on Marlin')
+    accept: tuple[str, ...] = parameter((), f'accepted risks: {", ".join(map(repr, RISKS))}')
 
     def __post_init__(self) -> None:
         for corner in (self.lowest_mm, self.highest_mm):
             if len(corner) not in {0, 3}:
-                raise ValueError(f'lowest_mm and highest_mm are x, y, z or empty, got {len(corner)} numbers')
+                raise ValueError(f'lowest_mm and highest_mm must be x, y, z or empty, got {len(corner)} numbers')
         if unknown := set(self.accept) - set(RISKS):
-            raise ValueError(f'accept knows {", ".join(map(repr, RISKS))}, not {", ".join(sorted(unknown))}')
+            raise ValueError(f'accept may contain {", ".join(map(repr, RISKS))}, not {", ".join(sorted(unknown))}')
 
 
 class CncState(Enum):
-    """What a machine does."""
+    """The state of a machine."""
 
     IDLE = 'idle'
     RUN = 'moving'
@@ -75,14 +77,14 @@ class CncState(Enum):
 
 @dataclass(frozen=True)
 class CncStatus:
-    """Where a machine said that it was, and when.
+    """The reported position of a machine, and its time.
 
     Attributes:
-        state: what it does.
+        state: of the machine.
         position_mm: machine coordinates; on Marlin the target while it moves.
-        homed: whether these coordinates can be trusted.
-        stamp_ns: between the question and the answer, on the host's time base.
-        uncertainty_ns: half the time between them: the position is of a time no further from the stamp.
+        homed: whether these coordinates are valid.
+        stamp_ns: between request and response, on the host's time base.
+        uncertainty_ns: half the time between them: the largest error of the stamp.
     """
 
     state: CncState
@@ -94,7 +96,7 @@ class CncStatus:
 
 @dataclass(frozen=True)
 class Identity:
-    """Which firmware, in its own words."""
+    """Firmware and version, as the controller reports them."""
 
     firmware: str
     version: str
@@ -103,7 +105,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class Envelope:
-    """The box that the tip stays in, in machine coordinates."""
+    """The workspace of the tip, in machine coordinates."""
 
     lowest_mm: Place
     highest_mm: Place
@@ -111,7 +113,7 @@ class Envelope:
 
 @dataclass(frozen=True)
 class Switched:
-    """When the digital line got its level: after the command was sent, before it was acknowledged."""
+    """When the digital line changed its level: after the command was sent, before it was acknowledged."""
 
     level: bool
     earliest_ns: int
@@ -123,60 +125,60 @@ class Cnc(Protocol):
 
     @property
     def description(self) -> Mapping[str, str]:
-        """What it is and how it is set up, for ``/diagnostics`` and the record of a run."""
+        """What it is and how it is configured, for ``/diagnostics`` and the record of a run."""
         ...
 
     @property
     def health(self) -> Health:
-        """How it is now, in a sentence."""
+        """Its current state, in a sentence."""
         ...
 
     @property
     def limits(self) -> Envelope:
-        """The box that targets must be in."""
+        """The workspace that targets must be in."""
         ...
 
     @property
     def blind_step_mm(self) -> float | None:
-        """The longest jog that it takes, because a longer one could not be stopped in time; None: any length."""
+        """The longest allowed jog, if a longer one could not be stopped in time; None: any length."""
         ...
 
     def connect(self) -> None:
-        """Open, identify and check it; nothing moves and nothing is changed.
+        """Open, identify and check it, without motion and without changing settings.
 
         Raises:
-            DeviceNotFoundError, DeviceTimeoutError: nothing there, or nothing that answers.
-            DeviceFaultError: it is set up in a way that is dangerous or misleading.
+            DeviceNotFoundError, DeviceTimeoutError: no device, or no response.
+            DeviceFaultError: its configuration is dangerous or misleading.
             ConfigurationError: the settings do not fit it.
         """
         ...
 
     def identify(self) -> Identity:
-        """Which firmware it is."""
+        """The firmware."""
         ...
 
     def home(self) -> None:
-        """Find the end switches; returns at rest, with the position known. Ends an alarm: a person asks for it."""
+        """Find the end switches; returns at rest, position known. Clears an alarm, so a person must request it."""
         ...
 
     def move(self, x: float | None = None, y: float | None = None, z: float | None = None, *, feed: float) -> None:
-        """Go on a straight line to machine coordinates; what is None stays. Returns when it is queued.
+        """Move on a straight line to machine coordinates; None keeps a coordinate. Returns when it is queued.
 
         Raises:
             ConfigurationError: a target outside the envelope, or sideways below the safe height.
             DeviceFaultError: not homed, in alarm, or refused by the machine.
-            DeviceTimeoutError, DeviceLostError: no answer.
+            DeviceTimeoutError, DeviceLostError: no response.
         """
         ...
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
-        """Go on by a distance, in a way that `stop` ends soonest; else as `move`. Straight up needs no homing."""
+        """Move by a distance, such that `stop` can end it quickly; else as `move`. Straight up needs no homing."""
         ...
 
     def stop(self) -> None:
-        """Come to rest as soon as it can and forget what is queued; other threads' commands fail.
+        """Come to rest as soon as possible and clear the queue; commands of other threads fail.
 
-        Returns at rest with the position kept; where it could not be kept `status().homed` is false.
+        Returns at rest with the position kept; if it could not be kept, `status().homed` is false.
         """
         ...
 
@@ -185,34 +187,34 @@ class Cnc(Protocol):
         ...
 
     def resume(self) -> None:
-        """Go on after `hold`."""
+        """Continue after `hold`."""
         ...
 
     def retract(self) -> None:
         """Stop, then go straight up to the safe height; returns there.
 
         Raises:
-            DeviceFaultError: the position is not known, so that a person has to look first.
+            DeviceFaultError: the position is unknown, so that a person has to check first.
         """
         ...
 
     def wait_idle(self, timeout_s: float | None = None) -> None:
-        """Return when all that was queued is done. None: as long as the motion can take.
+        """Return when all queued motion is done. None: wait as long as the motion can take.
 
         Raises:
             DeviceTimeoutError: it takes longer.
-            DeviceFaultError: it ended otherwise: an alarm, a stop, a restart.
+            DeviceFaultError: it ended otherwise: alarm, stop or restart.
         """
         ...
 
     def status(self) -> CncStatus:
-        """Where it is, asked now."""
+        """The position, requested now."""
         ...
 
     def set_line(self, level: bool) -> Switched:
-        """Switch the digital line when all that was queued is done; returns when it is switched."""
+        """Switch the digital line after all queued motion; returns when it is switched."""
         ...
 
     def close(self) -> None:
-        """Let go of it; motors stay on."""
+        """Close the connection; motors stay on."""
         ...

@@ -1,10 +1,10 @@
-"""Brings the tip up when the process that commanded the machine is gone.
+"""Dead man's switch: lifts the tip when the process that commanded the machine has ended.
 
 This file is also a program, which the process starts when the machine is homed. It inherits the open port, so that no
-line drops and no controller restarts, and waits at a pipe. A process that ends in order says farewell; when it is gone
-without a word (SIGKILL, a crash), the pipe ends, and the program says what brings the tip to the safe height, several
-times, because a controller that still moves refuses. It needs nothing but the standard library, so that it starts in
-milliseconds, and is deaf to the signals that end a launch.
+control line changes and no controller restarts, and waits on a pipe. A process that ends normally dismisses it first.
+If the process ends otherwise (SIGKILL, a crash), the pipe closes, and the program sends the commands that lift the tip
+to the safe height, several times, because a controller that still moves refuses them. It uses only the standard
+library, so it starts within milliseconds, and it ignores the signals that end a launch.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 _FAREWELL = b'farewell'
-_OWN_MARK = 'TACTILE_LAUNCH'  # by which a launch knows what to end; this must outlive it by seconds
+_OWN_MARK = 'TACTILE_LAUNCH'  # the mark of processes that a launch ends; this one must outlive it by seconds
 
 ALONE_S, ALONE_TIMES = 0.4, 6
-"""Between two attempts, of which one suffices for a controller at rest; the jogs that it was sent end in 0.5 s."""
+"""Between two attempts. One is enough for a controller at rest; jogs that were sent before end within 0.5 s."""
 
 Step = tuple[float, bytes]
-"""How long to wait, and what to say then."""
+"""How long to wait, and what to send then."""
 
 
 class DeadMan:
-    """The program as the commanding process holds it.
+    """The program, as seen by the commanding process.
 
     Args:
         descriptor: of the open port.
-        steps: what is said to the controller when nobody else is left to.
+        steps: sent to the controller when the commanding process has gone.
     """
 
     def __init__(self, descriptor: int, steps: Sequence[Step]) -> None:
@@ -52,7 +52,7 @@ class DeadMan:
         self.on_watch = True
 
     def say_farewell(self) -> None:
-        """From now on nothing is said to the controller; returns at once, from any thread."""
+        """Tell the program not to act; returns at once, from any thread."""
         pipe, on_watch, self.on_watch = self._process.stdin, self.on_watch, False
         if on_watch and pipe is not None:
             with contextlib.suppress(BrokenPipeError):
@@ -60,13 +60,13 @@ class DeadMan:
                 pipe.close()
 
     def dismiss(self) -> None:
-        """Say farewell, and see the program end."""
+        """Tell the program not to act, and wait until it has ended."""
         self.say_farewell()
         self._process.wait()
 
 
 def main(words: Sequence[str]) -> int:
-    """Wait for the end of the pipe, and act if it came without farewell."""
+    """Wait until the pipe closes, and act if the program was not dismissed before."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     descriptor = int(words[0])
@@ -77,7 +77,7 @@ def main(words: Sequence[str]) -> int:
         try:
             os.write(descriptor, bytes.fromhex(data))
         except OSError:
-            return 1  # the port is gone as well
+            return 1  # the port is gone too
     return 0
 
 

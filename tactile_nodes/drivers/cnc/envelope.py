@@ -1,4 +1,4 @@
-"""Which moves are allowed: a box, and nothing sideways while the tip is low."""
+"""The rules of motion: a workspace, and no sideways motion while the tip is low."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Guard:
     fastest_mm_min: float
 
     def check(self, start: Place, target: Place, feed: float) -> None:
-        """Refuse a move that must not be made.
+        """Refuse a forbidden move.
 
         Raises:
-            ConfigurationError: saying which rule it breaks.
+            ConfigurationError: names the violated rule.
         """
         self._check_feed(feed)
         self._check_box(target)
@@ -34,60 +34,60 @@ class Guard:
         low = min(start[2], target[2])
         if lateral > TOLERANCE_MM and low < self.safe_z_mm - TOLERANCE_MM and not self.lateral_when_low:
             raise ConfigurationError(
-                f'will not move sideways by {lateral:g} mm at z {low:g} mm, below the safe height of '
-                f'{self.safe_z_mm:g} mm; go up first, or set lateral_when_low'
+                f'refused to move sideways by {lateral:g} mm at z {low:g} mm, below the safe height of '
+                f'{self.safe_z_mm:g} mm; move up first, or set lateral_when_low'
             )
 
     def check_up(self, way: Place, feed: float) -> None:
-        """Refuse any move from an unknown place but straight up.
+        """From an unknown position, refuse any move except straight up.
 
         Raises:
-            ConfigurationError: it leads elsewhere.
+            ConfigurationError: it is another move.
         """
         self._check_feed(feed)
         if way[0] or way[1] or way[2] <= 0:
-            raise ConfigurationError('the position is not known, so the tip may only go straight up; home first')
+            raise ConfigurationError('the position is unknown, so the tip may only go straight up; home first')
 
     def _check_feed(self, feed: float) -> None:
         if not 0 < feed <= self.fastest_mm_min:
             raise ConfigurationError(
-                f'will not move at {feed:g} mm/min; the feed must be above 0 and at most {self.fastest_mm_min:g}'
+                f'refused to move at {feed:g} mm/min; the feed must be above 0 and at most {self.fastest_mm_min:g}'
             )
 
     def _check_box(self, target: Place) -> None:
         box = zip(AXES, target, self.envelope.lowest_mm, self.envelope.highest_mm, strict=True)
         for axis, value, low, high in box:
             if not low - TOLERANCE_MM <= value <= high + TOLERANCE_MM:
-                raise ConfigurationError(
-                    f'will not move to {axis} {value:g} mm; the machine may go from {low:g} to {high:g} there'
-                )
+                raise ConfigurationError(f'refused to move to {axis} {value:g} mm; the range is {low:g} to {high:g}')
 
 
 def guard(settings: CncSettings, machine: Envelope | None) -> Guard:
-    """The rules from the settings and the machine's own limits: the smaller box of the two.
+    """The rules from the settings and the machine's own limits: the intersection of both workspaces.
 
     Raises:
-        ConfigurationError: no box at all, an empty one, or a safe height outside it.
+        ConfigurationError: no workspace, an empty one, or a safe height outside it.
     """
     lowest = as_place(settings.lowest_mm) or (machine.lowest_mm if machine else None)
     highest = as_place(settings.highest_mm) or (machine.highest_mm if machine else None)
     if lowest is None or highest is None:
-        raise ConfigurationError('this machine does not tell its limits; set lowest_mm and highest_mm')
+        raise ConfigurationError('this machine does not report its limits; set lowest_mm and highest_mm')
     if machine is not None:
         lowest = _each(max, lowest, machine.lowest_mm)
         highest = _each(min, highest, machine.highest_mm)
     if not all(math.isfinite(low) and low < high for low, high in zip(lowest, highest, strict=True)):
-        raise ConfigurationError(f'no room is left to move in, from {lowest} to {highest} mm; mend lowest and highest')
+        raise ConfigurationError(
+            f'the workspace from {lowest} to {highest} mm is empty; correct lowest_mm and highest_mm'
+        )
     if not lowest[2] <= settings.safe_z_mm <= highest[2]:
         raise ConfigurationError(
-            f'safe_z_mm is {settings.safe_z_mm:g}, outside the heights that the machine may go to, '
-            f'{lowest[2]:g} to {highest[2]:g} mm; set it to a height clear of the gel'
+            f'safe_z_mm is {settings.safe_z_mm:g}, outside the range of z, '
+            f'{lowest[2]:g} to {highest[2]:g} mm; set it to a height above the gel'
         )
     return Guard(Envelope(lowest, highest), settings.safe_z_mm, settings.lateral_when_low, settings.fastest_mm_min)
 
 
 def as_place(values: tuple[float, ...]) -> Place | None:
-    """Three numbers, or none."""
+    """Three numbers as a place; None for no numbers."""
     return (values[0], values[1], values[2]) if len(values) == 3 else None
 
 
@@ -97,15 +97,15 @@ def _each(choose: Callable[[float, float], float], a: Place, b: Place) -> Place:
 
 
 def distance_mm(a: Place, b: Place) -> float:
-    """How far it is from one place to another."""
+    """Distance between two places."""
     return math.dist(a, b)
 
 
 def way_between(a: Place, b: Place) -> Place:
-    """From one place to another."""
+    """Vector from one place to another."""
     return (b[0] - a[0], b[1] - a[1], b[2] - a[2])
 
 
 def told(place: Place) -> str:
-    """A place for a sentence."""
+    """A place as text."""
     return ' '.join(f'{axis} {value:.3f}' for axis, value in zip(AXES, place, strict=True)) + ' mm'

@@ -1,9 +1,9 @@
 """Grbl 1.1, grblHAL and FluidNC over a serial line.
 
-Every motion line is absolute, in machine coordinates and complete (``G21 G90 G53 G1 X… F…``), so no modal state left
-by a probe or a reset can change its meaning. `wait_idle` after moves is ``G4 P0.01``, whose ``ok`` comes when the
-planner is empty; after jogs it is a report. `stop` cancels a jog with 0x85, else holds with ``!``, waits for rest, and
-resets with 0x18, which at rest keeps the place. No setting is written, and ``$X`` is never sent.
+Every motion line is absolute, in machine coordinates and complete (``G21 G90 G53 G1 X… F…``), so that no modal state
+left by a probe or a reset can change its meaning. After moves, `wait_idle` sends ``G4 P0.01``, whose ``ok`` comes when
+the planner is empty; after jogs it waits for a report. `stop` cancels a jog with 0x85; otherwise it holds with ``!``,
+waits for rest, and resets with 0x18, which at rest keeps the position. No setting is written; ``$X`` is never sent.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
 PREAMBLE = 'G21 G90 G94 G17 G54'
 BARRIER = 'G4 P0.01'
-REST_S = 3.0  # within which any feed comes to rest
+REST_S = 3.0  # time in which any feed comes to rest
 RESET_S = 3.0
 POLL_S = 0.03
 OFFSET_S = 0.01
@@ -48,7 +48,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
 
     @property
     def description(self) -> Mapping[str, str]:
-        """Firmware, options, every setting of the controller."""
+        """Firmware, options and all settings of the controller."""
         base = {'source': self._settings.source, 'kind': f'CNC, {self._identity.firmware} {self._identity.version}'}
         said = {f'${number}': value for number, value in self._memory.items()}
         return {**base, 'options': ' '.join(self._identity.options), 'notes': '; '.join(self._warnings), **said}
@@ -74,7 +74,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         except DeviceFaultError:
             if dialogue.restarts == restarts:
                 raise
-            dialogue.forgive()  # a board that restarted once more, as some do after their port was opened
+            dialogue.forgive()  # some boards restart a second time after their port was opened
             self._introduce(dialogue)
         dialogue.polling = True
 
@@ -82,7 +82,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         """As `Cnc.home`."""
         dialogue = self._talk()
         if dialogue.fault or dialogue.busy:
-            dialogue.reset(RESET_S)  # ends what only a reset ends, and what is answered from now on is the answer
+            dialogue.reset(RESET_S)  # clears what only a reset clears; later responses belong to later requests
         dialogue.forgive()
         self._at_rest()
         self._motion.forget()
@@ -100,7 +100,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue = self._talk()
         self._stops += 1
         dialogue.link.send(JOG_CANCEL if self._motion.jogging else HOLD)  # before anything else
-        dialogue.abandon('was broken off by a stop')
+        dialogue.abandon('was aborted by a stop')
         if dialogue.homing:
             dialogue.reset(RESET_S)
         elif dialogue.alarm is None:
@@ -114,7 +114,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue.link.send(HOLD)
         if not dialogue.poll_until(_resting, REST_S):
             dialogue.require_sound()
-            raise DeviceTimeoutError(f'{self._name} does not come to rest after a hold; use the emergency stop')
+            raise DeviceTimeoutError(f'{self._name} does not stop after a hold; use the emergency stop')
 
     def resume(self) -> None:
         """As `Cnc.resume`."""
@@ -131,12 +131,12 @@ class GrblCnc(SerialCnc[GrblDialogue]):
             over = dialogue.poll_until(lambda report: not is_moving(report), patience_s)
             dialogue.require_sound()
             if not over and stops == self._stops:
-                raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
+                raise DeviceTimeoutError(f'{self._name} is still moving after {patience_s:.1f} s; stop it')
         else:
             dialogue.ask(BARRIER, patience_s)
         dialogue.require_sound()
         if stops != self._stops:
-            raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
+            raise DeviceFaultError(f'{self._name}: the motion was aborted by a stop')
         self._arrived()
 
     def status(self) -> CncStatus:
@@ -144,36 +144,36 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue = self._talk()
         report = dialogue.fresh_report(self._settings.answer_s)
         reports = dialogue.reports
-        if reports.position is None:  # work coordinates, whose offset comes with every tenth or thirtieth report
+        if reports.position is None:  # work coordinates; their offset comes with every tenth or thirtieth report
             dialogue.poll_until(lambda _: reports.position is not None, self._settings.answer_s, OFFSET_S)
             report = reports.last or report
         position = reports.position
         if position is None:
-            raise DeviceFaultError(f'{self._name} reports no place in machine coordinates; set $10=1')
+            raise DeviceFaultError(f'{self._name} does not report machine coordinates; set $10=1')
         homed = self._homed and not dialogue.place_lost
         return CncStatus(report.state, position, homed, reports.stamp_ns, reports.uncertainty_ns)
 
     # Connecting.
 
     def _greet(self, dialogue: GrblDialogue) -> None:
-        """Wait for the banner of a board that restarts when its port is opened; else see whether somebody is there."""
+        """Wait for the banner of a board that restarts when its port is opened, or else check for a response."""
         if not dialogue.link.wait(lambda: dialogue.restarts > 0, self._settings.boot_s):
             try:
-                with contextlib.suppress(DeviceFaultError):  # '$' spoils what another host may have left half said
+                with contextlib.suppress(DeviceFaultError):  # '$' invalidates an incomplete line of another host
                     dialogue.ask('$', self._settings.answer_s)
             except DeviceTimeoutError as error:
                 raise DeviceTimeoutError(
-                    f'nothing answers at {self._name} with {self._settings.baud} baud; check power, cable, baud, and '
-                    'the setting dtr, as some boards are in reset while the port is open'
+                    f'no response from {self._name} at {self._settings.baud} baud; check power, cable, baud, and '
+                    'the setting dtr, because some boards are in reset while the port is open'
                 ) from error
 
     def _introduce(self, dialogue: GrblDialogue) -> None:
-        """Who it is, what it does, and how it is set up."""
+        """Read identity, state and settings."""
         restarts = dialogue.restarts
         try:
             lines = dialogue.ask('$I', self._settings.answer_s).lines
         except DeviceFaultError:
-            if dialogue.restarts == restarts:  # refused: Grbl answers that at rest alone
+            if dialogue.restarts == restarts:  # refused: Grbl answers that only at rest
                 self._report_at_rest(dialogue)
             raise
         self._identity = identity_of(lines, dialogue.banner)
@@ -185,7 +185,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
     def _report_at_rest(self, dialogue: GrblDialogue) -> Report:
         report = dialogue.fresh_report(self._settings.answer_s)
         if report.state not in {CncState.IDLE, CncState.ALARM}:
-            raise DeviceFaultError(f'{self._name} is busy ({report.word}); end what it does, then connect again')
+            raise DeviceFaultError(f'{self._name} is busy ({report.word}); stop it, then connect again')
         return report
 
     def _read_settings(self, dialogue: GrblDialogue) -> None:
@@ -199,7 +199,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue.reports.factor = inches(self._memory.get(13, '0'))
 
     def _value_of(self, dialogue: GrblDialogue, key: str) -> str:
-        """Of a FluidNC's setting with a name; empty where it has none."""
+        """Value of a named setting of FluidNC; empty if it has none."""
         try:
             lines = dialogue.ask(key, self._settings.answer_s).lines
         except DeviceFaultError:
@@ -220,7 +220,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._send(f'G21 G90 G53 G1 {words} F{feed:.1f}')
 
     def _send_jog(self, target: Place, feed: float) -> None:
-        """To a place, not by a distance: what a damaged line leads astray the next one leads back."""
+        """To a position, not by a distance: an error of a damaged line is corrected by the next one."""
         words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
         self._talk().ask(f'$J=G21 G90 G53 {words} F{feed:.1f}', self._patience_s(), self._generation)
 
@@ -241,12 +241,12 @@ class GrblCnc(SerialCnc[GrblDialogue]):
                 return
             dialogue.link.send(HOLD)
         dialogue.poll_until(_resting, REST_S)
-        dialogue.reset(RESET_S)  # at rest it keeps the place; else alarm 3 tells that it did not
+        dialogue.reset(RESET_S)  # at rest it keeps the position; otherwise alarm 3 reports the loss
 
     def _cancel_jog(self, dialogue: GrblDialogue) -> bool:
-        """Cancel until it is idle: a jog may still have been in its buffer when the first cancel came.
+        """Cancel until it is idle: a jog may still have been in its buffer at the first cancel.
 
-        A controller that says nothing is not waited for longer than one that moves would need.
+        Waits for a silent controller no longer than for one that moves.
         """
         deadline_ns = self._clock.now_ns() + round(REST_S * NS_PER_S)
         while self._clock.now_ns() < deadline_ns:
@@ -262,18 +262,18 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         return False
 
     def _after_stop(self, dialogue: GrblDialogue) -> None:
-        """Where it is now, and the modal state again."""
+        """Read the position, and set the modal state again."""
         if dialogue.alarm in NEEDS_RESET:
             return
         place = self.status().position_mm
-        if self._motion.doubted:  # a damaged report, or a lost place
+        if self._motion.doubted:  # a damaged report, or a lost position
             place = self.status().position_mm
         dialogue.refusal = ''
         if self._homed and not dialogue.place_lost:
             self._rests_at(place)
         report = dialogue.reports.last
         if report is not None and report.state is CncState.ALARM and not dialogue.fault:
-            dialogue.lose_place('is locked after a stop; look at it, then home it')
+            dialogue.lose_place('is locked after a stop; check it, then home it')
         if not dialogue.fault:
             dialogue.ask(PREAMBLE, self._settings.answer_s)
             dialogue.polling = True

@@ -1,4 +1,4 @@
-"""Whether a Grbl is set up so that it may be trusted with a sensor. Settings are read, never written."""
+"""Whether the configuration of a Grbl controller is safe for a sensor. Settings are read, never written."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from tactile_nodes.errors import DeviceFaultError
 KEEP_MOTORS_ON = 255
 GUARDS = ((20, 'soft limits', NO_SOFT_LIMITS), (21, 'hard limits', NO_HARD_LIMITS), (22, 'homing', NO_HOMING))
 FLUIDNC_GUARDS = {20: 'soft_limits', 21: 'motor0/hard_limits', 22: 'homing/cycle'}
-"""Where FluidNC keeps what these settings of Grbl say, below ``$/axes/x/`` (its Axis.cpp, Motor.cpp, Homing.h)."""
+"""Settings of FluidNC that correspond to these, below ``$/axes/x/`` (its Axis.cpp, Motor.cpp, Homing.h)."""
 FLUIDNC_IDLE = '$/stepping/idle_ms'
 
 
 def identity_of(lines: list[str], banner: str) -> Identity:
-    """Who answered ``$I``: by its answer, because banners can be set to anything."""
+    """The firmware by its answer to ``$I``, because banners can be changed."""
     fields = [line.strip('[]') for line in lines]
     version = next((field[4:].rstrip(':') for field in fields if field.startswith('VER:')), '')
     text = ' '.join([*fields, banner])
@@ -32,10 +32,10 @@ def identity_of(lines: list[str], banner: str) -> Identity:
 
 
 def travel(identity: Identity, memory: Mapping[int, str]) -> Envelope | None:
-    """The machine's own box, from minus the travel to 0; None where its settings do not say (FluidNC).
+    """The machine's own workspace, from minus the travel to 0; None if its settings do not contain it (FluidNC).
 
-    grblHAL ($22 bit 3) and Grbl (compiled so, a Z among its options) may count up from the switch of an axis that homes
-    to its lower end ($23).
+    grblHAL ($22 bit 3) and Grbl (a compile option, a Z among its options) may count up from the switch of an axis that
+    homes to its lower end ($23).
     """
     if identity.firmware == 'FluidNC' or not {130, 131, 132} <= memory.keys():
         return None
@@ -55,12 +55,12 @@ def _zero_at_switch(identity: Identity, memory: Mapping[int, str]) -> bool:
 
 
 def of_fluidnc(read: Callable[[str], str]) -> dict[int, str]:
-    """The guards of a FluidNC as numbered settings.
+    """The safety settings of a FluidNC as numbered settings.
 
-    Its own ``$20`` speaks of the x axis alone and its ``$21`` of any motor, so every axis is asked.
+    Its own ``$20`` is for the x axis only and its ``$21`` for any motor, so every axis is queried.
 
     Args:
-        read: the value of a setting such as ``$/axes/z/soft_limits``; empty where it has none.
+        read: the value of a setting such as ``$/axes/z/soft_limits``; empty if it has none.
     """
     found = {1: read(FLUIDNC_IDLE)}
     for number, key in FLUIDNC_GUARDS.items():
@@ -70,19 +70,19 @@ def of_fluidnc(read: Callable[[str], str]) -> dict[int, str]:
 
 
 def _is_set(value: str) -> bool:
-    """A switch that is on, or a homing cycle: 0 is none, and at -1 the axis does not look for its switch."""
+    """A switch that is on, or a homing cycle: 0 means none, and with -1 the axis does not home."""
     return value == 'true' or (value.isdigit() and int(value) > 0)
 
 
 def check(name: str, identity: Identity, memory: Mapping[int, str], settings: CncSettings) -> list[str]:
-    """Refuse what is dangerous; give what a person should know.
+    """Refuse dangerous settings; returns warnings for a person.
 
     Raises:
-        DeviceFaultError: laser mode; no soft limits, no hard limits or no homing, unless accepted in words.
+        DeviceFaultError: laser mode; no soft limits, no hard limits or no homing, unless the risk is accepted.
     """
     if _number(memory, 32):
         raise DeviceFaultError(
-            f'{name} is in laser or lathe mode ($32={memory[32]}), where it moves otherwise than a mill; set $32=0'
+            f'{name} is in laser or lathe mode ($32={memory[32]}), in which it moves differently from a mill; set $32=0'
         )
     warnings = []
     for number, what, risk in GUARDS:
@@ -91,14 +91,16 @@ def check(name: str, identity: Identity, memory: Mapping[int, str], settings: Cn
             warnings.append(f'{what} off (${number}={memory.get(number, "?")})')
     if memory.get(1, '') != str(KEEP_MOTORS_ON):
         idle = FLUIDNC_IDLE if identity.firmware == 'FluidNC' else '$1'
-        warnings.append(f'{idle}={memory.get(1, "?")}: motors let go at rest and the place may be lost; set {idle}=255')
+        warnings.append(
+            f'{idle}={memory.get(1, "?")}: motors are released at rest and the position may be lost; set {idle}=255'
+        )
     if _number(memory, 13):
-        warnings.append('reports in inches ($13=1), converted')
+        warnings.append('reports in inches ($13=1); they are converted')
     return warnings
 
 
 def _is_on(memory: Mapping[int, str], number: int) -> bool:
-    """By the lowest bit: on grblHAL $22 has more of them, which mean nothing without it."""
+    """By the lowest bit: on grblHAL $22 has more bits, which have no effect without it."""
     return bool(int(_number(memory, number)) & 1)
 
 
@@ -111,7 +113,7 @@ def _where(identity: Identity, number: int) -> str:
 def _accepted(name: str, where: str, what: str, risk: str, settings: CncSettings) -> None:
     if risk not in settings.accept:
         raise DeviceFaultError(
-            f"{name} has {what} switched off ({where}); switch it on, or put '{risk}' into the setting accept"
+            f"{name} has {what} switched off ({where}); switch it on, or add '{risk}' to the setting accept"
         )
 
 
@@ -123,7 +125,7 @@ def _number(memory: Mapping[int, str], number: int) -> float:
 
 
 def acceleration_of(memory: Mapping[int, str], otherwise: float) -> float:
-    """The least acceleration of any axis in mm/s²."""
+    """The smallest acceleration of any axis in mm/s²."""
     found = [_number(memory, number) for number in (120, 121, 122)]
     return min((value for value in found if value > 0), default=otherwise)
 

@@ -1,4 +1,4 @@
-"""The dialogue with Grbl: one line after the other, each with its answer; resets; reports of now."""
+"""The dialogue with Grbl: lines with their responses, resets, and status reports on request."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ RESET, RESUME = b'\x18', b'~'
 
 
 class GrblDialogue(GrblHearing):
-    """Everything that is said. The arguments are those of `GrblHearing`."""
+    """The sending side. The arguments are those of `GrblHearing`."""
 
     def ask(self, line: str, timeout_s: float, generation: int | None = None) -> Request:
-        """Send a line and wait for its answer.
+        """Send a line and wait for its response.
 
         Args:
             line: without its end.
-            timeout_s: for the answer.
-            generation: when what the line says was decided; none is sent that was decided before a stop.
+            timeout_s: for the response.
+            generation: when the content of the line was decided; a line decided before a stop is not sent.
 
         Raises:
             DeviceFaultError: it was refused, or an alarm, a stop or a restart came instead.
-            DeviceTimeoutError: no answer; the controller hangs.
+            DeviceTimeoutError: no response; the controller hangs.
             DeviceLostError: the port is gone.
         """
         check_line(line)
@@ -38,7 +38,7 @@ class GrblDialogue(GrblHearing):
             if not self.link.wait(lambda: not self._unanswered or generation != self.generation, timeout_s):
                 raise self._hung(line, timeout_s)
             if generation != self.generation:
-                raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
+                raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was aborted')
             self._unanswered.append(request)
             self.braking = False
             request.sent_ns = self.link.send(line.encode('ascii') + b'\n')
@@ -46,7 +46,7 @@ class GrblDialogue(GrblHearing):
         return request
 
     def reset(self, timeout_s: float) -> None:
-        """A soft reset; returns after the banner, or, as FluidNC's can be anything, with the next sign of life.
+        """A soft reset; returns after the banner, or, as FluidNC's banner can be anything, after the next line.
 
         Raises:
             DeviceTimeoutError: neither came.
@@ -64,7 +64,7 @@ class GrblDialogue(GrblHearing):
             self._restarted(self.banner)
 
     def fresh_report(self, timeout_s: float) -> Report:
-        """A report that was asked for after this call began.
+        """A report that was requested after this call began.
 
         Raises:
             DeviceTimeoutError: none came.
@@ -72,21 +72,21 @@ class GrblDialogue(GrblHearing):
         with self.link.changed:
             lost = self._lost_reports
             came = lambda: not self.reports.open or self._lost_reports != lost  # noqa: E731
-            self.link.wait(came, SILENT_S)  # what is under way tells of the past
+            self.link.wait(came, SILENT_S)  # a report that is under way is outdated
             self.reports.request()
             if not self.link.wait(came, timeout_s) or self.reports.last is None:
                 raise DeviceTimeoutError(
-                    f'{self.name} reports no position within {timeout_s:g} s; cut its power and start again'
+                    f'{self.name} reported no position within {timeout_s:g} s; switch it off and on, then start again'
                 )
             if self._lost_reports != lost:
                 raise DeviceTimeoutError(f'{self.name} {self.refusal or "reports no position"}')
             return self.reports.last
 
     def poll_until(self, done: Callable[[Report], bool], timeout_s: float, every_s: float = 0.05) -> bool:
-        """Ask for reports until one satisfies; False: none did, or all was broken off."""
+        """Request reports until one satisfies the condition; False: none did, or everything was aborted."""
         deadline_ns, generation = self._clock.now_ns() + round(timeout_s * NS_PER_S), self.generation
         while self.alarm is None and generation == self.generation and self._clock.now_ns() < deadline_ns:
-            with contextlib.suppress(DeviceTimeoutError):  # an answer that was lost; the deadline decides
+            with contextlib.suppress(DeviceTimeoutError):  # a lost response; the deadline decides
                 if done(self.fresh_report(SILENT_S)):
                     return True
             self.link.wait(lambda: self.alarm is not None, every_s)
@@ -99,7 +99,10 @@ class GrblDialogue(GrblHearing):
             raise request.error
 
     def _hung(self, line: str, timeout_s: float) -> DeviceError:
-        self.lose_place('stopped answering, so its place is not known; cut its power, look at it, and connect again')
+        self.lose_place(
+            'stopped responding, so its position is unknown; switch it off and on, check it, and connect again'
+        )
         return DeviceTimeoutError(
-            f'{self.name} did not answer {line!r} within {timeout_s:.1f} s; it hangs: cut its power and connect again'
+            f'{self.name} did not respond to {line!r} within {timeout_s:.1f} s; it hangs: switch it off and on, then '
+            'connect again'
         )

@@ -1,4 +1,4 @@
-"""What a Grbl says, and what it means for who waits: answers, reports, alarms, restarts, silence."""
+"""The receiving side of Grbl: responses, reports, alarms, restarts and silence, and their effect on waiting threads."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from tactile_nodes.errors import DeviceFaultError
 
 JOG_CANCEL, HOLD, REPORT = b'\x85', b'!', b'?'
 ECHOED = '?!~\x18\ufffd'
-"""What acts without a line's end, as it is heard where all that is sent comes back (0x85 is no ASCII character)."""
+"""Real-time characters, as they appear if everything sent is echoed (0x85 is not ASCII)."""
 
 
 class GrblHearing:
-    """The listening side. Nothing here decides to move anything, but to stop it.
+    """The receiving side. It never starts motion, and only stops it.
 
     Args:
         port: open.
         clock: the host's.
-        settings: how often reports are asked for.
-        motion: what was asked for, which reports have to agree with.
-        on_lost: told when the place is lost.
-        traffic: told every byte.
+        settings: interval of status requests.
+        motion: expected motion, which reports must agree with.
+        on_lost: called when the position is lost.
+        traffic: gets every byte.
         threaded: as of `Link`.
     """
 
@@ -64,12 +64,12 @@ class GrblHearing:
         self.homing = False
         self.polling = False
         self.alarm: int | None = None
-        self.fault = ''  # until a person homes it
+        self.fault = ''  # until it is homed by a person
         self.refusal = ''  # until it is stopped
-        self.braking = False  # what moves has to stop, until something new is sent
-        self.generation = 0  # counts what broke off all that was asked for
+        self.braking = False  # motion has to stop, until a new command is sent
+        self.generation = 0  # counts events that abort all requests
         self.place_lost = False
-        self.obeys_upwards = False  # the fault concerns the place alone
+        self.obeys_upwards = False  # the fault concerns only the position
         self.reports = Reports(lambda: self.link.send(REPORT), 1 / settings.report_hz)
         self.link = Link(port, clock, self._hear, self._idle, traffic, threaded)
         self.link.start()
@@ -81,16 +81,16 @@ class GrblHearing:
 
     @property
     def silent(self) -> bool:
-        """Whether it owes a report for longer than it may."""
+        """Whether a report is overdue."""
         return self.reports.silent and not self.homing
 
     def expect_no_restart(self) -> None:
-        """It has answered: a board that restarts when its port is opened has done so, and this one did not."""
+        """It has responded: boards that restart when the port is opened have done so by now, and this one did not."""
         with self.link.changed:
             self._restart_expected = False
 
     def abandon(self, why: str) -> None:
-        """Whoever waits for an answer shall not wait on."""
+        """End the wait of all threads that wait for a response."""
         with self.link.changed:
             self.generation += 1
             for request in self._unanswered:
@@ -98,33 +98,33 @@ class GrblHearing:
             self.link.changed.notify_all()
 
     def homing_over(self) -> None:
-        """A report that was asked for before it homed is not late: while it homes it answers none."""
+        """A report requested before homing is not late: while homing it sends none."""
         with self.link.changed:
             self.homing = False
             self.reports.excuse(self._clock.now_ns())
 
     def require_sound(self, up: bool = False) -> None:
-        """Raise what is wrong, if something is; for the way `up`, what is wrong besides the place."""
+        """Raise the current fault, if any; for motion `up`, faults besides an unknown position."""
         if wrong := ('' if up and self.obeys_upwards else self.fault) or self.refusal:
             raise DeviceFaultError(f'{self.name} {wrong}')
 
     def lose_place(self, fault: str, obeys_upwards: bool = False) -> None:
-        """From now on nobody knows where the tip is."""
+        """The position of the tip is unknown from now on."""
         with self.link.changed:
             self.fault, self.place_lost, self.obeys_upwards = fault, True, obeys_upwards
             self._on_lost()
 
     def forgive(self) -> None:
-        """A person has asked to begin anew: forget alarm and fault."""
+        """A person has asked to start again: clear alarm and fault."""
         with self.link.changed:
             self.fault, self.refusal, self.alarm = '', '', None
 
     def close(self) -> None:
-        """Let go of the port."""
-        self.abandon('was given up because the port was closed')
+        """Close the port."""
+        self.abandon('was aborted because the port was closed')
         self.link.close()
 
-    # Listening; all under the link's lock.
+    # Receiving; all under the link's lock.
 
     def _hear(self, line: str, stamp_ns: int) -> None:
         line = line.lstrip(ECHOED)
@@ -138,7 +138,7 @@ class GrblHearing:
             self._alarmed(number_of(line))
         elif line.startswith('[echo:'):
             self._echoed(line[6:-1])
-        elif line[0] not in '[$>' and BANNER.search(line):  # noise of a supply that failed may stand before it
+        elif line[0] not in '[$>' and BANNER.search(line):  # noise of a failing power supply may precede it
             self._restarted(line)
         elif line[0] in '[$' and self._unanswered:
             self._unanswered[0].lines.append(line)
@@ -152,67 +152,67 @@ class GrblHearing:
             request.error = DeviceFaultError(f'{self.name} refused {request.text!r}: {error_text(line)}')
 
     def _echoed(self, heard: str) -> None:
-        """Some builds repeat each line that they have heard, without blanks: what was sent can be read back."""
+        """Some builds echo each received line without blanks, so it can be compared with the sent line."""
         sent = self._unanswered[0].text if self._unanswered else ''
         if heard.replace(' ', '').upper() != sent.replace(' ', '').upper():
-            self._brake(f'has heard {heard.strip()!r} where {sent!r} was sent; look at its cable')
+            self._brake(f'received {heard.strip()!r} instead of {sent!r}; check its cable')
 
     def _reported(self, line: str, stamp_ns: int) -> None:
         if not self.reports.take(line, stamp_ns):
             return
         place, report = self.reports.position, self.reports.last
         if self.braking and report is not None and is_moving(report):
-            self._send_brake()  # what was on its way to it when it was told to stop has set it going again
+            self._send_brake()  # a command on its way during the stop has started motion again
         if place is None or report is None or self.homing or self.fault or not self._motion.is_known:
             return
         if report.state is CncState.ALARM and self.alarm is None:
-            self._doubt('is locked though it reported no alarm: it has restarted', obeys_upwards=False)
+            self._doubt('is locked although it reported no alarm: it has restarted', obeys_upwards=False)
         else:
             self._judge(place, stamp_ns, report.feed_mm_min)
 
     def _judge(self, place: Place, stamp_ns: int, feed_mm_min: float) -> None:
-        """Compare a report with what was asked for."""
+        """Compare a report with the commanded motion."""
         verdict = self._motion.judge(place, stamp_ns, feed_mm_min)
         if verdict is Verdict.STRAYED:
-            self._brake(f'is at {told(place)}, off the way that it was sent; look at its cable')
+            self._brake(f'is at {told(place)}, off the commanded path; check its cable')
         elif verdict is Verdict.HASTY:
-            self._brake(f'goes at {feed_mm_min:g} mm/min, faster than it was sent; look at its cable')
+            self._brake(f'moves at {feed_mm_min:g} mm/min, faster than commanded; check its cable')
         elif verdict is Verdict.DOUBTFUL:
             self.reports.request()
         elif verdict is Verdict.LOST:
-            self._doubt(f'says that it is at {told(place)}, where it cannot have gone', obeys_upwards=True)
+            self._doubt(f'reports {told(place)}, which it cannot have reached', obeys_upwards=True)
 
     def _doubt(self, why: str, obeys_upwards: bool) -> None:
-        self.lose_place(f'{why}, so its place is not known; look at it, then home it', obeys_upwards)
+        self.lose_place(f'{why}, so its position is unknown; check it, then home it', obeys_upwards)
         self._brake('')
 
     def _brake(self, refusal: str) -> None:
-        """Stop what moves at once; whoever commands it has to `stop` it before it goes on."""
+        """Stop motion at once; the commanding thread has to `stop` it before it continues."""
         self.refusal, self.braking = self.refusal or refusal, True
         if self._motion.moving:
             self._send_brake()
-        self.abandon(f'was broken off, because the machine {self.fault or self.refusal}')
+        self.abandon(f'was aborted, because the machine {self.fault or self.refusal}')
 
     def _send_brake(self) -> None:
         self.link.send(JOG_CANCEL if self._motion.jogging else HOLD)
 
     def _alarmed(self, number: int) -> None:
-        if number == HOMING_REQUIRED:  # breaks nothing off: so grblHAL says after a start that it is locked
+        if number == HOMING_REQUIRED:  # aborts nothing: grblHAL reports so after a start that it is locked
             return
         self.alarm = number
-        fault = f'is locked by {alarm_text(number)}; look at it, then home it'
+        fault = f'is locked by {alarm_text(number)}; check it, then home it'
         if number in KEEPS_PLACE:
             self.fault, self.obeys_upwards = fault, False
         else:
             self.lose_place(fault)
-        self.abandon(f'was broken off by {alarm_text(number)}')
+        self.abandon(f'was aborted by {alarm_text(number)}')
 
     def _restarted(self, line: str) -> None:
         self.banner = line
         self.restarts += 1
         why = 'was restarted'
         if not self._restart_expected:
-            why = 'restarted by itself, so its place is not known; look at its supply, then home it'
+            why = 'restarted by itself, so its position is unknown; check its power supply, then home it'
             self.lose_place(why, obeys_upwards=True)
             self._brake('')
         self.abandon(f'was lost, because the machine {why}')
@@ -225,7 +225,7 @@ class GrblHearing:
         if moving and self.silent and not self.fault and not self.refusal:
             self._lost_reports += 1
             self._brake(SILENT_IN_MOTION)
-        mute = self.homing or self.alarm in NEEDS_RESET  # then it answers no report
+        mute = self.homing or self.alarm in NEEDS_RESET  # then it sends no report
         if self.polling and not mute and self.reports.is_due(now_ns, moving):
             self.reports.request()
             if self.braking and self.silent:

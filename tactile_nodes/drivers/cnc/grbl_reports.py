@@ -1,4 +1,4 @@
-"""The status reports of a Grbl: asked for one at a time, and missed when they stay away."""
+"""Status reports of Grbl: requested one at a time, and detected as missing if they do not come."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from tactile_nodes.drivers.cnc.contract import Place
 from tactile_nodes.drivers.cnc.grbl_words import Report, parse_report
 from tactile_nodes.drivers.cnc.link import Silence
 
-MOVING_S = 0.1  # between two questions while something moves
-SILENT_S = 0.3  # with it, and the listener's period, a controller that falls silent in motion is noticed within 0.5 s
+MOVING_S = 0.1  # between two requests during motion
+SILENT_S = 0.3  # with it and the listener's period, silence during motion is detected within 0.5 s
 
 
 class Reports:
-    """What was asked and what came. Used under the link's lock.
+    """Requested and received reports. Used under the link's lock.
 
     Args:
-        ask: sends the question; gives its stamp.
-        period_s: between two questions at rest.
+        ask: sends the request; returns its stamp.
+        period_s: between two requests at rest.
     """
 
     def __init__(self, ask: Callable[[], int], period_s: float) -> None:
@@ -29,7 +29,7 @@ class Reports:
         self._silence = Silence()
         self.asked_ns = 0
         self.open = False
-        self.factor = 1.0  # mm in a unit of the reports
+        self.factor = 1.0  # mm per unit of the reports
         self.last: Report | None = None
         self.stamp_ns = self.uncertainty_ns = 0
 
@@ -46,31 +46,31 @@ class Reports:
 
     @property
     def silent(self) -> bool:
-        """Whether a report is owed for longer than it may."""
+        """Whether a report is overdue."""
         return self.open and self._silence.is_over(SILENT_S)
 
     def request(self) -> None:
-        """Ask for one."""
+        """Request one."""
         self.asked_ns = self._ask()
         if not self.open:
             self.open, self._owed_ns = True, self.asked_ns
 
     def listened(self, now_ns: int) -> None:
-        """All that had come by now was read."""
+        """Everything that had arrived by now was read."""
         self._silence.look(self._owed_ns if self.open else None, now_ns)
 
     def excuse(self, now_ns: int) -> None:
-        """What is owed counts from now on."""
+        """Start the time limit of an open request again."""
         self._owed_ns = now_ns
 
     def is_due(self, now_ns: int, moving: bool) -> bool:
-        """Whether it is time for a question; a second one overtakes nothing."""
+        """Whether a request is due; a second one would not come sooner."""
         since_s = (now_ns - self.asked_ns) / NS_PER_S
         period_s = min(self._period_s, MOVING_S) if moving else self._period_s
         return since_s >= (max(period_s, SILENT_S) if self.open else period_s)
 
     def take(self, line: str, arrival_ns: int) -> bool:
-        """A report has come; False: it is damaged."""
+        """A report has arrived; False: it is damaged."""
         report = parse_report(line, self.factor)
         if report is None:
             return False

@@ -1,4 +1,4 @@
-"""What Grbl, grblHAL and FluidNC say, as values and as sentences."""
+"""Messages of Grbl, grblHAL and FluidNC, as values and as text."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ REALTIME = frozenset('?!~')
 ERRORS = {
     1: 'a word without a letter', 2: 'a bad number', 3: 'an unknown $ command', 5: 'homing is switched off',
     8: 'not idle', 9: 'locked by an alarm or a jog', 10: 'soft limits need homing', 11: 'the line is too long',
-    15: 'the jog leads beyond the travel', 16: 'a bad jog', 20: 'an unsupported command', 22: 'no feed',
-    24: 'two commands want the axes', 33: 'a bad target', 79: 'an alarm that needs a reset first',
+    15: 'the jog exceeds the travel', 16: 'a bad jog', 20: 'an unsupported command', 22: 'no feed',
+    24: 'two commands use the axes', 33: 'a bad target', 79: 'an alarm that needs a reset first',
 }  # fmt: skip
 ALARMS = {
     1: 'a limit switch was hit', 2: 'a target beyond the soft limits', 3: 'a reset while it moved',
@@ -37,7 +37,7 @@ STATES = {
 
 @dataclass(frozen=True)
 class Report:
-    """A status report; only state and position are always there."""
+    """A status report; only state and position are always present."""
 
     state: CncState
     held: bool  # in Hold, and at rest
@@ -49,11 +49,11 @@ class Report:
 
 
 def parse_report(line: str, factor: float = 1.0) -> Report | None:
-    """A line like ``<Hold:1|MPos:-3.830,-1.000,-2.984|FS:600,0>``; None: it is none, or damaged.
+    """A line like ``<Hold:1|MPos:-3.830,-1.000,-2.984|FS:600,0>``; None: not a report, or damaged.
 
     Args:
-        line: without its end.
-        factor: mm in a unit of its positions.
+        line: without line end.
+        factor: mm per unit of its positions.
     """
     if not (line.startswith('<') and line.endswith('>')):
         return None
@@ -80,28 +80,30 @@ def _place(text: str, factor: float) -> Place | None:
         x, y, z, *_ = (float(part) * factor for part in text.split(','))
     except ValueError:
         return None
-    return (x, y, z) if all(map(math.isfinite, (x, y, z))) else None  # NaN is at no height: below none that is safe
+    return (
+        (x, y, z) if all(map(math.isfinite, (x, y, z))) else None
+    )  # comparisons with NaN would pass the check of the safe height
 
 
 def number_of(line: str) -> int:
-    """The number after the colon of ``error:9`` or ``ALARM:2``; 0 if it is none."""
+    """The number after the colon of ``error:9`` or ``ALARM:2``; 0 if there is none."""
     text = line.partition(':')[2].strip()
     return int(text) if text.isdigit() else 0
 
 
 def error_text(line: str) -> str:
-    """An error for a sentence; texts instead of numbers are passed on, as some builds print them."""
+    """An error as text; builds that print text instead of numbers are passed on."""
     number = number_of(line)
     return f'error {number}, {ERRORS[number]}' if number in ERRORS else line
 
 
 def alarm_text(number: int) -> str:
-    """An alarm for a sentence."""
-    return f'alarm {number}, {ALARMS.get(number, "which it does not explain")}'
+    """An alarm as text."""
+    return f'alarm {number}, {ALARMS.get(number, "unknown")}'
 
 
 def setting_of(line: str) -> tuple[int, str] | None:
-    """A line like ``$130=200.000``, as also old firmware with a comment behind it."""
+    """A line like ``$130=200.000``; old firmware adds a comment."""
     match = re.match(r'\$(\d+)=([^ (]*)', line)
     return (int(match.group(1)), match.group(2)) if match else None
 
@@ -112,7 +114,7 @@ def inches(setting: str) -> float:
 
 
 def check_line(line: str) -> None:
-    """Real-time characters act wherever they stand, so no line may hold one.
+    """Check a line: real-time characters act at any place, so no line may contain one.
 
     Raises:
         ConfigurationError: the line cannot be sent.
@@ -124,5 +126,5 @@ def check_line(line: str) -> None:
 
 
 def is_moving(report: Report) -> bool:
-    """Whether a report tells of motion."""
+    """Whether a report shows motion."""
     return report.state in {CncState.RUN, CncState.JOG, CncState.HOME} or report.word == 'Hold:1'

@@ -1,4 +1,4 @@
-"""What all machines share: the rules of motion, where the tip will be, how long it may take, and the retract."""
+"""Common part of all machines: rules of motion, expected position, time limits, and the retract."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tactile_nodes.drivers.cnc.motion import Motion
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 
 ARRIVED_MM = 0.02
-UNKNOWN_ACCELERATION = 50.0  # mm/s², for the time that motion may take
+UNKNOWN_ACCELERATION = 50.0  # mm/s², for the time limit of motion
 MARGIN = 1.5
 
 
 class GuardedCnc(ABC):
-    """A machine whose every move is checked first. What is abstract here speaks to the machine."""
+    """A machine whose every move is checked first. The abstract methods talk to the machine."""
 
     def __init__(self, settings: CncSettings, clock: Clock, name: str) -> None:
         self._settings = settings
@@ -107,7 +107,7 @@ class GuardedCnc(ABC):
 
     @abstractmethod
     def _require_ready(self, up: bool = False) -> None:
-        """Raise what keeps the machine from obeying; for a jog straight `up`, what does besides an unknown place."""
+        """Raise if the machine cannot obey; for a jog straight `up`, an unknown position is allowed."""
 
     @abstractmethod
     def _send_move(self, target: Place, feed: float) -> None: ...
@@ -117,7 +117,7 @@ class GuardedCnc(ABC):
 
     @abstractmethod
     def _send_up(self, distance: float, feed: float) -> None:
-        """A jog straight up from an unknown place."""
+        """A jog straight up from an unknown position."""
 
     @abstractmethod
     def _switch(self, level: bool) -> Switched: ...
@@ -131,23 +131,23 @@ class GuardedCnc(ABC):
         return self._guard
 
     def _known_place(self) -> Place:
-        """Where the tip will be when all that was asked for is done."""
+        """Position of the tip after all requested motion."""
         self._require_ready()
         if not self._homed or self._target is None:
-            raise DeviceFaultError(f'{self._name} does not know where it is; home it first')
+            raise DeviceFaultError(f'{self._name} does not know its position; home it first')
         return self._target
 
     def _check_blind(self, length: float) -> None:
         longest = self.blind_step_mm
         if longest is not None and length > longest + 1e-9:
             raise ConfigurationError(
-                f'{self._name} could not stop a jog of {length:g} mm in time; jog at most {longest:g} mm, '
-                'then wait and look at the force'
+                f'{self._name} cannot stop a jog of {length:g} mm in time; jog at most {longest:g} mm, '
+                'then wait and check the force'
             )
 
     @contextlib.contextmanager
     def _sent_on(self, start: Place, target: Place, feed: float) -> Iterator[None]:
-        """The path is known before the line is sent, as motion may begin at once; what was not sent is not expected."""
+        """The path is known before the line is sent, since motion may start at once; an unsent line is not expected."""
         self._motion.add(start, target, feed)
         try:
             yield
@@ -168,24 +168,24 @@ class GuardedCnc(ABC):
         self._cruising_until_ns = max(now_ns, self._cruising_until_ns) + round(length / speed * NS_PER_S)
 
     def _speed(self, way: Place, length: float, speed: float) -> float:  # noqa: ARG002
-        """How fast the tip goes along a way that it is sent with a speed, in mm/s."""
+        """Speed of the tip in mm/s along a way, for a commanded speed."""
         return speed
 
     @property
     def _surely_moving(self) -> bool:
-        """Whether what was asked for cannot be done yet, were it done at its feed from the first moment."""
+        """Whether the requested motion cannot be finished yet, even at its full feed from the start."""
         return self._clock.now_ns() < self._cruising_until_ns
 
     def _patience_s(self) -> float:
-        """How long an answer may take that comes when the motion is done."""
+        """Time limit of a response that comes after the motion."""
         left_s = max(0, self._busy_until_ns - self._clock.now_ns()) / NS_PER_S
         return MARGIN * left_s + self._settings.answer_s
 
     def _arrived(self) -> None:
-        """Motion is over: it must have led where it was sent.
+        """Motion is over: check that it ended at the target.
 
         Raises:
-            DeviceFaultError: it did not; lines were lost, or somebody else moves the machine.
+            DeviceFaultError: it did not; lines were lost, or another program moves the machine.
         """
         status, target = self.status(), self._target
         self._at_rest()
@@ -196,12 +196,12 @@ class GuardedCnc(ABC):
             return
         self._rests_at(status.position_mm)
         raise DeviceFaultError(
-            f'{self._name} came to rest at {told(status.position_mm)} instead of {told(target)}; '
-            'commands were lost or somebody else moves it: look at it, then home it'
+            f'{self._name} stopped at {told(status.position_mm)} instead of {told(target)}; '
+            'commands were lost or another program moves it: check it, then home it'
         )
 
     def _rests_at(self, place: Place) -> None:
-        """It is known where it is, and nothing is asked for any more."""
+        """The position is known, and no motion is requested."""
         self._at_rest()
         self._target = place
         self._motion.rest(place, self._clock.now_ns())

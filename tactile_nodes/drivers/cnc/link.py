@@ -1,6 +1,6 @@
-"""Lines of text to and from a controller: read all the time, so that nothing waits unread, stamped on arrival.
+"""Lines of text to and from a controller, read continuously and stamped on arrival.
 
-With a thread, `wait` waits for what the thread hears. Without one (`threaded` false) whoever waits also listens,
+With a thread, `wait` waits for what the thread receives. Without one (`threaded` false), the waiting thread also reads,
 which makes a dialogue with an emulator in the same thread exactly repeatable.
 """
 
@@ -16,15 +16,15 @@ from tactile_nodes.drivers.serial_port import Port, SerialPort
 from tactile_nodes.errors import DeviceError, DeviceLostError
 
 READ_S = 0.05
-SILENT = 'is silent; look at its cable and power'
-SILENT_IN_MOTION = 'is silent while it moves; look at its cable and power'
+SILENT = 'is silent; check its cable and power'
+SILENT_IN_MOTION = 'is silent while it moves; check its cable and power'
 LONGEST_LOOK_NS = 60_000_000
 LONGEST_LINE = 4096
 
 
 @dataclass
 class Request:
-    """A line that was sent and what became of it."""
+    """A sent line and its result."""
 
     text: str
     sent_ns: int = 0
@@ -34,15 +34,15 @@ class Request:
 
     @property
     def done(self) -> bool:
-        """Whether there is nothing left to wait for."""
+        """Whether there is no more to wait for."""
         return bool(self.answered_ns) or self.error is not None
 
 
 class Silence:
-    """How long an answer is owed, as its listener feels it.
+    """How long a response is overdue, as measured by its listener.
 
-    A busy computer lets the listener, and a device that it emulates, wait: no longer than a look should take is counted
-    for each look. What waits unread is not missing: only who has just read looks.
+    A busy computer delays the listener, and devices that it emulates. So each look counts for no longer than a look
+    should take. Unread data is not missing: `look` is called only after reading.
     """
 
     def __init__(self) -> None:
@@ -50,14 +50,14 @@ class Silence:
         self._looked_ns = self._felt_ns = 0
 
     def look(self, since_ns: int | None, now_ns: int) -> None:
-        """All that had come was read; an answer is owed since then, or none."""
+        """Everything that had arrived was read; a response is due since then, or none (None)."""
         if since_ns != self._since_ns:
             self._since_ns, self._felt_ns, self._looked_ns = since_ns, 0, since_ns or now_ns
         self._felt_ns += min(now_ns - self._looked_ns, LONGEST_LOOK_NS)
         self._looked_ns = now_ns
 
     def is_over(self, limit_s: float) -> bool:
-        """Whether it is owed for longer."""
+        """Whether it is overdue for longer than the limit."""
         return self._since_ns is not None and self._felt_ns > limit_s * NS_PER_S
 
 
@@ -68,9 +68,9 @@ class Link:
         port: open.
         clock: stamps and deadlines.
         heard: called with every line and its stamp, under `changed`.
-        idle: called many times a second, under `changed`: the place to ask for reports.
-        traffic: told every byte.
-        threaded: listen in a thread of its own.
+        idle: called many times per second, under `changed`, for example to request reports.
+        traffic: gets every byte.
+        threaded: read in a separate thread.
     """
 
     def __init__(
@@ -95,16 +95,16 @@ class Link:
 
     @property
     def descriptor(self) -> int | None:
-        """Of the port, if it is one of the operating system."""
+        """File descriptor of the port, if it is a port of the operating system."""
         return self._port.descriptor if isinstance(self._port, SerialPort) else None
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start listening."""
         if self._thread is not None:
             self._thread.start()
 
     def send(self, data: bytes) -> int:
-        """Put bytes on the line, past anything that waits; gives the stamp.
+        """Write bytes to the line, before anything that waits; returns the stamp.
 
         Raises:
             DeviceLostError: the port is gone.
@@ -122,7 +122,7 @@ class Link:
             return stamp_ns
 
     def wait(self, done: Callable[[], bool], timeout_s: float) -> bool:
-        """Listen until a condition holds; False: it did not within the time, as `Silence` counts it.
+        """Listen until a condition holds; False: it did not hold in time, as `Silence` counts time.
 
         Raises:
             DeviceLostError: the port is gone.
@@ -142,7 +142,7 @@ class Link:
             return True
 
     def close(self) -> None:
-        """Stop listening and let go of the port."""
+        """Stop listening and close the port."""
         self._closing = True
         if self._thread is not None and self._thread.is_alive():
             self._thread.join()

@@ -1,11 +1,11 @@
 """Marlin over a serial line: 3D printers as rigs.
 
-What differs from Grbl. Marlin does not tell its limits, so the box must be given. Its ``G28`` may drive the tip into
-the gel, so the homing command must be given. It deals with one line after the other, and ``M400`` keeps it until it has
-come to rest; so `wait_idle` sends that only when the motion can be over, and `status` is answered meanwhile: with the
-real place by a Marlin with M114_REALTIME, else with the target. It has no feed hold. Only with its emergency parser
-does ``M410`` stop it at once (on the spot, so that at speed steps may be lost); without, a jog is taken only in steps
-of 0.05 mm; and where these are fewer than 6 steps of every axis, in none, as Marlin drops such moves without a word.
+Differences from Grbl: Marlin does not report its limits, so the workspace must be set. Its ``G28`` may drive the tip
+into the gel, so the homing command must be set. It processes one line after another, and ``M400`` blocks it until it is
+at rest. So `wait_idle` sends ``M400`` only when the motion can be over, and `status` is answered meanwhile: with the
+real position if it has M114_REALTIME, else with the target. It has no feed hold. ``M410`` stops at once only with the
+emergency parser (abruptly, so that steps may be lost at speed). Without the parser, jogs are limited to 0.05 mm; and if
+that is fewer than 6 steps of every axis, jogs are refused, because Marlin drops such moves silently.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from tactile_nodes.drivers.cnc.serial_line import SerialCnc
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
-PREAMBLE = ('G21', 'G90', 'M220 S100', 'M84 S0')  # the last two: at the feed that is sent; never let go of the motors
-FEWEST_STEPS = 6  # of the axis with the most: MIN_STEPS_PER_SEGMENT, where nobody has changed it
-FEWEST_BLOCKS = 8  # that fit the planner of any Marlin: a further move may be answered when one of them is done
-BEFORE_FIRST_NS = 100_000_000  # it waits so long for a second move before it begins: BLOCK_DELAY_FOR_1ST_MOVE
+PREAMBLE = ('G21', 'G90', 'M220 S100', 'M84 S0')  # the last two: no feed override; never release the motors
+FEWEST_STEPS = 6  # of the axis with the most: default of MIN_STEPS_PER_SEGMENT
+FEWEST_BLOCKS = 8  # any planner of Marlin holds this many: the response to a further move may wait until one is done
+BEFORE_FIRST_NS = 100_000_000  # delay before the first move: BLOCK_DELAY_FOR_1ST_MOVE
 
 
 class MarlinCnc(SerialCnc[MarlinDialogue]):
     """One controller; the arguments are those of `SerialCnc`."""
 
     _axes = AxisSettings()
-    _ends: deque[int]  # when the moves since the last rest are done, those that are not yet
+    _ends: deque[int]  # end times of the moves since the last rest that are not done yet
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -55,13 +55,13 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
 
     @property
     def blind_step_mm(self) -> float | None:
-        """As `Cnc.blind_step_mm`: a step, unless the emergency parser is there."""
+        """As `Cnc.blind_step_mm`: a step, unless there is an emergency parser."""
         return None if 'EMERGENCY_PARSER:1' in self._identity.options else BLIND_STEP_MM
 
     def connect(self) -> None:
         """As `Cnc.connect`."""
         self.close()
-        self._motion = Motion(follows=False)  # most tell where they are sent
+        self._motion = Motion(follows=False)  # most report the target
         self._homed = False
         self._guard = guard(self._settings, None)
         self._dialogue = dialogue = MarlinDialogue(
@@ -79,8 +79,8 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             dialogue.begin(self._settings.answer_s)
         except DeviceTimeoutError as error:
             raise DeviceTimeoutError(
-                f'nothing answers at {self._name} with {self._settings.baud} baud; check power, cable and baud '
-                '(Marlin often has 250000)'
+                f'no response from {self._name} at {self._settings.baud} baud; check power, cable and baud '
+                '(Marlin often uses 250000)'
             ) from error
         dialogue.connected = True
         self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
@@ -94,18 +94,18 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         """As `Cnc.jog`.
 
         Raises:
-            ConfigurationError: besides, one of so few steps that Marlin would drop it.
+            ConfigurationError: also for a jog of so few steps that Marlin would drop it.
         """
         steps = self._axes.steps((dx, dy, dz))
         if self.blind_step_mm is not None and steps is not None and 0 < steps < FEWEST_STEPS:
             raise ConfigurationError(
-                f'{self._name} would drop a jog of {steps} steps without a word, and without an emergency parser a '
-                'longer one could not be stopped; build its firmware with EMERGENCY_PARSER, or set finer microsteps'
+                f'{self._name} would silently drop a jog of {steps} steps, and without an emergency parser a '
+                'longer one cannot be stopped; build its firmware with EMERGENCY_PARSER, or use finer microsteps'
             )
         super().jog(dx, dy, dz, feed=feed)
 
     def home(self) -> None:
-        """As `Cnc.home`, with the command that the settings give."""
+        """As `Cnc.home`, with the command from the settings."""
         dialogue = self._talk()
         dialogue.require_sound()
         if self._settings.home_command:
@@ -123,7 +123,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._keep_watch([(ALONE_S, up)] * ALONE_TIMES)
 
     def stop(self) -> None:
-        """As `Cnc.stop`: M410, which is at once with the emergency parser and after the buffers without."""
+        """As `Cnc.stop`: M410, which acts at once with the emergency parser, and after the buffers without."""
         dialogue = self._talk()
         self._stops += 1
         if not dialogue.fault:
@@ -135,7 +135,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             self._after_stop(dialogue)
 
     def _after_stop(self, dialogue: MarlinDialogue) -> None:
-        """Where it is now; a leap may be a damaged answer, so it is asked once more."""
+        """Read the position; a jump may be a damaged response, so it is requested again."""
         place = self.status().position_mm
         if self._motion.doubted:
             place = self.status().position_mm
@@ -157,10 +157,10 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         Raises:
             DeviceFaultError: always.
         """
-        raise DeviceFaultError(f'{self._name} was not paused, as Marlin cannot; send it on with a new move')
+        raise DeviceFaultError(f'{self._name} cannot be paused, so there is nothing to resume; send a new move')
 
     def wait_idle(self, timeout_s: float | None = None) -> None:
-        """As `Cnc.wait_idle`: M400, when that keeps it from answering for a moment only."""
+        """As `Cnc.wait_idle`: M400, sent when it blocks the controller only briefly."""
         dialogue, stops = self._talk(), self._stops
         self._require_ready()
         patience_s = self._patience_s() if timeout_s is None else timeout_s
@@ -169,11 +169,11 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         dialogue.require_sound()
         if stops == self._stops:
             if moving_s > patience_s:
-                raise DeviceTimeoutError(f'{self._name} still moves after {patience_s:.1f} s; stop it')
+                raise DeviceTimeoutError(f'{self._name} is still moving after {patience_s:.1f} s; stop it')
             due_ns = self._busy_until_ns + BEFORE_FIRST_NS if self._axes.tells_times else None
             dialogue.ask('M400', max(patience_s - moving_s, self._settings.answer_s), due_ns)
         if stops != self._stops:
-            raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
+            raise DeviceFaultError(f'{self._name}: the motion was aborted by a stop')
         self._arrived()
 
     def status(self) -> CncStatus:
@@ -182,13 +182,13 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         request = dialogue.ask(PLACE, self._patience_s())
         place = _place_in(request.lines)
         if place is None:
-            raise DeviceFaultError(f'{self._name} did not tell its place when asked with M114; look at its firmware')
+            raise DeviceFaultError(f'{self._name} did not report its position on M114; check its firmware')
         stamp_ns = (request.sent_ns + request.answered_ns) // 2
         homed = self._homed and not dialogue.place_lost
         return CncStatus(self._state(), place, homed, stamp_ns, (request.answered_ns - request.sent_ns) // 2)
 
     def _arrived(self) -> None:
-        """As of every machine; but what would have been too few steps was dropped, and it is known where the tip is."""
+        """As for every machine; but a move of too few steps was dropped, and the position is still known."""
         target = self._target
         try:
             super()._arrived()
@@ -199,7 +199,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
                 raise
 
     def _asked_settings(self, dialogue: MarlinDialogue) -> AxisSettings:
-        """What it tells; nothing, of a Marlin that does not know the questions."""
+        """The reported settings; empty for a Marlin without these queries."""
         lines: list[str] = []
         for question in QUESTIONS:
             with contextlib.suppress(DeviceFaultError):
@@ -212,18 +212,18 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         return self._axes.speed(way, length, speed)
 
     def _placed(self, lines: list[str], stamp_ns: int) -> None:
-        """Compare what it tells with where it was sent; in the thread that listens."""
+        """Compare a reported position with the commanded motion; in the listening thread."""
         dialogue, place = self._dialogue, _place_in(lines)
         if dialogue is None or place is None or dialogue.fault or not self._motion.is_known:
             return
         verdict = self._motion.judge(place, stamp_ns)
         if verdict is Verdict.LOST:
             dialogue.lose_place(
-                f'says that it is at {told(place)}, where it cannot have gone, so its place is not known; look at it, '
+                f'reports {told(place)}, which it cannot have reached, so its position is unknown; check it, '
                 'then connect again'
             )
         if verdict in {Verdict.STRAYED, Verdict.LOST}:
-            dialogue.brake(f'is at {told(place)}, off the way that it was sent; look at its cable')
+            dialogue.brake(f'is at {told(place)}, off the commanded path; check its cable')
 
     def _state(self) -> CncState:
         if self._dialogue is not None and self._dialogue.killed:
@@ -237,7 +237,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._talk().ask(f'G1 {words} F{feed:.1f}', self._patience_s(), self._taken_ns(), self._generation)
 
     def _taken_ns(self) -> int | None:
-        """When a move is answered at the latest: when it fits the planner. None: nobody knows how far that is."""
+        """Latest time of the response to a move: when it fits into the planner. None: unknown."""
         self._ends.append(self._busy_until_ns)
         if self._axes.tells_times:
             while self._ends[0] + BEFORE_FIRST_NS < self._clock.now_ns():
@@ -247,7 +247,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         return self._ends[-FEWEST_BLOCKS - 1] + BEFORE_FIRST_NS if self._axes.tells_times else None
 
     def _send_jog(self, target: Place, feed: float) -> None:
-        self._send_move(target, feed)  # absolute, so that whatever comes in between, G91 is not left behind
+        self._send_move(target, feed)  # absolute, so that G91 cannot remain active after an interruption
 
     def _send_up(self, distance: float, feed: float) -> None:
         for line in ('G91', f'G1 Z{distance:.3f} F{feed:.1f}', 'G90'):
@@ -263,7 +263,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         return Switched(level, request.sent_ns, request.answered_ns)
 
     def _go_up(self, distance: float, feed: float) -> None:
-        """As a move: upwards it need not be stopped, so it needs no steps."""
+        """As a move: upwards it need not be stoppable, so it needs no small steps."""
         self.move(z=self._known_place()[2] + distance, feed=feed)
 
     def _health_of(self, dialogue: MarlinDialogue) -> Health:  # noqa: ARG002
@@ -284,6 +284,6 @@ def _place_in(lines: list[str]) -> Place | None:
 
 
 def marlin_place(line: str) -> Place | None:
-    """The place in ``X:10.00 Y:0.00 Z:60.00 E:0.00 Count X:0 Y:0 Z:24000``; None: it is no such line."""
+    """The position in ``X:10.00 Y:0.00 Z:60.00 E:0.00 Count X:0 Y:0 Z:24000``; None: another line."""
     match = re.match(rf'X:\s*({NUMBER}) Y:\s*({NUMBER}) Z:\s*({NUMBER})(?![\d.])', line)
     return (float(match.group(1)), float(match.group(2)), float(match.group(3))) if match else None

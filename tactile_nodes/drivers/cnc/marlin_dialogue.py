@@ -1,11 +1,11 @@
-"""The dialogue with Marlin: numbered lines with checksums, resends, signs of life, restarts, the end of everything.
+"""The dialogue with Marlin: numbered lines with checksums, resends, busy messages, restarts and halts.
 
-Marlin deals with one line after the other, and with the emergency commands between them. So nothing is sent that takes
-it long while something moves, but for what only the end of motion answers; then it answers ``M114`` at once also while
-it moves, which is asked several times a second: its silence tells that it hangs. Marlin 1, and Marlin 2 with
-M114_LEGACY, answer when they have come to rest; once one has, it is asked ``G21`` instead while it moves, which changes
-nothing. Until it is known which of the two it is, a missing answer counts as silence only at rest, or when the signs of
-life (``busy``, every two seconds) stay away.
+Marlin processes one line after another, with emergency commands in between. So while something moves, no line is sent
+that blocks it for long, except lines whose response waits for the end of motion. ``M114`` is then answered at once
+even during motion; it is sent several times per second, and silence means that the controller hangs. Marlin 1, and
+Marlin 2 with M114_LEGACY, answer it only at rest. Once that was observed, ``G21``, which changes nothing, is sent
+instead during motion. Until the variant is known, a missing response counts as silence only at rest, or if the busy
+messages (every two seconds) do not come.
 """
 
 from __future__ import annotations
@@ -20,42 +20,42 @@ from tactile_nodes.drivers.cnc.link import SILENT_IN_MOTION, Link, Request, Sile
 from tactile_nodes.drivers.serial_port import Port
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
-BUSY_S = 5.0  # it says that it is busy every two seconds
+BUSY_S = 5.0  # busy messages come every two seconds
 MOST_RESENDS = 5
 NO_OK_S = 0.3
 LONGEST_LINE = 90
-SILENT_S = 0.3  # with MOVING_S and the listener's period, silence in motion is noticed within 0.5 s
-AT_ONCE = 0  # is answered whatever moves
-MOVING_S = 0.1  # between two questions while something moves
-STOP_S = 10.0  # without emergency parser it comes after the buffers
-STOP = 'M410'  # answered after a second, in which it does nothing else
+SILENT_S = 0.3  # with MOVING_S and the listener's period, silence during motion is detected within 0.5 s
+AT_ONCE = 0  # the response does not wait for motion
+MOVING_S = 0.1  # between two requests during motion
+STOP_S = 10.0  # without emergency parser it acts after the buffers
+STOP = 'M410'  # the response takes a second, in which the controller does nothing else
 ALIVE = 'G21'  # millimetres, as before: every Marlin answers it at once
-PLACE = 'M114 R'  # the real place, where it was compiled to know it; else the R is ignored, and it tells the target
+PLACE = 'M114 R'  # the real position, if compiled in; else the R is ignored, and the target is reported
 
 
 class _Numbered(Request):
-    """A request with its line number and what the controller asked to hear again."""
+    """A request with its line number and the requested resends."""
 
     number = 0
     resend = 0
     resend_ns = 0
     attempts = 0
     due_ns: int | None = 0
-    until_ns = 0  # who sent it waits so long, and says then that it hangs
+    until_ns = 0  # time limit of the sender, after which the controller hangs
     in_motion = False
 
 
 class MarlinDialogue:
-    """One line in flight, but for the emergency commands.
+    """One line in flight, except for emergency commands.
 
     Args:
         port: open.
         clock: the host's.
-        moving: whether the machine surely moves now.
-        period_s: between questions for the place at rest, once `polling` is set.
-        placed: told each answer to such a question, line by line.
-        on_lost: told when the place is lost.
-        traffic: told every byte.
+        moving: whether the machine certainly moves now.
+        period_s: between position requests at rest, once `polling` is set.
+        placed: gets each response to such a request, line by line.
+        on_lost: called when the position is lost.
+        traffic: gets every byte.
         threaded: as of `Link`.
     """
 
@@ -85,7 +85,7 @@ class MarlinDialogue:
         self.starts = 0
         self.connected = False
         self.polling = False
-        self.answers_in_motion: bool | None = None  # the question for the place; None: nobody knows yet
+        self.answers_in_motion: bool | None = None  # the position request; None: unknown yet
         self.killed = False
         self.fault = ''
         self.refusal = ''  # until it is stopped
@@ -94,14 +94,14 @@ class MarlinDialogue:
         self.link.start()
 
     def begin(self, timeout_s: float) -> None:
-        """Agree on the line number."""
+        """Synchronize the line number."""
         with self.link.changed:
             self._number = -1
             self.ask('M110 N0', timeout_s)
 
     @property
     def silent(self) -> bool:
-        """Whether it owes an answer for longer than it may."""
+        """Whether a response is overdue."""
         with self.link.changed:
             if not self._unanswered:
                 return False
@@ -110,21 +110,21 @@ class MarlinDialogue:
             return self._silence.is_over(SILENT_S if at_once else BUSY_S)
 
     def _answers(self, text: str) -> bool:
-        """Whether it surely answers that at once while it moves."""
+        """Whether it certainly answers that at once during motion."""
         return self.answers_in_motion is not None and (self.answers_in_motion or text != PLACE)
 
     def ask(self, line: str, timeout_s: float, due_ns: int | None = AT_ONCE, generation: int | None = None) -> Request:
-        """Send a line and wait for its ``ok``; signs of life extend the time.
+        """Send a line and wait for its ``ok``; busy messages extend the time.
 
         Args:
             line: without number and checksum.
-            timeout_s: for the answer.
-            due_ns: when it is answered at the latest, from when on a missing answer is silence; None: nobody knows.
-            generation: when what the line says was decided; none is sent that was decided before a stop.
+            timeout_s: for the response.
+            due_ns: latest time of the response; later, a missing response is silence. None: unknown.
+            generation: when the content of the line was decided; a line decided before a stop is not sent.
 
         Raises:
-            DeviceFaultError: it is not known to this Marlin, or a stop or a restart came in between.
-            DeviceTimeoutError: no answer.
+            DeviceFaultError: this Marlin does not know it, or a stop or a restart came in between.
+            DeviceTimeoutError: no response.
             DeviceLostError: the port is gone.
         """
         assert line.isascii() and len(line) <= LONGEST_LINE
@@ -134,7 +134,7 @@ class MarlinDialogue:
             if self.fault:
                 self.require_sound()
             if generation != self.generation:
-                raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was broken off')
+                raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was aborted')
             request = self._put(line, due_ns)
             request.until_ns = request.sent_ns + round(timeout_s * NS_PER_S)
             self._wait(lambda: request.done, line, timeout_s)
@@ -143,11 +143,11 @@ class MarlinDialogue:
         return request
 
     def interrupt(self, line: str, timeout_s: float) -> None:
-        """Send a line past what is unanswered, which fails; returns when everything is answered."""
+        """Send a line before all unanswered ones, which fail; returns when all are answered."""
         with self.link.changed:
             self.generation += 1
             for waiting in self._unanswered:
-                waiting.error = DeviceFaultError(f'{self.name}: {waiting.text!r} was broken off by a stop')
+                waiting.error = DeviceFaultError(f'{self.name}: {waiting.text!r} was aborted by a stop')
             request = _Numbered(line)
             self._unanswered.append(request)
             request.sent_ns = self.link.send(line.encode('ascii') + b'\n')
@@ -156,32 +156,32 @@ class MarlinDialogue:
             self._wait(lambda: not self._unanswered, line, timeout_s)
 
     def require_sound(self, up: bool = False) -> None:  # noqa: ARG002
-        """Raise what is wrong, if something is; whatever it is, it keeps this one from going up as well."""
+        """Raise the current fault, if any; every fault also prevents motion up."""
         if wrong := self.fault or self.refusal:
             raise DeviceFaultError(f'{self.name} {wrong}')
 
     def brake(self, refusal: str) -> None:
-        """Stop what moves, at once where it can; whoever commands it has to `stop` it before it goes on."""
+        """Stop motion, at once if possible; the commanding thread has to `stop` it before it continues."""
         with self.link.changed:
             self.refusal = self.refusal or refusal
             self.generation += 1
             request = _Numbered(STOP)
             self._unanswered.append(request)
-            # Without number: past what waits, by its emergency parser.
+            # Without number: handled by the emergency parser, before waiting lines.
             request.sent_ns = self.link.send(STOP.encode('ascii') + b'\n')
             request.until_ns = request.sent_ns + round(STOP_S * NS_PER_S)
-            self._break_off(f'was broken off, because the machine {self.fault or self.refusal}')
+            self._break_off(f'was aborted, because the machine {self.fault or self.refusal}')
 
     def lose_place(self, fault: str) -> None:
-        """From now on nobody knows where the tip is."""
+        """The position of the tip is unknown from now on."""
         with self.link.changed:
             self.fault, self.place_lost = fault, True
             self._on_lost()
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         with self.link.changed:
-            self._break_off('was given up because the port was closed')
+            self._break_off('was aborted because the port was closed')
         self.link.close()
 
     def _put(self, line: str, due_ns: int | None = AT_ONCE) -> _Numbered:
@@ -200,7 +200,7 @@ class MarlinDialogue:
         return self.link.send(f'{text}*{checksum}\n'.encode('ascii'))
 
     def _turn_ns(self) -> int:
-        """Until when a line that waits for its turn has to wait, and says nothing: for who sent what is in its way."""
+        """Until when a line waits for its turn silently: the sender of the line before it reports problems."""
         return max((each.until_ns for each in self._unanswered), default=0)
 
     def _wait(
@@ -214,14 +214,14 @@ class MarlinDialogue:
             if now_ns < until_ns():
                 continue
             self.lose_place(
-                'stopped answering, so its place is not known; cut its power, look at it, and connect again'
+                'stopped responding, so its position is unknown; switch it off and on, check it, and connect again'
             )
             raise DeviceTimeoutError(
-                f'{self.name} did not answer {line!r} within {timeout_s:.1f} s; '
-                'it hangs: cut its power and connect again'
+                f'{self.name} did not respond to {line!r} within {timeout_s:.1f} s; '
+                'it hangs: switch it off and on, then connect again'
             )
 
-    # Listening; all under the link's lock.
+    # Receiving; all under the link's lock.
 
     def _hear(self, line: str, stamp_ns: int) -> None:
         if line == 'ok' or line.startswith('ok '):
@@ -242,8 +242,8 @@ class MarlinDialogue:
             return
         request = self._unanswered[0]
         if request.text == PLACE and not (extra or request.lines or request.resend):
-            return  # an ok too many, as a late one after a resend: the place comes before its own
-        request.lines.append(extra)  # some firmware puts the answer to M114 there
+            return  # an extra ok, for example a late one after a resend: the position comes before its own ok
+        request.lines.append(extra)  # some firmware puts the response to M114 there
         if request.resend and request.error is None:
             self._repeat(request)
             if not request.done:
@@ -254,10 +254,12 @@ class MarlinDialogue:
             # An answer is not late because the computer stood still before it was read.
             quick = stamp_ns - request.sent_ns < SILENT_S * NS_PER_S or not self._silence.is_over(SILENT_S)
             if request.in_motion and quick == self._moving() and not self.answers_in_motion:
-                self.answers_in_motion = quick  # late, and at rest by then: it waited for that
+                self.answers_in_motion = quick  # late, and at rest by then: it waited for the end of motion
             self._placed(request.lines, stamp_ns)
         if any(line.startswith('echo:Unknown command') for line in request.lines) and request.error is None:
-            request.error = DeviceFaultError(f'{self.name} does not know {request.text!r}; this Marlin lacks it')
+            request.error = DeviceFaultError(
+                f'{self.name} does not know {request.text!r}; this Marlin does not support it'
+            )
 
     def _asked_again(self, line: str) -> None:
         match = re.search(r'\d+', line)
@@ -266,7 +268,7 @@ class MarlinDialogue:
             self._unanswered[0].resend_ns = self._clock.now_ns()
 
     def _idle(self) -> None:
-        """Marlin sends an ok after it has asked for a resend; its relatives may not. And ask where it is."""
+        """Marlin sends an ok after a resend request; its variants may not. Also request the position."""
         oldest = self._unanswered[0] if self._unanswered else None
         since_ns = max(oldest.sent_ns, self._busy_ns, oldest.due_ns or 0) if oldest else None
         self._silence.look(since_ns, self._clock.now_ns())
@@ -281,14 +283,14 @@ class MarlinDialogue:
                 self._unanswered.popleft()
 
     def _poll(self) -> None:
-        """Any line is as good as a question: its answer shows that it lives."""
+        """Any line will do: its response shows that the controller is alive."""
         period_s = min(self._period_s, MOVING_S) if self._moving() else self._period_s
         if self._clock.now_ns() - self._said_ns >= period_s * NS_PER_S:
-            waits = self.answers_in_motion is False and self._moving()  # where it is, it would tell at rest alone
+            waits = self.answers_in_motion is False and self._moving()  # it would report its position only at rest
             self._put(ALIVE if waits else PLACE)
 
     def _repeat(self, request: _Numbered) -> None:
-        """Say a line again, if it is the one that is asked for; if the next one is, this one had arrived."""
+        """Send a line again if it is the requested one; if the next one is requested, this one had arrived."""
         wanted, request.resend = request.resend, 0
         damaged = any('checksum' in line.lower() for line in request.lines)
         if wanted == request.number + 1 and not damaged:
@@ -296,12 +298,12 @@ class MarlinDialogue:
             return
         request.attempts += 1
         if wanted == 1 < request.number and self.connected:
-            self.lose_place('has restarted, so its place is not known; look at its supply, then connect again')
-            self._break_off(f'was broken off, because the machine {self.fault}')
+            self.lose_place('has restarted, so its position is unknown; check its power supply, then connect again')
+            self._break_off(f'was aborted, because the machine {self.fault}')
         elif wanted != request.number or request.attempts > MOST_RESENDS:
             request.error = DeviceFaultError(
-                f'{self.name} asks again for line {wanted}, sent was {request.number} ({request.text!r}); '
-                'the line is too noisy or somebody else talks to it'
+                f'{self.name} requests line {wanted} again, but {request.number} ({request.text!r}) was sent; '
+                'the line is too noisy, or another program uses it'
             )
         else:
             self._send(request)
@@ -309,15 +311,17 @@ class MarlinDialogue:
     def _started(self) -> None:
         self.starts += 1
         if self.connected:
-            self.lose_place('restarted by itself, so its place is not known; look at its supply, then connect again')
-            self.brake('')  # should it be no restart, but something that only looks like one
+            self.lose_place(
+                'restarted by itself, so its position is unknown; check its power supply, then connect again'
+            )
+            self.brake('')  # in case it only looks like a restart
         self._break_off(f'was lost, because the machine {self.fault or "was restarted"}')
         self._unanswered.clear()
 
     def _halted(self, line: str) -> None:
         self.killed = True
-        self.lose_place(f'halted itself ({line}); cut its power, look at it, and connect again')
-        self._break_off('was broken off because the controller halted')
+        self.lose_place(f'halted itself ({line}); switch it off and on, check it, and connect again')
+        self._break_off('was aborted because the controller halted')
         self._unanswered.clear()
 
     def _break_off(self, why: str) -> None:

@@ -1,9 +1,9 @@
-"""Where the tip may be: on the way that it was sent, at no more than the feed that it was sent with.
+"""The possible positions of the tip: on the commanded path, at no more than the commanded feed.
 
-A line to a controller without checksums may arrive damaged, and a controller may restart unseen; both show in what it
-reports. So every report is compared with the path. What lies beside it, but within what the feed allows since the last
-report, is a tip that goes elsewhere: its place is known. What lies further off is no place that it can have gone to:
-once, that may be a damaged report; twice in a row, the controller has lost its place.
+A line to a controller without checksums may arrive damaged, and a controller may restart unnoticed; both show in its
+reports. So every report is compared with the path. A position beside the path, but reachable at the feed since the last
+report, means that the tip strays: its position is known. A position that is not reachable may be a damaged report the
+first time. Twice in a row it means that the controller has lost its position.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.drivers.cnc.contract import Place
 from tactile_nodes.drivers.cnc.envelope import distance_mm
 
-NEAR_MM = 0.05  # steps, three decimals (two on Marlin), and the 0.02 mm by which an arrival may differ
-HASTE = 1.5  # times the feed: more is told by no healthy controller, and a tip that strays goes no faster
+NEAR_MM = 0.05  # steps, rounding to three decimals (two on Marlin), and 0.02 mm of tolerance of the target
+HASTE = 1.5  # times the feed: no working controller reports more, and a straying tip is not faster
 
 
 class Verdict(Enum):
-    """What a reported place says."""
+    """The meaning of a reported position."""
 
     EXPECTED = 'on the path'
-    STRAYED = 'beside the path, where the tip can have gone'
+    STRAYED = 'beside the path, but reachable'
     HASTY = 'too fast'
-    DOUBTFUL = 'where the tip cannot have gone, said once'
-    LOST = 'where the tip cannot have gone, said again'
+    DOUBTFUL = 'not reachable, reported once'
+    LOST = 'not reachable, reported again'
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class _Leg:
 
 
 class Motion:
-    """The legs that were sent and are not surely done; fed by who commands, asked by who listens, from any thread.
+    """The commanded legs that may not be done yet; used by the commanding and the listening thread.
 
     Args:
-        follows: reports tell where the tip is; else, as by a Marlin, they may tell where it is sent.
+        follows: reports give the position of the tip; else, as for a Marlin, they may give its target.
 
     Attributes:
-        moving: something was asked for that is not known to be done.
+        moving: motion was requested that is not known to be done.
         jogging: by jogs.
         doubted: the last report was doubtful.
     """
@@ -61,7 +61,7 @@ class Motion:
 
     @property
     def is_known(self) -> bool:
-        """Whether it is known where the tip has to be."""
+        """Whether the expected position is known."""
         return bool(self._legs)
 
     def rest(self, place: Place, now_ns: int) -> None:
@@ -72,23 +72,23 @@ class Motion:
             self.doubted = False
 
     def forget(self) -> None:
-        """Nothing is expected any more."""
+        """Expect no position any more."""
         with self._lock:
             self._legs, self._seen, self.doubted = [], None, False
 
     def add(self, start: Place, target: Place, feed_mm_min: float) -> None:
-        """The tip is sent on from `start`, where the last leg ends."""
+        """The tip is sent on from `start`, the end of the last leg."""
         with self._lock:
             self._legs.append(_Leg(start, target, feed_mm_min / 60))
 
     def take_back(self) -> None:
-        """The last leg was not sent after all."""
+        """The last leg was not sent."""
         with self._lock:
             if len(self._legs) > 1:
                 self._legs.pop()
 
     def judge(self, place: Place, by_ns: int, feed_mm_min: float = 0.0) -> Verdict:
-        """What a report says that came at `by_ns`; only of a known path."""
+        """The meaning of a position reported at `by_ns`; only for a known path."""
         with self._lock:
             on = next((number for number, leg in enumerate(self._legs) if leg.is_near(place)), None)
             if on is None and not self._can_have_gone(place, by_ns):
@@ -120,7 +120,7 @@ def _between(a: Place, b: Place, share: float) -> Place:
 
 
 def _distance_to(place: Place, a: Place, b: Place) -> float:
-    """From a place to the nearest of the straight line from `a` to `b`."""
+    """Distance from a place to the line segment from `a` to `b`."""
     length = distance_mm(a, b)
     if not length:
         return distance_mm(place, a)

@@ -1,9 +1,9 @@
-"""The choice of the CNC that a SOURCE names.
+"""The choice of the machine for a SOURCE.
 
 =====================================================  ================================================
 source                                                 machine
 =====================================================  ================================================
-``simulated``                                          the twin (`cnc.simulated`), in a world handed in
+``simulated``                                          a simulated machine (`cnc.simulated`) in a given world
 ``/dev/serial/by-id/…``, ``/dev/ttyUSB0`` of kind grbl    Grbl 1.1, grblHAL, FluidNC (`cnc.grbl`)
 the same of kind marlin                                 Marlin (`cnc.marlin`)
 =====================================================  ================================================
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 def open_cnc(
     settings: CncSettings, clock: Clock, *, machine: Machine | None = None, traffic: Traffic | None = None
 ) -> Cnc:
-    """The machine that `settings.source` names, connected.
+    """The machine of `settings.source`, connected.
 
     Args:
-        settings: which one, and what it may do.
+        settings: which machine, and its allowed motion.
         clock: the host's.
-        machine: the simulated machine of the twin; an emulators' `World` is one.
-        traffic: told every byte in both directions.
+        machine: the world of the simulated machine, e.g. an emulators' `World`.
+        traffic: gets every byte in both directions.
 
     Raises:
         ConfigurationError, DeviceError: as `Cnc.connect`.
@@ -49,7 +49,7 @@ def _cnc(settings: CncSettings, clock: Clock, machine: Machine | None, traffic: 
         from tactile_nodes.drivers.cnc.simulated import SimulatedCnc
 
         if machine is None:
-            raise ConfigurationError('the simulated CNC needs a world to stand in; hand one in, or name a serial port')
+            raise ConfigurationError('the simulated CNC needs a simulated world; pass one, or use a serial port')
         return SimulatedCnc(settings, clock, machine)
     from tactile_nodes.drivers.cnc.grbl import GrblCnc
     from tactile_nodes.drivers.cnc.marlin import MarlinCnc

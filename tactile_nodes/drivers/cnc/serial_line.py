@@ -1,4 +1,4 @@
-"""What controllers at the other end of a serial line have in common: a port that is opened, and a dialogue over it."""
+"""Common part of controllers on a serial line: an open port, and a dialogue over it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactile_nodes.errors import DeviceError
 
 
 class Dialogue(Protocol):
-    """What is said, and what it means for who waits."""
+    """The dialogue with a controller."""
 
     link: Link
     fault: str
@@ -27,15 +27,15 @@ class Dialogue(Protocol):
 
     @property
     def silent(self) -> bool:
-        """Whether it owes an answer for longer than it may."""
+        """Whether a response is overdue."""
         ...
 
     def require_sound(self, up: bool = False) -> None:
-        """Raise what is wrong, if something is; for the way `up`, what is wrong besides the place."""
+        """Raise the current fault, if any; for motion `up`, faults besides an unknown position."""
         ...
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         ...
 
 
@@ -46,11 +46,11 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
     """One controller.
 
     Args:
-        settings: what it may do.
+        settings: its settings and allowed motion.
         clock: the host's.
         port: opens the port.
-        traffic: told every byte.
-        threaded: false lets whoever waits listen, for emulators in the same thread.
+        traffic: gets every byte.
+        threaded: if false, the waiting thread also reads, for emulators in the same thread.
     """
 
     def __init__(
@@ -68,12 +68,12 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         self._dialogue: Spoken | None = None
         self._identity = Identity('unknown', '')
         self._stops = 0
-        self._generation = 0  # of the dialogue, when the motion that is being asked for was decided
+        self._generation = 0  # of the dialogue, when the current motion was decided
         self._dead_man: DeadMan | None = None
 
     @property
     def health(self) -> Health:
-        """ERROR when lost, locked, halted, restarted, hung or silent."""
+        """ERROR if lost, locked, halted, restarted, hung or silent."""
         dialogue = self._dialogue
         if dialogue is None:
             return Health(Level.STALE, f'{self._name} is not connected')
@@ -99,7 +99,7 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         self._motion.forget()
 
     def _keep_watch(self, steps: Sequence[Step]) -> None:
-        """From now on the tip goes up when this process is gone; needs a port of the operating system."""
+        """From now on, the tip is lifted if this process ends; needs a port of the operating system."""
         descriptor = self._talk().link.descriptor
         if self._dead_man is not None and not self._dead_man.on_watch:
             self._dismiss()
@@ -113,7 +113,7 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
 
     @abstractmethod
     def _health_of(self, dialogue: Spoken) -> Health:
-        """How it is when it can be talked to."""
+        """Health while it responds."""
 
     def _require_ready(self, up: bool = False) -> None:
         dialogue = self._talk()
@@ -123,7 +123,7 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         dialogue.require_sound(up)
 
     def _place_lost(self) -> None:
-        """Nobody knows where the tip is: nothing is expected, and no way to an absolute height leads surely up."""
+        """The position is unknown: no position is expected, and no absolute height is safe to go to."""
         self._motion.forget()
         if (dead_man := self._dead_man) is not None:
             dead_man.say_farewell()

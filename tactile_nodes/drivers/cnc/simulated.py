@@ -1,7 +1,7 @@
-"""The CNC's twin: it moves a simulated machine directly, without any wire protocol.
+"""The simulated machine: it moves a simulated world directly, without a wire protocol.
 
-It waits by the clock that is handed in; a clock that jumps over what is slept makes a whole plan take no time. The
-machine is anything with `Machine`'s verbs, as the emulators' `World` has, so that drivers need not know the emulators.
+It waits with the given clock; with a clock that skips sleeping, a whole plan takes no time. The machine is anything
+with `Machine`'s methods, like the emulators' `World`, so that drivers need not import the emulators.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ from tactile_nodes.drivers.cnc.guarded import GuardedCnc
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
 
-SLICE_NS = 20_000_000  # how late a stop by another thread is noticed
+SLICE_NS = 20_000_000  # latency of a stop by another thread
 DECELERATION = 200.0
 HOMING_MM_S = 25.0
 PULL_OFF_MM = 1.0
 
 
 class Machine(Protocol):
-    """What the twin moves; coordinates have their zero at the upper end switches."""
+    """The simulated machine; the origin of its coordinates is at the upper end switches."""
 
     @property
     def room_mm(self) -> Place:
-        """The way from the lower to the upper end switch of each axis."""
+        """The travel from the lower to the upper end switch of each axis."""
         ...
 
     def go(self, target: Place, feed_mm_s: float, time_ns: int) -> int:
-        """Go on to a place after all earlier ones; gives the time of arrival."""
+        """Go on to a place after all earlier ones; returns the time of arrival."""
         ...
 
     def brake(self, time_ns: int, deceleration: float | None = None) -> int:
-        """Come to rest and forget what is to come; gives the time of rest."""
+        """Come to rest and drop all later motion; returns the time of rest."""
         ...
 
     def motor_at(self, time_ns: int) -> Place:
-        """Where the motors are."""
+        """The position of the motors."""
         ...
 
     def set_line(self, level: bool, time_ns: int) -> None:
@@ -48,7 +48,7 @@ class Machine(Protocol):
 
 
 class SimulatedCnc(GuardedCnc):
-    """A machine that does what it is told, at the speed it is told."""
+    """A machine that follows every command exactly."""
 
     def __init__(self, settings: CncSettings, clock: Clock, machine: Machine) -> None:
         super().__init__(settings, clock, 'the simulated CNC')
@@ -56,7 +56,7 @@ class SimulatedCnc(GuardedCnc):
         self._origin: Place = (0.0, 0.0, 0.0)
         self._arrival_ns = 0
         self._stops = 0
-        self._held: list[tuple[Place, float]] | None = None  # what is left to do, while it is held
+        self._held: list[tuple[Place, float]] | None = None  # the remaining motion, while it is held
         self._path: list[tuple[int, Place, float]] = []
 
     @property
@@ -73,7 +73,7 @@ class SimulatedCnc(GuardedCnc):
         return Health(Level.OK, state) if self._homed else Health(Level.WARN, f'{state}, not homed')
 
     def connect(self) -> None:
-        """As `Cnc.connect`; its place is its zero until it is homed."""
+        """As `Cnc.connect`; its position is its origin until it is homed."""
         room = self._machine.room_mm
         self._guard = guard(self._settings, Envelope((-room[0], -room[1], -room[2]), (0.0, 0.0, 0.0)))
         self._origin = self._machine.motor_at(self._clock.now_ns())
@@ -145,12 +145,12 @@ class SimulatedCnc(GuardedCnc):
         while self._held is not None or self._clock.now_ns() < self._arrival_ns:
             now_ns = self._clock.now_ns()
             if timeout_s is not None and now_ns - start_ns >= timeout_s * NS_PER_S:
-                raise DeviceTimeoutError(f'{self._name} still moves after {timeout_s:g} s; stop it')
+                raise DeviceTimeoutError(f'{self._name} is still moving after {timeout_s:g} s; stop it')
             self._clock.sleep_until(
                 now_ns + SLICE_NS if self._held is not None else min(self._arrival_ns, now_ns + SLICE_NS)
             )
             if stops != self._stops:
-                raise DeviceFaultError(f'{self._name}: the motion was broken off by a stop')
+                raise DeviceFaultError(f'{self._name}: the motion was aborted by a stop')
 
     def _state(self) -> CncState:
         if self._held is not None:

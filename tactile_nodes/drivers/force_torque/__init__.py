@@ -1,1 +1,1 @@
-"""Force/torque sensors: one contract, one file a kind."""
+"""Force/torque sensors: one protocol, one file per kind."""

@@ -1,8 +1,9 @@
-"""Bota Systems serial sensors (SensONE, MiniONE) at 460800 baud: configuration dialogue, frames, own clock.
+"""Bota Systems serial sensors (SensONE, MiniONE) at 460800 baud: configuration, frames, own clock.
 
-The dialogue has no line ends: ``C`` stops the frames, ``c,<temperature>,<calibration>,<format>,<baud>`` and
-``f,<sinc>,<chop>,<fast>,<fir off>`` set up, ``R`` runs; each is answered ``r,0,<letter>,0``. A frame is 37 bytes: 0xAA,
-then little-endian u16 status, six f32 (N, N·m), u32 time in µs, f32 temperature (°C), and the CRC-16/X-25 of these 34.
+The configuration commands have no line ends: ``C`` stops the frames, ``c,<temperature>,<calibration>,<format>,<baud>``
+and ``f,<sinc>,<chop>,<fast>,<fir off>`` configure, ``R`` runs; the response to each is ``r,0,<letter>,0``. A frame has
+37 bytes: 0xAA, then little-endian u16 status, six f32 (N, N·m), u32 time in µs, f32 temperature (°C), and the
+CRC-16/X-25 of these 34.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ SINC_RATE_HZ = 51_200
 SINC_SHORTEST, SINC_LONGEST = 51, 512
 US_PER_S = 1e6
 OVERRUN, OVERRANGE, INVALID, RAW = 1, 2, 4, 8
-BOOT_S = 1.5  # wait for ``App Init`` of a sensor that has just got power from the port
+BOOT_S = 1.5  # for ``App Init`` of a sensor that is powered by the port
 ANSWER_S = 1.0
 GARBAGE_S = 1.0
 MEANS = {
     OVERRUN: Flag.WARNING,
     OVERRANGE: Flag.SATURATED,
     INVALID: Flag.FAULT,
-    RAW: Flag.FAULT,  # raw values are no newtons
+    RAW: Flag.FAULT,  # raw values are not newtons
 }
 
 
@@ -52,7 +53,7 @@ class Frame(NamedTuple):
 
 
 class FrameParser:
-    """Finds frames in a stream of bytes; the marker may occur in the data, so the check sum decides.
+    """Finds frames in a stream of bytes; the marker may occur in the data, so the checksum decides.
 
     Attributes:
         bad: how often a marker was not followed by a frame.
@@ -78,7 +79,7 @@ class FrameParser:
 
 
 def parse(data: bytes) -> Frame | None:
-    """A frame of 37 bytes; None if its check sum is wrong."""
+    """A frame of 37 bytes; None if its checksum is wrong."""
     body = data[1 : 1 + BODY.size]
     if crc16_x25(body) != int.from_bytes(data[-2:], 'little'):
         return None
@@ -121,11 +122,11 @@ def flags_of(status: int) -> int:
 
 
 class BotaConnection:
-    """A sensor that has been set up and runs.
+    """A sensor that is configured and runs.
 
     Raises:
         DeviceNotFoundError, DeviceError: as `open_port`.
-        DeviceTimeoutError: it does not answer.
+        DeviceTimeoutError: no response.
     """
 
     def __init__(self, port: Port, settings: ForceTorqueSettings, clock: Clock) -> None:
@@ -142,7 +143,7 @@ class BotaConnection:
 
     @property
     def rate_hz(self) -> float:
-        """As the filter gives it."""
+        """Rate of the filter."""
         return SINC_RATE_HZ / self._sinc
 
     @property
@@ -164,22 +165,22 @@ class BotaConnection:
 
     @property
     def complaint(self) -> str:
-        """A clock that does not keep time."""
+        """A message if its clock does not keep its rate."""
         return self._ticks.complaint
 
     def fetch(self, queue: SampleQueue) -> None:
-        """Read what has come."""
+        """Read what has arrived."""
         data = self._port.read(WAIT_S)
         arrival_ns = self._clock.now_ns()
         for frame in self._parser.feed(data):
             self._put(frame, arrival_ns, queue)
         if data and clocks.monotonic_s() - self._good_s > GARBAGE_S:
             raise DeviceLostError(
-                f'{self._port.name} sends bytes and no whole Bota frames; check the baud rate and the kind of sensor'
+                f'{self._port.name} sends data, but no complete Bota frames; check the baud rate and the kind of sensor'
             )
 
     def close(self) -> None:
-        """Let go; the sensor goes on sending, as it does from power-up."""
+        """Close the port; the sensor keeps sending, as after power-up."""
         self._port.close()
 
     def _put(self, frame: Frame, arrival_ns: int, queue: SampleQueue) -> None:
@@ -199,8 +200,8 @@ class BotaConnection:
 
 
 def set_up(port: Port, sinc: int, baud: int) -> None:
-    """The dialogue from power-up, or from a sensor that runs already, to running frames."""
-    _wait_for(port, b'App Init', BOOT_S)  # one that was on before stays silent or sends frames: both are fine
+    """The configuration, from power-up or from a running sensor, to running frames."""
+    _wait_for(port, b'App Init', BOOT_S)  # a sensor that was on before is silent or sends frames: both are fine
     _ask(port, b'C')
     _ask(port, b'c,0,1,0,%d' % BAUD_CODE.get(baud, 4))
     _ask(port, b'f,%d,0,0,1' % sinc)
@@ -213,15 +214,15 @@ def _ask(port: Port, command: bytes) -> None:
     answer = _wait_for(port, b'r,0,' + letter + b',', ANSWER_S, after=1)
     if answer is None:
         raise DeviceTimeoutError(
-            f'{port.name} does not answer {command.decode()!r} as a Bota sensor does; check the kind of sensor, its '
+            f'{port.name} does not respond to {command.decode()!r} like a Bota sensor; check the kind of sensor, its '
             'power and the baud rate'
         )
     if answer != b'0':
-        raise DeviceError(f'the Bota sensor at {port.name} refuses {command.decode()!r} (it says {answer!r})')
+        raise DeviceError(f'the Bota sensor at {port.name} refuses {command.decode()!r} (response: {answer!r})')
 
 
 def _wait_for(port: Port, text: bytes, timeout_s: float, after: int = 0) -> bytes | None:
-    """The `after` bytes behind a text, as soon as both are there; None if they do not come."""
+    """The `after` bytes behind a text, as soon as both have arrived; None if they do not."""
     heard, deadline_s = b'', clocks.monotonic_s() + timeout_s
     while clocks.monotonic_s() < deadline_s:
         heard += port.read(WAIT_S)
@@ -229,7 +230,7 @@ def _wait_for(port: Port, text: bytes, timeout_s: float, after: int = 0) -> byte
         if found >= 0 and len(heard) >= found + len(text) + after:
             return heard[found + len(text) : found + len(text) + after]
         if not after and heard.count(HEADER) > 3 and FrameParser().feed(heard):
-            return None  # it runs already, so nothing will be said
+            return None  # it is running already, so there will be no text
     return None
 
 

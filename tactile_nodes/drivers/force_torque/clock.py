@@ -1,16 +1,16 @@
-"""When a sample was measured, from the sensor's own counter and the times at which samples arrived.
+"""Measurement times from the sensor's own counter and the arrival times of samples.
 
-A sample arrives late by a constant and by what the network, the USB adapter and the scheduler add, which is never
-negative. So the arrivals, drawn over the counter, lie above a straight line, and touch it when nothing was in the way:
-the lower envelope. Its slope is the drift of the sensor's crystal. (Moon, Skelly, Towsley, "Estimation and removal of
-clock skew from network delay measurements", 1999.)
+A sample arrives late by a constant, plus delays of the network, the USB adapter and the scheduler, which are never
+negative. So arrival times plotted over the counter lie above a straight line, and touch it when there was no delay: the
+lower envelope. Its slope is the drift of the sensor's crystal. (Moon, Skelly, Towsley, "Estimation and removal of clock
+skew from network delay measurements", 1999.)
 
-A counter whose rate is not the one that was announced would lead the line away from the arrivals, evenly from the
-first second on. Where the arrivals show that, samples are stamped on arrival instead, as long as they show it, and it
-is said. Delays that grow later, or at once, are no such thing: something holds the samples up, and their stamps say
-since when. A clock keeps its rate: once it was seen for half a minute, a slope that departs from that by more than a
-clock wanders is such a delay as well, however slowly it grows. A counter that jumps ahead of the line begins a new one:
-no sample arrives before it was measured.
+If the true rate of a counter is not the announced one, the line departs from the arrivals evenly from the first
+second on. While the arrivals show that, samples are stamped on arrival instead, and this is reported. Delays that grow
+later, or suddenly, are different: something holds the samples back, and their stamps show since when. A clock keeps its
+rate: after half a minute, a slope that departs from the known one by more than a clock can wander is also such a delay,
+however slowly it grows. A counter that jumps ahead of the line starts a new line, because no sample arrives before it
+was measured.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ from tactile_nodes.sensing.sync.envelope import lower_line
 
 COUNTER_BITS = 32  # after which every sensor's counter wraps
 BLOCK_NS = 250_000_000
-WINDOW_BLOCKS = 480  # two minutes: long against the jitter, short against the warming of a crystal
-SLOPE_AFTER_BLOCKS = 40  # ten seconds, from when the drift shows above the jitter
+WINDOW_BLOCKS = 480  # two minutes: long compared with jitter, short compared with the warm-up of a crystal
+SLOPE_AFTER_BLOCKS = 40  # ten seconds, after which drift exceeds the jitter
 KNOWN_AFTER_BLOCKS = 120  # half a minute
-WANDERS = 0.1  # of the most drift: 50 ppm of a crystal, 1000 of a ceramic resonator, which warmth alone hardly does
+WANDERS = 0.1  # of `most_drift`: 50 ppm for a crystal, 1000 for a ceramic resonator; temperature hardly causes more
 RECENT_BLOCKS = 8
 MOST_DRIFT = 500e-6
 EARLY_BLOCKS = 8
-EDGE_BLOCKS = 4  # a second: the least delay in it is small unless the host stands still
+EDGE_BLOCKS = 4  # a second: the smallest delay in it is small unless the host is blocked
 JITTER_NS = 10e6
 JUMP_NS = 20e6
-EVEN = 0.15  # of the growth: so far its half may be from half of it
+EVEN = 0.15  # of the growth: tolerance of the value at half time
 EARLY_JITTER_NS = 200e6
 SETTLED_AFTER = 8  # samples
 SETTLED_AFTER_NS = 100_000_000
-SETTLED_AT_LAST_NS = 500_000_000  # by the host's clock, where the counter hardly moves
+SETTLED_AT_LAST_NS = 500_000_000  # by the host's clock, if the counter hardly moves
 
 
 class TickClock:
-    """Turns counter readings into stamps on the host's time base.
+    """Converts counter readings to stamps on the host's time base.
 
     Args:
-        rate_hz: nominal ticks a second.
-        delay_ns: constant time from measurement to arrival, taken off every stamp.
-        most_drift: how far the rate may be from the nominal one, as a share; a crystal keeps to 100 ppm, a ceramic
+        rate_hz: nominal ticks per second.
+        delay_ns: constant time from measurement to arrival, subtracted from every stamp.
+        most_drift: largest relative deviation from the nominal rate; 100 ppm for a crystal, 5000 for a ceramic
             resonator to 5000.
     """
 
@@ -73,31 +73,33 @@ class TickClock:
 
     @property
     def settled(self) -> bool:
-        """Whether enough samples were seen for the stamps to be good; once they were, they are."""
+        """Whether there were enough samples for good stamps; stays true."""
         return self._settled
 
     @property
     def drift_ppm(self) -> float:
-        """How much too fast the sensor's clock runs against the host's, as far as seen."""
+        """Drift of the sensor's clock against the host's, as observed so far; positive: too fast."""
         return -self._line[1] * 1e6
 
     @property
     def complaint(self) -> str:
-        """What a person should know of the stamps; empty: nothing."""
-        return '' if self._keeps_time else 'its counter does not keep the announced rate: samples carry their arrival'
+        """A message about the stamps for a person; empty: none."""
+        return (
+            '' if self._keeps_time else 'its counter does not keep the announced rate: samples are stamped on arrival'
+        )
 
     @property
     def flags(self) -> int:
-        """What is to be known of a stamp, as `Flag`."""
+        """Properties of a stamp, as `Flag`."""
         return int(Flag(0) if self._is_timed else Flag.UNTIMED)
 
     @property
     def told(self) -> str:
-        """The drift for a description."""
+        """The drift as text."""
         return f'{self.drift_ppm:+.0f} ppm' if self._keeps_time else 'unknown: stamped on arrival'
 
     def unwrapped(self, reading: int) -> int:
-        """The reading as a number that goes on where the counter wraps; of a late one, the smaller number.
+        """The reading without wrap-around; for a late sample, the smaller number.
 
         After 2³² - 1, a reading of 1 is 2³² + 1.
         """
@@ -111,7 +113,7 @@ class TickClock:
         return self._ticks
 
     def stamp(self, ticks: int, arrival_ns: int) -> int:
-        """When the sample with these unwrapped ticks was measured; later than the one before, never after arrival."""
+        """Measurement time of the sample with these ticks (unwrapped); strictly increasing, never after arrival."""
         if self._seen == 0:
             self._first_ns = arrival_ns
             self._begin(ticks, arrival_ns)
@@ -134,9 +136,9 @@ class TickClock:
         return self._seen >= SETTLED_AFTER and (long_enough or self._arrived_ns >= SETTLED_AT_LAST_NS)
 
     def _observe(self, x: float, y: float) -> None:
-        if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # one that stands still tells nothing of its rate
+        if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # a counter that stands still does not show its rate
             self._leap = max(self._leap, y - self._y)
-            # A wrong rate makes samples later and later; where the host stood still, they are late at once.
+            # A wrong rate makes samples later and later; after a blocked host they are late at once.
             self._keeps_time = abs(y) < EARLY_JITTER_NS or -x / 2 < y < x or 0 < y < 2 * self._leap
         self._x, self._y = x, y
         if self._block is None or x >= self._block_ends:
@@ -148,13 +150,13 @@ class TickClock:
             self._line = (min(self._line[0], y - self._line[1] * x), self._line[1])
 
     def _is_ahead(self, x: float, y: float) -> bool:
-        """Whether the counter has jumped, or what comes first had waited somewhere."""
+        """Whether the counter has jumped, or the first samples were delayed."""
         if not self._settled:
             return y < -JUMP_NS
         return self._keeps_time and y < self._line[0] + self._line[1] * x - JUMP_NS
 
     def _begin(self, ticks: int, arrival_ns: int) -> None:
-        """Lay the line anew from here."""
+        """Start a new line here."""
         self._origin = (ticks, arrival_ns)
         self._blocks.clear()
         self._block, self._line = None, (0.0, 0.0)
@@ -162,7 +164,7 @@ class TickClock:
         self._keeps_time = True
 
     def _place(self, ticks: int, arrival_ns: int) -> tuple[float, float]:
-        """The counter since the origin in ns, and how much later it arrived."""
+        """The counter since the origin in ns, and the delay of the arrival."""
         x = (ticks - self._origin[0]) * self._ns_per_tick
         return x, arrival_ns - self._origin[1] - x
 
@@ -187,12 +189,12 @@ class TickClock:
             self._known = self._line[1]
 
     def _recent(self, points: list[tuple[float, float]]) -> float:
-        """The least delay of late, which no drift makes much longer than that of all."""
+        """The smallest recent delay, which drift hardly makes longer than that of all."""
         x, y = min(points, key=lambda point: point[1])
         return min(*(y for _, y in points[-RECENT_BLOCKS:]), y + self._most_drift * max(0.0, points[-1][0] - x))
 
     def _kept(self, points: list[tuple[float, float]]) -> bool:
-        """Whether the least delays do not grow evenly by more than the drift allows."""
+        """Whether the smallest delays do not grow evenly by more than the drift allows."""
         middle = (len(points) - EDGE_BLOCKS) // 2
         edges = (points[:EDGE_BLOCKS], points[middle : middle + EDGE_BLOCKS], points[-EDGE_BLOCKS:])
         first, half, last = (min(edge, key=lambda point: point[1]) for edge in edges)

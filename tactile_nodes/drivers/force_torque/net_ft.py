@@ -1,8 +1,8 @@
-"""An ATI Net F/T box: every record over UDP, in N and N·m, stamped by the box's own sample counter.
+"""An ATI Net F/T box: every record over UDP, in N and N·m, stamped with the box's own sample counter.
 
-The box stops by itself when this host dies: it is asked for a finite number of records, and asked again before they
-are sent. Nothing in the box is changed: no bias (tare on the host instead, `force_torque.tare`), no filter; the output
-rate only if the settings say so.
+The box stops by itself if this host fails: it is asked for a finite number of records, and asked again before they are
+used up. No setting of the box is changed: no bias (tare on the host instead, `force_torque.tare`) and no filter; the
+output rate only if the settings request it.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from tactile_nodes.errors import (
     DeviceTimeoutError,
 )
 
-RECEIVE_BUFFER = 4 << 20  # five seconds of records at 7000 Hz, bookkeeping of the kernel included
+RECEIVE_BUFFER = 4 << 20  # five seconds of records at 7000 Hz, including overhead of the kernel
 WAIT_S = 0.05
 TRY_S = 0.1
-PERIODS_OF_A_TRY = 3  # a box that begins anew with every request must have time for a record
+PERIODS_OF_A_TRY = 3  # a box that starts again with every request must have time for a record
 LARGEST_DATAGRAM = 65_535
 
 
 class NetFtConnection:
-    """A box that streams to us.
+    """A box that streams to this host.
 
     Raises:
-        DeviceError: as `net_ft_config.read_config`; or RDT is switched off in the box.
+        DeviceError: as `net_ft_config.read_config`; or RDT is disabled in the box.
         DeviceTimeoutError: it does not start.
     """
 
@@ -64,19 +64,19 @@ class NetFtConnection:
 
     @property
     def rate_hz(self) -> float:
-        """As the box's counters show; before that, as the box says."""
+        """Rate from the box's counters; before that, as the box reports it."""
         if self.tracker.step and not (self.config.rate_hz and self._ticks.complaint):
             return self.config.internal_rate_hz / self.tracker.step
         return self.config.rate_hz
 
     @property
     def announced_hz(self) -> float:
-        """As the box says."""
+        """As the box reports it."""
         return self.config.rate_hz
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The box's configuration and what became of its records."""
+        """The configuration of the box and the statistics of its records."""
         fields, counters = self.config.fields, self.tracker.counters
         return {
             'kind': 'ATI Net F/T',
@@ -96,14 +96,16 @@ class NetFtConnection:
 
     @property
     def complaint(self) -> str:
-        """A rate that is not the one asked for, or a counter that does not keep time."""
+        """A message if the rate differs from the requested one, or the counter does not keep its rate."""
         asked = self._settings.rate_hz
         if asked > 0 and self.rate_hz and not _near(asked, self.rate_hz, self.config.internal_rate_hz):
-            return f'asked for {asked:g} samples/s, the box gives {self.rate_hz:.0f}; see its Communications page'
+            return (
+                f'{asked:g} samples/s were requested, but the box sends {self.rate_hz:.0f}; see its Communications page'
+            )
         return self._ticks.complaint
 
     def fetch(self, queue: SampleQueue) -> None:
-        """Receive a datagram, and renew the request when it is time."""
+        """Receive a datagram, and renew the request when it is due."""
         if clocks.monotonic_s() >= self._renew_at_s:
             self._request()
         datagram, self._first = (self._first or self._receive()), None
@@ -121,7 +123,7 @@ class NetFtConnection:
             self._renew_at_s = clocks.monotonic_s() + self._settings.net_ft.renew_s
 
     def close(self) -> None:
-        """Have the box stop; it would by itself."""
+        """Stop the box; otherwise it would stop by itself."""
         with contextlib.suppress(OSError):
             self._send(rdt.request(rdt.STOP))
         self._socket.close()
@@ -153,7 +155,7 @@ class NetFtConnection:
         return TickClock(self.config.internal_rate_hz, delay_ns=round(self._settings.delay_ms * 1e6))
 
     def _start(self) -> None:
-        """Ask until a record comes: the box acknowledges nothing, and a request can get lost."""
+        """Send requests until a record comes: the box does not acknowledge requests, and a request can get lost."""
         for _ in range(self._settings.net_ft.start_tries):
             self._request()
             self._socket.settimeout(self._try_s)
@@ -162,17 +164,17 @@ class NetFtConnection:
                 self._socket.settimeout(WAIT_S)
                 return
         raise DeviceTimeoutError(
-            f'the box at {self._host} sends no records to port {self._settings.net_ft.rdt_port} requests; check that '
-            'no firewall holds UDP back and that no other program uses the box'
+            f'the box at {self._host} sends no records when asked on port {self._settings.net_ft.rdt_port}; check that '
+            'no firewall blocks UDP and that no other program uses the box'
         )
 
     @property
     def _try_s(self) -> float:
-        """Until the next request, if the new stream is not seen to begin."""
+        """Time until the next request, if the new stream has not started."""
         return max(TRY_S, PERIODS_OF_A_TRY / self.rate_hz if self.rate_hz else 0.0)
 
     def _request(self) -> None:
-        """Ask for records, and again soon until the new stream begins, or, where it never does, the old one ends."""
+        """Request records, and again soon until the new stream starts, or else until the old one ends."""
         self.tracker.requested()
         net_ft = self._settings.net_ft
         most_hz = max(self.rate_hz, self.config.rate_hz) or self.config.internal_rate_hz
@@ -189,7 +191,7 @@ class NetFtConnection:
         self._socket.sendto(request, (self._address, self._settings.net_ft.rdt_port))
 
     def _receive(self) -> tuple[bytes, int] | None:
-        """What the box sends, from whatever port; what others send is dropped."""
+        """A datagram of the box, from any port; data of other senders is dropped."""
         try:
             data, sender = self._socket.recvfrom(LARGEST_DATAGRAM)
         except (TimeoutError, ConnectionRefusedError):
@@ -198,7 +200,7 @@ class NetFtConnection:
 
 
 def _near(asked: float, given: float, internal: float) -> bool:
-    """Whether a rate is the next that the box can give: the internal one divided by a whole number."""
+    """Whether a rate is the nearest that the box supports: the internal rate divided by an integer."""
     return asked <= given * 1.001 and given <= internal / max(1, internal // asked) * 1.001
 
 
@@ -210,12 +212,12 @@ def _configured(host: str, settings: ForceTorqueSettings) -> BoxConfig:
         configs.set_rate(host, port, settings.rate_hz, config.axia)
         config = configs.read_config(host, port)
     if not config.enabled:
-        raise DeviceError(f'RDT is switched off in the box at {host}; enable it on its Communications page')
+        raise DeviceError(f'RDT is disabled in the box at {host}; enable it on its Communications page')
     return config
 
 
 def _address(host: str) -> str:
-    """In numbers, as datagrams name their sender."""
+    """The numerical address, as in the sender of datagrams."""
     try:
         return socket.gethostbyname(host)
     except OSError as error:
@@ -223,14 +225,14 @@ def _address(host: str) -> str:
 
 
 def _socket(host: str) -> socket.socket:
-    """Not connected: a connected one would drop what a box sends from another port than the one that it listens at."""
+    """Not connected: a connected socket would drop data that a box sends from a port other than its own."""
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         opened.bind(('', 0))
     except OSError as error:
         opened.close()
-        raise DeviceNotFoundError(f'cannot listen for the box at {host} ({error.strerror or error})') from error
+        raise DeviceNotFoundError(f'cannot open a socket for the box at {host} ({error.strerror or error})') from error
     return opened
 
 
@@ -242,7 +244,7 @@ def net_ft_sensor(settings: ForceTorqueSettings, clock: Clock, host: str) -> Str
     """
     if not host or '/' in host or ':' in host:
         raise ConfigurationError(
-            f'{host!r} is no address of a Net F/T box; write netft://192.168.1.1, and ports as net_ft.rdt_port and '
+            f'{host!r} is not an address of a Net F/T box; use netft://192.168.1.1, and for ports net_ft.rdt_port and '
             'net_ft.http_port'
         )
     return StreamedForceTorque(

@@ -1,8 +1,8 @@
-"""What an ATI Net F/T box says about itself in ``netftapi2.xml``: counts per unit, units, rate.
+"""The configuration that an ATI Net F/T box reports in ``netftapi2.xml``: counts per unit, units, rate.
 
-Nothing of it is assumed: boxes were seen with other counts than a million per unit, with ``Nm`` as well as ``N-m``, and
-newer sensors (Axia) write ``commrdtrate`` where the others write ``comrdtrate``. Only the five fields that turn counts
-into newtons are required.
+No value is assumed: some boxes have other counts than a million per unit, or ``Nm`` instead of ``N-m``, and newer
+sensors (Axia) write ``commrdtrate`` instead of ``comrdtrate``. Only the five fields that convert counts to newtons are
+required.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tactile_nodes.errors import DeviceError, DeviceNotFoundError, DeviceTimeout
 PAGE = '/netftapi2.xml'
 HTTP_TIMEOUT_S = 2.0
 LARGEST_PAGE = 65_536
-INTERNAL_RATE_HZ = 7000.0  # of a box that does not say its `runrate`
+INTERNAL_RATE_HZ = 7000.0  # of a box that does not report its `runrate`
 
 LBF_N, KGF_N, INCH_M = 4.4482216152605, 9.80665, 0.0254
 FORCE_N = {
@@ -42,11 +42,11 @@ class BoxConfig:
 
     Attributes:
         units_per_count: N (three times) and N·m (three times) per count.
-        rate_hz: RDT output rate as it says; 0 if it does not.
-        internal_rate_hz: at which `ft_sequence` counts.
+        rate_hz: RDT output rate as reported; 0 if it is not.
+        internal_rate_hz: rate at which `ft_sequence` counts.
         enabled: whether it streams at all.
         axia: whether it is of the kind that writes ``commrdtrate``.
-        fields: everything it said, for the record.
+        fields: everything that it reported, for the record.
     """
 
     units_per_count: tuple[float, ...]
@@ -58,18 +58,18 @@ class BoxConfig:
 
 
 def read_config(host: str, port: int) -> BoxConfig:
-    """Ask a box.
+    """Read the configuration of a box.
 
     Raises:
-        DeviceNotFoundError: nobody answers there.
-        DeviceTimeoutError: somebody does, too slowly.
-        DeviceError: what it says is no configuration that can be used.
+        DeviceNotFoundError: no response from that address.
+        DeviceTimeoutError: the response is too slow.
+        DeviceError: the response is not a usable configuration.
     """
     return parse_config(fetch(host, port, PAGE), host)
 
 
 def parse_config(page: bytes, host: str) -> BoxConfig:
-    """As `read_config`, of a page that was fetched."""
+    """As `read_config`, for a page that was fetched."""
     text = page.decode('utf-8', 'replace')
     if re.search(r'<netft\b', text, re.IGNORECASE) is None:
         raise DeviceError(f'the page {PAGE} of {host} is not that of a Net F/T box; check the address')
@@ -92,7 +92,7 @@ def _unit(fields: Mapping[str, str], name: str, table: Mapping[str, float], host
     if factor is None:
         known = ', '.join(unit for unit in table if not unit.isdigit())
         raise DeviceError(
-            f'the box at {host} measures in {written!r} ({name}), which is none of {known}; '
+            f'the box at {host} measures in {written!r} ({name}), which is not one of {known}; '
             'choose another unit on its Configurations page'
         )
     return factor
@@ -102,8 +102,8 @@ def _counts(fields: Mapping[str, str], name: str, host: str) -> float:
     counts = _number(fields.get(name, ''))
     if counts <= 0:
         raise DeviceError(
-            f'the box at {host} says {fields.get(name)!r} for its counts per unit ({name}), with which nothing can be '
-            'computed; check its active configuration and calibration'
+            f'the box at {host} reports {fields.get(name)!r} counts per unit ({name}), which cannot be '
+            'used; check its active configuration and calibration'
         )
     return counts
 
@@ -117,7 +117,7 @@ def _number(text: str) -> float:
 
 
 def set_rate(host: str, port: int, rate_hz: float, axia: bool) -> None:
-    """Change the output rate of a box, which it keeps.
+    """Change the output rate of a box permanently.
 
     Raises:
         DeviceError: it refuses; and as `read_config`.
@@ -135,7 +135,7 @@ def fetch(host: str, port: int, target: str) -> bytes:
         body = response.read(LARGEST_PAGE)
     except TimeoutError as error:
         raise DeviceTimeoutError(
-            f'the box at {host} does not answer within {HTTP_TIMEOUT_S:g} s; check its address, power and cable'
+            f'the box at {host} did not respond within {HTTP_TIMEOUT_S:g} s; check its address, power and cable'
         ) from error
     except (OSError, http.client.HTTPException) as error:
         reason = getattr(error, 'strerror', None) or str(error) or type(error).__name__
@@ -146,6 +146,6 @@ def fetch(host: str, port: int, target: str) -> bytes:
         connection.close()
     if response.status != http.client.OK:
         raise DeviceError(
-            f'the box at {host} answers {response.status} {response.reason} for {target.partition("?")[0]}'
+            f'the box at {host} responded {response.status} {response.reason} for {target.partition("?")[0]}'
         )
     return body

@@ -1,7 +1,7 @@
-"""RDT, the protocol in which an ATI Net F/T box streams: requests, records, and which of them are missing.
+"""RDT, the streaming protocol of ATI Net F/T boxes: requests, records, and detection of missing records.
 
-A request is eight bytes, a record 36, all numbers big-endian; the box acknowledges no request. `rdt_sequence` counts
-the records of a stream from 1, `ft_sequence` the internal samples (7000 a second) since the box was switched on.
+A request has eight bytes, a record 36, all numbers big-endian; the box does not acknowledge requests. `rdt_sequence`
+counts the records of a stream from 1, `ft_sequence` the internal samples (7000 per second) since power-up.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ RECORD = struct.Struct('>3I6i')
 SUMMARY, SATURATION, LATCH = 1 << 31, 1 << 17, 1 << 16  # bits of a record's status
 U32 = 1 << 32
 HALF = 1 << 31
-YOUNG = 64  # a stream that has just begun has no higher numbers than this, losses included
+YOUNG = 64  # a new stream has no higher numbers than this, losses included
 
 
 class Record(NamedTuple):
-    """One record as it came."""
+    """One record as received."""
 
     rdt_sequence: int
     ft_sequence: int
@@ -32,7 +32,7 @@ class Record(NamedTuple):
 
 
 def flags_of(status: int) -> int:
-    """A status word as `Flag`: the threshold latch alone is no fault; saturation is one, and so is every other bit.
+    """A status word as `Flag`: the threshold latch alone is not a fault; saturation and every other bit are.
 
     0x80010000 gives THRESHOLD, 0x80020000 SATURATED | FAULT.
     """
@@ -50,7 +50,7 @@ def request(command: int, count: int = 0) -> bytes:
 
 
 def records(datagram: bytes) -> list[Record] | None:
-    """The records in a datagram; None if it holds no whole number of them."""
+    """The records in a datagram; None if its size is not a multiple of a record."""
     if not datagram or len(datagram) % RECORD.size:
         return None
     return [Record(rdt, ft, status, tuple(counts)) for rdt, ft, status, *counts in RECORD.iter_unpack(datagram)]
@@ -58,7 +58,7 @@ def records(datagram: bytes) -> list[Record] | None:
 
 @dataclass
 class Counters:
-    """What happened to the records so far."""
+    """Statistics of the records so far."""
 
     received: int = 0
     lost: int = 0
@@ -70,12 +70,12 @@ class Counters:
 
 
 class Accepted(NamedTuple):
-    """A record that is new.
+    """A new record.
 
     Attributes:
-        missing: records before it that have not come, and, if they do, come too late.
+        missing: records before it that have not arrived, and will be too late if they do.
         stalled: the internal counter stands still.
-        rebooted: the internal counter has begun again.
+        rebooted: the internal counter has restarted.
     """
 
     missing: int
@@ -84,7 +84,7 @@ class Accepted(NamedTuple):
 
 
 class StreamTracker:
-    """Follows the sequence numbers through losses, doubles, late records, renewals and restarts of the box."""
+    """Tracks the sequence numbers through losses, duplicates, late records, renewals and restarts of the box."""
 
     def __init__(self) -> None:
         self.counters = Counters()
@@ -95,15 +95,15 @@ class StreamTracker:
 
     @property
     def renewed(self) -> bool:
-        """Whether the stream that was requested last has begun."""
+        """Whether the stream that was requested last has started."""
         return not self._expecting
 
     def requested(self) -> None:
-        """A start was requested: the numbers will begin again at 1."""
+        """A start was requested: the numbers will start again at 1."""
         self._expecting = True
 
     def accept(self, record: Record) -> Accepted | None:
-        """What is to be known of a record; None: it is to be dropped, being a double or too late."""
+        """Properties of a record; None: it must be dropped, because it is a duplicate or too late."""
         last = self._last
         if last is None:
             return self._begin(record, Accepted(0))
@@ -141,7 +141,7 @@ class StreamTracker:
         return accepted
 
     def _after_renewal(self, record: Record, last: Record) -> Accepted:
-        """Across streams only the internal counter tells what is missing."""
+        """Across streams, only the internal counter shows what is missing."""
         ticks = (record.ft_sequence - last.ft_sequence) % U32
         if ticks >= HALF:
             return Accepted(record.rdt_sequence - 1, rebooted=True)
@@ -150,19 +150,19 @@ class StreamTracker:
 
 
 def _began_again(record: Record, last: Record) -> bool:
-    """Whether a record has a smaller number and yet was measured later.
+    """Whether a record has a smaller number but was measured later.
 
-    So does a stream that was not expected: a host that was held up asks once more before it has read that its first
-    request was heard, and the box begins once more.
+    This also happens with an unexpected stream: a delayed host sends a second request before it has read the response
+    to the first, and the box starts again.
     """
     ahead = (record.rdt_sequence - last.rdt_sequence) % U32
     return ahead >= HALF and 0 < (record.ft_sequence - last.ft_sequence) % U32 < HALF
 
 
 def _begins(record: Record, last: Record) -> bool:
-    """Whether a record is of a new stream: numbered from 1 again, yet not measured earlier than the last one.
+    """Whether a record is of a new stream: numbered from 1 again, but not measured earlier than the last one.
 
-    After a restart of the box it was measured earlier; then the number must be small where the last was not.
+    After a restart of the box it was measured earlier; then its number must be small, and the last one must not be.
     """
     if (record.rdt_sequence - last.rdt_sequence) % U32 < HALF and record.rdt_sequence != last.rdt_sequence:
         return record.rdt_sequence <= YOUNG and (record.ft_sequence - last.ft_sequence) % U32 >= HALF

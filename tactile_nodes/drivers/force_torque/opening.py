@@ -1,9 +1,9 @@
-"""The choice of the force/torque sensor that a SOURCE names.
+"""The choice of the force/torque sensor for a SOURCE.
 
 ==============================  ========================================================================
 source                          sensor
 ==============================  ========================================================================
-``simulated``                   the twin (`force_torque.simulated`)
+``simulated``                   a simulated sensor (`force_torque.simulated`)
 ``netft://192.168.1.1``         an ATI Net F/T box (`net_ft`)
 ``bota:/dev/serial/by-id/…``    a Bota Systems serial sensor (`force_torque.bota`)
 ``text:/dev/serial/by-id/…``    lines of text, ``t_us,ch0[,ch1..5]`` (`force_torque.text`)
@@ -18,10 +18,10 @@ from tactile_nodes.errors import ConfigurationError
 
 
 def open_force_torque(settings: ForceTorqueSettings, clock: Clock) -> ForceTorqueSensor:
-    """The sensor that `settings.source` names, open.
+    """The sensor of `settings.source`, open.
 
     Raises:
-        ConfigurationError: the source names no kind of sensor.
+        ConfigurationError: the source is not a kind of sensor.
         DeviceError: as `ForceTorqueSensor.open`.
     """
     sensor = _sensor(settings, clock)
@@ -52,7 +52,7 @@ def _sensor(settings: ForceTorqueSettings, clock: Clock) -> ForceTorqueSensor:
 
         return text_line_sensor(settings, clock, _device(rest))
     raise ConfigurationError(
-        f'{settings.source!r} is no force/torque sensor; write simulated, netft://192.168.1.1, bota:/dev/ttyUSB0 '
+        f'{settings.source!r} is not a force/torque sensor; use simulated, netft://192.168.1.1, bota:/dev/ttyUSB0 '
         'or text:/dev/ttyUSB0'
     )
 

@@ -1,4 +1,4 @@
-"""Samples between the thread that receives them and whoever reads them: numbered, none lost unsaid."""
+"""A queue of samples between the receiving thread and the reader: numbered, with all losses counted."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class SampleQueue:
     """Every sample once, oldest first, and the newest at any time.
 
     Args:
-        name: of the sensor, for errors.
-        depth: samples that wait; when more come, the oldest are dropped and counted.
-        check: looks at the numbers of each.
+        name: name of the sensor, for errors.
+        depth: largest number of waiting samples; beyond it, the oldest are dropped and counted.
+        check: checks the numbers of each sample.
 
     Attributes:
-        rate_hz: samples a second, to estimate how many a sensor made while it was lost.
+        rate_hz: samples per second, to estimate how many a sensor made while it was lost.
     """
 
     def __init__(self, name: str, depth: int, check: SampleCheck) -> None:
@@ -41,7 +41,7 @@ class SampleQueue:
 
     @property
     def dropped(self) -> int:
-        """Samples lost so far, on the way or for want of a reader."""
+        """Samples lost so far, in transit or for lack of a reader."""
         return self._missing + self._overflow
 
     @property
@@ -55,7 +55,7 @@ class SampleQueue:
         return self._newest
 
     def listen(self, listener: Listener) -> None:
-        """Hand each sample to `listener` as it is put."""
+        """Call `listener` with each sample as it is put."""
         self._listeners = (*self._listeners, listener)
 
     def put(
@@ -69,7 +69,7 @@ class SampleQueue:
         status: int = 0,
         missing: int = 0,
     ) -> None:
-        """A sample has come, and `missing` before it have not."""
+        """Add a sample; `missing` before it were lost."""
         flags |= self._check.flags(wrench)
         if self._failure is not None and self._newest is not None:
             flags |= Flag.RESTARTED
@@ -89,30 +89,30 @@ class SampleQueue:
             self._changed.notify_all()
 
     def fail(self, error: TactileError) -> None:
-        """There will be no samples until further notice, and why."""
+        """Report that there will be no samples until further notice, and why."""
         with self._changed:
             self._failure = error
             self._changed.notify_all()
 
     def close(self) -> None:
-        """No more samples, on request."""
+        """End on request; no more samples."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether a sample has come within the time; it stays unread."""
+        """Whether a sample has arrived in time; it stays unread."""
         with self._changed:
             self._changed.wait_for(lambda: self._waiting or self._failure, timeout_s)
             return bool(self._waiting)
 
     def take(self, timeout_s: float) -> Sequence[Sample]:
-        """All that wait; at least one.
+        """All waiting samples; at least one.
 
         Raises:
             DeviceTimeoutError: none came.
             DeviceError: it is closed.
-            TactileError: what `fail` was told.
+            TactileError: the error given to `fail`.
         """
         with self._changed:
             if not self._changed.wait_for(lambda: self._waiting or self._failure or self._closed, timeout_s):
@@ -129,7 +129,7 @@ class SampleQueue:
         return [sample._replace(dropped=sample.dropped + overflow) for sample in taken]
 
     def _told(self) -> TactileError:
-        """The failure anew, because an error that is raised twice carries two tracebacks."""
+        """A new copy of the failure, because an error that is raised twice carries two tracebacks."""
         failure = self._failure or DeviceLostError(f'{self._name} is lost')
         error = type(failure)(*failure.args)
         error.__cause__ = failure
@@ -140,5 +140,5 @@ class SampleQueue:
 
 
 def closed(name: str) -> DeviceError:
-    """What to raise of a sensor that is not open."""
+    """The error for a sensor that is not open."""
     return DeviceError(f'{name} is closed; open it before reading')

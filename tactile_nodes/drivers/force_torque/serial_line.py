@@ -1,24 +1,24 @@
-"""What sensors that send by themselves over a serial line have in common: missing readings."""
+"""Common part of sensors that send continuously over a serial line: missing samples and restarts."""
 
 from __future__ import annotations
 
 from tactile_nodes.errors import DeviceLostError
 
 WAIT_S = 0.05
-"""How long to wait for bytes before looking whether it is time to stop."""
+"""How long to wait for bytes before checking whether to stop."""
 
 
 RESTART_US = 1_000_000
 
 
 def require_no_restart(time_us: int, last_us: int, port: str) -> None:
-    """Raise DeviceLostError where the sensor's clock went back: it was switched off and on, and must be set up anew."""
+    """Raise DeviceLostError if the sensor's clock went back: it was power-cycled, and must be configured again."""
     if time_us < last_us - RESTART_US:
-        raise DeviceLostError(f'the sensor at {port} has begun anew, by its clock; see that its power is steady')
+        raise DeviceLostError(f'the sensor at {port} has restarted (its clock went back); check its power supply')
 
 
 class Gaps:
-    """How many samples are missing, from the sensor's own clock and the usual distance of its samples."""
+    """Counts missing samples, from the sensor's own clock and the usual interval of its samples."""
 
     def __init__(self, period_ticks: float = 0.0) -> None:
         self.period_ticks = period_ticks
@@ -26,7 +26,7 @@ class Gaps:
         self._learnt: list[int] = []
 
     def missing(self, ticks: int) -> int:
-        """Samples that should have come between the last call and this one.
+        """Samples missing between the last call and this one.
 
         With 12 500 ticks from sample to sample, 37 480 ticks are three periods: two are missing.
         """

@@ -1,4 +1,4 @@
-"""The twin of a force/torque sensor: it measures a world given as a function of time, at its rate."""
+"""The simulated force/torque sensor: it measures a world given as a function of time, at its rate."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UNTOUCHED: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class WrenchSource(Protocol):
-    """What there is to feel."""
+    """The true wrench."""
 
     def wrench_at(self, time_ns: int) -> Wrench:
         """(Fx, Fy, Fz, Tx, Ty, Tz) in N and N·m in the sensor's axes."""
@@ -31,7 +31,7 @@ class WrenchSource(Protocol):
 
 
 class Untouched:
-    """A world in which nothing touches the sensor."""
+    """A world without contact."""
 
     def wrench_at(self, time_ns: int) -> Wrench:  # noqa: ARG002
         """Zero."""
@@ -39,12 +39,12 @@ class Untouched:
 
 
 class SimulatedForceTorque:
-    """Takes every sample that has come due, when it is read; so it needs no thread and follows a stepped clock.
+    """Takes all samples that are due when it is read, so it needs no thread and follows a stepped clock.
 
     Args:
         settings: `rate_hz` (0: 1000) and `queue` are used.
         clock: stamps the samples.
-        world: what it feels; nothing if it is left out.
+        world: what it measures; no contact if omitted.
     """
 
     def __init__(self, settings: ForceTorqueSettings, clock: Clock, world: WrenchSource | None = None) -> None:
@@ -88,7 +88,7 @@ class SimulatedForceTorque:
         return self._rate_hz
 
     def open(self) -> None:
-        """Begin; the first sample is due at once."""
+        """Start; the first sample is due at once."""
         self._queue = self._new_queue()
         for listener in self._listeners:
             self._queue.listen(listener)
@@ -96,7 +96,7 @@ class SimulatedForceTorque:
         self._is_open = True
 
     def read(self, timeout_s: float) -> Sequence[Sample]:
-        """All samples that have come due since the last call; waits for one."""
+        """All samples that have become due since the last call; waits for one."""
         if not self._is_open:
             raise closed(NAME)
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
@@ -105,7 +105,7 @@ class SimulatedForceTorque:
             self._clock.sleep_until(min(self._due_ns(), deadline_ns))
             self._measure()
         if not self._queue.wait(0.0):
-            raise DeviceTimeoutError(f'{NAME} takes no sample within {timeout_s:g} s at its rate')
+            raise DeviceTimeoutError(f'{NAME} has no sample due within {timeout_s:g} s at its rate')
         return self._queue.take(0.0)
 
     def newest(self) -> Sample | None:
@@ -115,7 +115,7 @@ class SimulatedForceTorque:
         return self._queue.newest
 
     def listen(self, listener: Listener) -> None:
-        """Hand each sample to `listener` as it is taken."""
+        """Call `listener` with each sample as it is taken."""
         self._listeners.append(listener)
         self._queue.listen(listener)
 
@@ -135,7 +135,7 @@ class SimulatedForceTorque:
 
     def _felt(self, time_ns: int) -> Wrench:
         a, b, c, d, e, f = self._world.wrench_at(time_ns)
-        if not self._noise:  # drawn in bulk, which takes a tenth of the time
+        if not self._noise:  # drawn in bulk, which is ten times as fast
             self._noise = self._random.normal(0.0, NOISE, (NOISE_BLOCK, len(NOISE))).tolist()
         noise = self._noise.pop()
         return a + noise[0], b + noise[1], c + noise[2], d + noise[3], e + noise[4], f + noise[5]

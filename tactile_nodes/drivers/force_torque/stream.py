@@ -1,4 +1,4 @@
-"""A sensor that sends by itself: a thread that receives, and looks for the sensor again after it was lost."""
+"""A sensor that sends continuously: a thread that receives, and reopens the sensor after it was lost."""
 
 from __future__ import annotations
 
@@ -20,46 +20,46 @@ LONGEST_DELAY_S = 5.0
 
 
 class Connection(Protocol):
-    """An open line to a sensor; after it is lost, make another."""
+    """An open connection to a sensor; make a new one after it is lost."""
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second, as announced or seen."""
+        """Samples per second, as announced or observed."""
         ...
 
     @property
     def announced_hz(self) -> float:
-        """Samples a second as set or as the sensor says; 0: nobody says it."""
+        """Samples per second as set or as the sensor reports; 0: unknown."""
         ...
 
     @property
     def description(self) -> Mapping[str, str]:
-        """What it is and how it is set."""
+        """What it is and its settings."""
         ...
 
     @property
     def complaint(self) -> str:
-        """What a person should know although it works; empty: nothing."""
+        """A message for a person although it works; empty: none."""
         ...
 
     def fetch(self, queue: SampleQueue) -> None:
-        """Wait, not longer than 0.1 s, for what comes, and put it into the queue.
+        """Wait, at most 0.1 s, for data, and put it into the queue.
 
         Raises:
-            DeviceLostError: nothing more will come.
+            DeviceLostError: no more data will come.
         """
         ...
 
     def close(self) -> None:
-        """Have the sensor stop, and let go of it."""
+        """Stop the sensor, and close it."""
         ...
 
 
 class StreamedForceTorque:
-    """The sensor behind the connections that `connect` makes, one after the other.
+    """The sensor behind the connections made by `connect`, one after another.
 
-    The first `open` fails as the connection fails. From then on a lost sensor is opened again and again, with delays
-    that double from 0.25 s to 5 s; `read` raises `DeviceLostError` meanwhile, because whoever moves something has to
+    The first `open` fails if the connection fails. After that, a lost sensor is reopened repeatedly, with delays that
+    double from 0.25 s to 5 s. Meanwhile `read` raises `DeviceLostError`, because a program that moves something has to
     know. The first sample afterwards carries `Flag.RESTARTED`.
 
     Args:
@@ -67,7 +67,7 @@ class StreamedForceTorque:
         connect: opens the sensor.
         settings: `lost_s`, `silence_ms`, `same_values` and `queue` are used.
         clock: stamps the arrivals.
-        axes: which components of the wrench it measures.
+        axes: the measured components of the wrench.
     """
 
     def __init__(
@@ -94,39 +94,39 @@ class StreamedForceTorque:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """As of the connection, with the number of times that it was lost."""
+        """As of the connection, with the number of losses."""
         own = {'source': self._settings.source, 'axes': ' '.join(self._axes), 'times lost': str(self._losses)}
         return {**(self._connection.description if self._connection else {}), **own}
 
     @property
     def health(self) -> Health:
-        """ERROR while it is lost, silent, or says that it is not well."""
+        """ERROR while it is lost, silent, or reports a fault."""
         connection, newest = self._connection, self._queue.newest
         if self._thread is None:
             return Health(Level.STALE, f'{self.name} is not open')
         if (failure := self._queue.failure) is not None:
-            return Health(Level.ERROR, f'{failure}; looking for it')
+            return Health(Level.ERROR, f'{failure}; reopening it')
         if connection is None or newest is None:
             return Health(Level.ERROR, f'{self.name} has not sent a sample yet')
         return self._health(connection, newest)
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Which components of the wrench it measures."""
+        """The measured components of the wrench."""
         return self._axes
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second."""
+        """Samples per second."""
         return self._connection.rate_hz if self._connection else 0.0
 
     @property
     def expected_hz(self) -> float:
-        """As announced, else as seen with the first sample."""
+        """As announced, else as observed at the first sample."""
         return self._expected_hz
 
     def open(self) -> None:
-        """Connect, and wait for the first sample whose time is known."""
+        """Connect, and wait for the first sample with a known time."""
         self._queue = self._new_queue()
         for listener in self._listeners:
             self._queue.listen(listener)
@@ -153,12 +153,12 @@ class StreamedForceTorque:
         return self._queue.newest
 
     def listen(self, listener: Listener) -> None:
-        """Hand each sample to `listener` as it comes."""
+        """Call `listener` with each sample as it arrives."""
         self._listeners.append(listener)
         self._queue.listen(listener)
 
     def close(self) -> None:
-        """Have the sensor stop, and end the thread."""
+        """Stop the sensor, and end the thread."""
         thread, self._thread = self._thread, None
         if thread is None:
             return

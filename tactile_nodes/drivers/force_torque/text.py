@@ -1,8 +1,8 @@
-"""Sensors that send lines of text, ``t_us,ch0[,ch1..5]``: an HX711 on an Arduino, or whatever a user can script.
+"""Sensors that send lines of text, ``t_us,ch0[,ch1..5]``: an HX711 on an Arduino, or any script.
 
-A line is the sensor's own time in microseconds (unsigned, may wrap at 2³²), then one to six numbers, whole or decimal,
-separated by commas, ended by LF or CR LF; ``nan`` and ``inf``, as an Arduino prints them, are faults. Lines that
-begin with ``#`` are remarks. A sketch for an Arduino stands in ``docs/force_torque.md``.
+A line is the sensor's own time in microseconds (unsigned, may wrap at 2³²), then one to six numbers, integer or
+decimal, separated by commas, ended by LF or CR LF. ``nan`` and ``inf``, as printed by an Arduino, are faults. Lines
+that begin with ``#`` are comments. ``docs/force_torque.md`` has a sketch for an Arduino.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class LineParser:
     """Finds lines in a stream of bytes.
 
     Attributes:
-        bad: lines that were none of ours.
+        bad: lines with another format.
     """
 
     def __init__(self) -> None:
@@ -61,14 +61,14 @@ class LineParser:
     def _parsed(self, text: bytes) -> Line | None:
         first, self._first = self._first, False
         line = parse(text)
-        if line is None or first:  # the first may have lost its head, and still look like one
+        if line is None or first:  # the first line may be truncated at its start and still look valid
             self.bad += not first and not text.startswith(b'#') and bool(text.strip())
             return None
         return line
 
 
 def parse(text: bytes) -> Line | None:
-    """``1200,-351`` is (1200, (-351.0,)); None if it is no line of ours."""
+    """``1200,-351`` is (1200, (-351.0,)); None if the line has another format."""
     found = LINE.fullmatch(text)
     if found is None:
         return None
@@ -100,7 +100,7 @@ class TextLineConnection:
 
     @property
     def rate_hz(self) -> float:
-        """As set, or as seen."""
+        """As set, or as observed."""
         return US_PER_S / self._gaps.period_ticks if self._gaps.period_ticks > 0 else 0.0
 
     @property
@@ -123,25 +123,25 @@ class TextLineConnection:
 
     @property
     def complaint(self) -> str:
-        """Lines with another number of channels than the settings say, or a clock that does not keep time."""
+        """A message if lines have a wrong number of channels, or if its clock does not keep its rate."""
         if self._wrong:
-            return f'{self._wrong} lines had not {len(self._settings.text.axes)} channels'
+            return f'{self._wrong} lines did not have {len(self._settings.text.axes)} channels'
         return self._ticks.complaint
 
     def fetch(self, queue: SampleQueue) -> None:
-        """Read what has come."""
+        """Read what has arrived."""
         data = self._port.read(WAIT_S)
         arrival_ns = self._clock.now_ns()
         for line in self._parser.feed(data):
             self._put(line, arrival_ns, queue)
         if data and clocks.monotonic_s() - self._good_s > GARBAGE_S:
             raise DeviceLostError(
-                f'{self._port.name} sends bytes and no lines of t_us and {len(self._settings.text.axes)} channels; '
+                f'{self._port.name} sends data, but no lines of t_us and {len(self._settings.text.axes)} channels; '
                 'check baud and text.axes'
             )
 
     def close(self) -> None:
-        """Let go."""
+        """Close the port."""
         self._port.close()
 
     def _put(self, line: Line, arrival_ns: int, queue: SampleQueue) -> None:

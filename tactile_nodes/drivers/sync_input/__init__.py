@@ -1,1 +1,1 @@
-"""Inputs that see the digital line which synchronises the clocks."""
+"""Inputs for the digital line that synchronizes the clocks."""

@@ -1,10 +1,10 @@
-"""The digital line that the machine gives to all recorders, as this host sees it on a control line of a serial port.
+"""The digital line of the machine, as this host sees it on a control line of a serial port.
 
-The machine's output, brought to the adapter's level (24 V needs an optocoupler), goes to CTS, DSR, RI or CD of a
-USB-serial adapter. Where its driver can wait for a change (TIOCMIWAIT, on Linux with most adapters) the thread does;
-elsewhere it looks every millisecond, and every edge says how well its time is known.
+The machine's output, converted to the adapter's level (24 V needs an optocoupler), goes to CTS, DSR, RI or CD of a
+USB-serial adapter. If its driver can wait for a change (TIOCMIWAIT, on Linux with most adapters), the thread uses that;
+otherwise it polls every millisecond. Every edge carries the uncertainty of its time.
 
-A light in the camera's view is the other way to see the line: `sync.light` finds its edges.
+A light in the camera's view is the alternative: `sync.light` finds its edges.
 """
 
 from __future__ import annotations
@@ -32,26 +32,28 @@ JOIN_S = 0.5
 
 @dataclass(frozen=True)
 class SyncInputSettings:
-    """Which line is watched."""
+    """Settings of the watched line."""
 
-    device: str = parameter('', 'serial port, best from /dev/serial/by-id; empty: none')
+    device: str = parameter('', 'serial port, preferably from /dev/serial/by-id; empty: none')
     line: str = parameter('cts', 'its control line', choices=tuple(MASKS))
     invert: bool = parameter(
-        False, 'switching on ends the control line (so a divider at a TTL adapter; an optocoupler does not)'
+        False, 'a high level clears the control line (true for a divider at a TTL adapter, not for an optocoupler)'
     )
-    poll_ms: float = parameter(1.0, 'between looks, where the driver cannot wait', minimum=0.1)
-    wait: bool = parameter(True, 'have the driver wait for changes if it can')
-    delay_ms: float = parameter(0.0, 'constant time from the edge to this program, taken off the stamps', minimum=0.0)
+    poll_ms: float = parameter(1.0, 'polling interval, if the driver cannot wait', minimum=0.1)
+    wait: bool = parameter(True, 'let the driver wait for changes, if it can')
+    delay_ms: float = parameter(
+        0.0, 'constant time from the edge to this program, subtracted from the stamps', minimum=0.0
+    )
 
 
 class Edge(NamedTuple):
     """A change of the line.
 
     Attributes:
-        stamp_ns: when, on the host's time base.
-        level: from then on.
+        stamp_ns: its time, on the host's time base.
+        level: the level after it.
         number: of the edge since the input was opened, from 1.
-        uncertainty_s: half the width of the time in which it happened.
+        uncertainty_s: half the width of the interval in which it happened.
     """
 
     stamp_ns: int
@@ -80,7 +82,7 @@ class ControlLine(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close it."""
         ...
 
 
@@ -92,11 +94,11 @@ class SerialControlLine:
         self._line = line
 
     def level(self) -> bool:
-        """As the adapter has it."""
+        """As the adapter reports it."""
         return bool(getattr(self._port, self._line))
 
     def wait(self) -> bool:
-        """By the kernel, if the adapter's driver knows how."""
+        """By the kernel, if the adapter's driver supports it."""
         try:
             fcntl.ioctl(self._port.fileno(), termios.TIOCMIWAIT, MASKS[self._line])
         except OSError as error:
@@ -135,7 +137,7 @@ class WatchedLine:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """What is watched, and how."""
+        """The watched line, and the method."""
         return {'line': self._name, 'watched by': 'waiting' if self._waits else f'{self._settings.poll_ms:g} ms polls'}
 
     @property
@@ -148,7 +150,7 @@ class WatchedLine:
         return Health(Level.OK, f'{self._count} edges')
 
     def open(self) -> None:
-        """Begin to watch."""
+        """Start watching."""
         try:
             level, now_ns = self._line.level(), self._clock.now_ns()
         except OSError as error:
@@ -189,14 +191,14 @@ class WatchedLine:
                 if now_level != level and not self._stopping.is_set():
                     self._put(now_level, now_ns if waited else seen_ns, now_ns)
                 level, seen_ns = now_level, now_ns
-        except (OSError, TypeError) as error:  # TypeError: pyserial, closed under its hands
-            lost = DeviceLostError(f'{self._name} is gone ({error}); check its cable and open it again')
+        except (OSError, TypeError) as error:  # TypeError: pyserial, closed by another thread
+            lost = DeviceLostError(f'{self._name} is gone ({error}); check its cable and reopen it')
             with self._changed:
                 self._failure = lost
                 self._changed.notify_all()
 
     def _pause(self) -> bool:
-        """Until a change, if that can be waited for; else for a moment."""
+        """Wait for a change, if the driver can; else for the polling interval."""
         if self._waits:
             self._waits = self._line.wait()
         if not self._waits:
@@ -204,7 +206,7 @@ class WatchedLine:
         return self._waits
 
     def _put(self, level: bool, old_ns: int, new_ns: int) -> None:
-        """The change happened between the last look at the old level and the first at the new."""
+        """The change happened between the last poll with the old level and the first one with the new level."""
         self._count += 1
         half_s = max((new_ns - old_ns) / 2 / NS_PER_S, 1e-4)
         stamp_ns = (old_ns + new_ns) // 2 - round(self._settings.delay_ms * 1e6)
@@ -214,10 +216,10 @@ class WatchedLine:
 
 
 def open_sync_input(settings: SyncInputSettings, clock: Clock) -> WatchedLine:
-    """The line that the settings name, being watched.
+    """The line of the settings, being watched.
 
     Raises:
-        DeviceNotFoundError: no such port, or none that this user may open.
+        DeviceNotFoundError: no such port, or no permission to open it.
         DeviceError: it has no control lines.
     """
     name = f'{settings.line.upper()} of {settings.device}'
@@ -226,10 +228,10 @@ def open_sync_input(settings: SyncInputSettings, clock: Clock) -> WatchedLine:
     except (serial.SerialException, OSError, ValueError) as error:
         raise DeviceNotFoundError(
             f'cannot open {settings.device or "a port without a name"} to watch its {settings.line.upper()} line '
-            f'({error}); name a port that exists and that no other program uses'
+            f'({error}); use a port that exists and that no other program uses'
         ) from error
     with contextlib.suppress(AttributeError, OSError, ValueError, NotImplementedError):
-        port.set_low_latency_mode(True)  # FTDI adapters tell of a change after up to 16 ms otherwise
+        port.set_low_latency_mode(True)  # otherwise FTDI adapters report a change up to 16 ms late
     watched = WatchedLine(name, SerialControlLine(port, settings.line), settings, clock)
     try:
         watched.open()

@@ -1,4 +1,4 @@
-"""A sync input that comes back by itself after its adapter was pulled out and plugged in again."""
+"""A sync input that reconnects by itself after its adapter was unplugged."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ LONGEST_DELAY_S = 5.0
 
 
 class ReconnectingSyncInput:
-    """A sync input around the lines that `connect` opens, one after the other.
+    """A sync input that wraps the lines opened by `connect`, one after another.
 
-    The first `open` fails as the line fails: one that was never there is a mistake to be told at once. From then on a
-    lost line is opened again and again, with delays that double from 0.25 s to 5 s until it is there, and `read` raises
-    `DeviceTimeoutError` meanwhile, never `DeviceLostError`, and keeps to its timeout. Edges of the time between are
-    missing; numbers go on.
+    The first `open` fails if the line fails: a line that was never there should be reported at once. After that, a lost
+    line is reopened repeatedly, with delays that double from 0.25 s to 5 s. Meanwhile `read` raises
+    `DeviceTimeoutError`, never `DeviceLostError`, and keeps its timeout. Edges during that time are missing; the
+    numbering continues.
 
     Args:
-        connect: gives a line that is being watched.
+        connect: returns a line that is being watched.
         clock: times the delays.
         name: of the line, for errors.
     """
@@ -42,13 +42,13 @@ class ReconnectingSyncInput:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """What is watched, how, and how often it was lost."""
+        """The watched line, the method, and the number of losses."""
         told = self._line.description if self._line is not None else {'line': self._name}
         return {**told, 'edges': str(self._count), 'times lost': str(self._losses)}
 
     @property
     def health(self) -> Health:
-        """ERROR while it is lost; else what the line says."""
+        """ERROR while it is lost; else the health of the line."""
         if not self._opened:
             return Health(Level.STALE, f'{self._name} is not open')
         if self._line is None:
@@ -57,14 +57,14 @@ class ReconnectingSyncInput:
         health = self._line.health
         if health.level != Level.OK:
             return health
-        again = f'; lost and found again {self._losses} times' if self._losses else ''
+        again = f'; reconnected {self._losses} times' if self._losses else ''
         return Health(Level.OK, f'{self._count} edges{again}')
 
     def open(self) -> None:
-        """Begin to watch; the first failure is the caller's.
+        """Start watching; the first failure is raised.
 
         Raises:
-            DeviceNotFoundError: no such port, or none that this user may open.
+            DeviceNotFoundError: no such port, or no permission to open it.
             DeviceError: it has no control lines.
         """
         self._line = self._connect()
@@ -74,7 +74,7 @@ class ReconnectingSyncInput:
         """Every edge since the last call, oldest first; at least one.
 
         Raises:
-            DeviceTimeoutError: none within `timeout_s`, as while the port is away; a line may well be still for long.
+            DeviceTimeoutError: none within `timeout_s`, also while the port is away; a line may be still for long.
             DeviceError: it is not open.
         """
         if not self._opened:
@@ -91,20 +91,20 @@ class ReconnectingSyncInput:
         return numbered
 
     def close(self) -> None:
-        """Let go; a second call does nothing."""
+        """Close it; a second call does nothing."""
         self._opened = False
         self._drop()
 
     def _try_again(self, deadline_ns: int) -> WatchedLine:
-        """The line, if it can be had by then."""
+        """The line, if it is available by then."""
         self._clock.sleep_until(min(self._next_try_ns, deadline_ns))
         if self._next_try_ns > deadline_ns:
-            raise DeviceTimeoutError(f'{self._name} is away ({self._reason}); reconnecting')
+            raise DeviceTimeoutError(f'{self._name} is lost ({self._reason}); reconnecting')
         try:
             self._line = self._connect()
         except DeviceError as error:
             self._wait_longer(error)
-            raise DeviceTimeoutError(f'{self._name} is still away ({error}); reconnecting') from error
+            raise DeviceTimeoutError(f'{self._name} is still lost ({error}); reconnecting') from error
         self._delay_s = FIRST_DELAY_S
         return self._line
 
@@ -126,6 +126,6 @@ class ReconnectingSyncInput:
 
 
 def reconnecting_sync_input(settings: SyncInputSettings, clock: Clock) -> ReconnectingSyncInput:
-    """The line that the settings name, not open yet."""
+    """The line of the settings, not open yet."""
     name = f'{settings.line.upper()} of {settings.device}'
     return ReconnectingSyncInput(lambda: open_sync_input(settings, clock), clock, name)

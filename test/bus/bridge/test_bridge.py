@@ -311,7 +311,7 @@ def test_whoever_has_no_key_that_is_allowed_gets_nothing(
     here.advertise('/n', NUMBER, LATCHED)
     here.say('/n', 1)
     there.listen('/n')
-    until(lambda: f'no answer from {HERE}:{port}' in theirs.output)
+    until(lambda: f'no response from {HERE}:{port}' in theirs.output)
     assert (there.heard('/n'), [node for node in there.nodes() if node == '/camera']) == ([], [])
     # … and the one who may is let in all the same.
     lab = machine()
@@ -366,7 +366,7 @@ def test_bridge_of_another_version_is_named_and_nothing_is_taken_from_it(
         ([], 'set listen or connect'),
         (['listen:=0.0.0.0:7461'], f"set plain_tcp to '{PLAIN_TCP}'"),
         (['connect:=192.0.2.1:7461'], 'could be read and used by anyone on the network'),
-        (['connect:=nowhere'], "'nowhere' is no address; write host:port"),
+        (['connect:=nowhere'], "'nowhere' is not an address; use host:port"),
         (['listen:=127.0.0.1:7461', 'key:=robot'], 'set peers to the public keys'),
         (['listen:=127.0.0.1:7461', 'peers:=[lab]'], 'peers has no effect without key: set key'),
         (['listen:=127.0.0.1:7461', 'key:=nobody', 'peers:=[lab]'], 'cannot read the key'),
@@ -374,7 +374,7 @@ def test_bridge_of_another_version_is_named_and_nothing_is_taken_from_it(
         (['connect:=127.0.0.1:7461', 'discover:=true'], 'discover also needs listen'),
         (
             ['listen:=192.0.2.77:7461', 'discover:=true', 'key:=robot', 'peers:=[lab]'],
-            '192.0.2.77 is no address of this machine',
+            '192.0.2.77 is not an address of this machine',
         ),
     ],
 )
@@ -393,7 +393,7 @@ def test_port_that_is_taken_is_named_with_what_to_do(machine: Callable[[], Machi
         taken.listen()
         program = machine().bridge(f'listen:={HERE}:{port}')
         assert program.ended(8.0) == 1
-        assert f'port {port} is taken on {HERE}; end the program that listens there' in program.output
+        assert f'port {port} is in use on {HERE}; stop the program that listens there' in program.output
         with pytest.raises(AddressInUseError):
             open_session(Address(HERE, port))
 
@@ -421,7 +421,7 @@ def test_loopback_is_told_from_networks(text: str, loopback: bool) -> None:
 
 @pytest.mark.parametrize('text', ['', ':1', 'a', 'a:', 'a:0', 'a:65536', 'a:b', 'udp://a:1', 'a b:1'])
 def test_address_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(ConfigurationError, match='is no address; write host:port'):
+    with pytest.raises(ConfigurationError, match='is not an address; use host:port'):
         Address.parse(text)
 
 

@@ -46,7 +46,7 @@ def test_keys_are_not_overwritten(place: Path) -> None:
     public, secret = create_keys('robot')
     before = secret.read_bytes()
     for _ in range(2):
-        with pytest.raises(ConfigurationError, match="there are keys named 'robot'"):
+        with pytest.raises(ConfigurationError, match="keys named 'robot' already exist"):
             create_keys('robot')
         public.unlink(missing_ok=True)
     assert secret.read_bytes() == before
@@ -54,33 +54,33 @@ def test_keys_are_not_overwritten(place: Path) -> None:
 
 @pytest.mark.parametrize('name', ['', '../robot', 'a/b', 'a b'])
 def test_name_that_would_leave_the_folder_is_refused(place: Path, name: str) -> None:
-    with pytest.raises(ConfigurationError, match='cannot be the name of keys'):
+    with pytest.raises(ConfigurationError, match='is not a valid key name'):
         create_keys(name)
 
 
 def test_secret_key_that_others_may_read_is_refused(place: Path) -> None:
     _, secret = create_keys('robot')
     secret.chmod(0o644)
-    with pytest.raises(ConfigurationError, match=r'others may read the secret key .*; forbid it with: chmod 600'):
+    with pytest.raises(ConfigurationError, match=r'the secret key .* is readable by others; fix it with: chmod 600'):
         read_pair('robot')
 
 
 def test_secret_key_in_the_place_of_a_public_one_is_refused(place: Path) -> None:
     _, secret = create_keys('robot')
-    with pytest.raises(ConfigurationError, match='the secret one must not leave its machine'):
+    with pytest.raises(ConfigurationError, match='the secret key must not leave its machine'):
         read_public(str(secret))
 
 
 def test_missing_and_damaged_keys_say_what_to_do(place: Path) -> None:
     with pytest.raises(ConfigurationError, match='tactile keys create NAME'):
         read_pair('robot')
-    with pytest.raises(ConfigurationError, match=r'prints on the other machine belongs into .*lab\.key'):
+    with pytest.raises(ConfigurationError, match=r'on the other machine to .*lab\.key'):
         read_public('lab')
     place.mkdir()
     (place / 'lab.key').write_text('rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7\n')  # as of 0.1: Z85, of ZeroMQ's RFC 32
     with pytest.raises(
         ConfigurationError,
-        match=r'holds no key \(keys made before 0\.2\.0 no longer count: make new ones on each machine\)',
+        match=r'contains no key \(keys made before 0\.2\.0 are not valid: create new ones on each machine\)',
     ):
         read_public('lab')
 

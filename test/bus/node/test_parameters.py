@@ -119,7 +119,7 @@ def test_list_value_is_set_over_the_wire(ask: Callable[[str, Any], Any]) -> None
         ('rate', 13.0, '13 brings bad luck'),
         ('preset', 'slow', "'preset' must be one of 'fast', 'medium', got 'slow'"),
         ('serial', '2', "'serial' can only be set when the node starts"),
-        ('ratee', 1.0, "unknown parameter 'ratee'; known are:"),
+        ('ratee', 1.0, "unknown parameter 'ratee'; available:"),
         ('count', types.ParameterValue(), "'count' must be a int, got None"),
         ('crop', [1.5], "'crop' must be a int"),
     ],

@@ -84,7 +84,7 @@ def test_an_account_that_may_not_is_told_and_goes_on(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv(priority.VARIABLE, '-20')
     monkeypatch.setattr(os, 'setpriority', refused)
     priority.take_priority()
-    assert 'may not run anything before other programs (niceness -20, it is ' in priority.lacking()
+    assert 'may not raise process priority (niceness -20 wanted, ' in priority.lacking()
 
 
 def test_nothing_is_changed_or_said_where_nothing_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,7 +97,7 @@ def test_nothing_is_changed_or_said_where_nothing_is_asked_for(monkeypatch: pyte
 @pytest.mark.parametrize('text', ['high', '20', '-21', '1.5'])
 def test_what_is_no_niceness_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv(priority.VARIABLE, text)
-    with pytest.raises(ConfigurationError, match=f"TACTILE_NICE is '{text}'; set it to a whole number"):
+    with pytest.raises(ConfigurationError, match=f"TACTILE_NICE is '{text}'; set it to an integer"):
         priority.take_priority()
 
 

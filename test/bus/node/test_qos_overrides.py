@@ -76,7 +76,7 @@ def test_overrides_are_parameters_that_only_a_restart_changes(node: Ends) -> Non
         ('qos_overrides./wrench.publisher.depth:=true', 'must be 1 or more'),
         ('qos_overrides./wrench.publisher.reliability:=sometimes', "must be reliable or best_effort, got 'sometimes'"),
         ('qos_overrides./wrench.publisher.history:=keep_all', "must be keep_last, got 'keep_all'"),
-        ('qos_overrides./wrench.publisher.speed:=1', 'names no policy that can be set; these can: depth'),
+        ('qos_overrides./wrench.publisher.speed:=1', 'is not a policy that can be set; available: depth'),
         ('qos_overrides./wrench.sender.depth:=1', "is not of the form 'qos_overrides./topic.publisher.depth'"),
         ('qos_overrides.wrench.publisher.depth:=1', "is not of the form 'qos_overrides./topic.publisher.depth'"),
         ('qos_overrides.depth:=1', "is not of the form 'qos_overrides./topic.publisher.depth'"),

@@ -79,7 +79,7 @@ def test_signal_ends_a_program_within_two_seconds_although_a_callback_is_busy(la
     program.signal(signal.SIGINT)
     assert program.ended(5.0) == 1
     assert time.monotonic() - begin < SOON_S
-    assert 'a callback is still busy and is not waited for' in program.output
+    assert 'a callback is still busy; not waiting for it' in program.output
     assert program.output.count('closed') == 1  # the one that could be
 
 
@@ -90,7 +90,7 @@ def test_signal_ends_a_program_within_two_seconds_although_a_device_hangs(launch
     program.signal(signal.SIGTERM)
     assert program.ended(5.0) == 1
     assert time.monotonic() - begin < SOON_S + 0.2
-    assert 'not ended within 1.8 s of being asked to; given up' in program.output
+    assert 'not ended within 1.8 s after the request; giving up' in program.output
 
 
 def test_second_signal_ends_a_program_at_once(launch: Launch) -> None:
@@ -155,7 +155,7 @@ def test_node_that_cannot_start_is_one_sentence_and_closes_those_that_could(laun
     [
         ({'ROS_DOMAIN_ID': 'home'}, "ROS_DOMAIN_ID is 'home'; set it to a number from 0 to 232\n"),
         ({'TACTILE_RUN_DIR': '/proc/nothing'}, 'cannot use /proc/nothing for the sockets of the bus'),
-        ({'TACTILE_RUN_DIR': '/tmp/' + 'x' * 100}, 'too long a name for sockets'),
+        ({'TACTILE_RUN_DIR': '/tmp/' + 'x' * 100}, 'is too long for sockets'),
     ],
 )
 def test_bus_that_cannot_be_joined_is_one_sentence(launch: Launch, environment: dict[str, str], sentence: str) -> None:
@@ -168,8 +168,8 @@ def test_bus_that_cannot_be_joined_is_one_sentence(launch: Launch, environment: 
 @pytest.mark.parametrize(
     ('argv', 'sentence'),
     [
-        (['--ros-args', '--nonsense'], "'--nonsense' is no flag"),
-        (['rate:=3'], "'rate:=3' is not understood"),
+        (['--ros-args', '--nonsense'], "'--nonsense' is not a flag"),
+        (['rate:=3'], "'rate:=3' is not a known argument"),
         (['--ros-args', '--params-file', 'none.yaml'], 'cannot read the parameter file none.yaml'),
         (['--ros-args', '-p'], '-p needs a value'),
     ],

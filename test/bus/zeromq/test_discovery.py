@@ -36,7 +36,7 @@ def test_domain_is_a_number_from_0_to_232(monkeypatch: pytest.MonkeyPatch, text:
 
 
 def test_folder_with_too_long_a_name_is_refused_in_a_sentence(folder: Path) -> None:
-    with pytest.raises(BusError, match='too long a name for sockets; set TACTILE_RUN_DIR'):
+    with pytest.raises(BusError, match='is too long for sockets; set TACTILE_RUN_DIR'):
         ZmqBus(7, folder=folder / ('x' * 90))
 
 

@@ -50,7 +50,7 @@ def test_many_calls_at_once_are_all_answered(bus: ZmqBus, start: Start) -> None:
 
 def test_unknown_service_is_unavailable(start: Start) -> None:
     assert start().call('/none') == (
-        'ServiceUnavailableError: nobody serves /none; see which services there are: tactile service list'
+        'ServiceUnavailableError: no node offers the service /none; see: tactile service list'
     )
 
 
@@ -58,9 +58,9 @@ def test_unknown_service_is_unavailable(start: Start) -> None:
     ('behaviour', 'sentence'),
     [
         ('refuse', 'ServiceError: /s: not today'),
-        ('nonsense', 'ServiceError: /s: a std_srvs/srv/Trigger_Response is expected, not a std_msgs/msg/Int64'),
-        ('raise', 'ServiceError: /s: a bug kept it from answering'),
-        ('silent', 'ServiceTimeoutError: no answer from /s within 0.2 s; its node is alive but busy or stuck'),
+        ('nonsense', 'ServiceError: /s: expected a std_srvs/srv/Trigger_Response, not a std_msgs/msg/Int64'),
+        ('raise', 'ServiceError: /s: the service failed because of a bug'),
+        ('silent', 'ServiceTimeoutError: no response from /s within 0.2 s; its node is alive but busy or stuck'),
     ],
 )
 def test_each_way_of_not_answering_has_its_sentence(start: Start, behaviour: str, sentence: str) -> None:

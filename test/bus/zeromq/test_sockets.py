@@ -189,5 +189,5 @@ def test_an_answer_that_is_too_long_is_an_error_that_says_so(join: Join) -> None
     serving, calling = join(), join()
     serving.serve('/s', services.TRIGGER, answer)
     until(lambda: calling.graph().services())
-    with pytest.raises(ServiceError, match='a call carries 4194304 at most'):
+    with pytest.raises(ServiceError, match='the limit of a call is 4194304'):
         calling.call('/s', services.TRIGGER, types.Trigger_Request())

@@ -88,7 +88,7 @@ def test_info_warns_when_metadata_and_files_differ(tmp_path: Path, capsys: pytes
     metadata = folder / 'metadata.yaml'
     metadata.write_text(metadata.read_text().replace('message_count: 2', 'message_count: 3'))
     assert command.run(parsed('info', str(folder))) == 0
-    assert capsys.readouterr().err == f'Warning: {metadata} announces 3 messages, the files hold 2\n'
+    assert capsys.readouterr().err == f'Warning: {metadata} states 3 messages, but the files hold 2\n'
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_compare_exits_1_when_a_number_differs(tmp_path: Path, capsys: pytest.Ca
     assert command.run(parsed('compare', str(first), str(second))) == 1
     assert capsys.readouterr().out.splitlines() == [
         '1 of 2 common stamps bit-identical',
-        'numbers that differ, at how many stamps: total (1); largest difference 0.5',
+        'numbers that differ (number of stamps): total (1); largest difference 0.5',
     ]
 
 
@@ -150,7 +150,7 @@ def test_ctrl_c_ends_a_recording_and_says_what_was_written(tmp_path: Path) -> No
 def test_folder_that_exists_is_one_sentence_and_exit_status_1(tmp_path: Path) -> None:
     process = started('record', '-o', str(tmp_path))
     assert (
-        process.communicate(timeout=20)[1] == f'{tmp_path} exists already and is not overwritten; choose another name\n'
+        process.communicate(timeout=20)[1] == f'{tmp_path} already exists and is not overwritten; choose another name\n'
     )
     assert process.returncode == 1
 

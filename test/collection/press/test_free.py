@@ -39,7 +39,7 @@ def test_computer_that_pauses_is_no_sensor_that_is_silent() -> None:
 def test_tip_about_which_no_sample_tells_is_not_free() -> None:
     procedure = check_free(tare_of(samples()), CollectionSettings())
     next(procedure)
-    with pytest.raises(DeviceFaultError, match='nobody knows'):
+    with pytest.raises(DeviceFaultError, match='it is unknown'):
         for look in range(1, 31):
             procedure.send(Seen(look * S // 10, 0, PLACE))
 
@@ -47,5 +47,5 @@ def test_tip_about_which_no_sample_tells_is_not_free() -> None:
 def test_tip_on_which_a_force_is_left_is_not_free() -> None:
     procedure = check_free(tare_of(samples()), CollectionSettings())
     next(procedure)
-    with pytest.raises(DeviceFaultError, match=r'0\.50 N are left'):
+    with pytest.raises(DeviceFaultError, match=r'0\.50 N remain'):
         procedure.send(Seen(S // 10, 0, PLACE, samples(0.5)))

@@ -81,7 +81,7 @@ def test_on_a_degraded_force_it_waits() -> None:
 def test_it_gives_up_when_nothing_is_met() -> None:
     tested = guarded(travel_mm=0.03)
     tested.step_mm(20 * MS, Felt(10 * MS, 0.0))
-    with pytest.raises(DeviceFaultError, match=r'not met within 0\.03 mm'):
+    with pytest.raises(DeviceFaultError, match=r'not reached within 0\.03 mm'):
         tested.step_mm(40 * MS, Felt(30 * MS, 0.0))
 
 

@@ -89,7 +89,7 @@ def test_pull_is_answered_by_holding_harder_so_that_nothing_slips(finger: Finger
 def test_without_the_guard_the_same_pull_takes_the_object_away(finger: Finger) -> None:
     careless = replace(SETTINGS, margin=0.05, limit_n=0.46)  # may not press harder than some 0.4 N
     loop = Loop(finger, GripperSettings(object_mm=30.0, friction=0.6, pull_n=0.6, pull_after_s=2.0), careless)
-    with pytest.raises(DeviceFaultError, match='what was held is gone'):
+    with pytest.raises(DeviceFaultError, match='the held object is gone'):
         loop.run(40.0)
     assert loop.gripper.lost
 
@@ -128,8 +128,8 @@ def test_it_moves_only_on_a_force_that_was_seen_after_the_last_step() -> None:
     [
         (_felt(0), 50.0, 1.2, r'the newest force is 1200 ms old, above 1000 ms'),
         (_felt(10**9, 1.0), 50.0, 1.0, r'a finger presses with 1.00 N, above the limit of 0.9 N'),
-        (_felt(10**9), 4.9, 1.0, r'nothing was felt down to an opening of 4.9 mm'),
-        (_felt(61 * 10**9), 50.0, 61.0, r'0.3 N were not reached within 60 s'),
+        (_felt(10**9), 4.9, 1.0, r'no contact down to an opening of 4.9 mm'),
+        (_felt(61 * 10**9), 50.0, 61.0, r'0.3 N was not reached within 60 s'),
     ],
 )
 def test_it_gives_up_with_a_sentence(felt: FeltByHand, opening_mm: float, now_s: float, sentence: str) -> None:
@@ -159,7 +159,7 @@ def test_a_finger_that_measures_nothing_does_not_hide_what_the_other_feels(names
 
 
 def test_settings_that_could_press_too_hard_are_refused() -> None:
-    with pytest.raises(ValueError, match='limit_n must be above target_n by more than one step'):
+    with pytest.raises(ValueError, match='limit_n - target_n must be larger than the force of one step'):
         GraspSettings(target_n=0.8, limit_n=0.9)
 
 

@@ -131,6 +131,6 @@ def test_zero_is_taken_once_a_sensor_that_paused_sends_again() -> None:
 def test_sensor_that_stays_silent_is_named_after_some_seconds() -> None:
     taking = zero(SETTINGS)
     next(taking)
-    with pytest.raises(DeviceFaultError, match='no sound force samples'):
+    with pytest.raises(DeviceFaultError, match='no valid force samples'):
         for second in range(20):
             taking.send(Seen(second * 1000 * MS, 0, (0.0, 0.0, 0.0)))

@@ -29,7 +29,7 @@ def told(depth_mm: float, force_n: float, surface: Surface = GEL, tare: Tare = Z
 def test_half_of_what_the_softest_corner_gave_is_enough_and_less_is_not() -> None:
     """At 1.05 mm, of which 0.05 may be above the surface: half of 0.354 N, less 0.02 N for no touch, is 0.157 N."""
     assert told(1.05, 0.160) == ''
-    assert 'the force is 0.15 N at 1.05 mm, where the gel gave 0.35 N' in told(1.05, 0.154)
+    assert 'the force is 0.15 N at 1.05 mm, but the gel gave 0.35 N' in told(1.05, 0.154)
 
 
 def test_more_force_than_ever_is_for_the_limits_of_the_force() -> None:
@@ -77,7 +77,7 @@ def test_press_whose_force_does_not_rise_stops_early_and_ends_the_run(tmp_path: 
         )
 
     run.at(1, begin)
-    with pytest.raises(DeviceFaultError, match='does the sensor tell the truth'):
+    with pytest.raises(DeviceFaultError, match='is the sensor correct'):
         run.campaign.run()
     assert deepest[0] < 0.95
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
@@ -115,7 +115,7 @@ def test_surface_that_is_not_felt_where_it_was_just_before_ends_the_search(tmp_p
 
     reached = [0.0]
     run.rig.clock.every(0.01, look)
-    with pytest.raises(DeviceFaultError, match='where the gel gave'):
+    with pytest.raises(DeviceFaultError, match='but the gel gave'):
         run.campaign.run()
     assert deepest[0] < 0.5
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
@@ -140,6 +140,6 @@ def test_a_surface_that_is_not_felt_at_another_corner_ends_the_search_where_it_w
             deepest[0] = max(deepest[0], depth_mm)
 
     run.rig.clock.every(0.01, look)
-    with pytest.raises(DeviceFaultError, match='where the gel gave'):
+    with pytest.raises(DeviceFaultError, match='but the gel gave'):
         run.campaign.run()
     assert 0.5 < deepest[0] < 1.5

@@ -56,7 +56,7 @@ def test_axis_that_the_image_does_not_follow_is_named(axis: str, px_per_mm: list
 
 
 def test_axes_that_move_the_image_the_same_way_are_refused() -> None:
-    with pytest.raises(DeviceFaultError, match='the same way'):
+    with pytest.raises(DeviceFaultError, match='the same direction'):
         follows(np.array([[5.0, 4.9], [0.0, 0.5]]), 0.5, 160)
 
 
@@ -111,7 +111,7 @@ def lose(run: Run, axis: int, way_mm: float) -> Callable[[], None]:
 def test_steps_that_were_lost_once_are_noticed_and_counted(tmp_path: Path, dots: Dots, axis: int) -> None:
     run = Run(tmp_path, SETTINGS, seen=dots)
     run.at(2, lose(run, axis, 0.3))
-    with pytest.raises(DeviceFaultError, match='the anchor lies') as caught:
+    with pytest.raises(DeviceFaultError, match='the anchor is displaced') as caught:
         run.campaign.run()
     found = re.search(r'x ([-+.0-9]+), y ([-+.0-9]+), z ([-+.0-9]+) mm', str(caught.value))
     assert found is not None

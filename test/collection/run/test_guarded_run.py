@@ -89,7 +89,7 @@ def test_it_goes_up_when_the_force_becomes_invalid() -> None:
 
 def test_it_stays_up_while_no_force_comes() -> None:
     with opened(lambda run, now_ns: None) as run:
-        with pytest.raises(DeviceError, match=r'no force in order came within 0\.5 s'):
+        with pytest.raises(DeviceError, match=r'no valid force within 0\.5 s'):
             run.run()
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
 
@@ -97,7 +97,7 @@ def test_it_stays_up_while_no_force_comes() -> None:
 def test_the_rigs_own_limit_ends_it_where_the_gel_says_nothing() -> None:
     limits = dataclasses.replace(SETTINGS.limits, force_n=0.3)
     with opened(lambda run, now_ns: Felt(now_ns, 0.0), dataclasses.replace(SETTINGS, limits=limits)) as run:
-        with pytest.raises(DeviceFaultError, match=r'given up: the force is 0\.3\d N, above the limit of 0\.3 N'):
+        with pytest.raises(DeviceFaultError, match=r'gave up: the force is 0\.3\d N, above the limit of 0\.3 N'):
             run.run()
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
 
@@ -151,7 +151,7 @@ def test_a_tip_that_is_still_felt_is_not_believed_to_be_up() -> None:
     with opened(slipping) as run, pytest.raises(DeviceFaultError) as caught:
         run.run()
     # 0.2 N within the band of 0.005 N and the noise of the sensor.
-    assert re.match(r'0\.(19|20|21) N are left although the machine says that the tip is up', str(caught.value))
+    assert re.match(r'0\.(19|20|21) N remain although the machine reports the tip up', str(caught.value))
 
 
 def test_a_tip_is_not_believed_to_be_up_because_forces_come_late(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -195,7 +195,7 @@ def test_what_ended_the_approach_is_told_beside_a_tip_that_is_still_down() -> No
             run.station.world.stick(2, now_ns)
         return Felt(now_ns, 0.0, INVALID, 2)
 
-    with opened(failing) as run, pytest.raises(DeviceFaultError, match='N are left') as caught:
+    with opened(failing) as run, pytest.raises(DeviceFaultError, match='N remain') as caught:
         run.run()
     assert re.search(r'\(before that: the force is invalid for reasons 2; .*\)$', str(caught.value))
 
@@ -210,7 +210,7 @@ def test_a_machine_that_failed_is_not_believed_to_be_up_without_a_force(monkeypa
         return truth(run, now_ns)
 
     with opened(failing) as run:
-        with pytest.raises(DeviceFaultError, match=r'nobody knows whether the tip is up.*before that: lines were lost'):
+        with pytest.raises(DeviceFaultError, match=r'unknown whether the tip is up.*before that: lines were lost'):
             run.run()
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
 

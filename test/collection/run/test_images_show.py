@@ -29,6 +29,6 @@ def test_images_of_two_sizes_cannot_be_compared() -> None:
 def test_camera_that_shows_the_untouched_gel_for_ever_ends_the_run_at_deep_presses(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.rig._camera = lambda time_ns: GREY
-    with pytest.raises(DeviceFaultError, match='images show nothing'):
+    with pytest.raises(DeviceFaultError, match='images do not show'):
         run.campaign.run()
     assert {record.point.depth_mm for record in run.told if not record.reason} == {0.5}  # too light to be sure

@@ -47,7 +47,9 @@ def test_a_machine_that_was_silent_is_stopped_brought_up_checked_and_pressed_wit
     ended = run.campaign.run()
     assert ended.startswith('the plan is done: 12 of 12 presses recorded')
     assert [record.reason for record in run.told if record.reason] == ['it is silent while it moves']
-    silent = next(number for number, said in enumerate(run.said) if 'the tip is up, waiting until it is well' in said)
+    silent = next(
+        number for number, said in enumerate(run.said) if 'the tip is up, waiting until it has recovered' in said
+    )
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
     # The four anchors at the start; one after the silence, since steps may be lost; one at the end.
     lines = run.journal.path.read_text(encoding='ascii')
@@ -64,7 +66,7 @@ def test_a_machine_that_was_silent_is_not_believed_to_be_up_without_a_force(
         run.rig.silent_sensor = True
 
     run.at(3, run.in_the_gel(fall_silent_for_good))
-    with pytest.raises(DeviceFaultError, match='nobody knows whether the tip is up'):
+    with pytest.raises(DeviceFaultError, match='unknown whether the tip is up'):
         run.campaign.run()
 
 
@@ -85,7 +87,7 @@ def test_a_force_that_comes_late_says_as_well_that_the_tip_is_up(tmp_path: Path)
 def test_a_machine_that_says_nothing_any_more_ends_the_run(tmp_path: Path, healths: list[Health]) -> None:
     run = Run(tmp_path)
     run.at(3, run.in_the_gel(lambda: healths.append(SILENT)))
-    with pytest.raises(DeviceTimeoutError, match='was not well again within 30 s'):
+    with pytest.raises(DeviceTimeoutError, match='did not recover within 30 s'):
         run.campaign.run()
     assert run.rig.safety.fell_silent
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
@@ -105,7 +107,7 @@ def test_a_machine_that_falls_silent_on_the_way_up_is_led_on(
             return retract()
         if len(tries) == 1:
             healths.append(SILENT)
-        raise DeviceFaultError('broken off, because the machine is silent while it moves')
+        raise DeviceFaultError('aborted, because the machine is silent while it moves')
 
     def break_off() -> None:
         monkeypatch.setattr(run.rig.cnc, 'retract', broken_off)
@@ -122,7 +124,7 @@ def test_a_surface_is_felt_for_on_a_computer_that_pauses_every_ten_seconds(tmp_p
     run = Run(tmp_path, changed(surface={'repeats': 2}))
     silences(run, seconds=10.0)
     assert run.campaign.run().startswith('the plan is done: 12 of 12')
-    waited = [said for said in run.said if 'the tip is up, waiting until it is well again' in said]
+    waited = [said for said in run.said if 'the tip is up, waiting until it has recovered' in said]
     assert len(waited) > 5
 
 
@@ -144,10 +146,10 @@ def test_a_crowded_computer_is_told_with_what_to_do(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(priority.os, 'getloadavg', lambda: (11.6, 4.0, 1.0))
     monkeypatch.setenv(priority.VARIABLE, '')
     assert re.fullmatch(
-        r'this computer has 12 programs to run on 2 processors, so devices seem silent: end some, then start again: '
-        r'what is recorded stays, and the run goes on with the next press', priority.crowded()
+        r'this computer is overloaded \(12 programs on 2 processors\), so devices seem silent: stop some, '
+        r'then start again: recorded presses are kept, and the run continues with the next press', priority.crowded()
     )  # fmt: skip
-    monkeypatch.setattr(priority, 'lacking', lambda: 'this account may not')
-    assert 'end some, or permit this account to come before others (docs/collection.md), then' in priority.crowded()
+    monkeypatch.setattr(priority, 'lacking', lambda: 'this user may not')
+    assert 'stop some, or allow this user to raise process priority (docs/collection.md), then' in priority.crowded()
     monkeypatch.setattr(priority.os, 'getloadavg', lambda: (2.0, 4.0, 1.0))
     assert priority.crowded() == ''

@@ -128,14 +128,14 @@ def test_a_sensor_that_falls_silent_again_as_the_run_would_go_on_is_waited_for_a
 
     run.at(3, run.in_the_gel(fall_silent))
     run.campaign.run()
-    assert sum('waiting until it is well again' in said for said in run.said) == 2
+    assert sum('waiting until it has recovered' in said for said in run.said) == 2
     assert sorted(run.recorded) == ALL
 
 
 def test_sensor_that_stays_silent_ends_the_run_with_the_tip_up(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.at(3, run.in_the_gel(lambda: setattr(run.rig, 'silent_sensor', True)))
-    with pytest.raises(DeviceError, match='not well again within 30 s'):
+    with pytest.raises(DeviceError, match='did not recover within 30 s'):
         run.campaign.run()
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
@@ -143,7 +143,7 @@ def test_sensor_that_stays_silent_ends_the_run_with_the_tip_up(tmp_path: Path) -
 def test_axis_that_sticks_in_the_gel_ends_the_run_before_anything_moves_sideways(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.at(3, run.in_the_gel(lambda: run.world.stick(2, run.rig.clock.now_ns())))
-    with pytest.raises(DeviceFaultError, match='left after the tip went up'):
+    with pytest.raises(DeviceFaultError, match='remain after the tip went up'):
         run.campaign.run()
     press = run.told[3].point
     here = run.world.press_at(run.rig.clock.now_ns())
@@ -278,7 +278,7 @@ def test_a_device_that_falls_silent_while_the_run_waits_with_the_tip_up_is_waite
     run.at(3, begin)
     assert run.campaign.run().startswith('the plan is done: 12 of 12')
     assert all(not record.reason for record in run.told)
-    (said,) = [line for line in run.said if 'waiting until it is well again' in line]
+    (said,) = [line for line in run.said if 'waiting until it has recovered' in line]
     assert ('sensor' if silent == 'silent_sensor' else 'camera') in said
 
 
@@ -291,7 +291,7 @@ def test_an_unbearable_force_during_a_pause_halts_the_run(tmp_path: Path) -> Non
         run.after(5.0, lambda: setattr(run.world, 'wrench_at', lambda _: (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)))
 
     run.at(3, pause)
-    with pytest.raises(DeviceFaultError, match='are left although the machine says that the tip is up'):
+    with pytest.raises(DeviceFaultError, match='remain although the machine reports the tip up'):
         run.campaign.run()
     asked = MachineRecord(tmp_path / 'machine.record').question(unasked=True)  # of the next one, first
     assert 'more than the bearable 5 N' in asked

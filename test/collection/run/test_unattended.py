@@ -51,8 +51,8 @@ def test_a_point_whose_force_is_too_great_is_put_aside_and_not_tried_again_in_th
     ended = run.campaign.run()
     assert sorted(record.point.press for record in run.told) == ALL  # each once, attempts is 3
     assert [press for press, step in steps(run) if step == 'aside'] == [r.point.press for r in run.told if r.reason]
-    assert ended.startswith('the plan is done but for what was put aside: 6 of 12 presses recorded')
-    assert f'6 put aside until the next run (press {", ".join(map(str, DEEP))})' in ended
+    assert ended.startswith('the plan is done except for presses that were set aside: 6 of 12 presses recorded')
+    assert f'6 set aside until the next run (press {", ".join(map(str, DEEP))})' in ended
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
@@ -138,7 +138,7 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
     run.rig.clock.every(1.0, look)
     run.campaign.run()
     question = next(line for line in run.said if 'more than the bearable 5 N' in line and 'then type: answer' in line)
-    assert 'look at machine, tip and gel' in question
+    assert 'check machine, tip and gel' in question
     assert len(places) > 280 and len(set(places)) == 1
     assert places[0][2] == pytest.approx(SAFE_Z_MM, abs=0.01)
     assert of_the_machine(run) == ['begun', 'halted', 'acknowledged', 'ended']
@@ -185,7 +185,8 @@ def test_after_a_kill_the_next_plan_in_another_folder_asks_as_well(tmp_path: Pat
     assert 'stopped on request' in run.campaign.run()
     assert run.world.motor_at(run.rig.clock.now_ns()) == start
     assert re.fullmatch(
-        r'the run before this one \(plan \w+ in .*/one\) was cut off, so nobody knows where the tip is; .*', run.said[0]
+        r'the run before this one \(plan \w+ in .*/one\) was cut off, so the position of the tip is unknown; .*',
+        run.said[0],
     )
 
 
@@ -209,9 +210,9 @@ def test_a_run_that_ended_with_the_tip_up_is_not_asked_about(tmp_path: Path) -> 
 def test_a_tip_that_did_not_come_up_is_asked_about(tmp_path: Path) -> None:
     first = Run(tmp_path)
     first.at(3, first.in_the_gel(lambda: first.world.stick(2, first.rig.clock.now_ns())))
-    with pytest.raises(DeviceFaultError, match='left after the tip went up'):
+    with pytest.raises(DeviceFaultError, match='remain after the tip went up'):
         first.campaign.run()
-    assert any('the tip could not be brought up' in line and 'N are left' in line for line in first.said)
+    assert any('the tip could not be brought up' in line and 'N remain' in line for line in first.said)
     first.journal.close()
     second = Run(tmp_path, unasked=False)
     second.after(10.0, lambda: setattr(second.rig.hands, 'asked_to_stop', True))
@@ -232,7 +233,7 @@ def test_a_board_that_restarted_and_says_idle_is_not_believed_to_be_up(tmp_path:
     machine = run.rig.cnc
     machine.retract = lambda: None  # type: ignore[method-assign]
     machine.status = lambda: CncStatus(CncState.IDLE, (0.0, 0.0, 0.0), False, 0, 0)  # type: ignore[method-assign]
-    with pytest.raises(DeviceFaultError, match='nobody knows whether the tip is up'):
+    with pytest.raises(DeviceFaultError, match='unknown whether the tip is up'):
         run.rig.hands.retreat()
 
 
@@ -243,7 +244,7 @@ def test_a_machine_that_says_it_is_up_is_not_believed_against_the_force(tmp_path
     run.rig.cnc.home()
     bring_up(run.rig.hands, tare, changed(), doubted=True)  # the force is none
     run.world.wrench_at = lambda _: (0.0, 0.0, 0.7, 0.0, 0.0, 0.0)  # type: ignore[method-assign]
-    with pytest.raises(DeviceFaultError, match=r'0\.70 N are left although the machine says that the tip is up'):
+    with pytest.raises(DeviceFaultError, match=r'0\.70 N remain although the machine reports the tip up'):
         bring_up(run.rig.hands, tare, changed())
 
 
@@ -253,5 +254,5 @@ def test_after_a_fault_of_the_machine_nothing_counts_as_up_that_no_force_confirm
     run.rig.cnc.home()
     run.rig.silent_sensor = True
     bring_up(run.rig.hands, Tare(nothing, nothing, 50, 0), changed())  # its word is enough while nothing is in doubt
-    with pytest.raises(DeviceFaultError, match='no force says that nothing touches'):
+    with pytest.raises(DeviceFaultError, match='no force sample shows it free'):
         bring_up(run.rig.hands, Tare(nothing, nothing, 50, 0), changed(), doubted=True)

@@ -63,7 +63,7 @@ def test_a_server_that_trickles_bytes_without_a_picture_is_lost_too(serve: Serve
         while not peer.over.wait(0.02):
             peer.raw(b'x' * 100)
 
-    assert 'no whole JPEG pictures' in until_lost(connected(serve(script), clock, stall_s=0.3))
+    assert 'no complete JPEG pictures' in until_lost(connected(serve(script), clock, stall_s=0.3))
 
 
 def test_a_cut_connection_is_lost_at_once(serve: Serve, clock: SystemClock) -> None:
@@ -191,10 +191,10 @@ def test_a_server_without_pictures_fails_to_open_in_time(serve: Serve, clock: Sy
 @pytest.mark.parametrize(
     ('kind', 'status', 'text'),
     [
-        ('multipart/x-mixed-replace; boundary=frame', 404, r'answers 404 Not Found; check the path'),
-        ('text/html', 401, r'answers 401 Unauthorized; give user and password'),
-        ('text/html', 200, r'sends text/html where an MJPEG stream is multipart'),
-        ('image/jpeg', 200, r'sends image/jpeg where an MJPEG stream is multipart'),
+        ('multipart/x-mixed-replace; boundary=frame', 404, r'responded 404 Not Found; check the path'),
+        ('text/html', 401, r'responded 401 Unauthorized; give user and password'),
+        ('text/html', 200, r'sends text/html, but an MJPEG stream is multipart'),
+        ('image/jpeg', 200, r'sends image/jpeg, but an MJPEG stream is multipart'),
         ('multipart/x-mixed-replace', 200, r'with a boundary'),
     ],
 )
@@ -242,7 +242,7 @@ def test_the_camera_reconnects_when_the_server_comes_back(serve: Serve, clock: S
         assert away < 50
     assert away >= 1
     assert camera.health.level == Level.OK
-    assert 'lost and found again 1 times' in camera.health.message
+    assert 'reconnected 1 times' in camera.health.message
     assert camera.description['times lost'] == '1'
     numbers = [frame.sequence for frame in frames]
     assert numbers == sorted(set(numbers))

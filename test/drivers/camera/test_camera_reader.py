@@ -33,7 +33,7 @@ def test_frames_that_are_read_are_not_lost() -> None:
 
 
 def test_an_empty_slot_times_out() -> None:
-    with pytest.raises(DeviceTimeoutError, match=r'X sent no whole picture within 0\.01 s'):
+    with pytest.raises(DeviceTimeoutError, match=r'X sent no complete picture within 0\.01 s'):
         NewestFrame('X').take(0.01)
 
 

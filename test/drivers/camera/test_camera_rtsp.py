@@ -112,7 +112,7 @@ def test_pictures_arrive_stamped_in_order_and_counted(rtsp: Callable[..., str], 
 
 
 def test_another_size_than_asked_for_is_refused(rtsp: Callable[..., str], clock: SystemClock) -> None:
-    with pytest.raises(ImageError, match='64x48, asked for were 640x480'):
+    with pytest.raises(ImageError, match='64x48, but 640x480 was requested'):
         opened(rtsp(), clock, width=640, height=480)
 
 
@@ -135,7 +135,7 @@ def test_a_server_that_stalls_is_first_late_and_then_lost(rtsp: Callable[..., st
 
 
 def test_a_path_that_the_server_does_not_know_is_told(rtsp: Callable[..., str], clock: SystemClock) -> None:
-    with pytest.raises(DeviceNotFoundError, match='answers and gives no video; check the path, user and password'):
+    with pytest.raises(DeviceNotFoundError, match='responds, but sends no video; check the path, user and password'):
         opened(rtsp(refuse=True), clock)
 
 

@@ -49,14 +49,14 @@ def test_a_camera_is_found_by_its_serial_number_wherever_it_is_plugged_in(tmp_pa
 
 def test_a_serial_number_that_no_camera_has_is_told_with_those_that_are_there(tmp_path: Path) -> None:
     plug_in(tmp_path, 0, '1-1', 'A1')
-    with pytest.raises(DeviceNotFoundError, match=r"serial number 'C3' \(there are: A1\)"):
+    with pytest.raises(DeviceNotFoundError, match=r"serial number 'C3' \(found: A1\)"):
         located('serial:C3', tmp_path)
 
 
 def test_cameras_with_one_serial_number_are_not_guessed_between(tmp_path: Path) -> None:
     plug_in(tmp_path, 0, '1-1', '01.00.00')
     plug_in(tmp_path, 2, '1-2', '01.00.00')
-    with pytest.raises(DeviceNotFoundError, match='/dev/video0 and /dev/video2 have one serial number'):
+    with pytest.raises(DeviceNotFoundError, match='/dev/video0 and /dev/video2 have the same serial number'):
         located('serial:01.00.00', tmp_path)
 
 
@@ -105,5 +105,5 @@ def test_a_camera_that_comes_back_as_another_device_goes_on(
 
 
 def test_a_source_by_serial_number_is_a_camera_and_no_file() -> None:
-    with pytest.raises(DeviceNotFoundError, match="there is no camera with the serial number 'none-such'"):
+    with pytest.raises(DeviceNotFoundError, match="no camera has the serial number 'none-such'"):
         open_camera(CameraSettings('serial:none-such'), SystemClock())

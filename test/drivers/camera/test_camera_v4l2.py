@@ -66,13 +66,13 @@ def test_what_was_asked_and_what_was_got_stand_side_by_side(device, start) -> No
     camera = start(width=320, height=240, exposure_ms=15.6, gain=10)
     camera.read(2.0)
     said = camera.description
-    assert said['format'] == 'MJPG (asked MJPG)'
-    assert said['size'] == '320x240 (asked 320x240)'
-    assert said['frames/s'] == '100 (asked 100)'
-    assert said['auto_exposure'] == '1 (asked 1)'
-    assert said['exposure_time_absolute'] == '156 (asked 156)'
-    assert said['gain'] == '10 (asked 10)'
-    assert said['autogain'] == 'not there'
+    assert said['format'] == 'MJPG (requested MJPG)'
+    assert said['size'] == '320x240 (requested 320x240)'
+    assert said['frames/s'] == '100 (requested 100)'
+    assert said['auto_exposure'] == '1 (requested 1)'
+    assert said['exposure_time_absolute'] == '156 (requested 156)'
+    assert said['gain'] == '10 (requested 10)'
+    assert said['autogain'] == 'missing'
     assert said['stamps'] == 'kernel, CLOCK_MONOTONIC'
     assert camera.health.level == Level.OK
 
@@ -81,12 +81,12 @@ def test_a_format_that_was_not_taken_is_a_warning(device, start) -> None:
     device.formats = ('YUYV',)
     health = start().health
     assert health.level == Level.WARN
-    assert 'the pixel format is BGR3, asked for was MJPG' in health.message
+    assert 'the pixel format is BGR3, but MJPG was requested' in health.message
 
 
 def test_a_rate_that_was_not_taken_is_a_warning(device, start) -> None:
     device.rates = (50.0, 25.0)
-    assert 'it gives 50 frames/s, asked for were 60' in start(fps=60.0).health.message
+    assert 'it gives 50 frames/s, but 60 was requested' in start(fps=60.0).health.message
 
 
 def test_automatic_modes_are_switched_off_before_the_values_that_they_would_override(device, start) -> None:
@@ -106,12 +106,12 @@ def test_automatic_modes_may_be_left_on(device, start) -> None:
 def test_a_control_that_lies_is_a_warning(device, start) -> None:
     camera = start(keep_auto=True, gain=10)
     assert camera.health.level == Level.WARN
-    assert 'gain is 29, asked for was 10' in camera.health.message
+    assert 'gain is 29, but 10 was requested' in camera.health.message
 
 
 def test_a_control_that_is_asked_for_and_not_there_is_a_warning(device, start) -> None:
     device.controls = {}
-    assert 'gain is not there, asked for was 10' in start(gain=10).health.message
+    assert 'gain is missing, but 10 was requested' in start(gain=10).health.message
 
 
 def test_controls_that_the_camera_forgets_are_set_again_a_second_later(device, start) -> None:
@@ -135,7 +135,7 @@ def test_senseless_stamps_give_way_to_arrival_and_say_so(device, start, clock: S
     device.stamp_offset_ms = 3_600_000.0
     camera = start()
     assert 0 <= clock.now_ns() - camera.read(2.0).stamp_ns < 0.5e9
-    assert camera.description['stamps'].startswith("arrival (the driver's stamps lie 3600.0")
+    assert camera.description['stamps'].startswith("arrival (the driver's stamps are 3600.0")
     assert camera.health.level == Level.WARN
 
 
@@ -150,7 +150,7 @@ def test_a_camera_with_another_format_only_gives_its_pictures_and_a_warning(devi
     device.formats = ('YUYV',)
     camera = start(fourcc='')
     assert camera.read(2.0).image.shape == (480, 640, 3)
-    assert camera.description['format'] == 'YUYV (asked nothing)'
+    assert camera.description['format'] == 'YUYV (requested none)'
     assert camera.health.level == Level.OK
 
 
@@ -160,14 +160,14 @@ def test_a_camera_that_is_slower_than_it_says_is_told(device, start) -> None:
     camera = start()
     for _ in range(45):
         camera.read(2.0)
-    assert 'frames/s and announces 100' in camera.health.message
+    assert 'frames/s, but announces 100' in camera.health.message
 
 
 def test_pictures_that_opencv_cannot_convert_are_lost_and_end_in_a_sentence(device, start) -> None:
     camera = start(stall_s=0.2)
     camera.read(2.0)
     device.unreadable = True
-    with pytest.raises(DeviceLostError, match='no whole picture'):
+    with pytest.raises(DeviceLostError, match='no complete picture'):
         while True:
             camera.read(1.0)
 
@@ -224,7 +224,7 @@ def test_a_camera_that_fails_every_grab_is_lost_after_the_stall_time_without_spi
     grabs = []
     device.spoil = lambda number, data: grabs.append(number) or b''
     used, started = time.process_time(), time.monotonic()
-    with pytest.raises(DeviceLostError, match=r'no whole picture for 0\.\d s; check its cable'):
+    with pytest.raises(DeviceLostError, match=r'no complete picture for 0\.\d s; check its cable'):
         while True:
             camera.read(1.0)
     assert 0.25 < time.monotonic() - started < 1.5
@@ -277,13 +277,13 @@ def test_a_camera_that_is_unplugged_and_plugged_in_again_goes_on(device, clock: 
 
 def test_a_missing_camera_is_told_with_those_that_are_there(tmp_path: Path) -> None:
     (tmp_path / 'usb-Ailipu_ELP-video-index0').touch()
-    with pytest.raises(DeviceNotFoundError, match=r'no camera /dev/video63; there are .*usb-Ailipu_ELP-video-index0'):
+    with pytest.raises(DeviceNotFoundError, match=r'no camera /dev/video63; found: .*usb-Ailipu_ELP-video-index0'):
         check_device('/dev/video63', tmp_path)
 
 
 def test_a_file_that_is_no_device_is_told(tmp_path: Path) -> None:
     (tmp_path / 'file').touch()
-    with pytest.raises(DeviceNotFoundError, match='is no video device'):
+    with pytest.raises(DeviceNotFoundError, match='is not a video device'):
         check_device(str(tmp_path / 'file'), tmp_path)
 
 
@@ -307,7 +307,7 @@ def test_the_real_camera_takes_its_controls() -> None:
     camera = V4l2Camera(CameraSettings(path, fps=0.0), SystemClock())
     camera.open()
     read_past(camera, 1.2)
-    assert camera.description['auto_exposure'] in {'1 (asked 1)', 'not there'}
+    assert camera.description['auto_exposure'] in {'1 (requested 1)', 'missing'}
     camera.close()
 
 

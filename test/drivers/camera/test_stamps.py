@@ -66,7 +66,7 @@ def test_the_frames_of_a_camera_that_is_slower_than_it_says_are_not_lost() -> No
         cadence.missing(1 + 50_000_000 * number)
     assert cadence.missing(1 + 50_000_000 * 40) == 0
     assert cadence.missing(1 + 50_000_000 * 42) == 1
-    assert cadence.complaint == 'it sends 20.0 frames/s and announces 60'
+    assert cadence.complaint == 'it sends 20.0 frames/s, but announces 60'
 
 
 def test_a_camera_that_keeps_its_rate_is_no_complaint_however_many_frames_are_lost_now_and_then() -> None:

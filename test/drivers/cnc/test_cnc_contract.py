@@ -98,7 +98,7 @@ def test_a_queued_move_is_not_done_yet(homed: Rig) -> None:
 @pytest.mark.parametrize(('place', 'text'), [((-60, -60, -61), 'to z'), ((-60, 1, -5), 'to y'), ((-121, -60, -5), 'x')])
 def test_a_target_outside_the_box_is_refused_before_anything_is_sent(homed: Rig, place: tuple, text: str) -> None:
     before, said = homed.tip, len(homed.sent())
-    with pytest.raises(ConfigurationError, match=rf'{text} -?\d+ mm; the machine may go from') as raised:
+    with pytest.raises(ConfigurationError, match=rf'{text} -?\d+ mm; the range is') as raised:
         homed.cnc.move(*homed.at(*place), feed=100.0)
     assert '\n' not in str(raised.value)
     assert (homed.tip, len(homed.sent())) == (before, said)
@@ -106,7 +106,7 @@ def test_a_target_outside_the_box_is_refused_before_anything_is_sent(homed: Rig,
 
 def test_a_jog_out_of_the_box_is_refused_too(homed: Rig) -> None:
     homed.go(-60, -60, -0.01)
-    with pytest.raises(ConfigurationError, match='may go from'):
+    with pytest.raises(ConfigurationError, match='the range is'):
         homed.cnc.jog(dz=0.04, feed=100.0)
 
 
@@ -298,8 +298,8 @@ def raised_by(call: object) -> BaseException:
     [
         (CncSettings('/dev/ttyNONE'), 'DeviceNotFoundError', r'there is no serial port /dev/ttyNONE; '),
         (CncSettings('/dev/null'), 'DeviceNotFoundError', r'cannot open /dev/null as a serial port'),
-        (CncSettings(), 'ConfigurationError', r'needs a world to stand in; '),
-        (CncSettings('/dev/null', 'marlin'), 'ConfigurationError', r'does not tell its limits; set lowest_mm'),
+        (CncSettings(), 'ConfigurationError', r'needs a simulated world; '),
+        (CncSettings('/dev/null', 'marlin'), 'ConfigurationError', r'does not report its limits; set lowest_mm'),
     ],
 )
 def test_what_cannot_be_opened_is_one_clear_sentence(settings: CncSettings, error: str, text: str) -> None:

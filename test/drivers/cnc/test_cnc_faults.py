@@ -125,13 +125,13 @@ def test_undisturbed_it_presses_two_millimetres(any_rig: PressRig) -> None:
 
 
 def test_a_banner_in_mid_press_is_a_restart_also_of_a_board_that_showed_none_on_opening(any_rig: PressRig) -> None:
-    with pytest.raises(DeviceFaultError, match='restarted by itself, so its place is not known'):
+    with pytest.raises(DeviceFaultError, match='restarted by itself, so its position is unknown'):
         any_rig.press(any_rig.device.power_cycle)
     assert any_rig.rest() < 0.5
     with contextlib.suppress(DeviceFaultError):  # a Marlin answers nothing more
         assert not any_rig.cnc.status().homed
     assert (any_rig.cnc.health.level, any_rig.cnc.health.silent) == (Level.ERROR, False)
-    with pytest.raises(DeviceFaultError, match='place is not known'):
+    with pytest.raises(DeviceFaultError, match='position is unknown'):
         any_rig.hands.retreat()
 
 
@@ -144,7 +144,7 @@ def test_a_restart_whose_banner_is_lost_shows_in_its_reports(rig: PressRig) -> N
     with pytest.raises(DeviceError):
         rig.press(restart_unheard)
     assert rig.rest() < 0.5
-    with pytest.raises(DeviceFaultError, match='has restarted, so its place is not known'):
+    with pytest.raises(DeviceFaultError, match='has restarted, so its position is unknown'):
         rig.hands.retreat()
     assert not rig.cnc.status().homed
 
@@ -159,7 +159,7 @@ def test_idle_at_zero_after_a_restart_unheard_is_not_up() -> None:
 
     with pytest.raises(DeviceError):
         rig.press(restart_unheard)
-    with pytest.raises(DeviceFaultError, match=r'says that it is at x 0\.000 y 0\.000 z -?0\.\d+ mm, where it cannot'):
+    with pytest.raises(DeviceFaultError, match=r'reports x 0\.000 y 0\.000 z -?0\.\d+ mm, which it cannot'):
         rig.hands.retreat()
     assert rig.rest() < 0.6
     assert SURFACE_MM - rig.world.tip_at(rig.clock.now_ns())[2] > 0.2
@@ -173,7 +173,7 @@ def test_a_marlin_that_restarted_unheard_is_known_by_the_line_that_it_asks_for()
         rig.faults.change('<', b'start\n', b'')
         rig.device.power_cycle()
 
-    with pytest.raises(DeviceFaultError, match='has restarted, so its place is not known'):
+    with pytest.raises(DeviceFaultError, match='has restarted, so its position is unknown'):
         rig.press(restart_unheard)
     assert rig.faults.done == 1
     assert rig.rest() < 0.6
@@ -184,7 +184,7 @@ def test_a_marlin_that_restarted_unheard_is_known_by_the_line_that_it_asks_for()
 def test_a_marlin_that_says_it_is_elsewhere_is_stopped() -> None:
     """Twice: once would be a damaged answer."""
     rig = press_rig('marlin')
-    with pytest.raises(DeviceFaultError, match=r'says that it is at x 6.*, where it cannot have gone'):
+    with pytest.raises(DeviceFaultError, match=r'reports x 6.*, which it cannot have reached'):
         rig.press(lambda: rig.faults.change('<', b'X:60.00 ', b'X:68.00 ', times=2))
     assert rig.faults.done == 2
     assert rig.rest() < 0.8
@@ -209,7 +209,7 @@ def test_a_marlin_that_deals_with_nothing_for_a_second_after_a_stop_is_not_silen
 def test_a_controller_that_says_a_banner_and_goes_on_is_stopped(kind: str, banner: bytes) -> None:
     """Reports come every 0.1 s, and it brakes at once; the jogs that it was sent would lead to 0.75 mm."""
     rig = press_rig(kind)
-    with pytest.raises(DeviceFaultError, match='restarted by itself, so its place is not known'):
+    with pytest.raises(DeviceFaultError, match='restarted by itself, so its position is unknown'):
         rig.press(lambda: rig.device.say(banner))
     assert rig.rest() < 0.45
 
@@ -267,7 +267,7 @@ def test_one_damaged_character_of_a_jog_is_seen_while_it_moves(sent: bytes, hear
 
 def test_a_tip_that_went_elsewhere_is_stopped_and_brought_up() -> None:
     rig = press_rig()
-    with pytest.raises(DeviceFaultError, match=r'is at .* z -3\d\.\d+ mm, off the way that it was sent'):
+    with pytest.raises(DeviceFaultError, match=r'is at .* z -3\d\.\d+ mm, off the commanded path'):
         rig.press(lambda: rig.faults.change('>', b'Z-30.75', b'Z-39.75'))
     assert rig.cnc.health.level is Level.ERROR
     rig.hands.retreat()
@@ -282,7 +282,7 @@ def test_a_long_jog_that_goes_faster_than_it_was_sent_is_stopped() -> None:
     rig.go(-60.0, -60.0, -20.0)
     rig.faults.change('>', b'F60.0', b'F960.0')
     rig.cnc.jog(dz=-10.0, feed=60.0)
-    with pytest.raises(DeviceFaultError, match=r'goes at \d+ mm/min, faster than it was sent'):
+    with pytest.raises(DeviceFaultError, match=r'moves at \d+ mm/min, faster than commanded'):
         rig.cnc.wait_idle()
     rig.rest(1.0)
     assert rig.tip[2] > -24.0  # 16 mm/s for a tenth of a second, and the ramps
@@ -302,7 +302,7 @@ def test_a_controller_that_repeats_what_it_heard_is_taken_at_its_word() -> None:
     def echo_damaged() -> None:
         rig.device.say(b'[echo: $J=G21G90G53X-60.000Y-60.000Z-31.450F60.0]\r\n')
 
-    with pytest.raises(DeviceFaultError, match=r'has heard .*Z-31\.450.* where .* was sent'):
+    with pytest.raises(DeviceFaultError, match=r'received .*Z-31\.450.* instead of .*'):
         rig.press(echo_damaged)
     assert rig.rest() < 1.0
 

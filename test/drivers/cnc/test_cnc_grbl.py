@@ -257,7 +257,7 @@ def fluidnc(**differs: bytes) -> Script:
 
 def test_fluidnc_is_known_by_its_answer_and_must_be_given_its_box() -> None:
     """Where its $130 begin depends on its configuration file."""
-    with pytest.raises(ConfigurationError, match='does not tell its limits; set lowest_mm'):
+    with pytest.raises(ConfigurationError, match='does not report its limits; set lowest_mm'):
         play(fluidnc(), nothing, first=FLUIDNC_BANNER)
     cnc = play([*fluidnc(), PREAMBLE], nothing, first=FLUIDNC_BANNER, **BOX)
     assert cnc.identify().firmware == 'FluidNC'
@@ -317,7 +317,7 @@ def test_damaged_reports_are_none(line: str) -> None:
         ('$20=0', r'soft limits switched off \(\$20=0\); switch it on'),
         (
             '$21=0',
-            r"hard limits switched off \(\$21=0\); switch it on, or put 'no hard limits' into the setting accept",
+            r"hard limits switched off \(\$21=0\); switch it on, or add 'no hard limits' to the setting accept",
         ),
         ('$22=0', r'homing switched off \(\$22=0\)'),
         ('$32=1', r'laser or lathe mode \(\$32=1\)'),
@@ -334,13 +334,15 @@ def test_risks_can_be_accepted_in_words_only() -> None:
                     lowest_mm=(-60.0, -60.0, -55.0))  # fmt: skip
     assert rig.cnc.health.level == Level.WARN
     assert b'$H' not in rig.sent()
-    with pytest.raises(ValueError, match=r"accept knows 'no soft limits', 'no homing', 'no hard limits', not yes"):
+    with pytest.raises(
+        ValueError, match=r"accept may contain 'no soft limits', 'no homing', 'no hard limits', not yes"
+    ):
         CncSettings(accept=('yes',))
 
 
 def test_motors_that_let_go_are_a_warning() -> None:
     rig = homed_rig(changes=('$1=25',))
-    assert 'motors let go at rest' in rig.cnc.health.message
+    assert 'motors are released at rest' in rig.cnc.health.message
     assert rig.cnc.health.level == Level.WARN
 
 
@@ -429,7 +431,7 @@ def test_a_restart_by_itself_loses_the_place(rig: Rig) -> None:
     with pytest.raises(DeviceFaultError, match=r'restart'):
         rig.cnc.wait_idle()
     assert not rig.cnc.status().homed
-    with pytest.raises(DeviceFaultError, match='restarted by itself, so its place is not known'):
+    with pytest.raises(DeviceFaultError, match='restarted by itself, so its position is unknown'):
         rig.cnc.retract()
     rig.cnc.home()
     assert rig.cnc.status().homed
@@ -438,11 +440,11 @@ def test_a_restart_by_itself_loses_the_place(rig: Rig) -> None:
 def test_a_hung_controller_is_told_in_time_and_nothing_more_is_sent(rig: Rig) -> None:
     rig.device.faults.hung = True
     begin = rig.seconds()
-    with pytest.raises(DeviceFaultError, match=r'was broken off, because the machine is silent while it moves'):
+    with pytest.raises(DeviceFaultError, match=r'was aborted, because the machine is silent while it moves'):
         rig.cnc.move(z=-6.0, feed=600.0)
     assert rig.seconds() - begin < 0.6
     said = len(rig.sent())
-    with pytest.raises(DeviceFaultError, match='is silent while it moves; look at its cable and power'):
+    with pytest.raises(DeviceFaultError, match='is silent while it moves; check its cable and power'):
         rig.cnc.move(z=-7.0, feed=600.0)
     assert len(rig.sent()) == said
 
@@ -490,7 +492,7 @@ def test_lines_lost_on_the_way_are_found_at_the_next_rest() -> None:
     rig = homed_rig()
     rig.cnc.move(z=-10.0, feed=600.0)
     rig.device.machine.planner.flush(rig.clock.now_ns())
-    with pytest.raises(DeviceFaultError, match=r'came to rest at .* instead of .*z -10\.000 mm'):
+    with pytest.raises(DeviceFaultError, match=r'stopped at .* instead of .*z -10\.000 mm'):
         rig.cnc.wait_idle()
 
 

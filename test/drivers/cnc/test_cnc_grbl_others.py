@@ -118,7 +118,7 @@ def test_an_alarm_of_another_firmware_is_told_by_its_number() -> None:
 
     def act(cnc: GrblCnc) -> None:
         cnc.home()
-        with pytest.raises(DeviceFaultError, match='alarm 17, which it does not explain'):
+        with pytest.raises(DeviceFaultError, match='alarm 17, unknown'):
             cnc.move(z=-5.0, feed=600.0)
         assert cnc.health.level == Level.ERROR
 

@@ -89,7 +89,7 @@ def test_silence_is_too_old_after_the_limit_and_not_before() -> None:
 
 
 def test_what_was_measured_long_ago_and_comes_now_is_too_old() -> None:
-    assert 'brings samples that were measured 1500 ms ago' in too_old(sample(500, 2000), 0, 2000 * MS, 50.0)
+    assert 'delivers samples that are 1500 ms old' in too_old(sample(500, 2000), 0, 2000 * MS, 50.0)
 
 
 def test_a_sensor_has_its_full_time_from_the_beginning() -> None:

@@ -187,7 +187,7 @@ def test_a_port_that_is_not_there_is_named(source: str) -> None:
 
 @pytest.mark.parametrize('source', ['', 'netft://', 'netft:192.168.1.1:49152', 'bota:', 'hx711:/dev/ttyUSB0'])
 def test_a_source_that_names_no_sensor_is_refused_with_an_example(source: str) -> None:
-    with pytest.raises(ConfigurationError, match='write '):
+    with pytest.raises(ConfigurationError, match='use '):
         open_force_torque(ForceTorqueSettings(source), SystemClock())
 
 

@@ -115,7 +115,7 @@ def test_a_refused_command_is_named() -> None:
 
 def test_a_device_that_does_not_answer_is_a_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bota, 'ANSWER_S', 0.01)
-    with pytest.raises(DeviceTimeoutError, match='does not answer'):
+    with pytest.raises(DeviceTimeoutError, match='does not respond'):
         bota.set_up(ScriptedPort(b'App Init', [(b'C', b'unknown command')]), 512, 460_800)
 
 

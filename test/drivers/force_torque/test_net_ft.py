@@ -96,7 +96,7 @@ def test_nobody_at_the_address_is_a_sentence_not_a_hang() -> None:
 
 
 def test_a_box_with_rdt_switched_off_is_refused(rig_with: Make) -> None:
-    with pytest.raises(DeviceError, match='RDT is switched off'):
+    with pytest.raises(DeviceError, match='RDT is disabled'):
         rig_with(NetFtConfig(rdt_enabled=False)).open()
 
 
@@ -231,7 +231,7 @@ def test_another_rate_than_the_one_asked_for_is_a_warning(rig_with: Make) -> Non
     sensor = rig.open(rate_hz=1000.0)
     read(sensor)
     assert sensor.health.level == Level.WARN
-    assert 'asked for 1000 samples/s, the box gives 500' in sensor.health.message
+    assert '1000 samples/s were requested, but the box sends 500' in sensor.health.message
 
 
 @pytest.mark.parametrize(('axia', 'asked'), [(False, 150.0), (True, 350.0)])

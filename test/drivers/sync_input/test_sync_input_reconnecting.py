@@ -65,7 +65,7 @@ def clock() -> SteppedClock:
     return Ticking(NS_PER_S)
 
 
-LOST = DeviceLostError('CTS of the test is gone (Input/output error); check its cable and open it again')
+LOST = DeviceLostError('CTS of the test is gone (Input/output error); check its cable and reopen it')
 AWAY = DeviceNotFoundError('no such port')
 
 
@@ -88,7 +88,7 @@ def test_a_lost_line_is_found_again_and_numbers_go_on(clock: SteppedClock) -> No
     assert first.closed == 1
     assert made.health.level == Level.ERROR and 'check its cable' in made.health.message
     assert [edge.number for edge in made.read(1.0)] == [3, 4, 5]
-    assert made.health == Health(Level.OK, '5 edges; lost and found again 1 times')
+    assert made.health == Health(Level.OK, '5 edges; reconnected 1 times')
     assert made.description['times lost'] == '1'
 
 

@@ -104,7 +104,7 @@ def test_a_card_with_odd_numbers_is_refused_in_a_sentence(
     monkeypatch.setattr(model_file, 'readout_arrays', odd)
     made = make()
     save_model(tmp_path / 'odd.safetensors', made.model, CARD)
-    with pytest.raises(ModelError, match='has one that cannot be'):
+    with pytest.raises(ModelError, match='has an invalid one'):
         load_model(tmp_path / 'odd.safetensors')
 
 

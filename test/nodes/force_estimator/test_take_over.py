@@ -212,7 +212,7 @@ def test_a_model_of_other_features_is_refused_and_the_one_in_use_stays(
 
 def test_a_file_that_is_no_model_is_refused(live: Live, tmp_path: Path) -> None:
     (file := tmp_path / 'odd.safetensors').write_bytes(b'no model')
-    assert 'is no model of tactile_nodes' in live.set_model(file).reason
+    assert 'is not a model of tactile_nodes' in live.set_model(file).reason
 
 
 def test_who_comes_later_is_told_the_model_in_use(

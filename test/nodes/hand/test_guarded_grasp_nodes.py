@@ -131,7 +131,7 @@ def test_object_is_held_while_it_is_pulled_and_let_go_at_the_end(finger: Finger)
 def test_grasp_that_finds_nothing_ends_with_a_sentence_and_the_status_of_a_failure(finger: Finger) -> None:
     with Loop(finger, 'object_mm:=10.0', 'open_mm:=40.0', 'grasp.least_mm:=37.0') as loop:
         loop.go_on(lambda: loop.grasp.failure is not None)
-        assert str(loop.grasp.failure).startswith('nothing was felt down to an opening of 3')
+        assert str(loop.grasp.failure).startswith('no contact down to an opening of 3')
 
 
 def test_stopping_leaves_the_gripper_as_it_is(finger: Finger) -> None:
