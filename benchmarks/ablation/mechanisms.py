@@ -144,40 +144,41 @@ def _by_noise_alone() -> AbstractContextManager[Any]:
 
 MECHANISMS = (
     Mechanism(
-        'look at stillness', 'frames in which nothing touches are answered without measuring motion',
+        'look at stillness', 'skips the measurement of motion in frames in which nothing touches',
         ('sensing/picture/stillness.py', 'sensing/picture/touch_places.py', 'sensing/loops/stillness.py'),
         instead(f'{PIPELINE}.following:stillness_options', _nothing), CORE,
     ),
     Mechanism(
-        'registration', "the motion of the whole picture is taken out",
+        'registration', 'removes the motion of the whole picture',
         ('sensing/picture/registration.py', 'sensing/picture/knocks.py', 'sensing/picture/motion.py',
          'sensing/picture/quietness.py'),
         instead(f'{PIPELINE}.following:Registration', _nothing),
         (*CORE, 'camera shifted 3', 'camera turned 1', 'gel re-seated 1'),
     ),
     Mechanism(
-        'rest image taken anew', 'while nothing touches, where light or sharpness changed',
+        'rest image taken anew', 'renews the rest image if light or sharpness changed, while nothing touches',
         ('sensing/rest/renewal.py', 'sensing/rest/coming.py', 'sensing/rest/prepared.py'),
         instead(f'{PIPELINE}.rest_images:_offer_renewal', _nothing),
         (*CORE, 'brightness 1.3', 'gel re-seated 1', 'dirt on the lens 10'),
     ),
     Mechanism(
-        'a new rest image refined', 'averaged again over more frames at rest',
+        'a new rest image refined', 'averages a new rest image over more frames at rest',
         (), instead(f'{SENSING}.rest.renewal:Renewal._refined', _nothing),
         ('none', 'blur 1', 'brightness 0.7', 'markers gone 20', 'gel re-seated 1', 'camera shifted 1'),
     ),
     Mechanism(
-        'what patches are off by after a knock', 'averaged over the first frames at rest, and subtracted',
+        'what patches are off by after a knock',
+        'averages the offset of each patch over the first frames at rest, and subtracts it',
         (), instead(f'{SENSING}.picture.registration:Registration._take_offset', _nothing),
         ('none', 'camera shifted 1', 'camera turned 1', 'gel re-seated 0.1', 'gel swollen 0.1'),
     ),
     Mechanism(
-        'calibrated patches', 'a polynomial makes the linear answer of each patch true',
+        'calibrated patches', 'corrects the linear estimate of each patch with a polynomial',
         (), instead(f'{SENSING}.flow.patches:Templates._calibrated', _uncalibrated),
         ('none', 'camera shifted 1'), contacts=True,
     ),
     Mechanism(
-        'dead pixels', 'filled in from their neighbours',
+        'dead pixels', 'replaces dead pixels by their neighbours',
         ('sensing/picture/dead_pixels.py',),
         all_of(
             instead(f'{SENSING}.picture.dead_pixels:DeadPixels.look', _never),
@@ -186,19 +187,19 @@ MECHANISMS = (
         ('none', 'lost pixels 0.1', 'stuck pixels 0.1'),
     ),
     Mechanism(
-        'rolling bands', 'taken out of the picture',
+        'rolling bands', 'removes bands from the picture',
         ('sensing/picture/rolling_bands.py',),
         instead(f'{PIPELINE}.measure:_bands_begin', _never),
         ('none', 'rolling bands 3', 'rolling bands 30'),
     ),
     Mechanism(
-        'dented rest image', 'told by what the first frames beside it move towards',
+        'dented rest image', 'detects a dented rest image from the motion in the first frames after it',
         ('sensing/picture/dented_rest.py',),
         instead(f'{SENSING}.picture.dented_rest:DentedRest._take', _nothing),
         ('none', 'taken while touched 0.1', 'taken while touched 0.3', 'touched in its first frames 2'),
     ),
     Mechanism(
-        'width of a contact, and drag', 'a tip wider than usual, or one that drags the skin, is told as less sure',
+        'width of a contact, and drag', 'raises the uncertainty of contacts that are wider than usual or drag the skin',
         ('sensing/explain/measured/contact_shape.py', 'sensing/loops/shape.py'),
         all_of(
             instead(f'{EXPLAIN}.measured.readout:with_usual_width', lambda _, fit, __: fit),
@@ -208,58 +209,60 @@ MECHANISMS = (
         ('fast',),
     ),
     Mechanism(
-        'witness of the network', 'a response measured in the same presses contradicts the network',
+        'witness of the network', 'compares the network with a response that was fitted to the same presses',
         ('sensing/explain/novelty_check.py', 'learning/network/novelty_check_fit.py'),
         without(_without_check),
         (*CORE, 'two contacts 7', 'ball of 6 mm 1', 'deeper than trained 2.5'), ('paper',),
     ),
     Mechanism(
-        "the network's own novelty", 'what directions of the training cannot explain of its inputs',
+        "the network's own novelty",
+        'the part of the input that the principal directions of the training do not explain',
         ('sensing/explain/likeness.py',),
         without(lambda readout: dataclasses.replace(readout, likeness=None) if readout.kind == 'network' else readout),
         (*CORE, 'two contacts 7', 'ball of 6 mm 1', 'deeper than trained 2.5'), ('paper',),
-        stays='all that a network calibrated for another gel has: its witness knows the first gel alone',
+        stays='the only novelty check of a network that is calibrated for another gel',
     ),
     Mechanism(
-        'second and third tip', 'tried where one leaves too much over',
+        'second and third tip', 'fits two or three tips if one leaves a large residual',
         (), without(_of_one_contact), ('none', 'two contacts 7', 'two contacts 14'), ('fast', 'portable'),
     ),
     Mechanism(
-        'correction of tips', 'a polynomial of place and force, and what is left at presses',
+        'correction of tips',
+        'corrects by a polynomial of place and force, and by the residuals at calibration presses',
         ('sensing/explain/axisymmetric/local.py',), without(_tips(_uncorrected)), ('none',), ('portable', 'field'),
     ),
     Mechanism(
-        'drift monitor', 'what has changed since the calibration goes into the status',
+        'drift monitor', 'puts changes since the calibration into the status',
         ('sensing/judge/drift.py', 'sensing/judge/drift_verdict.py', 'sensing/judge/drift_alarm.py'),
         instead('benchmarks.stability.chain:calibration_reasons', lambda _: 0),
         ('none', 'gel swollen 0.3', 'gel re-seated 1', 'another gel put in 1'),
-        stays='it tells of a gel that stiffens or wears over weeks, which no stream lasts: results/drift.md',
+        stays='it detects a gel that stiffens or wears over weeks, longer than these streams: results/drift.md',
     ),
     Mechanism(
-        'tips within the field', 'one to three tips are told by their own response',
+        'tips within the field', 'explains one to three tips by their own response',
         ('sensing/explain/axisymmetric/readout.py', 'sensing/explain/axisymmetric/response.py'),
         without(lambda readout: _field(readout, tips=None)), CORE, ('field',), contacts=True,
     ),
     Mechanism(
-        'forces where the surface is now', 'shear takes the surface along',
+        'forces where the surface is now', 'moves forces along with the surface under shear',
         ('sensing/explain/field/where_now.py',),
         instead(f'{EXPLAIN}.field.told:moved_along', _first), (), ('field',), contacts=True,
     ),
     Mechanism(
-        'weights by what is explained', 'regions whose pattern changes count less',
+        'weights by what is explained', 'reduces the weight of regions whose pattern changes',
         (), _by_noise_alone, ('none', 'blur 1', 'noise 4'), ('field',), contacts=True,
     ),
     Mechanism(
-        "the camera's motion in the field", 'found with the forces',
+        "the camera's motion in the field", "estimates the camera's motion together with the forces",
         (), instead(f'{EXPLAIN}.field.weights:CAMERA_PX', 1e-6), ('none', 'camera shifted 1', 'camera turned 1'),
         ('field',), contacts=True,
     ),
     Mechanism(
-        'patches held down', 'a reweighted l1 term',
+        'patches held down', 'adds a reweighted l1 regularization',
         (), instead(f'{EXPLAIN}.field.solver:HELD', 0.0), (), ('field',), contacts=True,
     ),
     Mechanism(
-        'smear of the markers', 'regions that look aslant see a press elsewhere',
+        'smear of the markers', 'models that regions with an oblique view see a press at a shifted place',
         ('sensing/explain/axisymmetric/radial_smear.py',),
         all_of(
             instead(f'{SMEAR}.shown', lambda _, away, __: away),
@@ -268,20 +271,21 @@ MECHANISMS = (
         transfer=True,
     ),
     Mechanism(
-        'prior of the errors', 'what calibrations of other gels get wrong alike is taken away',
+        'prior of the errors', 'subtracts errors that calibrations of other gels have in common',
         ('sensing/explain/axisymmetric/prior.py', 'learning/transfer/prior.py'),
         without(_tips(lambda tips: dataclasses.replace(tips, prior=None))), transfer=True,
     ),
     Mechanism(
-        'covariance of the regions', 'how unsure the numbers of each region are goes into the weights',
+        'covariance of the regions', 'weights each region by the covariance of its parameters',
         ('learning/axisymmetric/unsure.py',),
         instead(f'{LEARNING}.transfer.fit:with_unsure', _first), transfer=True,
     ),
     Mechanism(
-        'residuals at own presses', 'interpolated over the surface, and subtracted',
+        'residuals at own presses',
+        'interpolates residuals at the calibration presses over the surface, and subtracts them',
         ('learning/axisymmetric/local.py', 'sensing/explain/axisymmetric/local.py'),
         instead(f'{LEARNING}.transfer.fit:with_local', _first), transfer=True,
-        stays='of ten gels with 100 presses each, places are 11 % further off without it',
+        stays='over ten gels with 100 presses each, the place error is 11 % larger without it',
     ),
 )  # fmt: skip
 """In the order of a picture's way, then of learning."""

@@ -24,39 +24,39 @@ HIGHER_IS_BETTER = ('frames ok',)
 SHOWN = 3
 
 ABOUT = f"""\
-Each mechanism of sensing and learning is switched off alone, and the figures that people see are measured with it and
-without it on the same pictures: in streams of the [failure bench](stability.md) (16 presses each), of 80 contacts of
-ten families (of a seed that no page shows), of `portable` calibrated for two other gels, and the time of a frame (the
-whole chain in numpy, both in turn). A mechanism pays if a figure gets worse by more than a tenth without it. Of each
-the {SHOWN} figures are shown that get worst; times are of CPU. *Wrong while ok* is the share of frames in contact that
-are ok and off by more than twice the nominal error. What is marked *gone* was removed after it had been measured here.
-The JSON file names the command and the commit of each row: they are of several runs."""
+Each mechanism of sensing and learning is switched off alone. Figures are measured with it and without it on the same
+pictures: errors in the streams of [stability.md](stability.md) (16 presses each), of 80 contacts of ten families (with
+a seed that no other page uses), and of `portable` calibrated for two other gels; and the CPU time of a frame (the whole
+chain in NumPy, with and without in turn). A mechanism is *useful* if at least one figure gets worse by more than a
+tenth without it. The table shows the {SHOWN} figures that get worst. *Wrong while ok* is the share of frames in contact
+with status ok and an error of more than twice the nominal error. Mechanisms marked *removed* were removed after this
+measurement. The rows come from several runs; the JSON file has the command and the commit of each."""
 
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     told = {name: each for name, each in result.items() if isinstance(each, Mapping) and 'figures' in each}
     rows = [_row(name, told[name]) for name in dict.fromkeys([*BY_NAME, *told]) if name in told]
-    heads = ['mechanism', 'what it does', 'files', 'lines', 'without it', 'pays']
+    heads = ['mechanism', 'what it does', 'files', 'lines', 'without it', 'useful']
     first = next(iter(told.values()), {})
-    return '\n\n'.join([*opening('Which mechanisms pay', first, ABOUT), table(heads, rows)])
+    return '\n\n'.join([*opening('Ablation study', first, ABOUT), table(heads, rows)])
 
 
 def _row(name: str, each: Mapping[str, Any]) -> list[str]:
     worse = sorted(worsened(each['figures']), reverse=True)
     shown = '; '.join(f'{where}: {figure} {_plain(a)} to {_plain(b)}' for _, where, figure, a, b in worse[:SHOWN])
     return [
-        name, each['does'], str(len(each['files'])), str(each['lines']), shown or 'nothing gets worse by a tenth',
+        name, each['does'], str(len(each['files'])), str(each['lines']), shown or 'no figure gets worse by a tenth',
         _verdict(name, each, pays=bool(worse)),
     ]  # fmt: skip
 
 
 def _verdict(name: str, each: Mapping[str, Any], *, pays: bool) -> str:
     if name not in BY_NAME:
-        return 'gone'
+        return 'removed'
     if pays:
         return 'yes'
-    return f'no; stays: {each["stays"]}' if each.get('stays') else '**no**'
+    return f'no; kept: {each["stays"]}' if each.get('stays') else '**no**'
 
 
 def worsened(figures: Mapping[str, Any]) -> Iterator[tuple[float, str, str, float, float]]:

@@ -1,8 +1,8 @@
-"""Models side by side: how accurate, how sure, how fast and how large.
+"""Compare models: accuracy, stated uncertainty, speed and size.
 
-Every model answers the same presses (same places, depths and images, its own flow and features) one frame at a time,
-as the live node asks it. Times are interleaved, so that what else runs on the machine weighs on all models; ratios are
-of the medians of the same round. All of it is simulation.
+All models get the same simulated presses (same places, depths and images), each with its own flow and features, one
+frame at a time as in the live node. Times are interleaved, so that other load on the machine affects all models alike.
+Ratios are between the medians of the same round.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ BENCHMARK = Benchmark(
         argument('model', nargs='*', help='model files, or names of models that ship (default: all that ship)'),
         argument(
             '--curve', nargs='+', default=[], metavar='MODEL',
-            help='models trained on different plans and numbers of presses, for the curve of accuracy against presses',
+            help='models trained with different plans and numbers of presses, for the chart of error against presses',
         ),
         argument('--presses', least=1, type=int, metavar='N', help='presses off the grid (default: 2000)'),
     ),

@@ -1,4 +1,4 @@
-"""The page that tells of the models' accuracy: tables from the numbers of `tactile bench accuracy`, and a picture."""
+"""The page about the models' accuracy: tables from the numbers of `tactile bench accuracy`, and pictures."""
 
 from __future__ import annotations
 
@@ -23,12 +23,14 @@ PAPER = {'armse_n': 0.009, 'd_loc_mm': 0.107, 'rmse_mc_n': 0.065}
 PAPER_PARAMETERS = 3200 * 800 + 800 + 800 * 400 + 400 + 400 * 400 + 400 + 400 * 81 + 81
 """Weights and biases of its network."""
 INTRODUCTION = """\
-All of it is simulation, of one gel, on the gel that the models were trained on; the paper's figures were measured on
-a real one. Off the grid: presses at random places within 27x27 mm and depths of 0.25 to 2 mm, with a seed, rest images
-and noise of their own. `force` and `place` are the median of the absolute error of the total force and of the distance
-to the true place, `95 %` their 95th percentiles, `missed` the share of presses that the model takes for no contact."""
+All results are simulated, with the gel that the models were trained on. The paper's figures were measured on a real
+gel. Off the grid: presses at random places within 27x27 mm and random depths of 0.25 to 2 mm. Their seed, rest images
+and noise differ from those of the training. `force` is the median absolute error of the total force, `place` the median
+distance to the true place, `95 %` the 95th percentile of either, and `missed` the share of presses for which the model
+reports no contact."""
 UNCERTAINTY = """\
-Which share of the true values the stated 90 % intervals hold (along each axis, for places). The aim is 87 to 93 %."""
+Coverage: the share of true values within the stated 90 % intervals (for places: along each axis). The target is 87 to
+93 %."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ def page(result: Mapping[str, Any]) -> str:
     more = f'{plan["presses"]} presses off the grid, {plan["rounds"]} rounds of {plan["images"]} images for the times'
     parts = [
         *opening('How accurate the models are', result, INTRODUCTION, more),
-        '## Beside the paper', _beside_the_paper(results), '## What was to be reached', reached(AIMS, result),
+        '## Compared with the paper', _beside_the_paper(results), '## Targets', reached(AIMS, result),
         '## Models', _models(result['models']),
         '## Off the grid', _shown(tables.groups_table(results.off_grid)),
         '## Light touches and rest', *_light(results.off_grid),
@@ -114,8 +116,8 @@ def _models(models: dict[str, Any]) -> str:
 
 def _beside_the_paper(results: Results) -> str:
     heads = (
-        '', 'grid: aRMSE N', 'd_loc mm', 'RMSE_mc N', 'off it: aRMSE N', 'd_loc mm', 'RMSE_mc N', 'place mm', 'RMSE N',
-        'parameters', 'training s', 'presses',
+        '', 'on grid: aRMSE N', 'd_loc mm', 'RMSE_mc N', 'off grid: aRMSE N', 'd_loc mm', 'RMSE_mc N', 'place mm',
+        'RMSE N', 'parameters', 'training s', 'presses',
     )  # fmt: skip
     rows = [('the paper, real gel', *_merits(PAPER), *['-'] * 5, str(PAPER_PARAMETERS), '-', '10952, paper')]
     aside = {each.name: each.groups[ALL] for each in results.aside}
@@ -142,7 +144,7 @@ def _of_each(tell: Callable[[Evaluation], str]) -> Callable[[Mapping[str, Any]],
 
 
 def _of_paper(field: str) -> Callable[[Mapping[str, Any]], dict[str, str]]:
-    """An aim that is told as a share of the model `paper`, on the grid if there is one."""
+    """An aim relative to the model `paper`, on the grid if there is one."""
 
     def told(result: Mapping[str, Any]) -> dict[str, str]:
         judged = result['_page'].aside or result['_page'].off_grid
@@ -156,14 +158,14 @@ AIMS = (
     Aim('place, median', 'at most 0.10 mm', _of_each(lambda each: number(_all(each).position_median_mm, 3))),
     Aim('total force, RMSE', 'at most 0.010 N', _of_each(lambda each: number(_all(each).total_rmse_n, 4))),
     Aim(
-        'touches from 20 mN on detected', 'all',
+        'touches of at least 20 mN detected', 'all',
         _of_each(lambda each: percent(each.light.detected if each.light else math.nan)),
     ),
-    Aim("aRMSE, share of paper's", 'at most 1/3', _of_paper('armse_n')),
-    Aim("RMSE_mc, share of paper's", 'at most 1/4', _of_paper('rmse_mc_n')),
-    Aim("d_loc, share of paper's", 'at most 1/4', _of_paper('d_loc_mm')),
-    Aim("training time, share of paper's", 'at most 1/20', _of_paper('training_s')),
-    Aim("parameters, share of paper's", 'at most 1/10', _of_paper('parameters')),
+    Aim('aRMSE, relative to `paper`', 'at most 1/3', _of_paper('armse_n')),
+    Aim('RMSE_mc, relative to `paper`', 'at most 1/4', _of_paper('rmse_mc_n')),
+    Aim('d_loc, relative to `paper`', 'at most 1/4', _of_paper('d_loc_mm')),
+    Aim('training time, relative to `paper`', 'at most 1/20', _of_paper('training_s')),
+    Aim('parameters, relative to `paper`', 'at most 1/10', _of_paper('parameters')),
 )  # fmt: skip
 
 
@@ -190,7 +192,7 @@ def _uncertainty(evaluations: Sequence[Evaluation]) -> list[str]:
 
 
 def _times(times: dict[str, Any]) -> str:
-    heads = ('ms a frame', *STAGES, 'sum', 'predict, ratio', 'sum, ratio')
+    heads = ('ms per frame', *STAGES, 'sum', 'predict, ratio', 'sum, ratio')
     rows = [
         (name, *(number(taken[stage]['median'], 2) for stage in (*STAGES, 'sum')),
          *(ranged(taken[ratio]) for ratio in ('predict_ratio', 'sum_ratio')))

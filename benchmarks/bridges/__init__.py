@@ -1,4 +1,4 @@
-"""Two hosts and what joins their buses: latency and loss on a good cable, a slow one, one that loses, and after a cut.
+"""Bridges between two hosts: latency and loss on a good cable, a slow one, one that loses packets, and after a cut.
 
 Ten sensors' forces and two pictures at 60 Hz are published on one host and received on the other.
 """
@@ -27,16 +27,16 @@ OURS, FOUND, DDS = 'bridge', 'bridge, found by multicast', 'DDS bridge'
 CUT_S, LATEST_S, SETTLING_S = 5.0, 30.0, 2.0
 GOOD = 'good: 1 Gbit/s'
 ABOUT = """\
-Two hosts are two network namespaces on a virtual cable, whose rate and loss the kernel makes (`tc tbf`, `iptables`,
-each way; it has no delay of its own). On one of them ten sensors' forces (81 bins) and two pictures (440x440, grey) are
-published at 60 Hz, 195 Mbit/s together; a process on the other receives them. Between the two are the bridges, programs
-of their own, with keys where they have any. Latency is from publishing to having the message, over both bridges. *came*
-is the share of what was published. *CPU* is that of both bridges together. The ways take turns, {rounds} times
-{seconds:g} s each; the median of the rounds is told."""
+The two hosts are network namespaces with a virtual cable. The kernel limits its rate and drops packets (`tc tbf`,
+`iptables`, in each direction); it adds no delay. One host publishes the forces of ten sensors (81 bins) and two
+pictures (440x440, grey) at 60 Hz, 195 Mbit/s together; a process on the other receives them. Each host runs a bridge,
+with keys if it supports them. Latency is from publishing to receiving, over both bridges. *received* is the share of
+published messages that arrived. *CPU* is the sum of both bridges. The bridges are measured in turn, {rounds} times
+{seconds:g} s each; values are medians of the rounds."""
 TROUBLES = """\
-The cable is pulled for 5 s and put back; the sending bridge is killed and started again; somebody tries to join with a
-key that is not allowed. Times are until the first force that was published after that has come (*again* of a restart
-with the start of the program in it). Memory is that of both bridges, before and after the cut."""
+The cable is pulled for 5 s and put back. The sending bridge is killed and restarted. A stranger tries to join with a
+key that is not allowed. Times are until the first force arrives that was published after the event; after a kill they
+include the start of the program. Memory is the sum of both bridges, before and after the cut."""
 CABLES: Mapping[str, tuple[float, float]] = {
     GOOD: (1000.0, 0.0),
     'slow: 50 Mbit/s': (50.0, 0.0),
@@ -130,14 +130,15 @@ def page(result: Mapping[str, Any]) -> str:
             entries, ('', '{name}'),
             *((f'{kind[:-1]}, {head}', partial(_cell, kind, value, form)) for kind in ('forces', 'pictures')
               for head, value, form in (('p50 [ms]', 'p50', '{:.1f}'), ('p99 [ms]', 'p99', '{:.1f}'),
-                                        ('came', 'came', '{:.1%}'))),
+                                        ('received', 'came', '{:.1%}'))),
             ('CPU [cores]', '{cores:.2f}'),
         )]  # fmt: skip
     troubles = [{'name': name, **_middle(rounds['troubles'])} for name, rounds in result['contenders'].items()]
     parts += ['## A cut, a restart, a stranger', TROUBLES, columns(
-        troubles, ('', '{name}'), ('back after the cut [s]', partial(_shown, 'back_s', '{:.1f}')),
-        ('memory before [MB]', '{before_mb:.0f}'), ('after', '{after_mb:.0f}'),
-        ('again after a kill [s]', partial(_shown, 'again_s', '{:.1f}')), ('a stranger hears', '{stranger:.0f}'),
+        troubles, ('', '{name}'), ('after the cut [s]', partial(_shown, 'back_s', '{:.1f}')),
+        ('memory before [MB]', '{before_mb:.0f}'), ('memory after [MB]', '{after_mb:.0f}'),
+        ('after a kill [s]', partial(_shown, 'again_s', '{:.1f}')),
+        ('messages that a stranger gets', '{stranger:.0f}'),
     )]  # fmt: skip
     return '\n\n'.join(parts)
 
@@ -168,8 +169,8 @@ BENCHMARK = Benchmark(
     page=page,
     measure=measured,
     arguments=(
-        argument('--seconds', type=float, above=0, default=10.0, help='of each cable (default: %(default)s)'),
-        argument('--rounds', type=int, least=1, default=3, help='how often each way (default: %(default)s)'),
+        argument('--seconds', type=float, above=0, default=10.0, help='duration for each cable (default: %(default)s)'),
+        argument('--rounds', type=int, least=1, default=3, help='rounds for each bridge (default: %(default)s)'),
         argument('--no-dds', action='store_true', help='without the bridge over DDS'),
         argument('--beside', nargs='+', type=Path, default=[], metavar='FOLDER',
                  help='other checkouts of this project, whose bridges are measured too'),

@@ -1,9 +1,9 @@
-"""Any contact: rigid bodies of ten families pressed and dragged on the simulated gel, read by whole chains.
+"""Accuracy for any contact: rigid bodies of ten families are pressed and dragged on the simulated gel.
 
-Contacts are solved at finite strain (some ten seconds each, kept in the cache). Chains are those of the live launch.
-Models `field` are calibrated with 100, 10 and no presses on the very gel that is touched; `paper`, `fast` and
-`portable` are read as they ship, on the gel that they were trained on. The best one is read once more with its inner
-loops compiled, for its CPU time.
+Contacts are solved at finite strain (some ten seconds each; solutions stay in the cache). The whole chain of a live
+launch estimates the forces. Models `field` are calibrated with 100, 10 and no presses on the gel that is touched.
+`paper`, `fast` and `portable` are tested as they ship, on the gel that they were trained on. The best model is run
+once more with its inner loops compiled, for its CPU time.
 """
 
 from __future__ import annotations
@@ -176,8 +176,8 @@ BENCHMARK = Benchmark(
             '--each', type=int, default=PER_FAMILY, metavar='N', help=f'contacts of each family (default: {PER_FAMILY})'
         ),
         argument('--source', default='field', metavar='MODEL', help='the model to calibrate from'),
-        argument('--gel-seed', type=int, default=1, help='the markers of the gel (default: 1, of the profiles)'),
-        argument('--no-disturbances', action='store_true', help='undisturbed pictures alone'),
+        argument('--gel-seed', type=int, default=1, help="seed of the gel's markers (default: 1, as the profiles)"),
+        argument('--no-disturbances', action='store_true', help='undisturbed pictures only'),
     ),
     example="""\
 examples:

@@ -1,7 +1,7 @@
-"""When the drift monitor says that a calibration is ageing, and how wrong forces are by then: all of it simulated.
+"""When the drift monitor reports that a calibration is ageing or invalid, and how large the force errors are then.
 
-A camera that is knocked, a light that fades, a gel that stiffens with and without a force to compare with, another gel,
-a sensor that warms up, and hours of presses in which nothing is wrong. Time is computed, not waited for.
+Simulated cases: a knocked camera, a fading light, a gel that stiffens (with and without a force to compare with),
+another gel, a sensor that warms up, and hours of presses without a fault. Time is simulated too.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from tactile_nodes.simulation.gel import Gel
 
 ABOUT = """\
-Where the monitor first says ageing and invalid, and how wrong the forces of that sensor are there. Seconds: from the
-change to the higher level, where changes come at once; a picture is looked at every two seconds, and
-every half second while something seems wrong."""
+The change at which the monitor first reports `ageing` or `invalid`, and the force error there. *seconds*: time from a
+sudden change to the higher level. The monitor checks a picture every two seconds, and every half second while it
+suspects a fault."""
 NOTHING_WRONG = """\
-**Nothing wrong** for {hours:g} simulated hours of presses by tips, balls and punches, alone, in pairs and dragged
-({pictures} pictures): {alarms} alarms, {alarmed_s:g} s of them. The largest motion told was {largest_px:.4f} px; of the
-last contacts {unlike_share:.0%} were unlike the training."""
+**No fault**: {hours:g} simulated hours of presses by tips, balls and punches, alone, in pairs and dragged
+({pictures} pictures) gave {alarms} alarms, {alarmed_s:g} s in total. The largest reported motion was
+{largest_px:.4f} px. Of the last contacts, {unlike_share:.0%} were unlike the training."""
 ENOUGH = {'ageing': ('ageing', 'invalid'), 'invalid': ('invalid',)}
 
 
@@ -145,6 +145,6 @@ BENCHMARK = Benchmark(
     measure=measured,
     arguments=(
         argument('--model', default='fast', help='a model of a simulated gel (default: fast)'),
-        argument('--hours', type=float, default=4.0, help='of presses with nothing wrong (default: 4)'),
+        argument('--hours', type=float, default=4.0, help='hours of presses without a fault (default: 4)'),
     ),
 )

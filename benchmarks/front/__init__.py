@@ -1,9 +1,9 @@
-"""Speed against accuracy: every way to measure motion, on several grids, trained alike and timed on the same frames.
+"""Speed against accuracy of all methods to measure motion, on several grids, with the same training and test frames.
 
-Each frame of simulated presses is rendered once and measured by all, in an order that turns round from frame to frame.
-From the first frames each contender's readout is fitted, with the same budget; on the others, with rest images of their
-own, it is scored and timed: CPU and wall time of one thread from image to force. Memory is what a process of its own
-grows by. The front is of those that no other beats in both time and error. All of it is simulation.
+Each simulated frame is rendered once and measured by all methods, in an order that is reversed for every other frame.
+The readout of each method is fitted on the first frames, with the same effort. It is scored and timed on the others,
+which have other rest images: CPU and wall time of one thread from image to force. Memory is measured in a separate
+process. The Pareto front consists of the methods that no other method beats in both time and error.
 """
 
 from __future__ import annotations
@@ -93,10 +93,10 @@ BENCHMARK = Benchmark(
     quick=True,
     files=('front.json', 'front.md', 'speed_accuracy.png'),
     arguments=(
-        argument('--train', least=300, type=int, metavar='N', help='frames to learn from (default: 1500)'),
-        argument('--test', least=1, type=int, metavar='N', help='frames to score and time by (default: 400)'),
-        argument('--only', metavar='TEXT', help='only ways whose name holds this, such as "DIS"'),
+        argument('--train', least=300, type=int, metavar='N', help='training frames (default: 1500)'),
+        argument('--test', least=1, type=int, metavar='N', help='test frames (default: 400)'),
+        argument('--only', metavar='TEXT', help='only methods whose name contains this, such as "DIS"'),
         argument('--networks', action='store_true', help='also networks, on four of the features (needs torch)'),
-        argument('--no-slow', action='store_true', help='leave out what takes hundreds of ms a frame (TV-L1)'),
+        argument('--no-slow', action='store_true', help='without methods that take hundreds of ms per frame (TV-L1)'),
     ),
 )

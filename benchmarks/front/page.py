@@ -10,21 +10,22 @@ from benchmarks.harness.report import opening, ranged, table
 
 LABELS = {'armse_n': 'aRMSE [N]', 'd_loc_mm': 'd_loc [mm]', 'rmse_mc_n': 'RMSE_mc [N]'}
 ABOUT = """\
-Every frame was rendered once and measured by all, in turn, on one thread. From {train} frames each contender's readout
-was fitted (the response of the profiles: 40 components on 10x10 regions, 64 on finer ones; *network*: 400, 200 and 200
-rectified units), on {test} others with rest images of their own it was scored. *CPU* and *wall* are medians of a frame
-in contact, from image to force, with the range of the middle half; *at rest* is CPU time where nothing touches, without
-the look that would spare it (untouched.md). *memory* is what measuring adds to a process. Fewer frames than the models
-that ship were trained on, so errors are larger than theirs (accuracy.md); compare within the table. One frame of {test}
-in a neighbouring bin instead of its own changes d_loc by {step_mm:.3f} mm: smaller differences are chance."""
+Each frame was rendered once. All methods measured it in turn, on one thread. The readout of each method was fitted on
+{train} frames (response: 40 components on 10x10 regions, 64 on finer grids; *network*: 400, 200 and 200 rectified
+linear units). It was scored on {test} other frames with other rest images. *CPU* and *wall* are medians for a frame in
+contact, from image to force, with the interquartile range. *at rest* is the CPU time of an untouched frame, without the
+quick test that would skip it (untouched.md). *memory* is the memory that measuring adds to a process. Errors are larger
+than those of the models that ship (accuracy.md), which were trained on more frames: compare within the table only. One
+frame of {test} in a neighbouring bin instead of its own changes d_loc by {step_mm:.3f} mm. Smaller differences are due
+to chance."""
 SHIPPED = """\
-As they ship, trained on many more frames, on the same test frames: ten frames of a sensor by one, then by the next, so
-that each but the first finds in the processor's caches what it needs, as it does live. *compiled*: the inner loops of
-flow and readout by numba (`compiled:=true`). `paper` measures motion by DIS ultrafast at scale 1, the fastest preset
-that costs no accuracy (docs/method.md); the paper names none. The last row has its features by the preset that is used
-most. How many times faster the others are is told of both, from decoded images and with what decoding a JPEG of 640x480
-to grey takes added to each. The aims: a fiftieth of the time of `paper` at no more than a quarter of its errors, a
-fifteenth at a seventh, and a fifteenth for the fastest with JPEG."""
+The models as they ship, trained on many more frames, on the same test frames. Each model processes ten frames of a
+sensor in sequence, so that the processor's caches are warm in all but the first, as in live sensing. *compiled*: Numba
+compiles the inner loops of flow and readout (`compiled:=true`). `paper` measures motion with DIS ultrafast at scale 1,
+the fastest preset that costs no accuracy (docs/method.md). The paper names no preset; the row `paper, DIS medium` uses
+the most common one. Time ratios are given to both, for decoded images, and with the time to decode a JPEG of 640x480 to
+grey added to each. The targets are 1/50 of the time of `paper` with at most 1/4 of its errors, 1/15 with at most 1/7,
+and 1/15 for the fastest model with JPEG."""
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -32,14 +33,14 @@ def page(result: Mapping[str, Any]) -> str:
     plan = result['plan']
     about = ABOUT.format(**plan, step_mm=32 / 9 / plan['test'])
     parts = opening('Speed against accuracy', result, about, f'{result["threads"]} thread')
-    parts += ['![speed against accuracy](speed_accuracy.png)', _table(result), '## The front', _fronts(result)]
-    parts += ['## The models that ship', SHIPPED, _profiles(result), "## Where a frame's time goes", _stages(result)]
+    parts += ['![speed against accuracy](speed_accuracy.png)', _table(result), '## Pareto front', _fronts(result)]
+    parts += ['## The models that ship', SHIPPED, _profiles(result), '## Time by stage', _stages(result)]
     return '\n\n'.join(parts)
 
 
 def _table(result: Mapping[str, Any]) -> str:
-    heads = ['contender', *LABELS.values(), 'right bin', 'CPU [ms]', 'wall [ms]', 'at rest', 'flow', 'predict',
-             'memory [MB]', 'on the front of']  # fmt: skip
+    heads = ['method', *LABELS.values(), 'right bin', 'CPU [ms]', 'wall [ms]', 'at rest', 'flow', 'predict',
+             'memory [MB]', 'on the Pareto front of']  # fmt: skip
     rows = []
     for name, each in sorted(result['contenders'].items(), key=lambda one: one[1]['cpu_ms']['median']):
         on = [LABELS[error].split()[0] for error, front in result['fronts'].items() if name in front]
@@ -70,8 +71,8 @@ def _profiles(result: Mapping[str, Any]) -> str:
             for whole in (paper, medium)
         ]
         rows.append([name, ranged(each['cpu_ms']), *times, *errors])
-    heads = ['model', 'CPU [ms]', 'of paper', f'of {MEDIUM}', 'with JPEG', f'with JPEG, of {MEDIUM}',
-             'aRMSE [N] (of paper)', 'RMSE_mc [N] (of paper)', 'd_loc [mm] (of paper)']  # fmt: skip
+    heads = ['model', 'CPU [ms]', 'CPU / paper', f'CPU / {MEDIUM}', 'with JPEG / paper', f'with JPEG / {MEDIUM}',
+             'aRMSE [N] (/ paper)', 'RMSE_mc [N] (/ paper)', 'd_loc [mm] (/ paper)']  # fmt: skip
     return table(heads, rows)
 
 
@@ -80,20 +81,20 @@ def _share(part: float, whole: float) -> str:
 
 
 def _stages(result: Mapping[str, Any]) -> str:
-    """CPU time of each stage, and of the least that anybody could do."""
+    """CPU time of each stage, and of basic operations for comparison."""
     shipped = sorted(result['profiles'].items(), key=lambda one: one[1]['cpu_ms']['median'])
     rows = [[name, *(f'{each["stages_cpu_ms"][stage]:.3f}' for stage in STAGES)] for name, each in shipped]
     floors = [[name, f'{ms:.3f}'] for name, ms in result['floors_cpu_ms'].items()]
     return '\n\n'.join(
-        [table(['model', *(f'{stage} [ms]' for stage in STAGES)], rows), table(['beside them', '[ms]'], floors)]
+        [table(['model', *(f'{stage} [ms]' for stage in STAGES)], rows), table(['for comparison', '[ms]'], floors)]
     )
 
 
 def _fronts(result: Mapping[str, Any]) -> str:
-    """The front of each error in words, and what is not on any."""
+    """The methods on the Pareto front of each error, and the methods on none."""
     on_any = {name for front in result['fronts'].values() for name in front}
     lines = [f'- {LABELS[error]}: {"; ".join(front)}' for error, front in result['fronts'].items()]
     ways = {each['way'] for each in result['contenders'].values()}
     never = sorted(ways - {result['contenders'][name]['way'] for name in on_any})
-    lines.append(f'- on none of them, with any grid: {"; ".join(never) if never else "no way"}')
+    lines.append(f'- on none of these fronts, with any grid: {"; ".join(never) if never else "–"}')
     return '\n'.join(lines)

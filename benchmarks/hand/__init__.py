@@ -1,6 +1,6 @@
-"""All sensors of a hand on one machine: is every picture answered, how late, and does one that fails disturb others?
+"""All sensors of a hand on one machine: lost frames, latency, and whether a failing sensor disturbs the others.
 
-Beside it a relay with as many processes and bytes, which computes nothing: what this machine takes for passing on.
+For comparison, a relay with the same processes and messages, which computes nothing, shows the cost of transport.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 SENSED, RELAYED = 'sensing', 'a relay in its place'
 ABOUT = """\
-`tactile launch hand` with its page, {seconds:g} s each way. The cameras read pictures of presses from files, over and
-over; the loops are compiled. The times are between the stamp of an image's capture and the arrival of its force in
-this, another process; of all sensors together. The *relay* has the same processes, but computes nothing and answers
-each picture with what was said of another. *skipped* images were never answered, *lost* forces did not arrive. *CPU* is
-that of all processes of the hand, in cores, over the number of sensors."""
+`tactile launch hand` with its page, {seconds:g} s per row. The cameras replay pictures of presses from files. The inner
+loops are compiled. Times are from the stamp of an image's capture to the arrival of its force in another process, over
+all sensors. The *relay* has the same processes, but computes nothing and answers each picture with a recorded message.
+*skipped* images have no force; *lost* forces were published but did not arrive. *CPU* is the time of all processes of
+the hand in cores, divided by the number of sensors."""
 DISTURBED = """\
-The same with one sensor that misbehaves, and what the *others* do: `hangs`, its process of motion and force is stopped
-(SIGSTOP) all the time; `dies`, that process is killed every two seconds and started again by its launch; `floods`, its
-camera brings ten times as many pictures. Where the longest gap is one frame time, no other sensor lost a frame."""
+The same with one sensor that fails; the table shows the *others*. `hangs`: its process for motion and force is stopped
+(SIGSTOP) all the time. `dies`: that process is killed every two seconds and restarted by the launch. `floods`: its
+camera sends ten times as many pictures. If the longest gap is one frame time, no other sensor lost a frame."""
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
@@ -89,14 +89,14 @@ def page(result: Mapping[str, Any]) -> str:
         {**each, 'over': each['p99_ms'] - floors[each['sensors'], each['hz'], each['model']]}
         for each in result['hands']
     ]
-    parts += ['## Every picture answered', _table(
+    parts += ['## All sensors working', _table(
         rows, ('sensors', '{sensors}'), ('Hz', '{hz:g}'), ('model', '{model}'), ('', '{way}'),
-        over=("over the relay's", '{over:.2f}'),
+        over=('p99 - relay [ms]', '{over:.2f}'),
     )]  # fmt: skip
     if result['troubles']:
         asked = '{sensors} sensors at {hz:g} Hz, `{model}`.'.format(**result['disturbed'])
-        parts += ['## One that misbehaves', f'{DISTURBED} {asked}']
-        parts += [_table(result['troubles'], ('one of them', '{trouble}'))]
+        parts += ['## One sensor fails', f'{DISTURBED} {asked}']
+        parts += [_table(result['troubles'], ('fault', '{trouble}'))]
     return '\n\n'.join(parts)
 
 
@@ -104,7 +104,7 @@ def _table(rows: Sequence[Mapping[str, Any]], *first: tuple[str, str], over: tup
     return columns(
         rows, *first, ('forces', '{forces}'), ('skipped', '{skipped}'), ('lost', '{lost}'),
         ('p50 [ms]', '{p50_ms:.2f}'), ('p99 [ms]', '{p99_ms:.2f}'), *([over] if over else []),
-        ('worst [ms]', '{worst_ms:.1f}'), ('longest gap [ms]', '{longest_ms:.1f}'), ('CPU a sensor', '{cores:.1%}'),
+        ('worst [ms]', '{worst_ms:.1f}'), ('longest gap [ms]', '{longest_ms:.1f}'), ('CPU per sensor', '{cores:.1%}'),
     )  # fmt: skip
 
 
@@ -122,8 +122,8 @@ BENCHMARK = Benchmark(
         argument('--hz', nargs='+', type=float, above=0, default=[60.0, 30.0], metavar='HZ',
                  help='frames a second of each hand (default: 60 30)'),
         argument('--models', nargs='+', default=['field', 'fast'], metavar='NAME', help='models (default: field fast)'),
-        argument('--seconds', type=float, above=0, default=30.0, metavar='N', help='how long each way (default: 30)'),
-        argument('--no-troubles', action='store_true', help='without a sensor that misbehaves'),
+        argument('--seconds', type=float, above=0, default=30.0, metavar='N', help='length of each run (default: 30)'),
+        argument('--no-troubles', action='store_true', help='without the runs in which one sensor fails'),
     ),
     example="""\
 examples:

@@ -28,24 +28,24 @@ def fill(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
     if benchmark.cases:
         parser.add_argument(
             '--only', nargs='+', action='extend', choices=benchmark.cases, metavar='NAME',
-            help=f'of {", ".join(benchmark.cases)} (default: all)',
+            help=f'run only these cases, of: {", ".join(benchmark.cases)} (default: all)',
         )  # fmt: skip
     if benchmark.seed is not None:
-        parser.add_argument('--seed', type=int, default=benchmark.seed, help='of all chance (default: %(default)s)')
+        parser.add_argument('--seed', type=int, default=benchmark.seed, help='random seed (default: %(default)s)')
     if benchmark.quick:
         parser.add_argument(
-            '--quick', action='store_true', help='little of it, to see that it runs; too little to quote'
+            '--quick', action='store_true', help='a short run, to see that it works; do not quote its numbers'
         )
     if benchmark.tasks:
         parser.add_argument(
             '--processes', type=int, default=len(os.sched_getaffinity(0)), metavar='N',
-            help='of this machine that work side by side (default: one a processor)',
+            help='number of parallel processes on this machine (default: one per processor)',
         )  # fmt: skip
         parser.add_argument(
             '--on',
             default='',
             metavar='tcp://HOST:8786',
-            help='work on a Dask cluster, started in this checkout with PYTHONPATH=. (docs/training.md)',
+            help='run on a Dask cluster that was started in this checkout with PYTHONPATH=. (docs/training.md)',
         )
     _add_files(parser, benchmark)
     parser.epilog = benchmark.example or f'example: tactile bench {benchmark.name}'
@@ -58,11 +58,14 @@ def _add_files(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
     default = f' (default: {benchmark.output})' if benchmark.output else ''
     parser.add_argument(
         '-o', '--output', type=Path, default=benchmark.output, metavar='FOLDER',
-        help=f'write {benchmark.name}{", ".join(ends)} there, or name the JSON file{default}',
+        help=f'folder for {benchmark.name}{", ".join(ends)}, or the name of the JSON file{default}',
     )  # fmt: skip
     if not (benchmark.by_hand or benchmark.more_than_json):
         parser.add_argument(
-            '--redraw', type=Path, metavar='FILE.json', help='measure nothing: write page and charts of a kept result'
+            '--redraw',
+            type=Path,
+            metavar='FILE.json',
+            help='write page and charts of this result again, without measuring',
         )
 
 

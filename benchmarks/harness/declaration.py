@@ -48,9 +48,9 @@ def argument(*names: str, least: float | None = None, above: float | None = None
 
 @dataclass(frozen=True)
 class Aim:
-    """A figure that was to be reached.
+    """A figure with a target.
 
-    `reached` tells what was, by column: one a contender, or one alone.
+    `reached` gives the measured values by column: one column for each contender, or a single one.
     """
 
     figure: str
@@ -59,11 +59,11 @@ class Aim:
 
 
 def reached(aims: Sequence[Aim], result: Told) -> str:
-    """What was to be reached, and what was; a row an aim that this result says anything of."""
+    """A table of targets and measured values, with a row for each aim that this result has values for."""
     told = [(aim, found) for aim in aims if (found := aim.reached(result))]
     columns = list(dict.fromkeys(column for _, found in told for column in found))
     rows = [[aim.figure, aim.to_reach, *(found.get(column, '–') for column in columns)] for aim, found in told]
-    return table(['figure', 'to reach', *columns], rows)
+    return table(['figure', 'target', *columns], rows)
 
 
 def _never(_: Told) -> bool:

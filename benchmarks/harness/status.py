@@ -1,8 +1,8 @@
-"""What is known of the results in docs/results: at which commit each was measured, and what has changed since.
+"""The state of the results in docs/results: at which commit each was measured, and what has changed since.
 
-A result is stale when a source that its benchmark names has changed since: it may still hold, and it is worth measuring
-again. A check finds what is broken: files that are missing or that no benchmark names, sources that do not exist, pages
-that say another thing than their JSON file.
+A result is stale if a source that its benchmark names has changed since then. It may still hold, but is worth measuring
+again. A check finds what is broken: missing files, files that no benchmark names, sources that do not exist, and pages
+that differ from their JSON file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from benchmarks.harness.running import parted, read
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 
-HELP = 'results in docs/results: at which commit each was measured, and whether its sources have changed since'
+HELP = 'list the results in docs/results: at which commit each was measured, and whether its sources changed since'
 RESULTS = Path('docs') / 'results'
 UNKNOWN, FRESH, STALE = 'unknown', 'fresh', 'stale'
 INDEX = 'README.md'
@@ -29,7 +29,9 @@ LINE = '{:<36}{:<20}{:>7}  {:<9}{}'
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``tactile bench status``."""
-    parser.add_argument('--check', action='store_true', help='also find what is broken; the exit status is 1 if any is')
+    parser.add_argument(
+        '--check', action='store_true', help='also look for broken results; the exit status is 1 if there are any'
+    )
     parser.epilog = 'examples:\n  tactile bench status\n  tactile bench status --check'
 
 

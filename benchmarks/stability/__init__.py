@@ -1,9 +1,8 @@
-"""The failure bench: each disturbance from none to far too much, for each profile. Does it hold, and if not, does it
-say so?
+"""Robustness to disturbances: force errors, false contacts and status for each disturbance, level and profile.
 
-A simulated sensor takes its rest image, then something goes wrong, and forty presses come and go meanwhile. What the
-live nodes would publish is compared with the truth: force errors, contacts told while nothing touches, contacts missed,
-and the status of every message. Everything is simulation; docs/results/stability.md has the results.
+A simulated sensor captures its rest image. Then a disturbance begins, and forty presses follow. The messages that the
+live nodes would publish are compared with the truth: force errors, contacts reported while nothing touches, missed
+contacts, and the status of every message. Results are in docs/results/stability.md.
 
     tactile bench stability --only shifted
     tactile bench stability --only time --profiles fast
@@ -129,13 +128,13 @@ BENCHMARK = Benchmark(
     tasks=True,
     files=('stability.json', 'stability.md', *(f'stability_{family.replace(" ", "_")}.png' for family in FAMILIES)),
     arguments=(
-        argument('--only', metavar='NAME', help='only disturbances whose name holds this, or of this family'),
+        argument('--only', metavar='NAME', help='only disturbances whose name contains this, or of this family'),
         argument(
             '--profiles',
             nargs='+',
             default=list(PROFILES),
             metavar='MODEL',
-            help='models that ship, or files of models of the simulated gel (default: paper fast field)',
+            help='names of models that ship, or model files for the simulated gel (default: paper fast field)',
         ),
     ),
 )

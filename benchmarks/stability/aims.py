@@ -1,4 +1,4 @@
-"""What the failure bench is judged by: when does a stream hold, and when does it at least say that it does not?"""
+"""The criteria of the stability benchmark: when a stream holds, and when its status at least says that it does not."""
 
 from __future__ import annotations
 
@@ -141,16 +141,16 @@ def _judged(
 
 
 AIMS: dict[str, Judge] = {
-    'camera shifted up to 3 px: error within 1.5x, or the nominal one': _holding('camera shifted'),
-    'camera turned up to 1°: within 1.5x, or the nominal one': _holding('camera turned'),
-    'light ±30 %: within 1.5x, or the nominal one': _holding('brightness'),
-    'blur up to 1 px: within 1.5x, or the nominal one': _holding('blur'),
-    'noise up to 4x: within 1.5x, or the nominal one': _holding('noise'),
-    'up to 20 % of the markers gone: within 1.5x, or the nominal one': _holding('markers gone'),
-    'error never above twice the nominal one while the status says ok': _silent,
+    'camera shifted up to 3 px: error within 1.5x, or nominal': _holding('camera shifted'),
+    'camera turned up to 1°: error within 1.5x, or nominal': _holding('camera turned'),
+    'light ±30 %: error within 1.5x, or nominal': _holding('brightness'),
+    'blur up to 1 px: error within 1.5x, or nominal': _holding('blur'),
+    'noise up to 4x: error within 1.5x, or nominal': _holding('noise'),
+    'up to 20 % of the markers gone: error within 1.5x, or nominal': _holding('markers gone'),
+    'error at most twice the nominal error while the status is ok': _silent,
     'no false contact above 20 mN with status ok': _false,
-    'where it gets invalid, within 3 frames of the cause': _invalid,
-    'and left within 10 frames after it ends': _left,
+    'status invalid, if it becomes invalid, within 3 frames of the cause': _invalid,
+    'no longer invalid 10 frames after the disturbance ends': _left,
 }
 
 
@@ -168,11 +168,12 @@ def _loss(point: Point) -> str:
     told = []
     if point.silently_wrong:
         told.append(
-            f'{point.times_ok:.1f}x the nominal error with status ok in {point.score["held_ok"]:.0%} of the frames held'
+            f'{point.times_ok:.1f}x the nominal error with status ok; '
+            f'{point.score["held_ok"]:.0%} of held frames are ok'
         )
     if point.falsely_touched:
         told.append(f'a false contact of {1e3 * point.score["false_ok_n"]:.0f} mN with status ok')
     if point.shall_hold and not point.holds:
-        ratio = 'no force' if point.ratio is None else f'{point.ratio:.1f}x'
-        told.append(f'{ratio} where 1.5x is the aim, invalid in {point.score["held_invalid"]:.0%}')
+        ratio = 'no force' if point.ratio is None else f'{point.ratio:.1f}x the undisturbed error'
+        told.append(f'{ratio}, target 1.5x; {point.score["held_invalid"]:.0%} of held frames are invalid')
     return ', '.join(told)

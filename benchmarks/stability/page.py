@@ -1,4 +1,4 @@
-"""The results of the failure bench as a page of documentation: aims first, then each family, then what still wins."""
+"""The page of the stability benchmark: targets first, then each family, then the disturbances that still fail."""
 
 from __future__ import annotations
 
@@ -12,46 +12,54 @@ from benchmarks.stability.aims import AIMS, Judge, Point, Verdict, losers, point
 from benchmarks.stability.floor import least_ratio
 
 FAMILIES = {
-    'light': 'Light, before the camera makes a picture of it.',
+    'light': 'The light that reaches the camera.',
     'optics': 'Lens and camera.',
-    'geometry': 'Camera and gel, moved, turned or changed after the rest image was taken, or before where it says so.',
+    'geometry': 'Camera or gel moved, turned or changed after the capture of the rest image, or before it if stated.',
     'pattern': 'Markers that lose their light after the rest image was taken.',
     'motion': (
-        'How things press. The simulated gel is tabulated to 2.5 mm of the tip; a drag sticks, is linear, and adds '
-        'to the normal press; a fast press is seen as the mean of two moments of its exposure, and the truth is that '
-        'of its middle; the gel answers at once.'
+        'How bodies press. The simulation has tables of the gel down to 2.5 mm of the tip. A drag sticks, is linear, '
+        'and adds to the normal press. A fast press is drawn as the mean of two moments of its exposure; its true '
+        'force is that of the middle of the exposure. The gel responds without delay.'
     ),
     'contact': (
-        'What presses, and where. Motions of several contacts add up, and so do their forces; the layer has no sides, '
-        'so that its own edge (16 mm from the middle) is that of its markers only.'
+        'What presses, and where. Motions of several contacts add up, and so do their forces. The layer has no sides: '
+        'at its edge, 16 mm from the middle, only the markers end.'
     ),
-    'time': 'When frames arrive and what their stamps say. Every force is compared with the truth of its own frame.',
-    'rest image': 'What is wrong with the rest image, or with the gel since it was taken.',
-    'numbers': 'Numbers that are none, or at the end of their range.',
+    'time': 'When frames arrive, and with which stamps. Every force is compared with the truth of its own frame.',
+    'rest image': 'Faults of the rest image, or changes of the gel since its capture.',
+    'numbers': 'Values that are not finite, or at the end of their range.',
 }
 INTRODUCTION = """\
-A simulated sensor takes its rest image (16 frames); something goes wrong at rest; presses at random places and depths
-(0.3 to 1.9 mm) are held and go, at rest after each; it ends. Every profile gets the same pictures, through the plain
-objects that the live nodes run, drift monitor and all. All of it is simulation.
+Each stream is one simulated run. The sensor captures its rest image (16 frames). Then a disturbance begins while
+nothing touches. Presses at random places and depths (0.3 to 1.9 mm) are held, each followed by rest. Then the
+disturbance ends. Every profile gets the same pictures, through the same objects that the live nodes run, including the
+drift monitor.
 
-*Error* is the root mean square of total force minus truth on held frames, in N, and in brackets what it is of the
-undisturbed stream's; *while ok* the same over those frames whose status is ok, in units of the nominal error, which
-`ok` is measured by (docs/stability.md); *place* the median distance of a contact; *missed* the share of contacts that
-none was told for; *false* the largest force told as a contact while nothing touches, and the share of frames at rest in
-which one was; *status* the shares of frames that say ok, degraded and invalid (in every stream the first frame of each
-contact is degraded, as it may have been caught moving, which is one in ten, and does not count as said); *sigma* the
-median uncertainty over the undisturbed one, and in brackets the error in units of it; *said after* and *invalid after*
-the number of the first frame after the cause that is not ok, and is invalid (1: at once; of light that fades from where
-a seventh of it is left); *left after* the last one after its end that is still invalid. Bold: a force that is off by
-more than twice the nominal error, or a false contact above 20 mN, with status ok."""
+- *error*: root mean square error of the total force on held frames, in N; in brackets, relative to the undisturbed
+  stream
+- *while ok*: the same over the frames whose status is ok, as a multiple of the nominal error, which defines `ok`
+  (docs/stability.md)
+- *place*: median distance between estimated and true place of a contact
+- *missed*: share of contacts that were not reported
+- *false*: largest force reported as a contact while nothing touches, and the share of frames at rest with such a
+  contact
+- *ok / degraded / invalid*: shares of frames by status. In every stream the first frame of each contact, which is one
+  in ten, is degraded, because the contact may still be moving. This does not count as detected.
+- *sigma*: median standard deviation, relative to the undisturbed stream; in brackets, the error divided by the standard
+  deviation
+- *detected after*, *invalid after*: number of the first frame after the cause that is not ok, or is invalid (1: at
+  once; light that fades is counted from the frame in which a seventh of it is left)
+- *recovered after*: number of the last frame after the end of the disturbance that is still invalid
+- bold: with status ok, a force error of more than twice the nominal error, or a false contact above 20 mN"""
 
 FLOOR = """\
-Least standard deviation of the force that any unbiased method could read from one such picture with its noise (the
-Cramér-Rao bound, place, depth and rest image's noise included, all else known: `benchmarks/stability/floor.py`), beside
-what was measured in one picture: the first that is held of each press. In brackets, by how much each profile's error
-would grow if it grew by no more than that: the nearer a profile is to the floor undisturbed, the more of its error is
-noise, and the more times noise makes it worse. At the floor itself four times the noise is four times the error. After
-the semicolon the error over the whole hold, and what that is of the undisturbed one's."""
+*Floor* is the least standard deviation of the force that any unbiased method can have from one such picture with its
+noise (the Cramér-Rao bound: place, depth and the noise of the rest image are unknown, all else is known; see
+`benchmarks/stability/floor.py`). *First frame* is the error measured in the first held picture of each press. In
+brackets: its ratio to the undisturbed error, and the least ratio that the floor allows. The nearer an undisturbed
+profile is to the floor, the more of its error is noise, and the more does added noise increase it. At the floor itself,
+four times the noise is four times the error. *Hold* is the error over the whole hold, with its ratio to the undisturbed
+error."""
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -59,19 +67,19 @@ def page(result: Mapping[str, Any]) -> str:
     points = points_of(result)
     plan = result['plan']
     more = (
-        f'{plan["presses"]} presses a stream, {plan["hold"]} frames each, {plan["fps"]:g} frames a second; '
+        f'{plan["presses"]} presses per stream, {plan["hold"]} frames each, {plan["fps"]:g} frames a second; '
         f'{len(points)} streams'
     )
-    parts = opening('The failure bench', result, INTRODUCTION, more)
+    parts = opening('Robustness to disturbances', result, INTRODUCTION, more)
     aims = [_aim(name, judge) for name, judge in AIMS.items()]
-    parts += ['## What was to be reached', reached(aims, result), _undisturbed(result)]
+    parts += ['## Targets', reached(aims, result), _undisturbed(result)]
     if floors := _floors(result):
-        parts += ['## What one picture can tell', FLOOR, floors]
+        parts += ['## Lower bound for one picture', FLOOR, floors]
     for family in dict.fromkeys(each['family'] for each in result['cases']):
         parts += [f'## {family[0].upper()}{family[1:]}', FAMILIES[family], f'![{family}]({picture_of(family)})']
         for profile in result['profiles']:
             parts += [f'### {family[0].upper()}{family[1:]}, `{profile}`', _family(points, family, profile)]
-    return '\n\n'.join([*parts, '## The disturbances that still win', *_losers(result, points)])
+    return '\n\n'.join([*parts, '## Failures that remain', *_losers(result, points)])
 
 
 def picture_of(family: str, name: str = 'stability') -> str:
@@ -87,18 +95,18 @@ def _aim(name: str, judge: Judge) -> Aim:
         points = points_of(result)
         return {each: _verdict(judge([p for p in points if p.profile == each])) for each in result['profiles']}
 
-    return Aim(figure, to_reach or 'in every stream', told)
+    return Aim(figure, to_reach or 'all streams', told)
 
 
 def _verdict(found: Verdict | None) -> str:
     if found is None:
         return 'not measured'
-    held = 'held' if found.held == found.judged else f'**not held**, at {found.held} of {found.judged}'
+    held = 'reached' if found.held == found.judged else f'**not reached**, in {found.held} of {found.judged}'
     return held if found.held == found.judged and not found.worst else f'{held}; {found.worst}'
 
 
 def _undisturbed(result: Mapping[str, Any]) -> str:
-    heads = ['undisturbed', 'error, N', 'place, mm', 'missed', 'largest N at rest', 'ok', 'sigma, N', 'error in sigmas']
+    heads = ['undisturbed', 'error, N', 'place, mm', 'missed', 'largest N at rest', 'ok', 'sigma, N', 'error / sigma']
     rows = [
         [name, _n(each['rmse_n']), _mm(each['place_mm']), f'{each["missed"]:.0%}', _n(each['rest_n']),
          f'{each["ok"]:.0%}', _n(each['sigma_n']), _sigmas(each['error_sigmas'])]
@@ -139,7 +147,7 @@ def _ratio(value: float | None, of: float | None) -> float | None:
 
 HEADS = (
     'disturbance', 'error, N', 'while ok', 'place, mm', 'missed', 'false, N', 'ok / degraded / invalid',
-    'sigma (error in it)', 'said after', 'invalid after', 'left after', 'reasons',
+    'sigma (error / sigma)', 'detected after', 'invalid after', 'recovered after', 'reasons',
 )  # fmt: skip
 
 
@@ -170,7 +178,7 @@ def _losers(result: Mapping[str, Any], points: Sequence[Point]) -> list[str]:
     parts = []
     for profile in result['profiles']:
         lines = [f'- {text}' for text in losers([each for each in points if each.profile == profile])]
-        parts += [f'`{profile}`:', '\n'.join(lines) if lines else 'None of those above.']
+        parts += [f'`{profile}`:', '\n'.join(lines) if lines else 'None.']
     return parts
 
 

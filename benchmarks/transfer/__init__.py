@@ -1,12 +1,13 @@
-"""A model on other gels: error against the number of presses that it is calibrated by, all of it simulated.
+"""A model on other, simulated gels: error against the number of calibration presses.
 
-The gels differ in hardness (30 %), thickness (0.3 mm) and camera (1 mm aside, 2 degrees tilted, 3 rolled, 3 % of focal
-length), and have other markers each. Pressed by the plan of a calibration (config/plans/calibrate.yaml) and tested on
-presses at random continuous places and depths that no calibration saw, all gels and the model's own at the same ones.
-Presses to calibrate by are held for some pictures, as a rig holds them; those tested are read from a single one. Beside
-the model as it is, a model of many other
-gels that needs no press of the new one, a response fitted to the same few presses alone, and a model of the same kind
-trained in full on each gel: what can be had of that gel however well it is known.
+The gels differ in hardness (30 %), thickness (0.3 mm), camera (1 mm shift, 2 degrees tilt, 3 degrees roll, 3 % of focal
+length) and markers. They are calibrated with the presses of config/plans/calibrate.yaml, each held for some pictures as
+on a rig. They are tested with single pictures of presses at random places and depths that no calibration uses; these
+are the same for all gels and for the model's own.
+
+The calibrated model is compared with the uncalibrated model, with a model of many other gels that needs no press on the
+new one, with a response fitted to the same few presses alone, and with a model of the same kind trained in full on each
+gel, which shows the best accuracy that the gel allows.
 """
 
 from __future__ import annotations
@@ -260,14 +261,14 @@ BENCHMARK = Benchmark(
             type=int,
             default=8,
             metavar='N',
-            help='gels that a model without any press learns from (default: 8)',
+            help='gels to train the model `of many gels` with (default: 8)',
         ),
         argument(
             '--own',
             type=int,
             default=TRAINED_PRESSES,
             metavar='N',
-            help=f'presses on each gel that a model of its own is trained by; 0: none (default: {TRAINED_PRESSES})',
+            help=f'presses to train a model on each gel with; 0: no such model (default: {TRAINED_PRESSES})',
         ),
         argument(
             '--pictures',
@@ -275,14 +276,14 @@ BENCHMARK = Benchmark(
             type=int,
             default=PICTURES,
             metavar='N',
-            help=f'pictures of each press to calibrate by, while it is held (default: {PICTURES})',
+            help=f'pictures of each calibration press, while it is held (default: {PICTURES})',
         ),
         argument(
             '--gels-seed',
             type=int,
             default=TESTED_SEED,
             metavar='N',
-            help='other gels than the test gels, to develop on',
+            help='seed of the gels; another seed gives gels to develop with',
         ),
     ),
 )

@@ -48,32 +48,32 @@ HEADS = [
 COLOURS = {CALIBRATED: 'C0', ALONE: 'C7', AS_IT_IS: 'C3', MANY: 'C1', TRAINED: 'C2'}
 DRAWN = {'force_rmse_n': 'force RMSE, N', 'place_median_mm': 'place, mm', 'placed_armse_n': 'aRMSE, any grid, N'}
 OF_FORCE = 'force', 'aRMSE'
-GEL_HEADS = ['gel', 'modulus, kPa', 'soft layer, mm', 'camera aside, mm', 'tilt, deg', 'roll, deg', 'focal, px/rad']
+GEL_HEADS = ['gel', 'modulus, kPa', 'soft layer, mm', 'camera shift, mm', 'tilt, deg', 'roll, deg', 'focal, px/rad']
 ABOUT = """\
-{gels} simulated gels; median (worst) over the gels, each tested on {tested} presses at new continuous places, the
-model's own gel at the same places and depths. The place is the median over the presses of a gel; `covered` is the share
-of forces within the stated 90 % interval; `of many gels` is one response fitted to other gels of the same spread,
-without a press of the gel tested. Presses to calibrate by are the first of `config/plans/calibrate.yaml`, {pictures};
-`fitted alone` gets the first of them. Presses tested are read from single pictures. The first row is the model on its
-own gel.
+Median (worst) over {gels} simulated gels. Each is tested on {tested} presses at new, continuous places; the source
+model's own gel (first row) at the same places and depths. `place` is the median over the presses of a gel, and
+`covered` the share of forces within the stated 90 % interval. `of many gels` is one response fitted to other gels with
+the same variation, without a press on the tested gel. Calibrations use the first presses of
+`config/plans/calibrate.yaml`, {pictures}. `fitted alone` uses the first of these pictures.
+Each tested press has one picture.
 
-The aRMSE is ruled by presses closer to a border between bins than their place is known. On the paper's grid these are a
-handful; `any grid` is the mean over {placements} placements of that grid, in which all presses count. It grows with the
-number of presses tested, as fewer bins are left without such a press."""
+The aRMSE is dominated by presses that are closer to a border between bins than the error of their place. On the paper's
+grid these are few. `any grid` is the mean over {placements} positions of that grid, so that all presses count.
+It grows with the number of tested presses, as fewer bins are left without such a press."""
 CHANCE = """\
-With standard errors over the presses tested (bootstrap, the same draws for all gels); the aRMSE is that on any grid.
-That other presses to calibrate by, and other gels, would give other numbers is not in them."""
+Ratios of errors, with standard errors over the tested presses (bootstrap, same draws for all gels). The aRMSE is that
+on any grid. The standard errors do not include the variation between calibration presses or between gels."""
 HARDER = """\
-All gels were pressed as deep, so a gel that is a third harder bore a third more force, and the same motion seen wrong
-is a third more newtons. In shares of the mean force pressed with:"""
+All gels were pressed to the same depths. A gel that is a third harder carried a third more force, so the same error of
+motion means a third more newtons. The same ratios, with errors divided by the mean force of each gel:"""
 LEVELS = """\
-A harder or thicker gel, or one seen aslant, may be read less exactly however well it is known. The first row is what
-gels do, the rows of calibrations are what calibrations leave over; the second row is what fewer presses than the source
-was trained by do."""
+A gel that is harder, thicker or seen at an angle may have larger errors even with perfect calibration. The first row
+shows this effect of the gels. The second row shows the effect of training with fewer presses than the source had. The
+other rows show what calibration adds."""
 BORNE = """\
-Times the source's own, in newtons (as a share of the force that was pressed with). `force borne` is that force, times
-the source gel's at the same depths: what is read exactly as well as the source's own gel is at this number in newtons,
-and at 1 as a share."""
+Ratios to the source model on its own gel, for errors in newtons (in brackets: for errors divided by the mean force).
+`force ratio` is the mean force of the gel divided by that of the source gel at the same depths. A gel that is read as
+well as the source's own gel has this number in newtons, and 1 in brackets."""
 AIMS = {100: 1.1, 25: 1.5}
 """Times the source's own error, by presses."""
 
@@ -101,7 +101,7 @@ def page(result: Mapping[str, Any]) -> str:
     return '\n\n'.join([
         *opening('Transfer to other gels', result, about), *_of_trained(trained),
         f'![error against number of presses]({told.picture})', _errors(own, scores, trained),
-        '## Against the source on its own gel', CHANCE, reached(_aims(own, scores), result),
+        '## Compared with the source on its own gel', CHANCE, reached(_aims(own, scores), result),
         HARDER, table(['presses', *(f'{of}, median gel (worst)' for of in OF_FORCE)], _of_force(own, scores)),
         *_against_each(own, scores, trained), *_gel_by_gel(own, scores), '## The gels',
         table(GEL_HEADS, [_gel(number, each) for number, each in enumerate(told.gels)]),
@@ -139,8 +139,8 @@ def _held(pictures: int) -> str:
 
 def _of_trained(trained: Sequence[Score]) -> list[str]:
     return [
-        f'`{TRAINED}` is a model of the same kind, trained in full on the gel tested, by {each.presses} presses at\n'
-        'random places and depths, other than those tested; the second row is as many on the own gel.'
+        f'`{TRAINED}` is a model of the same kind, trained in full on the tested gel with {each.presses} presses at\n'
+        'random places and depths, different from those tested. The second row is the same on the source gel.'
         for each in trained
     ]
 
@@ -150,17 +150,17 @@ def _against_each(own: Score, scores: Sequence[Score], trained: Sequence[Score])
     levels = [each for each in scores if each.way == TRAINED]
     if not levels:
         return []
-    rows = [[f'{TRAINED} / the source', *(_told(ratio(own, levels, measured)) for measured in COMPARED)]]
+    rows = [[f'{TRAINED} / source', *(_told(ratio(own, levels, measured)) for measured in COMPARED)]]
     rows += [
-        [f'own gel, by {each.presses} / the source', *(_told(ratio(own, [each], measured)) for measured in COMPARED)]
+        [f'own gel, {each.presses} presses / source', *(_told(ratio(own, [each], measured)) for measured in COMPARED)]
         for each in trained
     ]
     for presses, chosen in _calibrated(scores).items():
         of = [next(level for level in levels if level.gel == each.gel) for each in chosen]
         told = [_told(ratio(of, chosen, measured)) for measured in COMPARED]
-        rows.append([f'calibrated by {presses} / {TRAINED}', *told])
+        rows.append([f'calibrated, {presses} presses / {TRAINED}', *told])
     heads = ['', *(f'{of}, median gel (worst)' for of in COMPARED)]
-    return ["## Against each gel's own level", LEVELS, table(heads, rows)]
+    return ['## Compared with a model trained on each gel', LEVELS, table(heads, rows)]
 
 
 def _aims(own: Score, scores: Sequence[Score]) -> list[Aim]:
@@ -201,7 +201,7 @@ def _gel_by_gel(own: Score, scores: Sequence[Score]) -> list[str]:
         borne = next(iter(of.values())).pressed_n / own.pressed_n
         times = [ratio(own, [of[way]], measured).worst for measured in OF_FORCE for way in asked.values()]
         rows.append([str(gel), f'{borne:.2f}x', *(f'{each:.2f}x ({each / borne:.2f}x)' for each in times)])
-    heads = ['gel', 'force borne', *(f'{of}, {told}' for of in OF_FORCE for told in asked)]
+    heads = ['gel', 'force ratio', *(f'{of}, {told}' for of in OF_FORCE for told in asked)]
     return ['## Gel by gel', BORNE, table(heads, rows)]
 
 

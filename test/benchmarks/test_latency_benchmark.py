@@ -55,7 +55,7 @@ def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch, tmp_pa
     text = latency.page(run.keep(latency.measured(asked, run)))
     assert '$ tactile bench latency --minutes 0.1 --compiled --seconds 1 --rates 300 400' in text
     assert '600 |       2 |    1 |' in text
-    assert 'compiled |  mixed |       300 |     2.50 |             0.80 |               400 |' in text
+    assert 'compiled |  mixed |               300 |     2.50 |               0.80 |            400 |' in text
 
 
 def test_a_relay_answers_each_picture_with_what_was_said_of_another(

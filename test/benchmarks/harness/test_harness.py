@@ -229,7 +229,7 @@ def test_aims_are_one_table_with_a_column_for_each_that_is_judged() -> None:
         Aim('not asked for', '', lambda _: {}),
     )
     assert reached(aims, {'fast': 0.5, 'paper': 9}).splitlines() == [
-        '| figure |     to reach |   fast | paper |',
+        '| figure |       target |   fast | paper |',
         '| ------ | -----------: | -----: | ----: |',
         '| error  | at most 1 mN | 0.5 mN |  9 mN |',
         '| time   | at most 2 ms |   1 ms |     – |',

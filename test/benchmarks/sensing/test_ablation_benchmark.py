@@ -78,4 +78,4 @@ def test_the_page_says_what_pays_and_what_went() -> None:
     rows = {line.split('|')[1].strip(): line for line in told.splitlines() if line.startswith('|')}
     assert '2 to 4' in rows['registration'] and rows['registration'].rstrip(' |').endswith('yes')
     assert rows['dead pixels'].rstrip(' |').endswith('**no**')
-    assert rows['something of before'].rstrip(' |').endswith('gone')
+    assert rows['something of before'].rstrip(' |').endswith('removed')

@@ -68,13 +68,13 @@ def test_every_model_is_measured_and_timed(results: accuracy.Results) -> None:
 
 def test_the_page_says_what_is_simulation_and_what_the_paper_has(results: accuracy.Results) -> None:
     text = paged(results)
-    assert 'All of it is simulation' in text
+    assert 'All results are simulated' in text
     paper = next(line for line in text.splitlines() if line.startswith('| the paper, real gel'))
     assert [cell.strip() for cell in paper.split('|')[2:5]] == ['0.0090', '0.107', '0.0650']
     shares = {
         line.split(',')[0].strip('| '): line.split('|')[-2].strip()
         for line in text.splitlines()
-        if 'share of paper' in line
+        if 'relative to `paper`' in line
     }
     assert shares['training time'] == '0.010'
     assert shares['parameters'] == f'{(200 * 4 + 4 + 4 * 81 + 81) / (200 * 16 + 16 + 16 * 81 + 81):.3f}'

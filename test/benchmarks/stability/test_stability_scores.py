@@ -150,14 +150,14 @@ def test_a_point_holds_within_one_and_a_half_times_or_the_nominal_error_and_only
 
 def test_aims_count_the_points_that_hold_and_name_the_worst() -> None:
     points = [point(1.4, level=0.3), point(3.0, level=1.0, false_n=0.05)]
-    shifted = AIMS['camera shifted up to 3 px: error within 1.5x, or the nominal one'](points)
+    shifted = AIMS['camera shifted up to 3 px: error within 1.5x, or nominal'](points)
     assert shifted is not None
     assert (shifted.held, shifted.judged) == (1, 2)
     assert 'camera shifted, 1 px' in shifted.worst
     false = AIMS['no false contact above 20 mN with status ok'](points)
     assert false is not None
     assert (false.held, false.judged) == (1, 2)
-    assert AIMS['blur up to 1 px: within 1.5x, or the nominal one'](points) is None
+    assert AIMS['blur up to 1 px: error within 1.5x, or nominal'](points) is None
 
 
 def test_losers_are_those_that_are_wrong_and_say_ok_or_should_hold() -> None:

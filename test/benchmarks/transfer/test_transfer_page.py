@@ -71,7 +71,7 @@ def test_calibrations_are_told_in_times_what_each_gel_allows() -> None:
     ]  # fmt: skip
     text = page(told(own, scores))
     assert '3 simulated gels' in text
-    rows = text.split("Against each gel's own level")[1].splitlines()
+    rows = text.split('Compared with a model trained on each gel')[1].splitlines()
     # 3, 1 and 2 times what the same gels allow, which is 2, 4 and 3 times the source's own.
     assert any('25' in row and ' 2.00x ±0.00 (3.00x ±0.00) |' in row for row in rows)
     assert any(' 3.00x ±0.00 (4.00x ±0.00) |' in row for row in rows)
@@ -94,7 +94,7 @@ def test_without_models_of_their_own_gels_have_no_level_on_the_page() -> None:
     own = Score(-1, 0, AS_IT_IS, 0.001, 0.2, 0.002, 0.01, 0.02, 0.003, 0.9)
     text = page(told(own, [scored(0, 25, CALIBRATED, 0.006)]))
     assert TRAINED not in text
-    assert "Against each gel's own level" not in text
+    assert 'Compared with a model trained on each gel' not in text
 
 
 def test_gels_to_develop_on_are_none_of_those_tested() -> None:
