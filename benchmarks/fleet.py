@@ -1,8 +1,8 @@
-"""What a fleet of gels teaches: others calibrated with few presses, with the prior of the fleet and without it.
+"""Calibration of gels with few presses, with a prior that was learned from many other gels, and without it.
 
-Gels of one described sensor differ as its makes do: in stiffness and thickness, in where the camera is, how it is
-tilted and turned, in its focal length and in their markers. From many of them follows how far cameras usually look
-otherwise than described, and how far gels are softer: the prior. Others are calibrated with it, and without it.
+Gels of one described sensor vary in stiffness and thickness, in position, tilt, roll and focal length of the camera,
+and in their markers. The deviations of many such gels from the description give a prior. Other gels are calibrated with
+it, and without it.
 """
 
 from __future__ import annotations
@@ -38,15 +38,16 @@ PLACED, READ = 3, 99
 
 LEARNED, NONE, FIXED = "the fleet's", 'none', 'the camera as described'
 ABOUT = """\
-{learned} gels of the simulated sensor, {presses} presses of the paper's tip on each, tell how far makes of it differ;
-{unseen} others are read. Of these {judged} presses anywhere, up to {deepest:g} mm deep, are read by the force field
-alone: the median distance of the centres, and the median error of the total as a share. *Without a press* the
-description is all there is. Then as many presses as are said calibrate the gel, and its camera is told with the
-prior that the fleet teaches; with none, as the calibration does (`tactile_nodes.learning.field.camera`); or it is taken
-as described. Mean over the gels, and the worst of them in brackets."""
+A prior is learned from {learned} gels of the simulated sensor, with {presses} presses of the paper's tip on each.
+{unseen} other gels are tested, with {judged} presses at random places, up to {deepest:g} mm deep, whose forces are
+estimated as a force field: *centre* is the median error of the centre of pressure, *total* the median relative error of
+the total. In the first row only the description is known. Then the given number of presses calibrate the gel. Its
+camera is estimated with the prior of the {learned} gels; with no prior, as the calibration does
+(`tactile_nodes.learning.field.camera`); or it is assumed to be as described. Mean over the gels, with the worst gel in
+brackets."""
 TAUGHT = """\
-Standard deviations over the fleet, of where the camera is told to be beside its description: along x and y (mm), both
-tilts and the roll (degrees), the focal length (%); and of how many times as soft gels are told to be (%)."""
+Standard deviations over the {learned} gels, of the estimated camera relative to its description: position x and y (mm),
+both tilts and the roll (degrees), the focal length (%); and of the estimated softness (%)."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,15 @@ def page(result: Mapping[str, Any]) -> str:
         'soft': 'softness',
     }
     learned = columns([taught], *((head, f'{{{name}}}') for name, head in heads.items()))
-    return '\n\n'.join([*opening('A fleet of gels', result, about), told, '## What the fleet teaches', TAUGHT, learned])
+    return '\n\n'.join(
+        [
+            *opening('A prior from many gels', result, about),
+            told,
+            '## The learned prior',
+            TAUGHT.format(**result),
+            learned,
+        ]
+    )
 
 
 def _summed(read: Sequence[Mapping[str, Mapping[str, float]]], name: str) -> dict[str, str]:
@@ -228,8 +237,8 @@ BENCHMARK = Benchmark(
     measure=measure,
     tasks=True,
     arguments=(
-        argument('--gels', type=int, default=100, least=2, help='to learn from (default: %(default)s)'),
-        argument('--unseen', type=int, default=10, least=1, help='to read (default: %(default)s)'),
+        argument('--gels', type=int, default=100, least=2, help='gels to learn the prior from (default: %(default)s)'),
+        argument('--unseen', type=int, default=10, least=1, help='gels to test (default: %(default)s)'),
     ),
     example="""\
 examples:

@@ -1,8 +1,8 @@
-"""Flow alone: how far each way to measure motion is off, and to which side, against how far the picture moved.
+"""Error and bias of all methods to measure motion, against the size of the motion.
 
-The rest image moved as a whole by 0.02 to 30 px; simulated presses, whose true motion in each region is known, by the
-size of that motion; and, where the recordings lie, computer-made speckle. The ways are those of `tactile bench front`,
-in turn on every image; patches lie on 20x20 regions, and dense motion is averaged over them.
+Three kinds of images: the rest image moved as a whole by 0.02 to 30 px; simulated presses, whose true motion is known
+in each region; and synthetic speckle images, if they are there. The methods are those of `tactile bench front`, in turn
+on each image. Patches are on 20x20 regions; dense motion is averaged over regions.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ SIZES_PX = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 BANDS_PX = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Borders between sizes of true motion under simulated presses."""
 INTRODUCTION = """\
-Root mean square error of a region along each axis in px, and in brackets the bias: the mean error along the true motion
-(negative: too short). One thread, ways in turn on every image; patches on 20x20 regions, dense motion averaged over
-them. *CPU* is the median time of the frames moved by 2 px."""
+Root mean square error of a region along each axis in px; in brackets the bias, which is the mean error along the true
+motion (negative: underestimated). One thread, all methods in turn on every image. Patches are on 20x20 regions; dense
+motion is averaged over regions. *CPU* is the median time for the frames moved by 2 px."""
 PRESSES = """\
-Simulated presses to 2 mm, regions sorted by their markers' true mean motion. Markers near the camera are brighter and
-move less than those above them, so the light's motion is less than the markers' mean, and every way reads short."""
+Simulated presses to 2 mm; regions are grouped by the true mean motion of their markers. Markers near the camera are
+brighter and move less than those above them. So the motion in the picture is less than the mean of the markers, and all
+methods underestimate it."""
 
 
 def flow_ways() -> list[Way]:
@@ -106,13 +107,13 @@ def _flow(make: Callable[[int], FlowMethod | SmallPixels], regions: int) -> Flow
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
-    parts = opening('Flow alone against known motion', result, INTRODUCTION, f'{result["threads"]} thread')
+    parts = opening('Accuracy of the measured motion', result, INTRODUCTION, f'{result["threads"]} thread')
     moved = {name.removeprefix('moved by '): each for name, each in result['moved'].items()}
     parts += ['## The rest image, moved as a whole', _table(moved, result['cpu_ms'])]
     parts += ['## Under simulated presses', PRESSES, _table(result['pressed'])]
     if 'speckle' in result:
         speckle = {name.removeprefix('speckle moved by '): each for name, each in result['speckle'].items()}
-        parts += ['## Speckle that others made', _table(speckle)]
+        parts += ['## Speckle images of another project', _table(speckle)]
     return '\n\n'.join([*parts, '![error against motion](motion.png)'])
 
 
@@ -123,7 +124,7 @@ def _table(sets: Mapping[str, Mapping[str, Mapping[str, float]]], cpu_ms: Mappin
         [name, *([f'{cpu_ms[name]:.2f}'] if cpu_ms else []), *(_cell(found[name]) for found in sets.values())]
         for name in names
     ]
-    return table(['way', *(['CPU [ms]'] if cpu_ms else []), *sets], rows)
+    return table(['method', *(['CPU [ms]'] if cpu_ms else []), *sets], rows)
 
 
 def _cell(summary: Mapping[str, float]) -> str:
@@ -159,10 +160,10 @@ BENCHMARK = Benchmark(
     measure=measured,
     draw=draw,
     arguments=(
-        argument('--frames', least=1, type=int, default=3, help='images of each size (default: 3)'),
-        argument('--presses', least=1, type=int, default=12, help='simulated presses a range of depths (default: 12)'),
+        argument('--frames', least=1, type=int, default=3, help='images for each size of motion (default: 3)'),
+        argument('--presses', least=1, type=int, default=12, help='simulated presses for each range (default: 12)'),
         argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift'),
-        argument('--only', metavar='TEXT', help='only ways whose name holds this'),
-        argument('--slow', action='store_true', help='also what takes hundreds of ms a frame (TV-L1)'),
+        argument('--only', metavar='TEXT', help='only methods whose name contains this'),
+        argument('--slow', action='store_true', help='with methods that take hundreds of ms per frame (TV-L1)'),
     ),
 )

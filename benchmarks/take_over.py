@@ -1,8 +1,8 @@
-"""What a recording of a calibration shows of the live node: its forces before and after, and whether frames were lost.
+"""Evaluate the recording of a calibration: forces of the live node before and after, and lost frames.
 
-Of a bag that `tactile launch calibrate` recorded. The forces that were told live, by the model in use, are compared
-with those that the rig measured in the window of each press. A frame counts as lost if its features were told and no
-force with its stamp; beside a take-over are those within a second of it.
+Reads a bag that `tactile launch calibrate` recorded. The forces that the live node published with the model in use are
+compared with those that the rig measured in the window of each press. A frame is lost if its features were published,
+but no force with its stamp. Lost frames within a second of a take-over are counted separately.
 """
 
 from __future__ import annotations
@@ -166,5 +166,5 @@ BENCHMARK = Benchmark(
     files=('calibrate.md',),
     by_hand=True,
     keeps=False,
-    arguments=(argument('bag', type=Path, help='what tactile launch calibrate recorded'),),
+    arguments=(argument('bag', type=Path, help='a bag that tactile launch calibrate recorded'),),
 )

@@ -1,9 +1,9 @@
-"""How long a message takes from one node to another, and how many a second pass, beside plain pyzmq.
+"""Latency and throughput of messages between nodes, compared with plain pyzmq.
 
-One-way latency: from just before `publish` to the user having the decoded message, paced like a sensor. The floor is
-a pyzmq PUB and a blocking SUB over ipc with the same bytes, neither encoded nor decoded. In each round every contender
-has its turn with every payload, in an order that alternates; ratios are of the medians of the same round, so that
-what else runs on the machine weighs on both.
+One-way latency is from the call of `publish` until the user has the decoded message, at the rate of a sensor. The
+baseline is a pyzmq PUB and a blocking SUB over ipc with the same bytes, without encoding and decoding. In each round
+all contenders send all payloads, in alternating order. Ratios are between medians of the same round, so that other load
+on the machine affects both.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""A whole collection in simulated time: the campaign, safety and drivers' twins of a real one, and a real bag.
+"""A whole collection in simulated time, with simulated devices, the code of a real collection, and a real bag.
 
-The clock jumps over what is waited for, and only images that somebody looks at are rendered. Started again with the
-same folder and plan it goes on with the next press, as `tactile launch collect` does.
+The clock skips waiting times, and only images that are used are rendered. With the same folder and plan an interrupted
+collection continues with the next press, as with `tactile launch collect`.
 """
 
 from __future__ import annotations
@@ -267,13 +267,15 @@ BENCHMARK = Benchmark(
     keeps=False,
     arguments=(
         argument('--plan', default='quick', help='YAML file, or a name in config/plans (default: quick)'),
-        argument('-o', '--folder', type=Path, required=True, help='for journal, bags and result.json'),
+        argument('-o', '--folder', type=Path, required=True, help='folder for journal, bags and result.json'),
         argument('--gel', default='', help="YAML file, or a name in config/gels (default: the paper's)"),
-        argument('--indenter', default='tip', choices=('tip', *INDENTERS), help='what presses (default: tip)'),
+        argument('--indenter', default='tip', choices=('tip', *INDENTERS), help='shape of the indenter (default: tip)'),
         argument('--rate', type=float, default=200.0, help='force samples a second (default: 200)'),
         argument('--fps', type=float, default=60.0, help='images a second (default: 60)'),
-        argument('--presses', type=int, default=0, help='stop after so many (default: all)'),
-        argument('--compression', choices=sorted(COMPRESSIONS), default='zstd', help='default: zstd'),
+        argument('--presses', type=int, default=0, help='stop after this number of presses (default: all)'),
+        argument(
+            '--compression', choices=sorted(COMPRESSIONS), default='zstd', help='compression of the bag (default: zstd)'
+        ),
     ),
     example='example: tactile bench collection -o collected',
 )

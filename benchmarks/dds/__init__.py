@@ -1,8 +1,8 @@
-"""What it costs to show this bus in a ROS 2 graph over DDS, and how late messages are there.
+"""CPU time of the bridge to a ROS 2 graph over DDS, and the latency of messages there.
 
-A process publishes images of 440x440 and a force of 81 bins with each, stamped as they are published. It is a program
-of its own, as are the bridge, whose processor time is read from the kernel, and a reader in the DDS domain. Latency is
-from the stamp to having the bytes. A subscriber on the bus beside them shows what the sensor's own nodes notice of it.
+A process publishes images of 440x440 and a force of 81 bins with each, stamped when they are published. Publisher,
+bridge and a reader in the DDS domain are separate processes; the CPU time of the bridge is read from the kernel.
+Latency is from the stamp to receiving the bytes. A subscriber on the bus shows the effect on the sensor's own nodes.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from tactile_nodes.dds.opening import require_cyclone
 
 DEFAULT_DOMAIN = 99
 HANGING = """\
-The bridge receives nothing that nobody reads. For a reader that hangs (stopped with SIGSTOP, reliable)
-it keeps the newest messages of each topic, and waits for nobody."""
+The bridge subscribes only to topics that have a reader. For a reader that hangs (stopped with SIGSTOP, reliable) it
+keeps the newest messages of each topic, and never blocks."""
 CASES = {
     'no bridge': (),
     'nobody reads': ('bridge',),
@@ -99,7 +99,7 @@ def page(result: Mapping[str, Any]) -> str:
     """The document that the numbers stand in."""
     assert __doc__ is not None
     more = f'{result["rate_hz"]:g} Hz, {result["seconds"]:g} s each'
-    return '\n\n'.join([*opening('What DDS costs', result, __doc__.partition('\n\n')[2], more), told(result), HANGING])
+    return '\n\n'.join([*opening('Cost of DDS', result, __doc__.partition('\n\n')[2], more), told(result), HANGING])
 
 
 BENCHMARK = Benchmark(
@@ -115,8 +115,8 @@ BENCHMARK = Benchmark(
     page=page,
     measure=measured,
     arguments=(
-        argument('--seconds', type=float, default=20.0, help='of each case (default: %(default)s)'),
+        argument('--seconds', type=float, default=20.0, help='duration of each case (default: %(default)s)'),
         argument('--rate', type=float, default=60.0, help='images a second (default: %(default)s)'),
-        argument('--domain', type=int, default=DEFAULT_DOMAIN, help='that nobody else uses (default: %(default)s)'),
+        argument('--domain', type=int, default=DEFAULT_DOMAIN, help='an unused DDS domain (default: %(default)s)'),
     ),
 )

@@ -1,9 +1,9 @@
-"""How late and how completely each hardware driver hands over what its device sends, at its highest rate.
+"""Latency and losses of each hardware driver at the highest rate of its device.
 
-Every device is emulated in a process of its own, behind its own wire protocol, and knows when it made what; its driver
-runs in another process as a program uses it. Latency runs from the device's making or sending to the driver's handing
-over, in the reader's hands; of a CNC, from the question to the answer. What was lost, reordered or doubled is counted
-from the device's own numbers, not from what the driver says.
+Each device is emulated in a separate process, with its own wire protocol, and records the times of its data. Its driver
+runs in another process, as in an application. Latency is from the time at which the device makes or sends its data
+until the reader has it; for a CNC, from question to answer. Lost, reordered and doubled data are counted by the
+device's own numbers, not by the driver's counters.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ BENCHMARK = Benchmark(
     files=('drivers.json', 'drivers_again.json', 'drivers.md'),
     by_hand=True,
     arguments=(
-        argument('--seconds', type=float, default=10.0, help='how long to measure each (default: 10)'),
-        argument('--together', type=int, default=1, metavar='N', help='measure so many at once (default: 1)'),
+        argument('--seconds', type=float, default=10.0, help='duration for each driver (default: 10)'),
+        argument('--together', type=int, default=1, metavar='N', help='drivers to measure at once (default: 1)'),
     ),
 )

@@ -1,8 +1,8 @@
-"""Does anything grow, queue up or end over hours of sensing?
+"""Hours of sensing: growth of memory, files, threads and queues, and lost frames.
 
-Two parts. `stepped`: hours at 60 frames a second through the nodes of live sensing on the bus inside one process,
-under a clock that is moved by hand, so that eight hours take half an hour of a processor. `live`: a whole ``tactile
-launch live`` in real time, with all its processes. Memory, open files, threads, queues and counters are looked at.
+Two parts. `stepped`: hours at 60 frames a second through the nodes of live sensing on the bus in one process, with a
+simulated clock, so that eight hours take half an hour of CPU time. `live`: a whole ``tactile launch live`` in real
+time, with all its processes. Memory, open files, threads, queues and counters are monitored.
 """
 
 from __future__ import annotations
@@ -63,14 +63,14 @@ def page(parts: Mapping[str, Mapping[str, Any]]) -> str:
 def _stepped_page(part: Mapping[str, Any]) -> list[str]:
     counts, status = part['subscriptions'], part['status']
     return [
-        f'## {part["hours"]:g} hours of a stepped clock',
+        f'## {part["hours"]:g} hours of a simulated clock',
         f'```console\n$ {part["command"]}\n```',
-        f'{part["images"]} images of {part["side_px"]}x{part["side_px"]} pixels, at rest but for a press of a second '
-        f'each minute, through flow features, force estimator and drift monitor: {part["forces"]} forces '
-        f'({", ".join(f"{count} {name}" for name, count in status.items())}). Dropped on the way: {counts["dropped"]}, '
-        f'malformed: {counts["malformed"]}; longest queue when looked at: {part["longest_queue"]}, work: '
-        f'{part["longest_work"]}. Objects of Python after a fifth of the time: {part["objects"]["first"]}, at the end: '
-        f'{part["objects"]["last"]}. By how much the answer to the same picture changed: {part["drift_n"]:.3g} N.',
+        f'{part["images"]} images of {part["side_px"]}x{part["side_px"]} pixels, with a press of one second each '
+        f'minute, through flow features, force estimator and drift monitor gave {part["forces"]} forces '
+        f'({", ".join(f"{count} {name}" for name, count in status.items())}). Dropped messages: {counts["dropped"]}, '
+        f'malformed: {counts["malformed"]}; longest queue of messages: {part["longest_queue"]}, of work: '
+        f'{part["longest_work"]}. Python objects after a fifth of the time: {part["objects"]["first"]}, at the end: '
+        f'{part["objects"]["last"]}. Change of the force for the same picture: {part["drift_n"]:.3g} N.',
         _held({'all nodes, one process': part}),
         _verdict('stepped', part),
         f'{machine_and_commit(part)}.',
@@ -85,10 +85,10 @@ def _live_page(part: Mapping[str, Any]) -> list[str]:
         f'## {part["seconds"] / 60:g} minutes of real time',
         f'```console\n$ {part["command"]}\n```',
         f'{frames["received"]} forces ({", ".join(f"{count} {name}" for name, count in frames["status"].items())}); of '
-        f'{total} images {frames["skipped"]} ({frames["skipped"] / total:.2%}) have no force, the longest time between '
-        f'two that have one is {frames["longest_ms"]:.0f} ms. Image to force, 99th percentile of {part["every_s"]:g} '
-        f's: {min(late_ms):.0f} to {max(late_ms):.0f} ms. The machine had other work meanwhile: '
-        f'{part["load"]["low"]:.1f} to {part["load"]["high"]:.1f} processes wanted its processors.',
+        f'{total} images {frames["skipped"]} ({frames["skipped"] / total:.2%}) have no force. The longest time between '
+        f'two forces is {frames["longest_ms"]:.0f} ms. Latency from image to force, 99th percentile over '
+        f'{part["every_s"]:g} s: {min(late_ms):.0f} to {max(late_ms):.0f} ms. The machine had other load: '
+        f'{part["load"]["low"]:.1f} to {part["load"]["high"]:.1f} runnable processes.',
         _held(part['processes']),
         _verdict('live', part),
         f'{machine_and_commit(part)}.',
@@ -99,8 +99,8 @@ def _verdict(name: str, part: Mapping[str, Any]) -> str:
     if wrong := complaints(name, part):
         return f'Wrong: {"; ".join(wrong)}.'
     return (
-        f'Nothing leaks, by these limits: less than {MOST_MB_PER_HOUR:g} MiB an hour steadily (the median of ten parts '
-        'of the time), no file and no thread more at the end than after a fifth.'
+        f'No leaks, by these limits: steady growth below {MOST_MB_PER_HOUR:g} MiB an hour (median over ten parts '
+        'of the time), and not more files or threads at the end than after a fifth of the time.'
     )
 
 
@@ -138,8 +138,10 @@ BENCHMARK = Benchmark(
     in_parts=True,
     failed=failed,
     arguments=(
-        argument('--hours', above=0, type=float, default=8.0, help='of the stepped clock (default: %(default)s)'),
-        argument('--seconds', above=0, type=float, default=3600.0, help='of real time (default: %(default)s)'),
-        argument('--every', above=0, type=float, default=10.0, help='seconds from look to look (default: %(default)s)'),
+        argument(
+            '--hours', above=0, type=float, default=8.0, help='hours of the simulated clock (default: %(default)s)'
+        ),
+        argument('--seconds', above=0, type=float, default=3600.0, help='seconds of real time (default: %(default)s)'),
+        argument('--every', above=0, type=float, default=10.0, help='sampling interval in s (default: %(default)s)'),
     ),
 )

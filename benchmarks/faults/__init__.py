@@ -1,10 +1,10 @@
-"""Switch every fault on in the midst of a real collection on the emulated rig, and count what was lost.
+"""Inject each fault during a collection on the emulated rig, and count lost, doubled and wrong presses.
 
-For each fault: `tactile launch collect rig:=emulated` with a plan of four presses; when two are told and the tip goes
-down into the gel for the third, the fault comes, by the parameter service of the emulated rig or as a signal. If
-the launch ends, it is started again without the fault, as a person would, until the plan is done. A rig that asks
-before anything moves gets its answer. Then the bags are compared with the journal, and both with where the tip truly
-was.
+For each fault, `tactile launch collect rig:=emulated` runs a plan of four presses. When two presses are reported and
+the tip moves down into the gel for the third, the fault is injected, by the parameter service of the emulated rig or as
+a signal. If the launch ends, it is started again without the fault, as a user would do, until the plan is done. If the
+rig asks for confirmation, it gets it. Then the bags are compared with the journal, and both with the true positions of
+the tip.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def told(outcome: Outcome) -> str:
 def markdown(result: Mapping[str, Any]) -> str:
     """The table, in the order of the cases."""
     rows = result['faults']
-    heads = ('fault', 'at rest', 'deeper', 'up', 'launches, exit status', 'lost', 'doubled', 'wrong', 'what was told')
+    heads = ('fault', 'at rest', 'deeper', 'up', 'launches, exit status', 'lost', 'doubled', 'wrong', 'message')
     cells = [_cells(case, rows[case.name]) for case in CASES if case.name in rows]
     return table(heads, cells)
 

@@ -1,9 +1,9 @@
-"""Real firmware in its own simulator: what does it do with the drivers, and what does each fault in mid-press come to?
+"""Test the drivers with real firmware in its own simulator: basic commands, and the outcome of faults during a press.
 
 A firmware is named by the command that starts its simulator, which talks on its standard streams; by a network socket;
-or by a serial port, where a real machine moves: with nothing under its tip. The simulator is what the user has built;
-nothing is fetched here. It has to be set up as for a rig; its settings are read and never written. What was measured
-before and is not measured again stays in the results.
+or by a serial port. At a serial port a real machine moves, so keep its tip free. The user builds the simulator; this
+command downloads nothing. The firmware has to be configured as for a rig; its settings are read and never written.
+Earlier results that are not measured again are kept.
 """
 
 from __future__ import annotations
@@ -138,18 +138,23 @@ BENCHMARK = Benchmark(
             action='append',
             default=[],
             metavar='NAME=COMMAND',
-            help='a Marlin, or what speaks as one; repeatable',
+            help='a Marlin, or a firmware with the same protocol; repeatable',
         ),
-        argument('--sources', default='', metavar='TEXT', help='which sources they were built of, for the page'),
-        argument('--home-command', default='G28', help='of a Marlin (default: %(default)s)'),
+        argument('--sources', default='', metavar='TEXT', help='the sources of the firmware, for the page'),
+        argument('--home-command', default='G28', help='homing command of a Marlin (default: %(default)s)'),
         argument(
-            '--accept', nargs='+', default=[], choices=RISKS, metavar='RISK', help=f'of {", ".join(map(repr, RISKS))}'
+            '--accept',
+            nargs='+',
+            default=[],
+            choices=RISKS,
+            metavar='RISK',
+            help=f'risks to accept, of: {", ".join(map(repr, RISKS))}',
         ),
         argument(
             '--net-ft',
             default='',
             metavar='HOST:RDT:HTTP',
-            help='a Net F/T box without load, instead of an emulated one',
+            help='use a Net F/T box without load instead of the emulated one',
         ),
     ),
     example="example: tactile bench firmware --grbl 'Grbl 1.1h=./grbl_sim.exe -n -s /dev/null -b /dev/null'",

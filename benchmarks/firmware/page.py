@@ -12,12 +12,12 @@ from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, OVERLOAD, SE
 
 FIRMWARE = 'firmware'
 FOLLOWS = {
-    FORCE: 'goes on, this point aside',
+    FORCE: 'continues, skips this press',
     OVERLOAD: 'waits for a person',
     SENSOR: 'waits for the sensor',
     CAMERA: 'waits for the camera',
     MACHINE: 'ends',
-    SILENT_MACHINE: 'waits for the machine, then presses the anchor',
+    SILENT_MACHINE: 'waits for the machine, then makes the reference press',
     'driver': 'ends',
 }
 """What a run does once the tip is up, by the kind of trip (`tactile_nodes.collection.run`)."""
@@ -25,22 +25,22 @@ MORE_MM = 0.25  # than was commanded: what is sent elsewhere is stopped within t
 
 INTRODUCTION = f"""# Drivers on real firmware
 
-What real firmware, in its own simulators, does with the project's drivers, and what each fault comes to. The descent is
-that of a collection (drivers, hands, safety, guard): 1 mm/s down, the fault at 0.3 mm depth, {COMMANDED_MM:g} mm
-commanded. The force sensor is a Net F/T box behind a proxy that adds what the paper's gel gives at the depth that the
-firmware reports.
+Tests of the project's drivers with real firmware in its own simulators: basic commands, and faults during a press. The
+descent is that of a collection (same drivers and safety functions), at 1 mm/s to a commanded depth of
+{COMMANDED_MM:g} mm. The fault occurs at 0.3 mm depth. The force sensor is a Net F/T box behind a proxy, which adds the
+force of the paper's gel at the depth that the firmware reports.
 
-- Deepest: by the firmware's own reports, heard before the fault can change them, and asked for once more in the end.
-- Noticed: from the fault to what stopped the press. At rest: from the fault to the last report of another place (ten
-  reports a second; –: none came).
-- The way up is that of a collection after a fault: a retract, and a force that says that nothing touches. In the end:
-  height above the gel; below 0, the tip is left where it stopped, for a person to look at.
-- A run then: what a collection does once the tip is up after a fault of this kind.
-- A process that is killed is one of its own, and nobody is left but the program that it had started to watch over the
-  machine. Noticed: when that first says the way up; at rest: when the tip is up.
-- What fails before the press is begun again, up to three times; so is a press that a silence stopped which is not its
-  fault.
-- A force may be missing for 0.3 s here, instead of 0.05 s: the machine had other work."""
+- *deepest*: from the firmware's own reports, read before the fault can change them, and once more at the end
+- *detected*: time from the fault to the event that stopped the press
+- *at rest*: time from the fault to the last report with a new position (ten reports a second; –: no report came)
+- *retract*: as in a collection after a fault, the tip is raised, and the force must show that nothing touches
+- *final height*: above the gel; if negative, the tip stays where it stopped, for a person to check
+- *collection then*: what a collection does after a fault of this kind, once the tip is up
+- When the commanding process is killed, only the watchdog program that it had started is left. *detected* is then the
+  time until the watchdog first commands the way up, and *at rest* the time until the tip is up.
+- If something fails before the press, or a silence that is not part of the fault stops it, the test is repeated, up to
+  three times.
+- The force may be missing for 0.3 s here, instead of 0.05 s, because the machine had other work."""
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -69,10 +69,10 @@ def _is_right(fault: str, kind: str, outcome: Mapping[str, Any]) -> bool:
 
 
 def _section(name: str, each: Mapping[str, Any]) -> str:
-    about = f'{each["sources"] or "Sources: not told."}\n\n`{each["command"]}`; {machine_and_commit(each)}.'
+    about = f'{each["sources"] or "Sources: not given."}\n\n`{each["command"]}`; {machine_and_commit(each)}.'
     parts = [f'## {name}', about]
     if each['obeys']:
-        parts.append(_table(['asked for', 'what came of it'], list(each['obeys'].items())))
+        parts.append(_table(['command', 'result'], list(each['obeys'].items())))
     if each['faults']:
         parts.append(_faults(each['faults']))
         parts += _failed(each['faults'])
@@ -83,12 +83,12 @@ def _faults(found: Mapping[str, Any]) -> str:
     heads = [
         'fault',
         'deepest [mm]',
-        'noticed [s]',
+        'detected [s]',
         'at rest [s]',
-        'in the end [mm]',
-        'what stopped it',
-        'the way up',
-        'a run then',
+        'final height [mm]',
+        'reason of the stop',
+        'retract',
+        'collection then',
     ]
     return _table(heads, [_row(FAULTS[name].title, found[name]) for name in FAULTS if name in found])
 
@@ -115,6 +115,6 @@ def _then(outcome: Mapping[str, Any]) -> str:
 def _failed(found: Mapping[str, Any]) -> list[str]:
     """What failed on the way to a press, which was then begun again."""
     why = [f'{FAULTS[name].title}: {each}' for name in found for each in found[name].get('failed_before', [])]
-    return ['Begun again, as something failed before the press:\n\n' + '\n'.join(f'- {each}' for each in why)] * bool(
+    return ['Repeated, because something failed before the press:\n\n' + '\n'.join(f'- {each}' for each in why)] * bool(
         why
     )

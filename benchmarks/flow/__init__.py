@@ -1,8 +1,8 @@
-"""Motion by region of each flow method against what is known of it, and its time on one thread.
+"""Error of each flow method by region against the true motion, and its time on one thread.
 
-Simulated presses, some in another light or blurred: the markers' true mean motion in each region that holds three or
-more. Then a rest image moved as a whole, and pushed apart as under a very deep press; and, where the recordings lie,
-computer-made speckle with commanded shifts. Methods take turns on every image, so that the machine's load meets all.
+Simulated presses, some with other light or blur; the true motion is the mean over the markers of each region with three
+or more. Then a rest image moved as a whole, and expanded as under a very deep press; and, if the images are there,
+synthetic speckle with known shifts. The methods run in turn on each image, so that other load affects all alike.
 """
 
 from __future__ import annotations
@@ -83,7 +83,9 @@ BENCHMARK = Benchmark(
     by_hand=True,
     files=(),
     arguments=(
-        argument('--presses', least=1, type=int, default=40, help='simulated presses a range of depths (default: 40)'),
+        argument(
+            '--presses', least=1, type=int, default=40, help='simulated presses for each range of depths (default: 40)'
+        ),
         argument('--speckle', type=Path, help='folder with the shifted speckle images of dic_rigid_shift'),
     ),
 )

@@ -1,9 +1,9 @@
-"""What the live view in the browser costs the sensor: nobody, one, five viewers, and one of them that hangs.
+"""Effect of the live view in the browser on the sensor: no viewer, one, five, and one that hangs.
 
-A whole ``tactile launch live`` senses the simulated gel. Latency runs from a frame's capture to the publication of its
-force, by the stamps of the messages, so that neither the page nor this benchmark is part of it. Viewers are programs
-that speak the page's protocol and take all they are sent; the one that hangs has connected and never reads. Conditions
-take turns, in another order each round.
+A whole ``tactile launch live`` runs with the simulated gel. Latency is from a frame's capture to the publication of its
+force, by the stamps of the messages, so that it includes neither the page nor this benchmark. Viewers are programs that
+use the page's protocol and read everything; the one that hangs has connected and never reads. Conditions run in turn,
+in a different order in each round.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def told(result: Mapping[str, Any]) -> str:
     spent = [(f'CPU of {name} [%]', f'{{cpu_percent[{name}]:.1f}}') for name in PROCESSES.values()]
     return columns(
         named(result['conditions']),
-        ('who watches', '{name}'), ('p50 [ms]', '{latency_ms[p50]:.2f}'),
+        ('viewers', '{name}'), ('p50 [ms]', '{latency_ms[p50]:.2f}'),
         ('p50 of the rounds', '{p50_of_rounds_ms[low]:.2f} to {p50_of_rounds_ms[high]:.2f}'),
         ('p99 [ms]', '{latency_ms[p99]:.2f}'), ('frames', '{frames}'), ('skipped', '{skipped}'), *spent,
         ('packets/s each', lambda each: shown(each['shown_hz'], '{:.1f}', '')),
@@ -151,8 +151,10 @@ BENCHMARK = Benchmark(
     failed=too_slow,
     by_hand=True,
     arguments=(
-        argument('--seconds', type=float, default=10.0, help='each condition, each round (default: %(default)s)'),
-        argument('--rounds', type=int, default=4, help='(default: %(default)s)'),
-        argument('--browser', action='store_true', help='also with a Chromium that draws, without a window'),
+        argument(
+            '--seconds', type=float, default=10.0, help='duration of each condition in a round (default: %(default)s)'
+        ),
+        argument('--rounds', type=int, default=4, help='number of rounds (default: %(default)s)'),
+        argument('--browser', action='store_true', help='also with a headless Chromium that renders the page'),
     ),
 )

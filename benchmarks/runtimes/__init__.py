@@ -1,7 +1,8 @@
-"""Numpy, onnxruntime and torch side by side: one frame at a time, one thread, the frames that `evaluate` takes.
+"""Compare NumPy, ONNX Runtime and PyTorch: one frame at a time, one thread, the frames that `evaluate` uses.
 
-Every runtime answers in a process of its own, and all take turns, forwards and backwards, so that the machine's load
-meets all of them. Torch computes the network alone; numpy and onnxruntime answer with place, uncertainty and likeness.
+Each runtime runs in a separate process. They run in turn, forwards and backwards, so that other load on the machine
+affects all alike. PyTorch computes only the network; NumPy and ONNX Runtime also compute place, uncertainty and
+novelty.
 """
 
 from __future__ import annotations
@@ -30,16 +31,17 @@ from tactile_nodes.sensing.explain.network import NetworkReadout
 ONE_THREAD = {'OPENBLAS_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
 PACKAGES = ('numpy', 'onnxruntime', 'onnx', 'torch')
 INTRODUCTION = """\
-One frame at a time on one thread, every runtime in a process of its own, all taking turns on the same simulated
-frames. *answer* is from features to forces: the median of the rounds' medians, and the range of their middle half;
-*CPU* is the median of the rounds' mean CPU times of a frame; *ratio* is to numpy in the same round. *begin* is from
-nothing but what the live node imports anyway to the first answer, *memory* what the process grew by then. Numpy and
-onnxruntime give the whole answer (forces, place, uncertainty, likeness), torch the forces of a network alone. The
-machine was shared while this ran, so CPU times and ratios say more than times."""
+One frame at a time on one thread. Each runtime runs in a separate process; all process the same simulated frames in
+turn. *inference* is the time from features to forces: median of the rounds' medians, with interquartile range. *CPU* is
+the median of the rounds' mean CPU time per frame. *ratio* is relative to NumPy in the same round. *start* is the time
+to the first result, from a process that has only the imports of the live node; *memory* is the growth of the process
+until then. NumPy and ONNX Runtime compute the whole result (forces, place, uncertainty, novelty), PyTorch only the
+forces of a network. The machine had other load, so CPU times and ratios are more reliable than times."""
 AGREEMENT = """\
-Largest differences between the exported model and the original over all frames, with the regions' confidence as it is
-and with 5 % of the regions lost at random. An export names one contact, and is compared with the original that names
-one; `several` counts frames in which the original would have named more, and how many of those the export flags."""
+Largest differences between the exported model and the original over all frames, with the confidence of the regions as
+it is, and with 5 % of the regions lost at random. An export reports one contact, and is compared with the original
+limited to one contact. *several* counts frames in which the original would report more, and how many of those the
+export flags."""
 
 
 @dataclass(frozen=True)
@@ -144,12 +146,12 @@ def page(result: Mapping[str, Any]) -> str:
         f'{before:.0f} MB before their runtime'
     )
     parts = [*opening('numpy, onnxruntime and torch', result, INTRODUCTION, more), _times(result['models'])]
-    parts += ['## Size', _sizes(result['packages']), '## The same answers', AGREEMENT, _agreement(result['models'])]
+    parts += ['## Size', _sizes(result['packages']), '## Agreement', AGREEMENT, _agreement(result['models'])]
     return '\n\n'.join(parts)
 
 
 def _times(models: Mapping[str, Any]) -> str:
-    heads = ['model', 'runtime', 'answer [ms]', 'CPU [ms]', 'ratio', 'begin [s]', 'memory [MB]']
+    heads = ['model', 'runtime', 'inference [ms]', 'CPU [ms]', 'ratio', 'start [s]', 'memory [MB]']
     rows = [
         [
             f'{model} ({each["readout"]}, {each["parameters"]} numbers)', name, ranged(one['answer_ms']),
@@ -171,7 +173,7 @@ def _sizes(packages: Mapping[str, Any]) -> str:
         [f'{name} {each["version"]}', words[name], f'{each["alone_mb"]:.0f}', f'{each["with_what_it_brings_mb"]:.0f}']
         for name, each in packages.items() if each
     ]  # fmt: skip
-    return table(['installed', 'needed', 'alone [MB]', 'with what it brings [MB]'], rows)
+    return table(['package', 'needed', 'alone [MB]', 'with dependencies [MB]'], rows)
 
 
 def _agreement(models: Mapping[str, Any]) -> str:

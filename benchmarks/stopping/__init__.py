@@ -1,8 +1,8 @@
-"""How soon and how far: from the force sample above the limit to the stop on the wire, and to the tip at rest.
+"""Time and distance from the first force sample above the limit to the stop command, and to the tip at rest.
 
-Grbl and Net F/T box are emulated in a process of their own, behind their wire protocols, and note themselves when the
-sample was taken, when the stop arrived, what else arrived in between, and where the tip came to rest. Drivers, safety
-and guard are those of a collection, in this process. What a real rig adds: USB and firmware, a few ms.
+Grbl and Net F/T box are emulated in a separate process, with their wire protocols. That process records the time of the
+sample, the time of the stop, all commands in between, and where the tip came to rest. Drivers, safety and guard are
+those of a collection, in this process. A real rig adds the delays of USB and firmware.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def told(result: Mapping[str, Any]) -> str:
         numbers = {name: each for name, each in found.items() if isinstance(each, dict)}
         rows += [[f'{feed}: {name}', *(f'{each[of]:.3f}' for of in WORST)] for name, each in numbers.items()]
         allowed_mm = stopping_mm(CollectionSettings(), float(feed.split()[0]))
-        rows.append([f'{feed}: way that the speed law reckons with [mm]', '', '', f'{allowed_mm:.3f}'])
+        rows.append([f'{feed}: distance assumed by the speed limit [mm]', '', '', f'{allowed_mm:.3f}'])
         others = f'{found["not the first command"]} of {found["stops"]}'
         rows.append([f'{feed}: stops with other commands before them', '', '', others])
     return table(['', 'median', 'p99', 'worst'], rows)
@@ -160,15 +160,15 @@ BENCHMARK = Benchmark(
     failed=lambda result: any(each['not the first command'] for each in result['feeds'].values()),
     by_hand=True,
     arguments=(
-        argument('--stops', type=int, default=100, help='at each feed (default: %(default)s)'),
+        argument('--stops', type=int, default=100, help='stops at each feed rate (default: %(default)s)'),
         argument(
             '--feeds',
             type=float,
             nargs='+',
             default=[60.0, 300.0],
             metavar='MM_MIN',
-            help='of the tip (default: 60 300)',
+            help='feed rates of the tip (default: 60 300)',
         ),
-        argument('--divider', type=int, default=7, help='of the 7000 samples a second (default: 7, 1000 Hz)'),
+        argument('--divider', type=int, default=7, help='divider of the 7000 samples a second (default: 7, 1000 Hz)'),
     ),
 )

@@ -1,8 +1,8 @@
-"""Faults of the whole system while it senses: what is killed, removed, altered, or too much of everything.
+"""Faults of the whole system during live sensing: killed processes, invalid messages, overload, and damaged files.
 
-`kills`: kill -9 of each process of a live launch with the gel touched. `bus`: random frames and messages to every
-socket and topic of a live launch, and its run folder spoilt in each way. `crowd`: a hundred nodes, and sixteen sensors.
-`files`: a bag cut after each byte, and model files with one byte altered.
+`kills`: kill -9 of each process of a live launch while the gel is touched. `bus`: random frames and messages to every
+socket and topic of a live launch, and damage to its run folder. `crowd`: a hundred nodes, and sixteen sensors. `files`:
+a bag truncated after each byte, and model files with one changed byte.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ BENCHMARK = Benchmark(
             help='kill only this one',
         ),
         argument(
-            '--period', least=4, type=float, default=16.0, help='seconds from press to press (default: %(default)s)'
+            '--period', least=4, type=float, default=16.0, help='period of the presses in s (default: %(default)s)'
         ),
     ),
 )

@@ -11,38 +11,37 @@ from benchmarks.harness.report import columns, machine_and_commit, shown
 RECOVERS_S = 2.0
 HEAD = """# Faults of the whole system
 
-What happens to live sensing when processes are killed, files of the bus are removed, garbage is sent, or there is too
-much of everything; and what is left of files that were cut off or altered. Faults during a collection: `faults.md`.
-Hours of sensing: `endurance.md`. All of it is simulation, on the machine named below each table, which had other work:
-*load* is how many processes wanted its processors.
+The effect of killed processes, removed files of the bus, invalid messages and overload on live sensing; and of
+truncation and changed bytes on files. Faults during a collection are in `faults.md`, hours of sensing in
+`endurance.md`. The sensors are simulated. The machine is named below each table; *load* is its load average, which
+includes other work.
 """
 
 
 KILLS = """\
-The tip holds the gel down when the process is killed, and for seconds after; the model in use is one that was set while
-it ran. *Stream back*: until the end of the longest gap between forces that are not invalid, 0 if it is
-below 0.25 s. *After*: error against the
-truth in the same touch, once the stream is back; a rest image taken of the touched gel would show there as the whole
-force. –: no touch was left, or nothing came in 20 s."""
+The tip presses the gel when the process is killed, and for seconds after. The model in use was set by a parameter while
+the launch ran. *recovery*: time to the end of the longest gap between forces that are not invalid; 0 if the gap is
+below 0.25 s. *after*: force error in the same touch, after the recovery. If the rest image had been captured while
+touched, the error would be the whole force. –: the touch was over, or nothing came in 20 s."""
 GARBAGE = """\
-{frames} frames of random bytes to the {sockets} sockets of a live launch, and {messages} messages with a header in
-order and random bytes behind it on {topics} topics, from a forged participant: {died} died, {bugs} lines of a
-traceback, and {forces_after} forces came in the 4 s after."""
+{frames} frames of random bytes were sent to the {sockets} sockets of a live launch, and {messages} messages with a
+valid header and random content on {topics} topics, from a forged participant. Processes that died: {died}. Lines of
+tracebacks: {bugs}. Forces in the 4 s after: {forces_after}."""
 BROKER = """\
-There is none to kill: each process keeps a locked file and its record in the run folder, and each publisher a socket. A
-bridge between machines that is killed, and comes again, is in `test/bus/bridge/test_bridge.py`; a subscriber that is
-stopped (SIGSTOP) in `test/bus/zeromq/test_between_processes.py`: neither the publisher nor healthy subscribers are
-slower for it, and memory stays bounded."""
+There is no broker that could be killed: each process has a locked file and its record in the run folder, and each
+publisher has a socket. `test/bus/bridge/test_bridge.py` tests a bridge between machines that is killed and restarted.
+`test/bus/zeromq/test_between_processes.py` tests a subscriber that is stopped (SIGSTOP): it slows down neither the
+publisher nor other subscribers, and memory stays bounded."""
 CROWD = """\
-{nodes} processes of one node each: {started_s:.0f} s until the last had started, {known_s:.2f} s more until another one
-knew them all; at rest all together take {cores:.2f} of a processor, and each has {own_mb:.0f} MiB of its own (load
-{load:.0f})."""
+{nodes} processes with one node each: the last had started after {started_s:.0f} s, and {known_s:.2f} s later another
+node had discovered them all. At rest they use {cores:.2f} of a core together, and {own_mb:.0f} MiB of private memory
+each (load {load:.0f})."""
 SENSORS = """\
-Sensors in namespaces of their own on one bus, cameras in one process, flow features and force estimators in two, images
-of 128x128 pixels, 5 s a rate. *Mixed*: answers to the image of another sensor."""
+Sensors in separate namespaces on one bus: cameras in one process, flow features and force estimators in two, images of
+128x128 pixels, 5 s per rate. *mixed*: forces for the image of another sensor."""
 FILES = """\
-Bags were cut after each byte, and compared message by message with what was written; of model files one byte at a time
-was altered, the first 64 and others drawn by chance."""
+Bags were truncated after each byte, and compared message by message with the original. In model files one byte at a
+time was changed: each of the first 64, and others at random."""
 
 
 def complaints(parts: Mapping[str, Any]) -> list[str]:
@@ -59,16 +58,16 @@ def page(parts: Mapping[str, Any]) -> str:
         if name in parts:
             texts += [*make(parts[name]), f'`{parts[name]["command"]}`; {machine_and_commit(parts[name])}.']
     wrong = complaints(parts)
-    texts.append('## Wrong\n\n' + ('\n'.join(f'- {text}' for text in wrong) if wrong else 'Nothing.'))
+    texts.append('## Problems found\n\n' + ('\n'.join(f'- {text}' for text in wrong) if wrong else 'None.'))
     return '\n\n'.join(texts)
 
 
 def kills_page(part: Mapping[str, Any]) -> list[str]:
     shown_kills = columns(
         part['kills'],
-        ('kill -9 of', '{process}'), ('stream back', lambda each: _seconds(each['blind_s'])),
-        ('images missed', '{missed}'), ('node back', lambda each: _seconds(each['back_s'])),
-        ('worst error before', lambda each: _mn(each['before_n'])), ('after', lambda each: _mn(each['after_n'])),
+        ('kill -9 of', '{process}'), ('recovery', lambda each: _seconds(each['blind_s'])),
+        ('images missed', '{missed}'), ('node restarted', lambda each: _seconds(each['back_s'])),
+        ('largest error before', lambda each: _mn(each['before_n'])), ('after', lambda each: _mn(each['after_n'])),
         ('rest image', lambda each: _same(each['same_rest'])), ('model', lambda each: _same(each['same_model'])),
         ('load', '{load:.0f}'),
     )  # fmt: skip
@@ -80,13 +79,14 @@ def bus_page(part: Mapping[str, Any]) -> list[str]:
     sent = part['garbage']
     spoilt = columns(
         part['spoilt'],
-        ('what is done to the run folder', '{what}'), ('forces in 4 s before', '{before}'), ('after', '{forces}'),
-        ('newcomer hears after', lambda each: _seconds(each['newcomer_s'])), ('died', _died), ('load', '{load:.0f}'),
+        ('damage to the run folder', '{what}'), ('forces in 4 s before', '{before}'), ('after', '{forces}'),
+        ('new subscriber receives after', lambda each: _seconds(each['newcomer_s'])), ('died', _died),
+        ('load', '{load:.0f}'),
     )  # fmt: skip
     return [
-        '## Garbage on the bus',
+        '## Invalid messages on the bus',
         GARBAGE.format(**{**sent, 'died': _died(sent), 'bugs': len(sent['bugs'])}),
-        f'Told, once a topic and node, in {len(sent["told"])} warnings, such as: `{(sent["told"] or ["none"])[0]}`',
+        f'{len(sent["told"])} warnings, one per topic and node, such as: `{(sent["told"] or ["none"])[0]}`',
         '## No broker',
         BROKER,
         spoilt,
@@ -94,27 +94,27 @@ def bus_page(part: Mapping[str, Any]) -> list[str]:
 
 
 def _died(each: Mapping[str, Any]) -> str:
-    return ', '.join(each['died']) or 'nobody'
+    return ', '.join(each['died']) or 'none'
 
 
 def crowd_page(part: Mapping[str, Any]) -> list[str]:
     sensors = columns(
         part['sensors'],
-        ('images a second, each', '{rate_hz:g}'), ('answered', '{answered:.1%}'), ('fewest', '{least:.1%}'),
-        ('late, median', '{late_ms[p50]:.0f} ms'), ('99 %', '{late_ms[p99]:.0f} ms'), ('mixed', '{mixed}'),
+        ('images a second, each', '{rate_hz:g}'), ('with force', '{answered:.1%}'), ('worst sensor', '{least:.1%}'),
+        ('latency p50', '{late_ms[p50]:.0f} ms'), ('p99', '{late_ms[p99]:.0f} ms'), ('mixed', '{mixed}'),
         ('load', '{load:.0f}'),
     )  # fmt: skip
-    return ['## Crowds', CROWD.format(**part['nodes']), SENSORS, sensors]
+    return ['## Many nodes and sensors', CROWD.format(**part['nodes']), SENSORS, sensors]
 
 
 def files_page(part: Mapping[str, Any]) -> list[str]:
     files = columns(
         [*part['bags'], *part['models']],
         ('file', '{what}'), ('tried', '{tried}'),
-        ('outcomes', lambda each: ', '.join(f'{n} {what}' for what, n in each['outcomes'].items())),
+        ('results', lambda each: ', '.join(f'{n} {what}' for what, n in each['outcomes'].items())),
         ('wrong', lambda each: str(len(each['wrong']))),
     )  # fmt: skip
-    return ['## Files cut off and altered', FILES, files]
+    return ['## Truncated and changed files', FILES, files]
 
 
 def _kills(part: Mapping[str, Any]) -> list[str]:

@@ -1,8 +1,9 @@
-"""The paper's calibration layer on other gels: its three metrics against the number of presses, all of it simulated.
+"""The paper's calibration layer on other, simulated gels: its three metrics against the number of presses.
 
-As the paper does it: 800 presses on a coarse grid, a part of them to learn from and the rest to test on, beside no
-calibration and a network trained on the same few. The rest holds the same places at other depths, so that new
-continuous places are a second test. Why the published rate does harm is measured by the layer's first steps.
+As in the paper, 800 presses on a coarse grid are divided into training and test presses. The layer is compared with no
+calibration, and with a network trained on the same few presses. The test presses are at the same places as the training
+presses, at other depths, so presses at new continuous places are a second test. The first training steps of the layer
+show why the published learning rate does harm.
 """
 
 from __future__ import annotations
@@ -241,7 +242,7 @@ BENCHMARK = Benchmark(
     measure=measured,
     draw=draw,
     arguments=(
-        argument('--model', default='paper', help='a network of polar features (default: paper)'),
+        argument('--model', default='paper', help='a network with polar features (default: paper)'),
         argument('--gels', least=1, type=int, default=3, metavar='N', help='gels to transfer to (default: 3)'),
         argument(
             '--presses',

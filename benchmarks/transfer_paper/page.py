@@ -25,33 +25,38 @@ from benchmarks.transfer_paper.steps import EPOCHS, PRESSES
 
 COLOURS = {'published layer': 'C3', 'a tenth of its rate': 'C1', 'layer as it ships': 'C0', SCRATCH: 'C7'}
 READING = """\
-The paper's layer (section V, Table III): a rectified unit for each of the 3200 features before the frozen network, its
-weights the identity at first; batches of 64, rate 0.0001, dropout 0.05. It stands before the network's own scaling, on
-magnitudes in px and angles in [0, 2 pi), which are never negative, so that it changes no bit before it learns. The
-presses are every fourth place of the paper's grid along x and y, at its eight depths: 800. The first of them, in an
-order of chance, teach; a tenth of those stops the training; the rest is the paper's test. That rest holds the places
-that were learned, at other depths. `new` are 300 presses at continuous places and depths within 27x27 mm. Training
-stops after as many epochs without a better validation loss as `--patience` says, in the paper after 200."""
-TABLE = """\
-Median over the gels, and the worst where there are several. aRMSE depends on how many presses it is taken over, so
-every metric is a mean over groups of about {group}. `own gel` is the source on the gel that it was trained on, where
-the coarse grid holds places and depths of its training. `epoch` is the best one, `s` the seconds of a fit."""
-WHY = """\
-**Why the published rate does harm here.** Nadam divides the gradient by its own size, so its first step moves every
-weight by about the rate, whatever the loss. All inputs of a unit are positive, and the gradients of its weights have
-the sign of the unit's own error, so the moves add up: the unit shifts by up to the rate times the sum of its inputs
-(`at most`). The inputs of one press add up to thousands, most of it angles (1600 of about pi). Magnitudes, which tell
-the force, spread over a few hundredths of a px to two tenths: the first step alone moves them by several spreads (`in
-spreads`), the frozen network sees what it never saw, and within an epoch it gives the all-zero answer (`peaks`:
-predicted over true), which sparse labels reward and where its logistic units pass on next to no gradient. It is neither
-dropout nor the batch: without either the same happens. It is the step: at a tenth of the rate the layer learns, and
-at the published rate it is not lost if features enter minus their mean. That is the same layer with the same start
-(the bias makes up for it), but it takes smaller steps in the direction that all features share. So `layer as it ships`
-does that, at a rate of 0.00003, and begins with the identity as the best so far.
+The paper's layer (section V, Table III) has a rectified linear unit for each of the 3200 features, before the frozen
+network. Its weights are initialized with the identity; batch size 64, learning rate 0.0001, dropout 0.05. The layer is
+placed before the network's own scaling. There, magnitudes in px and angles in [0, 2 pi) are never negative, so the
+untrained layer changes nothing.
 
-The paper does not say in which units its features were, how its network scaled them, or which epoch was kept. With
-angles in turns the same rate would move magnitudes about four times less. So nothing is said here of the paper's own
-numbers; for magnitudes in px beside angles in rad its rate is too large."""
+There are 800 presses: every fourth place of the paper's grid along x and y, at its eight depths. In random order, the
+first of them are for training, of which a tenth is for validation. The remaining presses are the paper's test (`rest`);
+they are at the places of the training presses, at other depths. `new` are 300 presses at continuous places and depths
+within 27x27 mm. Training stops after `--patience` epochs without a lower validation loss, in the paper after 200."""
+TABLE = """\
+Median over the gels, and the worst if there are several. The aRMSE depends on the number of presses, so every metric is
+a mean over groups of about {group}. `own gel` is the source on the gel that it was trained on; there the coarse grid
+contains places and depths of its training. `epoch` is the best epoch, `s` the time of a fit in seconds."""
+WHY = """\
+**Why the published learning rate does harm here.** Nadam divides the gradient by its own size, so its first step
+changes every weight by about the learning rate, whatever the loss. All inputs of a unit are positive, and the gradients
+of its weights have the sign of the unit's error. So the changes add up: the unit shifts by up to the rate times the sum
+of its inputs (`at most`). The inputs of one press sum to thousands, most of it from angles (1600 of about pi).
+Magnitudes, which determine the force, have a standard deviation of a few hundredths of a px to two tenths. The first
+step alone shifts them by several standard deviations (`in sd`), which is outside the training of the frozen network.
+Within an epoch the output is zero everywhere (`peaks`: predicted over true). Sparse labels reward this output, and the
+logistic units have almost no gradient there.
+
+The cause is neither dropout nor the batch: without either the result is the same. The cause is the step. At a tenth of
+the rate the layer learns. At the published rate it also learns if the mean of the features is subtracted first. This is
+the same layer with the same start (the bias compensates), but with smaller steps in the direction that all features
+share. `layer as it ships` therefore subtracts the mean, has a learning rate of 0.00003, and keeps the identity unless
+an epoch is better.
+
+The paper does not give the units of its features, the scaling of its network, or which epoch was kept. With angles in
+turns the same rate would shift magnitudes about four times less. So this says nothing about the paper's own numbers.
+For magnitudes in px and angles in rad its learning rate is too large."""
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -63,7 +68,7 @@ def page(result: Mapping[str, Any]) -> str:
         *opening("The paper's calibration layer on other gels", result, READING, more), TABLE.format(group=GROUP),
         _table(scores), _found(scores), '![the three metrics against the number of presses](transfer_paper.png)',
         '## First steps',
-        f'One gel, {PRESSES} presses to learn from, tested on the others of the grid: aRMSE after so much training.',
+        f'aRMSE after some training on one gel with {PRESSES} presses, tested on the other presses of the grid.',
         _steps(result['steps']), WHY,
     ])  # fmt: skip
 
@@ -82,7 +87,7 @@ def _found(scores: Sequence[Score]) -> str:
         told.append('aRMSE {:.4f} N without, {:.4f} N with it'.format(*pair))
     return (
         f'With {most} presses `{OURS}` on the {REST}: {told[0]};\nat {NEW}: {told[1]}. '
-        'What the tests differ by\nis what the layer learned of the places themselves: between them it says little.'
+        'The difference\nbetween the tests shows that the layer learns the places, and generalizes little between them.'
     )
 
 
@@ -120,7 +125,7 @@ def _steps(steps: Sequence[Mapping[str, Any]]) -> str:
     return columns(
         steps,
         ('', '{setting}'), ('rate', '{rate:g}'), ('at most, px', '{most_px:.3f}'), ('moved, px', '{moved_px:.3f}'),
-        ('in spreads', '{moved_spreads:.2f}'), ('before, N', '{start_n:.4f}'), ('1 step', '{step_n:.4f}'),
+        ('in sd', '{moved_spreads:.2f}'), ('before, N', '{start_n:.4f}'), ('1 step', '{step_n:.4f}'),
         ('1 epoch', '{epoch_n:.4f}'), (f'{EPOCHS} epochs', '{last_n:.4f}'), ('peaks', '{peak_share:.2f}'),
     )  # fmt: skip
 

@@ -1,8 +1,8 @@
-"""Frames in which nothing touches: are they told without missing a touch, and what does not measuring them save?
+"""The test for untouched frames: missed touches, false alarms, and the time saved by skipping such frames.
 
-Touches of known force at random places on several gels, and frames at rest, before and under disturbances. Then a
-minute of presses and pauses, each frame answered with the look at it and without, in turn, by each model: CPU time of
-one process on one thread. All of it is simulation.
+Simulated touches of known force at random places on several gels, and frames at rest, without and with disturbances.
+Then a minute of presses and pauses, in which each model processes every frame with the test and without it, in turn:
+CPU time of one process on one thread.
 """
 
 from __future__ import annotations
@@ -256,6 +256,6 @@ BENCHMARK = Benchmark(
     quick=True,
     arguments=(
         argument('model', nargs='*', help='model files, or names of models that ship (default: fast portable)'),
-        argument('--seconds', above=0, type=float, metavar='S', help='of presses and pauses (default: 60)'),
+        argument('--seconds', above=0, type=float, metavar='S', help='duration of presses and pauses (default: 60)'),
     ),
 )

@@ -8,23 +8,23 @@ from typing import Any
 from benchmarks.harness.report import opening, table
 
 INTRODUCTION = """\
-A look at each image decides whether anything touches or has changed (`tactile_nodes/sensing/picture/stillness.py`);
-where nothing has, the flow features node answers with no motion and the force estimator with 0 N, without flow and
-network.
-All of it is simulation. *motion* is the number that decides, in units of what noise makes of it: a frame is still up to
-{limit:g}. Of still frames one in {full_every} is measured all the same; the first two tables leave that out, the last
-has it."""
+A quick test of each image decides whether anything touches or has changed
+(`tactile_nodes/sensing/picture/stillness.py`). If not, the frame is *still*: the flow features node publishes no motion
+and the force estimator 0 N, without computing flow and model. *motion* is the value that the test compares, as a
+multiple of its noise; a frame is still up to {limit:g}. One in {full_every} still frames is measured nevertheless; this
+is left out in the first two tables and included in the last. All results are simulated."""
 TOUCHES = """\
-Touches at random places within 27x27 mm, where the paper presses; *in corners*: 13 to 14 mm from the middle along both
-axes, the farthest that training presses. A missed touch is one that is called still; a false alarm a frame at rest that
-is not, which costs time and nothing else. `stiff` is half as hard again, so a force moves it less; `thin` is thinner;
-`lifelike` sends JPEG, and its camera and light sit a little askew."""
+Touches at random places within 27x27 mm, where the paper presses. *in corners*: 13 to 14 mm from the middle along both
+axes, the largest distance of training presses. A missed touch is a touch that is classified as still. A false alarm is
+a frame at rest that is not; it only costs time. `stiff` is 50 % harder, so a force moves it less. `thin` is thinner.
+`lifelike` sends JPEG, and its camera and light are slightly tilted."""
 DISTURBED = """\
-Whatever changes the picture must go on to flow and model, which have their own ways to hold or to say so; a change of
-light of up to 3 % may pass, since the look is blind to it. A small disturbance must not hide a touch either."""
+A frame with a changed picture must be measured, because flow and model compensate for disturbances or report them. A
+change of light of up to 3 % may be missed, because the test does not depend on it. A small disturbance must not hide a
+touch."""
 MINUTE = """\
-Presses of 0.25 to 2 mm every two seconds, with pauses between, 60 frames a second; each frame answered with the look
-and without, in turn. CPU time from the image to the force, on one thread, without the bus."""
+Presses of 0.25 to 2 mm every two seconds, with pauses between, 60 frames a second. Each frame is processed with the
+test and without it, in turn. CPU time from the image to the force, on one thread, without the bus."""
 
 
 def page(result: Mapping[str, Any]) -> str:
@@ -34,7 +34,7 @@ def page(result: Mapping[str, Any]) -> str:
             *opening('Frames in which nothing touches', result, INTRODUCTION.format(**result['options'])),
             '## Missed touches and false alarms', TOUCHES, _touches(result['gels']),
             '## Disturbances', DISTURBED, _disturbances(result['disturbances']),
-            '## What it saves', MINUTE, _minute(result['minute']),
+            '## Time saved', MINUTE, _minute(result['minute']),
         ]
     )  # fmt: skip
 
@@ -50,7 +50,7 @@ def _touches(gels: Mapping[str, Any]) -> str:
         for label, touches in {**told, '20 mN in corners': each['corners']}.items():
             missed = f'{touches["within"]} ({touches["within"] / touches["count"]:.1%}) missed'
             rows.append([f'{name}, {label}', str(touches['count']), missed, *_spread(touches)])
-    return table(['gel', 'frames', 'wrong', 'least motion', 'median', 'most'], rows)
+    return table(['gel', 'frames', 'errors', 'least motion', 'median', 'largest'], rows)
 
 
 def _spread(found: Mapping[str, float]) -> list[str]:
@@ -65,11 +65,11 @@ def _disturbances(found: Mapping[str, Mapping[str, float]]) -> str:
 def _minute(found: Mapping[str, Any]) -> str:
     first = next(iter(found.values()))
     said = (
-        f'{first["frames"]} frames, {first["touching"]} of them with contact. Called still: {first["untouched"]}, of '
-        f'which {first["untouched_at_rest"]} without any contact; missed from 20 mN on: {first["missed_20_mn"]}; the '
-        f'hardest touch called still: {1e3 * first["most_missed_n"]:.1f} mN.'
+        f'{first["frames"]} frames, {first["touching"]} of them with contact. Still: {first["untouched"]}, of which '
+        f'{first["untouched_at_rest"]} without any contact. Missed touches of at least 20 mN: '
+        f'{first["missed_20_mn"]}. Hardest missed touch: {1e3 * first["most_missed_n"]:.1f} mN.'
     )
-    heads = ['model', 'look', 'at rest [ms]', 'in contact [ms]', 'the minute [s]', 'share', 'force RMSE [N]']
+    heads = ['model', 'test', 'at rest [ms]', 'in contact [ms]', 'total [s]', 'share', 'force RMSE [N]']
     rows = [
         [
             model, look, f'{each["rest_ms"][look]:.3f}', f'{each["touch_ms"][look]:.3f}', f'{each["cpu_s"][look]:.2f}',
@@ -78,5 +78,9 @@ def _minute(found: Mapping[str, Any]) -> str:
         for model, each in found.items() for look in ('without', 'with')
     ]  # fmt: skip
     same = all(each['same_when_measured'] for each in found.values())
-    end = 'Frames that are measured have the same force, bit for bit.' if same else 'SOME MEASURED FRAMES DIFFER.'
+    end = (
+        'Measured frames have bit-identical forces with and without the test.'
+        if same
+        else 'SOME MEASURED FRAMES DIFFER.'
+    )
     return f'{said}\n\n{table(heads, rows)}\n\n{end}'

@@ -331,7 +331,7 @@ def result(kind: str = 'grbl', **faults: dict[str, Any]) -> dict[str, Any]:
 
 def test_a_press_that_went_on_is_complained_of_and_one_that_stopped_is_not() -> None:
     found = complaints(result(none=outcome('', 2.0), mute=outcome('it is silent', 0.6), cut=outcome('', 2.0)))
-    assert found == ['A firmware, nothing arrives, either way: 2.00 mm, nothing was said']
+    assert found == ['A firmware, nothing arrives in either direction: 2.00 mm, nothing was said']
 
 
 def test_a_line_with_a_checksum_is_said_again_so_that_the_press_goes_on() -> None:
@@ -350,14 +350,14 @@ def test_a_load_that_trips_as_another_kind_and_a_tip_that_stays_down_are_complai
 def test_the_page_tells_what_a_run_does_then() -> None:
     force = outcome('the force is 3.60 N', 0.6) | {'kind': 'force'}
     text = page(result(force=force, bearable=force | {'kind': 'overload'}, cut=force | {'up': 'it hangs'}))
-    assert '| the force is 3.60 N | up | goes on, this point aside |' in text
+    assert '| the force is 3.60 N | up | continues, skips this press |' in text
     assert '| the force is 3.60 N | up | waits for a person |' in text
     assert '| the force is 3.60 N | it hangs | ends |' in text
 
 
 def test_the_page_tells_depth_times_and_words_of_each_fault() -> None:
     text = page(result(mute=outcome('it is silent', 0.6), restart={'failed': 'no power to cut'}))
-    assert '| nothing that it says arrives | 0.60 | 0.30 | – | 1.00 | it is silent | up | ends |' in text
+    assert '| nothing that it sends arrives | 0.60 | 0.30 | – | 1.00 | it is silent | up | ends |' in text
     assert 'not tried: no power to cut' in text
     assert '| home | 1.0 s |' in text
 

@@ -40,4 +40,4 @@ def test_known_motion_comes_back_and_the_page_tells_it(monkeypatch: pytest.Monke
     assert moved['rms_px'] < 0.05
     assert abs(moved['bias_px']) < 0.03
     text = motion.page({**surroundings('tactile bench motion'), **result})
-    assert '| way             | CPU [ms] |         0.1 px |           2 px |' in text
+    assert '| method          | CPU [ms] |         0.1 px |           2 px |' in text
