@@ -1,4 +1,4 @@
-"""Figures that people see, with a mechanism and without it: in streams of the failure bench, of contacts, of transfer.
+"""Figures with a mechanism and without it: in streams of the stability benchmark, of contacts, of transfer.
 
 Both chains of a stream get every picture in turn, so that their times can be compared.
 """

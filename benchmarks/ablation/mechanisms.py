@@ -24,15 +24,15 @@ SMEAR = f'{EXPLAIN}.axisymmetric.radial_smear:RadialSmear'
 Switch = Callable[[], AbstractContextManager[Any]]
 
 CORE = 'none', 'blur 1', 'noise 4', 'brightness 0.7', 'camera shifted 1', 'markers gone 20'
-"""Streams of the failure bench that every mechanism of a picture's way is tried in."""
+"""Streams of the stability benchmark with which every mechanism of picture processing is tested."""
 
 
 @dataclass(frozen=True)
 class Mechanism:
     """One mechanism: what it does, in which files (from the package's folder), and its switch.
 
-    `streams` of the failure bench are read by `profiles`; `contacts` are told by `field`; `transfer` calibrates
-    `portable` for other gels. `stays` is why it is kept if no figure here needs it.
+    `streams` of the stability benchmark are read by `profiles`; `contacts` are estimated by `field`; `transfer`
+    calibrates `portable` for other gels. `stays` is why it is kept if no figure here needs it.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The disturbances of the failure bench: each from what nobody would see to far too much."""
+"""The disturbances of the stability benchmark: each from a hardly visible level to one that is far too strong."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The failure bench in short: its page, its floor, and whatever comes together."""
+"""The stability benchmark in short: its page, its floor, and whatever comes together."""
 
 from __future__ import annotations
 

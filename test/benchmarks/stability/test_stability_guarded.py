@@ -1,4 +1,4 @@
-"""Bounds that the failure bench found, guarded: what `fast` says is ok is right."""
+"""Bounds that the stability benchmark found, guarded: what `fast` says is ok is right."""
 
 from __future__ import annotations
 

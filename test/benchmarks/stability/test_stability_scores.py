@@ -1,4 +1,4 @@
-"""How the failure bench counts: streams made by hand, with the numbers that follow from them."""
+"""How the stability benchmark counts: streams made by hand, with the numbers that follow from them."""
 
 from __future__ import annotations
 
