@@ -179,7 +179,7 @@ def test_a_tip_is_not_believed_to_be_up_because_forces_come_late(monkeypatch: py
             monkeypatch.setattr(hands.readings, 'samples', late)
 
         monkeypatch.setattr(hands, 'retreat', up)
-        with pytest.raises(DeviceFaultError, match='N are left although the machine says that the tip is up'):
+        with pytest.raises(DeviceFaultError, match='N remain although the machine reports the tip up'):
             run.run()
 
 
