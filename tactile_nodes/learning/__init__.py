@@ -1,1 +1,1 @@
-"""How the shipped models came about: data sets, training, evaluation. The one place that may import torch."""
+"""How the shipped models were made: data sets, training, evaluation. Only this package may import torch."""

@@ -1,4 +1,4 @@
-"""One YAML file says everything about a training run; unknown keys are errors that name file and line.
+"""The YAML file that describes a whole training run. Unknown keys are errors that name file and line.
 
 ::
 
@@ -11,7 +11,7 @@
     network: {hidden: [800, 400, 400], dropout: 0.15}
     training: {batch: 200, learning_rate: 0.001}
 
-`resolved` gives the whole run back as such a mapping, with every default filled in.
+`resolved` returns the whole run as such a mapping, with every default filled in.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from tactile_nodes.simulation.gel import Gel
 
 @dataclass(frozen=True)
 class DataConfig:
-    """Which presses are simulated, or the file of recorded ones, and what of them is put aside.
+    """Which presses are simulated, or the file of recorded presses, and which of them are set aside.
 
-    A plan `random` has presses anywhere, and nothing is put aside: other random presses are the test. A plan `paper`
-    is the paper's grid (37 x 37 places 0.75 mm apart, eight depths from 0.25 to 2 mm: 10952 presses); `jittered` moves
-    each of those presses at random within its cell and its step of depth; `coarse` has every fourth place along x and
-    along y: 800 presses. `spread` has presses at random depths, each at a place as far as can be from those before it:
-    what a calibration presses. Those are split as recorded presses are.
+    The plan `random` has presses anywhere, and none is set aside: the test uses other random presses. The plan `paper`
+    is the paper's grid (37 x 37 places 0.75 mm apart, eight depths from 0.25 to 2 mm: 10952 presses). `jittered` moves
+    each of those presses at random within its cell and its step of depth. `coarse` has every fourth place along x and
+    along y: 800 presses. `spread` has presses at random depths, each placed as far as possible from those before it, as
+    in a calibration. The presses of all plans but `random` are split as recorded presses are.
     """
 
     plan: str = parameter('random', 'kind of plan', choices=('random', 'paper', 'jittered', 'coarse', 'spread'))
@@ -59,7 +59,7 @@ class DataConfig:
     test: float = parameter(0.2, 'share of the test set', minimum=0.01, maximum=0.9)
 
     def simulated(self) -> dict[str, object]:
-        """What simulated presses depend on, and how many there are."""
+        """The settings that determine simulated presses, and the number of presses."""
         of_splits = ('file', 'split', 'split_seed', 'test')
         return {name: value for name, value in asdict(self).items() if name not in of_splits}
 
@@ -71,7 +71,7 @@ OUTPUT_UNITS = 'unit of the outputs: 1 N, or the root mean square of all labels'
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """Layers between features and bins, how features enter, and in which unit forces leave."""
+    """Layers between features and bins, how features enter the network, and the unit of its forces."""
 
     hidden: tuple[int, ...] = parameter((800, 400, 400), 'units of the hidden layers')
     activation: str = parameter('logistic', 'activation of the hidden units', choices=('logistic', 'relu'))
@@ -87,7 +87,7 @@ class NetworkConfig:
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """The optimiser, and when it stops."""
+    """The optimiser and the stopping rule."""
 
     batch: int = parameter(200, 'samples per step', minimum=1)
     learning_rate: float = parameter(0.001, "Nadam's step size", minimum=0.0)
@@ -151,7 +151,7 @@ class AxisymmetricConfig:
 
 @dataclass(frozen=True)
 class FieldConfig:
-    """What a readout of any contact begins with."""
+    """The starting values of a readout for any contact."""
 
     sensor: str = parameter('simulated', 'description of the sensor: a shipped one, or a YAML file')
     tips: str = parameter('portable', 'axisymmetric model for frames in which only tips press')
@@ -176,7 +176,7 @@ class _Blocks:
 
 @dataclass(frozen=True)
 class Choice:
-    """A method by name, with options of its own."""
+    """A method by name, with its options."""
 
     name: str
     options: Mapping[str, object] = field(default_factory=dict)
@@ -199,7 +199,7 @@ class TrainConfig:
     training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
     recorded_bins: BinGrid | None = None
     stated: frozenset[str] = frozenset()
-    """Dotted names that the run's file gives itself; what it leaves open, a file of recorded presses may decide."""
+    """Dotted names of the keys given in the run's file. A file of recorded presses may decide the others."""
 
     @property
     def bins(self) -> BinGrid:
@@ -208,7 +208,7 @@ class TrainConfig:
         return BinGrid(self.network.rows, self.network.cols, *self.gel.sides_mm)
 
     def resolved(self) -> dict[str, Any]:
-        """The run as `load_train_config` reads it, every default filled in that bears on its readout."""
+        """The run in the form that `load_train_config` reads, with every default that its readout uses filled in."""
         names = ['data', 'gel', 'network', 'training', *([self.readout] if self.readout != 'network' else [])]
         blocks = {name: asdict(getattr(self, name)) for name in names}
         methods: dict[str, FlowMethod | FeatureEncoding] = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
@@ -224,7 +224,7 @@ class TrainConfig:
 
 
 def _stated(options: Mapping[str, object]) -> dict[str, object]:
-    """Parameter files know no null, which means the same as leaving an option out."""
+    """Leave out options that are None: parameter files have no null, and leaving the option out means the same."""
     return {name: value for name, value in options.items() if value is not None}
 
 
@@ -232,7 +232,7 @@ def load_train_config(path: Path | str) -> TrainConfig:
     """Read a run's YAML file.
 
     Raises:
-        ConfigurationError: it is missing, no YAML, or has an unknown key or a value of the wrong type.
+        ConfigurationError: it is missing, is not YAML, or has an unknown key or a value of the wrong type.
     """
     written = load_mapping(path)
     blocks = from_mapping(

@@ -1,4 +1,4 @@
-"""When a stated uncertainty is true: 90 % of the errors lie within 1.645 standard deviations to either side."""
+"""Calibrated uncertainty: 90 % of the errors lie within 1.645 standard deviations to either side."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from jaxtyping import Float
 
 COVERAGE = 0.90
 NORMAL_90 = 1.6449
-"""Standard deviations to either side that hold 90 % of a normal distribution."""
+"""Number of standard deviations to either side that hold 90 % of a normal distribution."""
 ONE_OF_A_THOUSAND = 99.9
-"""The percentile that limits are taken at."""
+"""The percentile at which limits are set."""
 
 
 def to_coverage(errors: Float[np.ndarray, ' n'], sigmas: Float[np.ndarray, ' n']) -> float:
-    """The factor by which standard deviations must grow to hold 90 % of the errors."""
+    """The factor by which standard deviations must be multiplied to hold 90 % of the errors."""
     return float(np.percentile(np.abs(errors) / sigmas, 100 * COVERAGE)) / NORMAL_90

@@ -1,4 +1,4 @@
-"""Figures without a screen: opened where matplotlib is there, written with a sentence where that fails."""
+"""Figures without a screen, if matplotlib is installed. Errors in writing them are reported in a sentence."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def figure(width_in: float, height_in: float) -> Any:
 
 
 def save(drawn: Any, file: Path, dpi: int = 120) -> None:
-    """Write a figure; the file's ending says which kind of image.
+    """Write a figure. The file's extension selects the image format.
 
     Raises:
-        ConfigurationError: the ending is none of an image, or no file can be written there.
+        ConfigurationError: the extension is no image format, or no file can be written there.
         DatasetError: the file cannot be written.
     """
     if not file.suffix:

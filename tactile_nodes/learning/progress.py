@@ -1,4 +1,4 @@
-"""Progress of long work: a bar on a terminal, or silence."""
+"""Progress of long tasks: a bar on a terminal, or no output."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Protocol, runtime_checkable
 
 @runtime_checkable
 class Bar(Protocol):
-    """One piece of work under way."""
+    """One task in progress."""
 
     def advance(self, steps: int = 1, text: str = '') -> None:
-        """Count finished steps; `text` is shown under the bar."""
+        """Count finished steps. `text` is shown under the bar."""
         ...
 
 
@@ -21,16 +21,16 @@ class Progress:
 
     @contextmanager
     def bar(self, title: str, steps: int) -> Iterator[Bar]:
-        """A bar for as long as the block runs."""
+        """A bar that is shown while the block runs."""
         del title, steps
         yield _Silence()
 
     def say(self, text: str) -> None:
-        """One line for the person who waits."""
+        """Show one line to the user."""
 
 
 class TerminalProgress(Progress):
-    """Bars with the time left, drawn by rich."""
+    """Bars with the remaining time, drawn by rich."""
 
     def __init__(self) -> None:
         from rich.console import Console
@@ -56,7 +56,7 @@ class TerminalProgress(Progress):
             rich.advance(task, done)
             below.plain = text
 
-        # What a step measured stands in a line of its own: beside the bar an 80 column terminal has no room for it.
+        # The text of a step has its own line: an 80 column terminal has no room for it beside the bar.
         try:
             with Live(Group(rich, below), console=self._console):
                 yield _Shown(show)

@@ -1,6 +1,6 @@
-"""Tasks over the processes of this machine, or over a cluster of Dask; each result follows from its job alone.
+"""Tasks on the processes of this machine or on a Dask cluster. Each result depends on its job alone.
 
-So results are the same to the bit whatever works on them, as long as processors and libraries are alike.
+Results are therefore identical to the bit wherever they are computed, if processors and libraries are alike.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Arrays = Mapping[str, np.ndarray]
 
 CONNECT_S, WORKERS_S = 10.0, 30.0
 LOOK_S = 2.0
-"""How often to look whether there are workers, while no task ends."""
+"""Interval at which to check for workers while no task ends."""
 
 RETRIES = 3
 """How often a task is given to another worker after its worker was killed."""
@@ -42,7 +42,8 @@ _SCHEDULER: ContextVar[str] = ContextVar('scheduler', default='')
 
 @contextmanager
 def on_cluster(scheduler: str) -> Iterator[None]:
-    """Within this, tasks go to the workers of the Dask scheduler at an address; '': to processes of this machine."""
+    """Within this block, tasks go to the workers of the Dask scheduler at this address; '': to processes of this
+    machine."""
     before = _SCHEDULER.set(scheduler)
     try:
         yield
@@ -58,13 +59,13 @@ def make_files(
     title: str,
     steps: Callable[[Job], int] = lambda _: 1,
 ) -> None:
-    """Make the file of each job that has none yet, of the arrays that `make` returns for it.
+    """Make the file of each job that has none yet, from the arrays that `make` returns for it.
 
-    A file is written as soon as its task is done, so nothing that was finished is lost when a worker, this process or
-    the scheduler is killed. `progress` tells of so many `steps` of each job.
+    A file is written as soon as its task is done. Finished work is thus not lost when a worker, this process or the
+    scheduler is killed. `progress` shows `steps` steps for each job.
 
     Raises:
-        ConfigurationError: the cluster cannot be used; says why.
+        ConfigurationError: the cluster cannot be used; the message says why.
     """
     missing = [(file, job) for file, job in jobs if not file.is_file()]
     if not missing:
@@ -79,15 +80,16 @@ def make_files(
 
 
 def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> Iterator[tuple[int, Result]]:
-    """Results as they come, each with the number of its job; on the cluster in use, or in so many processes here.
+    """Results in order of completion, each with its job's number, from the cluster in use or `processes` processes
+    here.
 
     Raises:
-        ConfigurationError: the cluster cannot be used; says why.
+        ConfigurationError: the cluster cannot be used; the message says why.
     """
     if scheduler := _SCHEDULER.get():
         yield from _done_on(scheduler, make, jobs)
         return
-    if min(processes, len(jobs)) == 1:  # a task may have tasks of its own, which no process of a pool may give away
+    if min(processes, len(jobs)) == 1:  # a task may start tasks itself, which a process of a pool cannot do
         yield from ((number, make(job)) for number, job in enumerate(jobs))
         return
     waiting = dict(enumerate(jobs))
@@ -104,15 +106,15 @@ def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> 
 
 
 def _done_here(make: Callable[[Job], Result], jobs: Mapping[int, Job], processes: int) -> Iterator[tuple[int, Result]]:
-    """Results of processes of this machine as they come; ends early where one of the processes is killed."""
+    """Results of processes of this machine in order of completion. Ends early if one of the processes is killed."""
     ours = set(multiprocessing.active_children())
-    # Ctrl-C reaches the whole process group; the parent alone answers it, by ending the others.
+    # Ctrl-C reaches the whole process group. Only the parent handles it, by ending the others.
     deaf = signal.SIGINT, signal.SIG_IGN
     pool = ProcessPoolExecutor(processes, multiprocessing.get_context('spawn'), signal.signal, deaf)
     try:
         futures = {pool.submit(make, job): number for number, job in jobs.items()}
         for future in as_completed(futures):
-            number = futures.pop(future)  # nor is a result kept that was given away
+            number = futures.pop(future)  # do not keep results that were handed over
             if not isinstance(future.exception(), BrokenProcessPool):
                 yield number, future.result()
     finally:
@@ -140,7 +142,7 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
             while futures:
                 future = _first(ended, client, scheduler)
                 result = _result(future, client, scheduler)
-                future.release()  # neither kept by a worker nor made again when that is killed
+                future.release()  # so that no worker keeps it, and it is not computed again when that worker is killed
                 yield futures.pop(future), result
         except RuntimeError as error:
             if 'deserialization' not in str(error):
@@ -157,7 +159,7 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
 
 
 def _first(ended: Queue[Any], client: Any, scheduler: str) -> Any:
-    """The next future that ended; it may take as long as it likes while there are workers."""
+    """The next future that ended. There is no time limit while there are workers."""
     while True:
         try:
             return ended.get(timeout=LOOK_S)
@@ -166,12 +168,12 @@ def _first(ended: Queue[Any], client: Any, scheduler: str) -> Any:
 
 
 def _result(future: Any, client: Any, scheduler: str) -> Any:
-    """What a task returned; it is made again where the worker that kept it was killed since."""
+    """What a task returned. It is computed again if the worker that kept it has been killed since."""
     while True:
         try:
             return future.result(timeout=LOOK_S)
         except TimeoutError:
-            if future.status == 'error':  # the task's own
+            if future.status == 'error':  # an error of the task itself
                 raise
             _await_workers(client, scheduler)
 
