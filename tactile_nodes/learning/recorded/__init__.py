@@ -1,1 +1,1 @@
-"""From bags and messages of a rig to presses with their pictures and forces."""
+"""From bags and messages of a rig to presses with their images and forces."""

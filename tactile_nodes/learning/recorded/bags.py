@@ -1,8 +1,8 @@
-"""Collection bags in, presses with their images out: what belongs together by its capture stamps.
+"""Reads collection bags, and matches presses with their images by capture stamps.
 
-A bag is read once, as a stream, and holds more images than memory does, so a press is put together as soon as the
-next one is told, and what lies before it is forgotten. Receive times say nothing here; only stamps do, brought to the
-rig's clock first where a recorder had another (`clocks`).
+A bag holds more images than fit in memory, so it is read once, as a stream. A press is assembled as soon as the next
+press message arrives, and older messages are dropped. Receive times are not used, only stamps. If a recorder had
+another clock, its stamps are first converted to the rig's clock (`clocks`).
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from tactile_nodes.learning.recorded.forces import ForceSamples
 from tactile_nodes.messages import stamp_ns, types
 
 STATE_REACH_NS = 500_000_000
-"""A rig state older or newer than this says nothing of where the tip was when an image was taken."""
+"""A rig state further than this from an image's stamp says nothing about where the tip was at that time."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """An image and when it was captured, on the rig's clock."""
+    """An image and its capture time on the rig's clock."""
 
     stamp_ns: int
     image: UInt8[np.ndarray, 'h w']
@@ -41,11 +41,11 @@ class Frame:
 
 @dataclass(frozen=True)
 class RecordedPress:
-    """One attempt as a bag tells it, with the images of its window in order of their stamps.
+    """One attempt as recorded in a bag, with the images of its window in order of their stamps.
 
-    `untouched` are the images between the window before and this one, in which nothing touches the gel.
-    `reference` is the last rest image from before the window. `held` counts the images that the bag holds of the window
-    by the stamps that the rig saw, before any correction.
+    `untouched` are the images between the previous window and this one, in which nothing touches the gel. `reference`
+    is the last rest image before the window. `held` is the number of images of the window in the bag by the rig's
+    stamps, before any correction.
     """
 
     told: types.Press
@@ -60,7 +60,7 @@ class RecordedPress:
 
 
 class Aligner:
-    """Takes the messages of one bag in any order within a press, and gives the presses in the order they were told."""
+    """Takes the messages of one bag in any order within a press, and returns presses in the order of their messages."""
 
     def __init__(self, clocks: Clocks | None = None) -> None:
         self.odd: Counter[str] = Counter()
@@ -75,26 +75,26 @@ class Aligner:
         self._last_end_ns = 0
 
     def take_image(self, message: types.Image) -> None:
-        """One image of a window, or from before it."""
+        """Take one image of a window, or from before it."""
         self._keep(message, self._frames, 'images recorded twice')
 
     def take_reference(self, message: types.Image) -> None:
-        """One rest image; the latched one may come again in each bag."""
+        """Take one rest image. The latched image may be repeated in each bag."""
         self._keep(message, self._references, '')
 
     def take_state(self, message: types.RigState) -> None:
-        """Where the tip was."""
+        """Take one position of the tip."""
         self._depths[stamp_ns(message.header.stamp)] = message.depth
 
     def take_sample(self, message: types.WrenchStamped) -> None:
-        """One force sample of a sensor whose clock is corrected: presses get their force anew."""
+        """Take one force sample of a sensor whose clock is corrected: the force of presses is computed again."""
         self._samples = self._samples or ForceSamples()
         told_ns = stamp_ns(message.header.stamp)
         corrected_ns = self.clocks.corrected_ns(told_ns, message.header.frame_id)
         self._samples.take(told_ns, corrected_ns, message.wrench.force.z)
 
     def take_press(self, message: types.Press) -> RecordedPress | None:
-        """One press that is over; returns the one before, for which nothing more is to come."""
+        """Take one finished press. Returns the previous press, which is now complete."""
         finished = self.finish()
         self._waiting = message
         return finished
@@ -108,7 +108,8 @@ class Aligner:
 
     @property
     def left_over(self) -> int:
-        """Images that belong to no press: those after the last one, as an interrupted collection leaves them."""
+        """Number of images that belong to no press: an interrupted collection leaves such images after its last
+        press."""
         return len(self._frames)
 
     def _keep(self, message: types.Image, kept: dict[int, np.ndarray], twice: str) -> None:
@@ -139,14 +140,15 @@ class Aligner:
         return pressed
 
     def _within(self, stamps: list[int], start_ns: int, end_ns: int, wanted: int) -> list[int]:
-        """Those in a window; if some are missing, also those that a corrected clock puts just beside it."""
+        """Stamps in a window. If some are missing, also stamps that a corrected clock puts right beside it."""
         inside = [each for each in stamps if start_ns <= each <= end_ns]
         beside = [each for each in stamps if 0 < max(start_ns - each, each - end_ns) <= self._slack_ns]
         beside.sort(key=lambda each: max(start_ns - each, each - end_ns))
         return sorted([*inside, *beside[: max(0, wanted - len(inside))]])
 
     def _is_untouched(self, stamp: int) -> bool:
-        """Whether the tip was above the gel, as far as told; a press cut short leaves images of it without a window."""
+        """Whether the tip was above the gel, if known. An interrupted press leaves images of contact without a
+        window."""
         nearest = min(self._depths, key=lambda each: abs(each - stamp), default=None)
         if nearest is None or abs(nearest - stamp) > STATE_REACH_NS:
             return True
@@ -169,14 +171,14 @@ class Aligner:
 
 
 class CollectionBag:
-    """A bag with presses in it, of one sensor.
+    """A bag with presses of one sensor.
 
-    `bag_id` names it by what it tells: 12 hexadecimal digits of a SHA-256 over its press messages; known once all
-    presses were read.
+    `bag_id` identifies the bag by its content: 12 hexadecimal digits of a SHA-256 over its press messages. It is known
+    once all presses were read.
 
     Raises:
         BagError: it cannot be read.
-        DatasetError: it holds no presses, or those of several sensors and none was chosen.
+        DatasetError: it holds no presses, or presses of several sensors and none was chosen.
     """
 
     def __init__(self, path: Path, namespace: str | None = None, reference: str | None = None) -> None:
@@ -205,7 +207,7 @@ class CollectionBag:
         self._reader.close()
 
     def _chosen(self, namespace: str | None) -> dict[str, Callable[[Any], RecordedPress | None]]:
-        """What takes the messages of each topic that is there."""
+        """The handler for the messages of each topic in the bag."""
         takers: dict[str, Callable[[Any], RecordedPress | None]] = {
             self._topic(PRESS, namespace, needed=True): self.aligner.take_press,
             self._topic(PRESS_IMAGE, namespace, needed=True): self.aligner.take_image,
@@ -233,7 +235,7 @@ class CollectionBag:
 
     @property
     def problems(self) -> list[str]:
-        """A sentence for each thing in the bag that is not as it should be."""
+        """A sentence for each problem in the bag."""
         odd = [f'{count} {what}' for what, count in self.aligner.odd.items()]
         if self.malformed:
             odd.append(f'{self.malformed} messages that do not match their type')
@@ -242,7 +244,7 @@ class CollectionBag:
         return [*self._reader.problems, *odd]
 
     def presses(self) -> Iterator[RecordedPress]:
-        """Every attempt that the bag tells of, in its order."""
+        """All attempts in the bag, in order."""
         for message in self._reader.messages([name for name in self._takers if name]):
             if finished := self._take(message):
                 yield finished

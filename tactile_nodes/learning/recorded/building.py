@@ -1,4 +1,5 @@
-"""Bags of presses in, a data set out: aligned, judged, measured, and what is left out told with its reason."""
+"""Builds a data set from bags of presses: aligned, checked and measured. Presses left out are listed with the
+reason."""
 
 from __future__ import annotations
 
@@ -41,11 +42,11 @@ class BuildOptions:
 
     Attributes:
         frames: which images of a window are measured, one of `FRAMES`.
-        without_contact: share of the samples that show the untouched gel, as far as the bags hold such images.
-        gel: name or id of the gel, or all about a simulated one, with its id.
+        without_contact: share of the samples that show the untouched gel, if the bags hold enough such images.
+        gel: name or id of the gel, or all properties of a simulated gel, with its id.
         separate_runs: a press of the same plan in another bag is another press, not another attempt at it.
-        namespace: which sensor's topics to take from bags that hold several.
-        reference_clock: the recorder of edges whose clock all others are brought to; None: the machine's.
+        namespace: the sensor whose topics are used, for bags that hold several.
+        reference_clock: the recorder of edges whose clock is the reference for all others; None: the machine's.
     """
 
     flow: Choice = field(default_factory=lambda: Choice('dis'))
@@ -62,7 +63,8 @@ class BuildOptions:
 
     @classmethod
     def of_model(cls, loaded: LoadedModel, gel: str = '', frames: str = 'first') -> BuildOptions:
-        """Measuring as a model does. Raises ConfigurationError: `gel` is a file of no simulated gel."""
+        """Options to measure as a model does. Raises ConfigurationError: `gel` is a file that is not a simulated
+        gel."""
         return cls(
             flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), bins=loaded.model.bins, frames=frames,
             gel=gel_told(gel), crop=loaded.image_size,
@@ -74,10 +76,10 @@ def build(
 ) -> RecordedPresses:
     """The data set of some bags.
 
-    Ctrl-C ends it at once; what was measured so far is kept, and the next run goes on from there.
+    Ctrl-C ends it at once. Measurements made so far are kept, and the next run continues from there.
 
     Raises:
-        BagError, DatasetError, ConfigurationError: a bag, an option or the cache cannot be used, or no press can.
+        BagError, DatasetError, ConfigurationError: a bag, an option, the cache or all presses cannot be used.
     """
     progress = progress or Progress()
     with ExitStack() as stack:
@@ -95,7 +97,7 @@ def build(
 
 
 class Builder:
-    """Takes presses as they come, bag after bag, and gives the data set of those that came so far."""
+    """Takes presses one by one, bag after bag, and returns the data set of all presses so far."""
 
     def __init__(self, options: BuildOptions, measurer: Measurer, bar: Bar | None = None) -> None:
         self.options, self.measurer, self.bar = options, measurer, bar
@@ -110,11 +112,11 @@ class Builder:
 
     @property
     def presses(self) -> int:
-        """How many can be used so far."""
+        """Number of usable presses so far."""
         return len(self._usable)
 
     def take(self, bag: int, press: RecordedPress) -> list[Sample]:
-        """Judge and measure one attempt; its samples, none if it cannot be used."""
+        """Check and measure one attempt. Returns its samples, none if it cannot be used."""
         told = press.told
         if told.status == types.Press.STATUS_SUSPECT:
             self._suspects[told.plan_id, told.press, told.attempt, self._run(bag)] = told.reason
@@ -143,8 +145,8 @@ class Builder:
 
         Args:
             told: an entry of the card for each bag, as `told_of` makes it.
-            bags: where they are.
-            command: what was typed.
+            bags: their paths.
+            command: the command line.
 
         Raises:
             DatasetError: no press can be used.
@@ -157,7 +159,7 @@ class Builder:
         return replace(recordings, rest_image=self._rest[1])
 
     def finish(self) -> list[Sample]:
-        """All samples, in the order in which their presses were first told, but for those that became suspect."""
+        """All samples except suspect ones, in the order in which their presses first appeared."""
         for key, (entry, _) in list(self._usable.items()):
             suspect = entry.plan, entry.press, entry.attempt, self._run(entry.bag)
             if (reason := self._suspects.get(suspect)) is not None:
@@ -177,11 +179,11 @@ class Builder:
         return None
 
     def _keep(self, entry: LeftOut, samples: list[Sample]) -> None:
-        """The last attempt that can be used counts."""
+        """Of several usable attempts at a press, keep the last."""
         key = (entry.plan, entry.press, self._run(entry.bag))
         if earlier := self._usable.pop(key, None):
             old, new = (earlier, (entry, samples))
-            if samples[0].window_ns < earlier[1][0].window_ns:  # the bags were given in another order than recorded
+            if samples[0].window_ns < earlier[1][0].window_ns:  # the bags were not given in the order of recording
                 old, new = new, old
             self._leave_out(old[0], exclusions.SUPERSEDED, f'attempt {new[0].attempt} in bag {new[0].bag + 1} counts')
             self._usable[key] = new
@@ -192,7 +194,7 @@ class Builder:
         self.left_out.append(LeftOut(entry.bag, entry.plan, entry.press, entry.attempt, reason, detail))
 
     def _samples(self, bag: int, press: RecordedPress) -> list[Sample]:
-        assert press.reference is not None  # or it would have been judged
+        assert press.reference is not None  # otherwise `judge` would have rejected it
         self.measurer.use_reference(press.reference.image)
         if press.reference.stamp_ns >= self._rest[0]:
             self._rest = press.reference.stamp_ns, self.measurer.rest_image
@@ -220,10 +222,10 @@ def _groups(frames: Sequence[Frame], mode: str) -> list[Sequence[Frame]]:
 
 
 def gel_told(text: str) -> dict[str, Any]:
-    """What is known of the gel: its name, or all properties of a simulated one whose YAML file is given.
+    """What is known of the gel: its name, or all properties of a simulated gel from its YAML file.
 
     Raises:
-        ConfigurationError: no such file, or one with something in it that is no property of a gel.
+        ConfigurationError: there is no such file, or it has a key that is not a property of a gel.
     """
     if not text.endswith(('.yaml', '.yml')):
         return {'id': text}
@@ -233,7 +235,7 @@ def gel_told(text: str) -> dict[str, Any]:
 
 
 def told_of(bag: CollectionBag, gel: str) -> dict[str, Any]:
-    """What a card says of a bag whose presses were all read."""
+    """The card's entry for a bag whose presses were all read."""
     return {
         'id': bag.bag_id,
         'gel': gel,

@@ -1,8 +1,8 @@
-"""The clocks of a bag's recorders, each fitted to that of the rig by the edges of the line that all of them saw.
+"""Fits the clock of each recorder in a bag to the rig's clock, by the edges of the line that all of them recorded.
 
-What has the frame of an edge carries its recorder's clock: images with the frame of the camera's edges are stamped by
-the clock that stamped those edges. A clock that agrees with the rig's to 2 ms is left as it is, so that with equal
-clocks not a bit of a data set changes.
+Messages with the same frame as an edge were stamped by the same recorder's clock. For example, images with the frame of
+the camera's edges have the camera's clock. A clock that agrees with the rig's to 2 ms is not corrected, so with equal
+clocks the data set stays identical to the bit.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from tactile_nodes.messages import stamp_ns
 from tactile_nodes.sensing.sync.clocks import ClockFit, Refusal, SyncLimits, fit_clocks
 
 REFERENCE = 'rig'
-"""The recorder whose clock the others are fitted to, where the bag holds no state of a machine to name it."""
+"""The recorder whose clock is the reference if the bag holds no state of a machine to name it."""
 AGREES_S = 0.002
 LEAST_JITTER_S, MOST_JITTER_S = 0.005, 0.03
 
 
 @dataclass(frozen=True)
 class Edges:
-    """What one recorder saw, in order of its stamps; a half width of 0 s says that it is not known."""
+    """The edges seen by one recorder, in order of stamps. A half width of 0 s means unknown."""
 
     stamp_ns: Int64[np.ndarray, ' n']
     level: Bool[np.ndarray, ' n']
@@ -50,8 +50,8 @@ class Clock:
     """One recorder's clock against the reference.
 
     Attributes:
-        recorder: the frame of its edges, and of whatever it stamps.
-        edges: what it saw.
+        recorder: the frame of its edges, and of all messages that it stamps.
+        edges: the edges that it saw.
         outcome: the fit, or why there is none.
         furthest_s: the largest difference between the two clocks over the recorder's edges; 0 without a fit.
     """
@@ -63,7 +63,7 @@ class Clock:
 
     @property
     def corrects(self) -> bool:
-        """Whether stamps are changed by the fit."""
+        """Whether the fit changes stamps."""
         return isinstance(self.outcome, ClockFit) and self.furthest_s > AGREES_S
 
     def as_dict(self) -> dict[str, Any]:
@@ -85,14 +85,14 @@ class Clock:
 
 @dataclass(frozen=True)
 class Clocks:
-    """The recorders of a bag. `reference` is the one that the others are fitted to, `shared` its edges."""
+    """The recorders of a bag. `reference` names the reference recorder, `shared` holds its edges."""
 
     reference: str = REFERENCE
     shared: Edges = field(default_factory=lambda: _edges(()))
     others: tuple[Clock, ...] = ()
 
     def corrected_ns(self, stamp: int, frame_id: str) -> int:
-        """A stamp of what has this frame, on the reference's clock."""
+        """The stamp of a message with this frame, on the reference's clock."""
         fit = self._correcting(frame_id)
         return stamp if fit is None else int(fit.host_ns(np.array([stamp], np.int64))[0])
 
@@ -101,7 +101,7 @@ class Clocks:
         return self._correcting(frame_id) is not None
 
     def error_ns(self, frame_id: str) -> int:
-        """How far off a corrected stamp may be; 0 for stamps that are left as they are."""
+        """Largest error of a corrected stamp; 0 for stamps that are not corrected."""
         fit = self._correcting(frame_id)
         return 0 if fit is None else math.ceil(fit.bound_s * NS_PER_S)
 
@@ -130,11 +130,11 @@ def bag_clocks(reader: BagReader, namespace: str | None = None, reference: str |
 
     Args:
         reader: of the bag.
-        namespace: of the sensor; None: all edges are of one.
+        namespace: of the sensor; None: all edges are of one sensor.
         reference: the recorder to fit to; None: the machine, by the frame of its states.
 
     Raises:
-        DatasetError: no edges of that recorder are there, though it was asked for.
+        DatasetError: the requested recorder has no edges in the bag.
     """
     seen = read_edges(reader, namespace)
     if not seen and reference is None:
@@ -148,14 +148,14 @@ def bag_clocks(reader: BagReader, namespace: str | None = None, reference: str |
 
 
 def fitted(seen: Mapping[str, Edges], reference: str) -> Clocks:
-    """Every recorder's clock against that of one of them."""
+    """The clock of every recorder against the clock of the reference."""
     shared = seen.get(reference, _edges(()))
     others = (_clock(name, edges, shared) for name, edges in sorted(seen.items()) if name != reference)
     return Clocks(reference, shared, tuple(others))
 
 
 def read_edges(reader: BagReader, namespace: str | None = None) -> dict[str, Edges]:
-    """The edges in a bag by their recorder."""
+    """The edges in a bag, by recorder."""
     found: dict[str, list[tuple[int, bool, float]]] = {}
     for message in reader.messages(_topics(reader, SYNC_EDGE.name, SYNC_EDGE.type_name, namespace)):
         try:
@@ -184,7 +184,7 @@ def _clock(name: str, edges: Edges, shared: Edges) -> Clock:
 
 
 def _limits(edges: Edges, shared: Edges) -> SyncLimits:
-    """Edges are as far off as their recorders say, and a little more for what they do not know."""
+    """The limits of the fit: the half widths that recorders report, and a little more for what is unknown."""
     said_s = [float(np.quantile(each.known_s, 0.9)) for each in (edges, shared) if each.known_s is not None]
     return SyncLimits(jitter_s=min(max(LEAST_JITTER_S, 1.5 * sum(said_s)), MOST_JITTER_S))
 
@@ -198,7 +198,7 @@ def _edges(told: Sequence[tuple[int, bool, float]]) -> Edges:
 
 
 def _machine(reader: BagReader, namespace: str | None) -> str:
-    """The frame of the first state of the machine."""
+    """The frame of the machine's first state."""
     for message in reader.messages(_topics(reader, RIG_STATE.name, RIG_STATE.type_name, namespace)):
         try:
             return str(reader.decode(message).header.frame_id)
@@ -208,7 +208,7 @@ def _machine(reader: BagReader, namespace: str | None) -> str:
 
 
 def _topics(reader: BagReader, short: str, type_name: str, namespace: str | None) -> list[str]:
-    """The bag's topics of this name, in a namespace or in all; edges of the line may come from outside of any."""
+    """The bag's topics with this name, in one namespace or in all. Edges of the line may be outside any namespace."""
     wanted = None if namespace is None else '/' + '/'.join(filter(None, namespace.split('/')))
     return [
         name

@@ -1,4 +1,4 @@
-"""What the fits of a bag's clocks leave: a point for each edge, the bound, and edges that found no partner."""
+"""Residuals of the clock fits of a bag: a point for each edge, the bound, and edges without a match."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tactile_nodes.sensing.sync.clocks import ClockFit, Refusal
 
 
 def draw(clocks: Clocks, file: Path) -> None:
-    """Write the picture, a strip for each recorder; the file's ending says which kind of image.
+    """Write the picture, a strip for each recorder. The file's extension selects the image format.
 
     Raises:
-        ConfigurationError: matplotlib is not installed, or does not know the ending.
+        ConfigurationError: matplotlib is not installed, or does not know the extension.
         DatasetError: the file cannot be written.
     """
     strips = max(1, len(clocks.others))
@@ -50,7 +50,7 @@ def _strip(axis: Any, clock: Clock, clocks: Clocks) -> None:
 
 
 def residuals(clock: Clock, clocks: Clocks) -> tuple[np.ndarray, np.ndarray]:
-    """Of each matched edge the reference's time [s], and how far the corrected time lies before it [ms]."""
+    """For each matched edge, the reference's time [s] and how far the corrected time lies before it [ms]."""
     fit = clock.outcome
     assert isinstance(fit, ClockFit)
     host_ns = clocks.shared.stamp_ns[fit.host_index]

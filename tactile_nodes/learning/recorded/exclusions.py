@@ -32,7 +32,7 @@ SIGMAS = 4.0
 
 @dataclass(frozen=True)
 class Limits:
-    """What a press must keep to, beyond what the rig demanded while it pressed."""
+    """Limits that a press must meet, in addition to the rig's own checks during the press."""
 
     force_rate_n_per_s: float = parameter(
         0.2, 'largest change of the force within the window, beyond that from noise', minimum=0.0
@@ -63,12 +63,12 @@ Verdict = tuple[str, str]
 
 
 def force_n(told: types.Press) -> float:
-    """The force into the gel; the wrench counts along z, which points out of it."""
+    """The force into the gel. The wrench is positive along z, which points out of the gel."""
     return -float(told.wrench.force.z)
 
 
 def judge(press: RecordedPress, limits: Limits, bins: BinGrid) -> Verdict | None:
-    """Why a press cannot be used, as far as its message and stamps tell; None where it can."""
+    """Why a press cannot be used, judged by its message and stamps; None if it can be used."""
     told = press.told
     if told.status != types.Press.STATUS_RECORDED:
         return REJECTED, told.reason or 'no reason given'
@@ -86,10 +86,10 @@ def judge(press: RecordedPress, limits: Limits, bins: BinGrid) -> Verdict | None
 
 def _numbers(press: RecordedPress) -> Verdict | None:
     told = press.told
-    # The other parts of the wrench are NaN where a sensor does not measure them.
+    # The other components of the wrench are NaN if a sensor does not measure them.
     if not all(map(math.isfinite, (told.position.x, told.position.y, told.wrench.force.z))):
         return BAD_NUMBERS, 'position or normal force is not a number'
-    if math.isinf(told.depth):  # NaN: nobody knows it, as of presses by hand
+    if math.isinf(told.depth):  # NaN: unknown, as for presses by hand
         return BAD_NUMBERS, 'the depth is not a number'
     if told.depth <= 0:
         return BAD_NUMBERS, f'a depth of {told.depth * 1e3:g} mm is not a press'
@@ -118,7 +118,7 @@ def _settling(press: RecordedPress, limits: Limits) -> Verdict | None:
 
 
 def rate_noise(rate_n_per_s: float, deviation_n: float, samples: int, window_s: float) -> float:
-    """Standard error of the slope of a force, by what its spread leaves once the slope itself is taken out.
+    """Standard error of a force's slope, from the spread that remains once the slope is removed.
 
     A spread of 0.01 N in 100 even samples over 0.1 s, with no slope: 0.01 * sqrt(12 / 100) / 0.1 = 0.035 N/s.
     """
@@ -134,7 +134,7 @@ def _limits(told: types.Press, limits: Limits) -> Verdict | None:
         return LIMITS, f'force of {force:.3g} N'
     if force < -limits.pull_n:
         return LIMITS, f'force of {force:.3g} N, away from the gel'
-    error_mm = abs(told.depth_reported - told.depth) * 1e3  # NaN where the machine reports none: no objection
+    error_mm = abs(told.depth_reported - told.depth) * 1e3  # NaN if the machine reports none: not a reason to exclude
     if error_mm > limits.depth_error_mm:
         return LIMITS, f'depth {told.depth_reported * 1e3:.3g} mm instead of {told.depth * 1e3:.3g} mm'
     return None
@@ -155,5 +155,5 @@ def _frames(press: RecordedPress) -> Verdict | None:
 
 
 def counted(left_out: Iterable[LeftOut]) -> dict[str, int]:
-    """How many presses each reason took, most first."""
+    """Number of presses excluded for each reason, largest first."""
     return dict(Counter(each.reason for each in left_out).most_common())

@@ -1,4 +1,4 @@
-"""Features that were measured once, on disk by a key of what they were measured from."""
+"""Cache of measured features on disk. The key depends on the inputs of the measurement."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ COMMIT_EVERY = 50
 
 @dataclass(frozen=True)
 class Measured:
-    """Features of one image, with the precision that data sets keep, and how far each region can be believed."""
+    """Features of one image, in the precision of data sets, and the confidence of each region."""
 
     values: Float16[np.ndarray, 'rows cols channels']
     confidence: Float32[np.ndarray, 'rows cols']
 
 
 class FeatureCache:
-    """Features on disk by key, one file a recipe. Several processes may use it at once.
+    """Features on disk by key, one file per recipe. Several processes may use it at once.
 
     Raises:
         DatasetError: the file cannot be written, or is no cache.
@@ -35,14 +35,14 @@ class FeatureCache:
         self._file = file
         self._fresh = 0
         with self._translated():
-            # Made in one thread, it may be used in another, by one at a time.
+            # Other threads than the one that opened it may use it, one at a time.
             self._open = sqlite3.connect(file, timeout=30.0, check_same_thread=False)
             self._open.execute('PRAGMA journal_mode=WAL')
             self._open.execute('PRAGMA synchronous=NORMAL')
             self._open.execute('CREATE TABLE IF NOT EXISTS features (key BLOB PRIMARY KEY, vals BLOB, confidence BLOB)')
 
     def get(self, key: bytes, shape: tuple[int, int, int]) -> Measured | None:
-        """What was kept under a key; None if nothing was, or something of another shape."""
+        """The entry of a key; None if there is none, or if it has another shape."""
         with self._translated():
             found = self._open.execute('SELECT vals, confidence FROM features WHERE key = ?', (key,)).fetchone()
         regions = shape[0] * shape[1]
@@ -52,7 +52,7 @@ class FeatureCache:
         return Measured(values, np.frombuffer(found[1], '<f4').reshape(shape[:2]))
 
     def put(self, key: bytes, measured: Measured) -> None:
-        """Keep features under a key."""
+        """Store features under a key."""
         row = (key, measured.values.astype('<f2').tobytes(), measured.confidence.astype('<f4').tobytes())
         with self._translated():
             self._open.execute('INSERT OR REPLACE INTO features VALUES (?, ?, ?)', row)
@@ -61,12 +61,12 @@ class FeatureCache:
                 self._open.commit()
 
     def keep(self) -> None:
-        """Write what waits, and let other processes write: until then they wait, too."""
+        """Write pending entries, and release the file: other processes wait until then."""
         with self._translated():
             self._open.commit()
 
     def close(self) -> None:
-        """Write what waits."""
+        """Write pending entries."""
         with self._translated():
             self._open.commit()
             self._open.close()

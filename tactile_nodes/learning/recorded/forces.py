@@ -1,8 +1,9 @@
-"""The force of a press anew, from samples whose recorder's clock was not the rig's.
+"""Computes the force of a press again, from samples whose recorder did not have the rig's clock.
 
-The rig took the samples of a window by the stamps that they had; those that belong to it by corrected stamps are
-others. Which way the sensor's z points follows from what the rig made of its samples. Lateral forces and torques would
-need the mounting as well, which a bag does not tell, so they become unknown (NaN) rather than be of another time.
+The rig chose the samples of a window by their original stamps. By corrected stamps, other samples belong to it. The
+direction of the sensor's z axis follows from the force that the rig computed from its samples. Lateral forces and
+torques also depend on the mounting, which a bag does not contain. They become unknown (NaN), because those of the
+message are from another time.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ UNKNOWN = math.nan
 
 
 class ForceSamples:
-    """Samples since the last press: their stamps as told and as corrected, and the sensor's force along its z."""
+    """Samples since the last press: original stamps, corrected stamps, and the sensor's force along its z axis."""
 
     def __init__(self) -> None:
         self._told_ns: list[int] = []
@@ -30,13 +31,13 @@ class ForceSamples:
         self._force_n: list[float] = []
 
     def take(self, told_ns: int, corrected_ns: int, force_n: float) -> None:
-        """One sample."""
+        """Take one sample."""
         self._told_ns.append(told_ns)
         self._stamp_ns.append(corrected_ns)
         self._force_n.append(force_n)
 
     def renewed(self, press: types.Press) -> types.Press:
-        """The press with the force of its window on corrected stamps; without a number if it cannot be known."""
+        """The press with the force of its window by corrected stamps; NaN if the force cannot be known."""
         start_ns, end_ns = stamp_ns(press.window_start), stamp_ns(press.window_end)
         force, stamps = np.array(self._force_n), np.array(self._stamp_ns, np.int64)
         as_told = _within(np.array(self._told_ns, np.int64), start_ns, end_ns)
@@ -45,11 +46,11 @@ class ForceSamples:
         if not sign or not inside.any():
             return _with(press, UNKNOWN, UNKNOWN, UNKNOWN, int(inside.sum()))
         on_gel = sign * (force[inside] - press.tare.force.z)
-        rate = -slope([int(each) for each in stamps[inside]], on_gel)  # told as pressing force, which is positive
+        rate = -slope([int(each) for each in stamps[inside]], on_gel)  # rate of the pressing force, which is positive
         return _with(press, float(on_gel.mean()), float(on_gel.std()), rate, int(inside.sum()))
 
     def forget(self, end_ns: int) -> None:
-        """Drop what is older than a window's end by both stamps."""
+        """Drop samples older than a window's end by both stamps."""
         kept = [
             each
             for each in zip(self._told_ns, self._stamp_ns, self._force_n, strict=True)
@@ -65,7 +66,8 @@ def _within(stamps: np.ndarray, start_ns: int, end_ns: int) -> np.ndarray:
 
 
 def _sign(press: types.Press, mean_n: float) -> int:
-    """Force on the gel along z per force that the sensor reads: 1, -1, or 0 where the samples are not those told."""
+    """Sign of the force on the gel along z relative to the sensor's: 1, -1, or 0 if the samples do not match the
+    message."""
     change, told = mean_n - press.tare.force.z, press.wrench.force.z
     return next((sign for sign in (-1, 1) if abs(sign * change - told) < SAME_N), 0)
 

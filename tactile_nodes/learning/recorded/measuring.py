@@ -1,7 +1,7 @@
 """Features of recorded images, each measured once.
 
-What was measured is kept by its content: rest image, image, method and options. So it makes no difference which bag
-an image came from, and a run that was cut short goes on where it stopped.
+Results are stored by their input: rest image, image, method and options. It therefore makes no difference which bag an
+image came from, and an interrupted run continues where it stopped.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 from tactile_nodes.sensing.rest.reference import average, content_id
 
 RECIPE = 1
-"""Raised when the code below gives other features for the same images and options."""
+"""Increased when the code below gives other features for the same images and options."""
 
 
 class Measurer:
-    """Turns images into features against the rest image that was set last.
+    """Measures features of images against the last rest image that was set.
 
     Args:
         flow, encoding: the methods, by name and options.
-        crop: side of the square cut from the middle of each image, px, smaller images are cut to what fits; or width
+        crop: side of the square cut from the middle of each image, px (smaller images are cut to what fits), or width
             and height of a rectangle.
 
     Raises:
@@ -59,7 +59,7 @@ class Measurer:
 
     @property
     def recipe_id(self) -> str:
-        """Sixteen hexadecimal digits over everything but the images that features depend on."""
+        """Sixteen hexadecimal digits of a hash over everything except the images that features depend on."""
         chosen = {
             'recipe': RECIPE,
             'opencv': cv2.__version__,
@@ -72,7 +72,7 @@ class Measurer:
         """Measure against this rest image from now on.
 
         Raises:
-            ImageError: it cannot be measured against, or has another size than those before.
+            ImageError: it cannot be used as reference, or has another size than those before.
         """
         cut = self.cut(image)
         if (name := content_id(cut)) == self.reference_id:
@@ -83,11 +83,11 @@ class Measurer:
 
     @property
     def rest_image(self) -> UInt8[np.ndarray, 'h w']:
-        """What is measured against now, as cut; without rows before there is any."""
+        """The current rest image, as cropped; it has no rows before the first is set."""
         return np.zeros((0, 0), np.uint8) if self._rest is None else self._rest.image
 
     def measure(self, images: Sequence[UInt8[np.ndarray, 'h w']]) -> Measured:
-        """Features of the mean of some images: of one image, of that itself.
+        """Features of the mean of some images (of one image: of that image).
 
         Raises:
             ImageError: an image is black, overexposed or of another size than the rest image.
@@ -108,11 +108,11 @@ class Measurer:
         return measured
 
     def keep(self) -> None:
-        """Keep what was measured so far, for a while in which nothing may come."""
+        """Write measurements made so far, in case of a pause."""
         self._cache.keep()
 
     def close(self) -> None:
-        """Keep what was measured."""
+        """Write all measurements."""
         self._cache.close()
 
     def __enter__(self) -> Measurer:
@@ -122,7 +122,7 @@ class Measurer:
         self.close()
 
     def cut(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'ch cw']:
-        """The part of an image that is measured. Raises ImageError: it is of another size than those before."""
+        """The part of an image that is measured. Raises ImageError: it has another size than those before."""
         size = self._size(image)
         if self.size not in ((0, 0), size):
             came, gave = (f'{width}x{height}' for width, height in (image.shape[::-1], self.size))

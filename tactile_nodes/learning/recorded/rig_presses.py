@@ -1,4 +1,4 @@
-"""Presses of a running rig, put together from its messages as they come."""
+"""Presses of a running rig, assembled from its messages as they arrive."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from tactile_nodes.learning.recorded.bags import Aligner, RecordedPress
 from tactile_nodes.messages import stamp_ns, types
 
 SETTLED_NS = NS_PER_S // 2
-"""A press is put together so long after it was told: its images travel beside it, and may come later."""
+"""Delay between a press message and assembling the press: its images travel separately, and may arrive later."""
 IDLE_NS = 2 * NS_PER_S
-"""A rig that was asked to stop has done so when it has told of no press for so long."""
+"""A rig that was asked to stop has stopped when it has reported no press for this long."""
 ABSENT_NS = 120 * NS_PER_S
-"""A rig that has not come by then does not come: its process died of its settings, say. A slow machine takes 20 s."""
+"""A rig that has not started by then is absent: wrong settings may have ended it. A slow machine takes 20 s to
+start."""
 BETWEEN = 0
 
 
 class RigPresses:
-    """Takes messages in the node's thread, gives presses to the one that calibrates.
+    """Takes messages in the node's thread, and gives presses to the calibration's thread.
 
-    `stop_rig` is called once, in the thread that first calls `stop`. What comes after the end is not kept: nobody would
-    take it. Stamps are taken as they are: camera and rig have one clock here.
+    `stop_rig` is called once, in the thread that first calls `stop`. Messages after the end are dropped, since nothing
+    would read them. Stamps are not corrected: camera and rig share one clock here.
     """
 
     bags: Sequence[Path] = ()
@@ -44,22 +45,23 @@ class RigPresses:
         self._first_look_ns: int | None = None
         self._seen = self._stopping = self._over = self._taken = False
 
-    # --- the node's side
+    # --- called by the node
 
     def image(self, message: types.Image) -> None:
-        """An image of a press, or from before it."""
+        """Take an image of a press, or from before it."""
         with self._lock:
             if not self._over:
                 self._aligner.take_image(message)
 
     def reference(self, message: types.Image) -> None:
-        """A rest image."""
+        """Take a rest image."""
         with self._lock:
             if not self._over:
                 self._aligner.take_reference(message)
 
     def state(self, message: types.RigState) -> None:
-        """Where the tip is; between presses for long enough, a rig that was asked to stop has stopped."""
+        """Take the tip's position. A rig that was asked to stop has stopped once it has been between presses long
+        enough."""
         now_ns = stamp_ns(message.header.stamp)
         with self._lock:
             if self._over:
@@ -73,7 +75,7 @@ class RigPresses:
                 self.end()
 
     def press(self, message: types.Press, data: bytes, now_ns: int) -> None:
-        """A press that is over, with the bytes that the recorder gets as well."""
+        """Take a finished press, with the bytes that the recorder also gets."""
         with self._lock:
             if self._over:
                 return
@@ -83,9 +85,9 @@ class RigPresses:
             self._told_ns = now_ns
 
     def look(self, now_ns: int, rig_is_there: bool) -> str:
-        """To be called again and again: gives the last press once its images must have come, and ends with the rig.
+        """Hand over the last press once its images must have arrived, and end with the rig. To be called repeatedly.
 
-        What has just become of the rig: that it has ended, or that it has not come at all; empty otherwise.
+        Returns what happened to the rig: it has ended, or it never started; otherwise empty.
         """
         with self._lock:
             if self._told_ns is not None and now_ns - self._told_ns >= SETTLED_NS:
@@ -101,14 +103,14 @@ class RigPresses:
             return f'did not appear within {ABSENT_NS // NS_PER_S} s; check why it did not start'
 
     def end(self) -> None:
-        """The rig is no more, or has stopped: no press will come. Saying so twice is harmless."""
+        """The rig has ended or stopped: no more presses will come. Calling this twice is harmless."""
         with self._lock:
             if not self._over:
                 self._over = True
                 self._give(self._aligner.finish())
                 self._ready.put(None)
 
-    # --- the calibration's side
+    # --- called by the calibration
 
     def __iter__(self) -> Iterator[tuple[int, RecordedPress]]:
         while not self._taken:
@@ -119,26 +121,26 @@ class RigPresses:
 
     @property
     def waiting(self) -> bool:
-        """Whether the next one is there already: the rig does not wait for a fit."""
+        """Whether the next press is already there: the rig does not wait for a fit."""
         return not self._ready.empty()
 
     def told(self, gel: str) -> list[dict[str, Any]]:
-        """The entry of the bag that a recorder makes of these messages: its id follows from the presses alone."""
+        """The card's entry for the bag recorded from these messages. Its id depends on the presses alone."""
         with self._lock:
             problems = [f'{count} {what}' for what, count in self._aligner.odd.items()]
             bag_id = self._digest.copy().hexdigest()[:12]
             return [{'id': bag_id, 'gel': gel, 'attempts': self._attempts, 'problems': problems, 'clocks': []}]
 
     def stop(self) -> None:
-        """Let the rig end its plan, tip up."""
+        """Ask the rig to end its plan with the tip raised."""
         with self._lock:
             wanted = not self._stopping and not self._over
             self._stopping |= wanted
-        if wanted:  # outside, since the rig's answer may take long while its messages come
+        if wanted:  # outside the lock: the rig's answer may take long, and its messages arrive meanwhile
             self._stop_rig()
 
     def close(self) -> None:
-        """Nothing is open here."""
+        """Nothing to close."""
 
     def _give(self, press: RecordedPress | None) -> None:
         if press is not None:

@@ -1,4 +1,4 @@
-"""Samples as they are gathered, one after the other, and the arrays that they end as."""
+"""Samples as they are collected, and the arrays made from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
 
 NEAR_BORDER_MM = 0.3
-"""Within this of a border the paper's tip (0.6 mm radius) touches both bins at any depth from 0.25 mm on."""
+"""Within this distance of a border, the paper's tip (0.6 mm radius) touches both bins at any depth from 0.25 mm."""
 
 _COLUMNS = {
     'contact': np.bool_, 'position_mm': np.float64, 'depth_mm': np.float64, 'depth_reported_mm': np.float64,
@@ -35,7 +35,7 @@ _COLUMNS = {
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample; the same names and units as in `RecordedPresses`."""
+    """One sample. Names and units are those of `RecordedPresses`."""
 
     features: np.ndarray
     confidence_row: int
@@ -61,7 +61,7 @@ class Sample:
 
 
 class Shelf:
-    """Makes samples, and keeps once what many of them share."""
+    """Makes samples, and stores data that many of them share once."""
 
     def __init__(self, bins: BinGrid) -> None:
         self._bins = bins
@@ -77,7 +77,7 @@ class Shelf:
         *,
         contact: bool,
     ) -> Sample:
-        """The sample of some images of a press, or of those before it, in which nothing touches."""
+        """The sample of some images of a press, or of the images without contact before it."""
         told = press.told
         x_mm, y_mm = round(told.position.x * 1e3, 6), round(told.position.y * 1e3, 6)
         unknown = (np.nan,) * 6
@@ -113,7 +113,7 @@ class Shelf:
         return list(self._confidence.values())[sample.confidence_row][1]
 
     def recordings(self, samples: Sequence[Sample], card: Mapping[str, Any]) -> RecordedPresses:
-        """Samples as arrays; confidences that no sample is left of are dropped."""
+        """Samples as arrays. Confidences that no remaining sample uses are dropped."""
         columns: dict[str, Any] = {
             name: np.array([getattr(sample, name) for sample in samples], kind) for name, kind in _COLUMNS.items()
         }
