@@ -1,1 +1,1 @@
-"""Presses as training samples: simulated or recorded, kept, split, and described."""
+"""Presses as training samples: simulated or recorded, stored, split and described."""

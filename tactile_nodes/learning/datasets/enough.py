@@ -1,4 +1,4 @@
-"""Whether samples are enough for a fit, said before anything is fitted."""
+"""Checks, before a fit, whether there are enough samples for it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ MORE_UNTOUCHED = 'take more of the untouched gel from the same bags (tactile dat
 
 
 def require_enough(what: str, untouched: int, presses: int, least_presses: int, or_else: str = '') -> None:
-    """Refuse samples that are too few for `what`; where presses are missing, `or_else` says what else would help.
+    """Raise an error if there are too few samples for `what`. `or_else` names another remedy if presses are missing.
 
     Raises:
-        TooFewPressesError: says how many of what are missing.
+        TooFewPressesError: names what is missing and how many.
     """
     lacking = [
         (LEAST_UNTOUCHED - untouched, 'images of the untouched gel'),

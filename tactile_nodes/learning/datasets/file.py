@@ -1,7 +1,7 @@
-"""The file of a data set: arrays and a card in one numpy .npz, never anything that could run.
+"""The file of a data set: arrays and a card in one numpy .npz, without anything executable.
 
-``numpy.load(file, allow_pickle=False)`` opens it anywhere; the entry ``card`` is JSON that says what the arrays mean
-and how they came about, the entry ``fingerprint`` covers every array and all of the card that bears on them.
+``numpy.load(file, allow_pickle=False)`` opens it anywhere. The entry ``card`` is JSON that describes the arrays and
+their origin. The entry ``fingerprint`` covers every array and all of the card that affects them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.dataset'
 FORMAT_VERSION, OLDEST_VERSION = 2, 1
-"""Files of version 1, and those of earlier releases that hold texture gains, are read on; the gains are left out."""
+"""Files of version 1, and files of earlier releases with texture gains, are still read; the gains are dropped."""
 
 _KINDS = {'f': ('features', 'labels', 'confidence', 'position_mm', 'depth_mm', 'depth_reported_mm', 'force_n',
                 'force_rate_n_per_s', 'wrench', 'wrench_deviation'),
@@ -39,7 +39,7 @@ _KINDS = {'f': ('features', 'labels', 'confidence', 'position_mm', 'depth_mm', '
 TEXTURE_GAINS = 'texture_gains'
 _NAMES = {'card', 'fingerprint', *array_names(), *OPTIONAL, TEXTURE_GAINS}
 _ARRAY = b'\x93NUMPY'
-_LARGEST_RATIO = 20  # we do not compress; who does it again gains less
+_LARGEST_RATIO = 20  # files are not compressed here; a user who compresses one gains less than this
 _LARGEST_LIST = 1 << 20
 _SHAPES = {
     'features': 4,
@@ -53,11 +53,11 @@ _SHAPES = {
 
 
 def save_dataset(path: Path, presses: RecordedPresses) -> str:
-    """Write the file and return its fingerprint; equal content gives equal bytes.
+    """Write the file and return its fingerprint. Equal content gives equal bytes.
 
     Raises:
         ConfigurationError: no file can be written there.
-        DatasetError: writing failed, as on a full disk.
+        DatasetError: writing failed, for example on a full disk.
     """
     card = json.dumps(dict(presses.card), sort_keys=True)
     arrays: dict[str, Any] = {'card': np.array(card), 'fingerprint': np.array(presses.fingerprint), **presses.arrays()}
@@ -79,7 +79,7 @@ def load_dataset(path: Path | str) -> RecordedPresses:
     """Read a file and check every byte of it.
 
     Raises:
-        DatasetError: it is missing, damaged, no data set of ours, or of a newer format.
+        DatasetError: it is missing, damaged, no data set of this project, or of a newer format.
     """
     path = Path(path)
     entries = _entries(path)
@@ -107,7 +107,7 @@ def load_dataset(path: Path | str) -> RecordedPresses:
 
 def _entries(path: Path) -> dict[str, Any]:
     try:
-        with open_plain(path) as opened:  # numpy leaves a file open that it opened itself and cannot read
+        with open_plain(path) as opened:  # numpy does not close a file that it opened itself and cannot read
             _check_entries(path, opened)
             with np.load(opened, allow_pickle=False) as loaded:
                 return {name: loaded[name] for name in loaded.files}
@@ -123,7 +123,7 @@ def _entries(path: Path) -> dict[str, Any]:
 
 
 def _check_entries(path: Path, opened: BinaryIO) -> None:
-    """Names and sizes, before anything is unpacked: a file of 6 MB may unpack to 6 GB."""
+    """Check names and sizes before unpacking: a file of 6 MB may unpack to 6 GB."""
     if opened.read(len(_ARRAY)) == _ARRAY:
         raise DatasetError(f'{path} is not a data set of tactile_nodes, but a single array of numbers')
     with zipfile.ZipFile(_Sparing(opened)) as archive:
@@ -132,7 +132,7 @@ def _check_entries(path: Path, opened: BinaryIO) -> None:
     if foreign := {entry.filename for entry in entries} - {f'{name}.npy' for name in _NAMES}:
         raise DatasetError(f'{path} is not a data set of tactile_nodes: it holds {sorted(foreign)[0]!r:.60}')
     unpacked, packed = sum(entry.file_size for entry in entries), sum(entry.compress_size for entry in entries)
-    stored = min(packed, bytes_there(opened, packed))  # entries may say what they like, and a sparse file have holes
+    stored = min(packed, bytes_there(opened, packed))  # sizes in entries may be false, and a sparse file has holes
     if unpacked > _LARGEST_RATIO * stored:
         raise DatasetError(
             f'{path} would unpack from {stored} to {unpacked} bytes, more than any data set; download it again'
@@ -140,7 +140,7 @@ def _check_entries(path: Path, opened: BinaryIO) -> None:
 
 
 class _Sparing:
-    """A file for `zipfile` to look through, of which it may read its list of entries and no gigabytes called that."""
+    """A file for `zipfile` that lets it read a list of entries, but not gigabytes that claim to be one."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -153,7 +153,7 @@ class _Sparing:
 
 
 def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
-    """Whether the arrays have the kinds and shapes that go together."""
+    """Whether the arrays have matching types and shapes."""
     count = len(arrays['force_n']) if arrays['force_n'].ndim else 0
     for name, array in arrays.items():
         if name in (*OPTIONAL, TEXTURE_GAINS):

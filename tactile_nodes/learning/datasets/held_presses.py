@@ -1,4 +1,4 @@
-"""Simulated presses that are held still for some pictures, as a rig holds them."""
+"""Simulated presses that are held still for several images, as a rig holds them."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.optics import Optics
 
 RECIPE = 1
-"""Raised when the code below gives other samples for the same configuration."""
+"""Increased when the code below gives other samples for the same configuration."""
 
 SEED_BLOCK = 1 << 22
-"""Noise of blocks that no data set has, for pictures of their own."""
+"""Added to block numbers to seed the noise of further images. No data set has that many blocks."""
 
 
 def simulate_held(config: TrainConfig, pictures: int, progress: Progress) -> Dataset:
-    """`simulate`, with so many pictures of each press in all; those without contact stay single.
+    """`simulate`, with `pictures` images of each press in total. Samples without contact keep one image.
 
-    Further pictures differ from the first one in their noise alone. They come after all first ones, and blocks of them
-    that were made before are read.
+    Further images differ from the first only in noise, and come after all first ones. Blocks made before are read from
+    their files.
     """
     first = simulate(config, progress)
     if pictures == 1:
@@ -48,7 +48,7 @@ def simulate_held(config: TrainConfig, pictures: int, progress: Progress) -> Dat
 
 
 def _render_block(further: int, block: Block) -> Arrays:
-    """So many further pictures of each press, beside the same rest image."""
+    """`further` more images of each press, against the same rest image."""
     config = block.config
     optics = Optics(config.gel, contact_table(config.gel))
     frames, flow, encoding = config.data.frames_per_rest_image, config.make_flow(), config.make_encoding()

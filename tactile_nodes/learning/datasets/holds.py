@@ -1,4 +1,4 @@
-"""Pictures of a press that is held still: which belong together, and which of them show it at rest."""
+"""Images of a press that is held still: which belong together, and which show it at rest."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from jaxtyping import Bool, Float, Float32, Int
 from tactile_nodes.learning.datasets.simulated import Dataset
 
 LEAST_TO_TELL = 3
-"""Of two pictures that differ nobody knows which one shows the press at rest."""
+"""Of two images that differ, either may be the one that shows the press at rest."""
 MOVING = 2.0
-"""Times as far from the hold's median as pictures are that only noise tells apart."""
+"""Limit of the distance from the hold's median, as a multiple of the distance that noise alone causes."""
 MOST_MOVED = 0.1
-"""Share of the regions, those that a press moves most, which tell whether the tip rests."""
+"""Share of the regions, those that a press moves most, that are used to check whether the tip is at rest."""
 LEAST_REGIONS = 20
-"""Of these at least: the median of their distances is known to a seventh then."""
+"""Least number of these regions: the median of their distances is then known to a seventh."""
 
 
 def holds_of(dataset: Dataset, rows: Int[np.ndarray, ' rows']) -> list[Int[np.ndarray, ' pictures']]:
-    """Of some samples those that show one press each, in the order of the presses' first pictures."""
+    """The samples that show one press each, in the order of the presses' first images."""
     if dataset.hold is None:
         return list(rows[:, None])
     _, first, number = np.unique(dataset.hold[rows], return_index=True, return_inverse=True)
@@ -30,7 +30,7 @@ def holds_of(dataset: Dataset, rows: Int[np.ndarray, ' rows']) -> list[Int[np.nd
 def still_holds(
     dataset: Dataset, rows: Int[np.ndarray, ' rows'], trusted: Float32[np.ndarray, 'rows cols']
 ) -> list[Int[np.ndarray, ' pictures']]:
-    """`holds_of`, without pictures in which the tip still moves."""
+    """`holds_of`, without images in which the tip still moves."""
     known = trusted.reshape(-1) > 0
     return [_at_rest(dataset, each, known) for each in holds_of(dataset, rows)]
 
@@ -43,12 +43,13 @@ def _at_rest(
 
 
 def still(motion: Float[np.ndarray, 'pictures regions channels']) -> Bool[np.ndarray, ' pictures']:
-    """Which pictures of a hold show what most of them do; a tip that still moves, or leaves, shows something else."""
+    """Which images of a hold agree with most of its images. A tip that still moves, or leaves, gives a different
+    image."""
     if len(motion) < LEAST_TO_TELL:
         return np.ones(len(motion), bool)
     usual = np.median(motion, axis=0)
     size = np.square(usual).sum(axis=-1)
     most = np.argsort(size)[-max(LEAST_REGIONS, round(MOST_MOVED * len(size))) :]
-    # The median over regions, since single ones are lost now and then in a picture at rest, too.
+    # The median over regions is used because single regions are sometimes lost in images at rest, too.
     off = np.median(np.hypot.reduce((motion - usual)[:, most], axis=2), axis=1)
     return np.asarray(off <= MOVING * np.median(off))

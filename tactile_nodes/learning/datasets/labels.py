@@ -1,7 +1,7 @@
-"""How a press becomes the force of each bin: the reading of the paper's "81 bins that grid the sensor surface".
+"""Converts a press to the force of each bin: our reading of the paper's "81 bins that grid the sensor surface".
 
-The paper names their number alone. Ours is 9x9 over the whole 32x32 mm; 9x9 over the 27x27 mm that it presses is as
-good a reading. The two differ by 20 % in aRMSE on the same features, so every data set says which one it holds.
+The paper gives only the number of bins. We use 9x9 over the whole 32x32 mm; 9x9 over the 27x27 mm that it presses is an
+equally valid reading. The two differ by 20 % in aRMSE on the same features, so every data set records its reading.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from jaxtyping import Float, Float32, Int
 from tactile_nodes.sensing.geometry import BinGrid
 
 SNAP = 1e-7
-"""A centre within this share of a bin from a border lies on it: what remains of a decimal number in binary."""
+"""A centre within this share of a bin from a border lies on the border: allows for binary rounding of decimals."""
 
 RULE = 'the whole force of a press belongs to the bin of its centre; a centre on a border to the bin towards +x or +y'
 
@@ -20,8 +20,8 @@ RULE = 'the whole force of a press belongs to the bin of its centre; a centre on
 def bin_indices(position_mm: Float[np.ndarray, 'presses 2'], bins: BinGrid) -> Int[np.ndarray, ' presses']:
     """The bin of each press, row * cols + col.
 
-    On 9x9 bins over 27 mm, whose borders lie on the paper's grid, (1.5, -7.5) mm belongs to column 5 and row 2, so
-    to bin 23. What lies outside belongs to the nearest bin; `outside` tells.
+    On 9x9 bins over 27 mm, whose borders lie on the paper's grid, (1.5, -7.5) mm belongs to column 5 and row 2, so to
+    bin 23. A press outside the surface belongs to the nearest bin; `outside` detects it.
     """
     share = (np.asarray(position_mm, np.float64) - bins.origin_mm) / bins.bin_size_mm
     nearest = np.round(share)
@@ -41,13 +41,13 @@ def force_labels(
 
 
 def outside(x_mm: float, y_mm: float, bins: BinGrid) -> bool:
-    """Whether a place lies off the labelled surface; its rim belongs to it."""
+    """Whether a place lies off the labelled surface. The rim belongs to the surface."""
     slack, (x, y) = 1e-6, bins.centre_mm
     return abs(x_mm - x) > bins.width_mm / 2 + slack or abs(y_mm - y) > bins.height_mm / 2 + slack
 
 
 def describe(bins: BinGrid) -> str:
-    """The reading in words."""
+    """The reading as text."""
     width, height = bins.bin_size_mm
     return (
         f'{bins.rows}x{bins.cols} bins of {width:.4g}x{height:.4g} mm over {bins.width_mm:g}x{bins.height_mm:g} mm, '

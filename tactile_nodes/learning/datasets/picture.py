@@ -1,4 +1,4 @@
-"""A data set in four pictures: where was pressed, how force grows with depth, how forces spread, and one label."""
+"""Plots of a data set: places of presses, force against depth, distribution of forces, and one label."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from tactile_nodes.learning.figures import figure, save
 
 
 def draw(presses: RecordedPresses, file: Path) -> None:
-    """Write the picture; the file's ending says which kind of image.
+    """Write the picture. The file's extension selects the image format.
 
     Raises:
-        ConfigurationError: matplotlib is not installed, or does not know the ending.
+        ConfigurationError: matplotlib is not installed, or does not know the extension.
         DatasetError: the file cannot be written.
     """
     drawn = figure(11, 9)

@@ -1,4 +1,4 @@
-"""Where simulated presses lie: anywhere, spread far apart, on the paper's grid, a coarser one, or near its places."""
+"""Places of simulated presses: anywhere, spread far apart, on the paper's grid, a coarser grid, or near its places."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from tactile_nodes.simulation.optics import Press
 PLACES, PITCH_MM = 37, 0.75
 DEPTHS, DEPTH_STEP_MM = 8, 0.25
 COARSE_STEP = 4
-"""Of the paper's places along x and along y the coarse plan has every fourth: 10 x 10, 3 mm apart."""
+"""The coarse plan has every fourth of the paper's places along x and along y: 10 x 10, 3 mm apart."""
 NO_CONTACT_MM = -1.0
-"""The depth that stands for a frame in which nothing touches."""
+"""The depth that marks a frame without contact."""
 
 
 def press_count(data: DataConfig) -> int:
-    """Frames of a plan: 10952 presses of the paper's, 800 of the coarse, and the frames without contact beside them."""
+    """Number of frames of a plan: 10952 presses of the paper's, 800 of the coarse, plus its frames without contact."""
     if data.plan == 'random':
         return data.presses
     presses = data.presses
@@ -28,7 +28,7 @@ def press_count(data: DataConfig) -> int:
 
 
 def planned_presses(data: DataConfig, block: int, first: int, count: int) -> list[Press]:
-    """`count` presses of the plan, from its number `first` on; random ones have a seed for every block."""
+    """`count` presses of the plan, starting at number `first`. Random plans have a seed for every block."""
     if data.plan == 'random':
         return random_presses(data, block, count)
     plan = spread_plan(data) if data.plan == 'spread' else grid_plan(data)
@@ -36,7 +36,7 @@ def planned_presses(data: DataConfig, block: int, first: int, count: int) -> lis
 
 
 def random_presses(data: DataConfig, block: int, count: int) -> list[Press]:
-    """Places and depths, uniform within the configuration's limits; some of them without contact."""
+    """Places and depths, uniform within the configuration's limits. Some presses are without contact."""
     random = np.random.default_rng([data.seed, block])
     x, y = random.uniform(-data.reach_mm, data.reach_mm, (2, count))
     depth = random.uniform(data.shallowest_mm, data.deepest_mm, count)
@@ -45,9 +45,9 @@ def random_presses(data: DataConfig, block: int, count: int) -> list[Press]:
 
 
 def grid_plan(data: DataConfig) -> Float[np.ndarray, 'frames 3']:
-    """x, y and depth (mm) of a grid's presses in an order of chance, so that any first part covers the gel.
+    """x, y and depth (mm) of a grid's presses in random order, so that any first part covers the gel.
 
-    A frame without contact stands before a press, at its place.
+    A frame without contact comes before a press, at its place.
     """
     random = np.random.default_rng([data.seed, 0])
     along, depths = _places_mm(data), np.arange(1, DEPTHS + 1) * DEPTH_STEP_MM
@@ -59,7 +59,7 @@ def grid_plan(data: DataConfig) -> Float[np.ndarray, 'frames 3']:
 
 
 def spread_plan(data: DataConfig) -> Float[np.ndarray, 'frames 3']:
-    """x, y and depth (mm) of presses as a calibration makes them, with frames without contact as those of a grid."""
+    """x, y and depth (mm) of presses as in a calibration. Frames without contact are placed as in a grid."""
     settings = PlanSettings(
         kind='spread',
         count=data.presses,
@@ -86,7 +86,7 @@ def _with_untouched(
 
 
 def press_numbers(depth_mm: Float[np.ndarray, ' frames']) -> Int[np.ndarray, ' frames']:
-    """A number for each press of a plan; a frame without contact (a depth below 0) has that of the press after it."""
+    """A number for each press of a plan. A frame without contact (a depth below 0) has the number of the next press."""
     touched = depth_mm >= 0
     numbers: np.ndarray = np.cumsum(touched) - touched
     return numbers

@@ -1,4 +1,4 @@
-"""Simulated presses on other gels than a known one: as a calibration makes them, and anywhere."""
+"""Simulated presses on gels other than a known one: as in a calibration, and anywhere."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 PRESSES_SEED = 5001
 FRAMES, WITHOUT_CONTACT, UNTOUCHED = 400, 0.2, 20
 PICTURES = 8
-"""Of each press to calibrate by: as many as config/calibrate.yaml has the rig take."""
+"""Images of each press in a calibration: as many as config/calibrate.yaml has the rig take."""
 PLAN, PLANNED = 'calibrate', 100
 
 
 def pressed_gel(config: TrainConfig, number: int) -> tuple[Dataset, Dataset]:
-    """One of the gels that something is learned from, seen as a configuration sees its own.
+    """One of the gels to learn from, with the camera, flow and features of a configuration.
 
-    Presses by the plan of a calibration, and presses anywhere.
+    Returns presses by the plan of a calibration, and presses anywhere.
     """
     other = dataclasses.replace(config, gel=other_gel(config.gel, number, LEARNED_SEED))
     return planned(other, Progress(), PICTURES), anywhere(other, Progress())
 
 
 def planned(config: TrainConfig, progress: Progress, pictures: int = 1) -> Dataset:
-    """The first presses of the plan of a calibration, and some images of the untouched gel, about one rest image.
+    """The first presses of the plan of a calibration and some images of the untouched gel, with one rest image.
 
-    Each press is held for so many `pictures`.
+    Each press is held for `pictures` images.
     """
     plan = load_plan_settings(plan_path(PLAN))
     return _simulated(
@@ -45,7 +45,7 @@ def planned(config: TrainConfig, progress: Progress, pictures: int = 1) -> Datas
 
 
 def anywhere(config: TrainConfig, progress: Progress, frames: int = FRAMES, seed: int = PRESSES_SEED) -> Dataset:
-    """Presses at random places and depths; by one seed the same ones on every gel."""
+    """Presses at random places and depths. The same seed gives the same presses on every gel."""
     return _simulated(
         config, progress, presses=frames, seed=seed, reach_mm=13.5, shallowest_mm=0.25, deepest_mm=2.0,
         without_contact=WITHOUT_CONTACT,
@@ -58,9 +58,9 @@ def _simulated(config: TrainConfig, progress: Progress, pictures: int = 1, **dat
 
 
 def first_presses(dataset: Dataset, presses: int, *, pictures: int | None = None) -> Dataset:
-    """The first presses, and some images of the untouched gel, which cost a rig nothing.
+    """The first presses, and some images of the untouched gel, which cost a rig no time.
 
-    Of each press the first `pictures`; None: all.
+    Only the first `pictures` of each press are kept; None: all.
     """
     touched = dataset.presses[:, 2] > 0
     holds = holds_of(dataset, np.flatnonzero(touched))[:presses]

@@ -1,4 +1,4 @@
-"""Recorded presses as arrays: what a data set file holds, how it is split, and how training takes it."""
+"""Recorded presses as arrays: the content of a data set file, its split, and its form for training."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tactile_nodes.learning.datasets.split import TEST_SHARE, VALIDATION_SHARE, 
 from tactile_nodes.sensing.geometry import BinGrid
 
 CIRCUMSTANCES = ('command', 'made_with', 'bag_names')
-"""Entries of the card that say how the file came about, and do not change what it holds."""
+"""Entries of the card that describe how the file was made, and do not change its content."""
 
 REST_IMAGE = 'rest_image'
 OPTIONAL = (REST_IMAGE,)
@@ -36,13 +36,12 @@ QUALITY = {
 
 @dataclass(frozen=True)
 class RecordedPresses:
-    """Samples of recorded presses. A sample without contact stands at the place of the press that came after it.
+    """Samples of recorded presses. A sample without contact has the place of the next press.
 
-    Lengths in mm and places in the surface frame, forces in N (positive into the gel) and torques in N m; wrenches as
-    measured (pressing is negative z). Depths that nobody knows are NaN. `confidence[confidence_row[i]]` belongs to
-    sample i, `card['bags'][bag[i]]` is the bag that it came from; plan and indenter are told in the same way.
-    `rest_image` is the last rest image that presses were measured against, as cut; without rows in files of before
-    there was one.
+    Lengths are in mm and places in the surface frame, forces in N (positive into the gel), torques in N m. Wrenches are
+    as measured (pressing is negative z). Unknown depths are NaN. `confidence[confidence_row[i]]` belongs to sample i,
+    `card['bags'][bag[i]]` is the bag that it came from; plan and indenter are indexed in the same way. `rest_image` is
+    the last rest image used as reference, as cropped; older files have none, and give an image without rows.
     """
 
     features: Float16[np.ndarray, 'samples rows cols channels']
@@ -84,7 +83,7 @@ class RecordedPresses:
         return fingerprint_of(self.arrays(), self.card)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays by name; of the optional ones those that are there."""
+        """All arrays by name; optional ones only if present."""
         names = (*array_names(), *(name for name in OPTIONAL if getattr(self, name).size))
         return {name: np.ascontiguousarray(getattr(self, name)) for name in names}
 
@@ -97,17 +96,18 @@ class RecordedPresses:
 
     @property
     def hold_number(self) -> Int[np.ndarray, ' samples']:
-        """A number for each window of a press that was measured against one rest image, the same for its pictures."""
+        """A number for each window of a press measured against one rest image, the same for all its images."""
         rests = np.unique(self.reference_id, return_inverse=True)[1]
         keys = np.column_stack([self.press_number, self.attempt, self.window_ns, self.contact, rests.reshape(-1)])
         numbers: np.ndarray = np.unique(keys, axis=0, return_inverse=True)[1]
         return numbers.reshape(-1)
 
     def of_indenter(self, name: str) -> RecordedPresses:
-        """The presses of one indenter, and all samples without contact; without a name, if there are no others.
+        """The presses of one indenter and all samples without contact. The name may be left out if there is one
+        indenter.
 
         Raises:
-            DatasetError: there is no such indenter, or several and none is named.
+            DatasetError: there is no such indenter, or there are several and none is named.
         """
         known = self.card['indenters']
         listed = ', '.join(each or 'one without a name' for each in known)
@@ -131,11 +131,11 @@ class RecordedPresses:
         """
         if kind == 'position':
             return by_position(self.position_mm, seed=seed, test=test, validation=validation)
-        depth = np.where(np.isnan(self.depth_mm), self.force_n, self.depth_mm)  # each force then has its share
+        depth = np.where(np.isnan(self.depth_mm), self.force_n, self.depth_mm)  # so that each force has its share
         return by_sample(self.press_number, depth, seed=seed, test=test, validation=validation)
 
     def as_samples(self, chosen: Int[np.ndarray, ' chosen'] | None = None) -> Dataset:
-        """The samples, or some of them, as training and evaluation take them."""
+        """The samples, or some of them, in the form that training and evaluation use."""
         rows = np.arange(len(self)) if chosen is None else chosen
         depth = np.where(self.contact, np.nan_to_num(self.depth_mm, nan=np.inf), -1.0)
         presses = np.column_stack([self.position_mm, depth, self.force_n])[rows]

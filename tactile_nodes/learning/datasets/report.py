@@ -1,4 +1,4 @@
-"""What a data set holds, in words."""
+"""The content of a data set as text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LABEL = 14
 
 
 def report(presses: RecordedPresses) -> str:
-    """Counts, ranges, methods, the reading of the labels, and what was left out by reason."""
+    """Counts, ranges, methods, the reading of the labels, and presses left out by reason."""
     card = presses.card
     width, height = size_of_crop(card['crop_px'])
     lines = [
@@ -53,7 +53,7 @@ def reasons(left_out: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def left_out_table(left_out: Iterable[Mapping[str, Any]], bag_names: Sequence[str]) -> str:
-    """Every attempt that was left out, one a line."""
+    """All attempts that were left out, one per line."""
     heads = f'{"bag":24}{"press":>7}{"attempt":>9}  {"reason":22}detail'
     rows = [
         f'{bag_names[each["bag"]]:24}{each["press"]:>7}{each["attempt"]:>9}  {each["reason"]:22}{each["detail"]}'
@@ -113,7 +113,7 @@ def _bags(presses: RecordedPresses) -> list[tuple[str, str]]:
 
 
 def clock_line(clock: Mapping[str, Any]) -> str:
-    """What is known of a recorder's clock: what its stamps lack, how it drifts, and how well that is known."""
+    """A line about a recorder's clock: its offset, its drift, and their uncertainty."""
     if 'refused' in clock:
         return f'{clock["recorder"]}: not known, {clock["edges"]} edges: {clock["why"]}'
     done = 'corrected' if clock['corrected'] else 'agrees, left as it is'

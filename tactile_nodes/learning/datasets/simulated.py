@@ -1,8 +1,8 @@
-"""Presses of the simulated sensor as training samples: rendered, measured, kept on disk.
+"""Presses of the simulated sensor as training samples: rendered, measured, stored on disk.
 
-A data set follows from its configuration alone: every block of presses has its own seed and its own rest
-image, so neither the number of processes nor their order changes a byte. What was made once is found again
-by the hash of everything that it depends on.
+A data set depends on its configuration alone. Every block of presses has its own seed and its own rest image, so
+neither the number of processes nor their order changes a byte. Finished blocks are found again by the hash of
+everything that they depend on.
 """
 
 from __future__ import annotations
@@ -29,21 +29,20 @@ from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.optics import Optics, mix
 
 RECIPE = 2
-"""Raised when the code below gives other samples for the same configuration."""
+"""Increased when the code below gives other samples for the same configuration."""
 TRUSTED_SHARE = 0.9
 PRESSES_PER_BLOCK = 250
-"""So many are rendered at a time where one rest image serves all."""
+"""Number of presses rendered at a time if one rest image serves all."""
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Samples of presses: features, where and how deep the tip was, its force, and the regions' confidence.
+    """Samples of presses: features, place and depth of the tip, force, and confidence of the regions.
 
-    `presses[i]` is x, y, depth (mm; a negative depth is no contact, an infinite one is not known) and force (N);
-    `rest[i]` is the row of `confidence` that belongs to sample i: one for each rest image, or, of a flow that judges
-    every frame, one for each sample.
-    Samples of one number in `hold` are pictures of one press held still; None: each sample is another press.
-    `indenter` names what pressed each sample, as its record does ('': it does not); None: of none it does.
+    `presses[i]` is x, y, depth (mm; negative: no contact, infinite: unknown) and force (N). `rest[i]` is the row of
+    `confidence` for sample i. There is one row for each rest image or, if the flow rates every frame, for each sample.
+    Samples with the same number in `hold` are images of one press held still; None: each sample is another press.
+    `indenter` names the indenter of each sample as recorded ('': not recorded); None: recorded for no sample.
     """
 
     features: Float16[np.ndarray, 'samples rows cols channels']
@@ -63,20 +62,21 @@ class Dataset:
 
     @property
     def known(self) -> Bool[np.ndarray, ' samples']:
-        """Whether somebody knows a sample's place and force."""
+        """Whether a sample's place and force are known."""
         finite: np.ndarray = np.isfinite(self.presses[:, [0, 1, 3]]).all(axis=1)
         return finite
 
     def trusted(self, floor: float) -> Float32[np.ndarray, 'rows cols']:
         """1 for regions that held markers in nine of ten samples, else 0.
 
-        A region may be lost for a while where the tip pulls its markers apart; one at the rim of the gel is always.
+        A region may be lost temporarily where the tip pulls its markers apart. A region at the rim of the gel is always
+        lost.
         """
         share = (self.confidence >= floor)[self.rest].mean(axis=0)
         return np.asarray(share >= TRUSTED_SHARE, np.float32)
 
     def take(self, rows: Int[np.ndarray, ' chosen']) -> Dataset:
-        """Some of the samples, under the fingerprint of all."""
+        """Some of the samples, with the fingerprint of the whole data set."""
         return replace(
             self, features=self.features[rows], presses=self.presses[rows], rest=self.rest[rows],
             hold=None if self.hold is None else self.hold[rows],
@@ -86,7 +86,7 @@ class Dataset:
 
 @dataclass(frozen=True)
 class Block:
-    """Presses that are measured against one rest image, from the `first` of the plan on."""
+    """Presses that are measured against one rest image, starting at number `first` of the plan."""
 
     config: TrainConfig
     number: int
@@ -96,12 +96,12 @@ class Block:
 
     @property
     def rest_number(self) -> int:
-        """Blocks of one number share their rest image."""
+        """Blocks with the same number share their rest image."""
         return self.number if self.config.data.presses_per_rest_image else 0
 
 
 def simulate(config: TrainConfig, progress: Progress) -> Dataset:
-    """The data set of a configuration; blocks that were made before, also by a run that was cut short, are read."""
+    """The data set of a configuration. Blocks made before, also by an interrupted run, are read from their files."""
     folder = paths.cache_directory() / 'datasets' / recipe_id(config)
     folder.mkdir(parents=True, exist_ok=True)
     blocks = blocks_of(config, folder)
@@ -110,8 +110,8 @@ def simulate(config: TrainConfig, progress: Progress) -> Dataset:
 
 
 def recipe_id(config: TrainConfig) -> str:
-    """Sixteen hexadecimal digits over everything that a block of samples depends on."""
-    # Where frames without contact stand in a plan depends on how many presses it has; random presses are made by block.
+    """Sixteen hexadecimal digits of a hash over everything that a block of samples depends on."""
+    # The places of frames without contact in a plan depend on its number of presses. Random presses are made by block.
     whatever = ('presses', 'processes') if config.data.plan == 'random' else ('processes',)
     data = {name: value for name, value in config.data.simulated().items() if name not in whatever}
     chosen = {
@@ -136,7 +136,8 @@ def blocks_of(config: TrainConfig, folder: Path) -> list[Block]:
 
 
 def blocks_of_first(config: TrainConfig, presses: int, name: str) -> list[Block]:
-    """Those that hold the first presses of a plan, with files in a folder of that name beside the data set's own."""
+    """The blocks with the first presses of a plan. Their files are in a folder of this name beside the data set's
+    own."""
     folder = paths.cache_directory() / 'datasets' / recipe_id(config) / name
     folder.mkdir(parents=True, exist_ok=True)
     return [block for block in blocks_of(config, folder) if block.first < presses]
@@ -166,14 +167,15 @@ def _load(files: list[Path]) -> Dataset:
 
 
 def _confidence_rows(sizes: list[tuple[int, int]]) -> Int[np.ndarray, ' samples']:
-    """Which confidence belongs to each sample of blocks with so many samples and confidences (one, or as many)."""
+    """The row of confidence for each sample, from the numbers of samples and confidences (one, or as many) of each
+    block."""
     first = np.cumsum([0, *(confidences for _, confidences in sizes)])
     rows = [start + np.arange(n) % confidences for start, (n, confidences) in zip(first, sizes, strict=False)]
     return np.concatenate(rows)
 
 
 def _render_block(block: Block) -> Arrays:
-    """The samples of one block (in a process of its own)."""
+    """The samples of one block (in a separate process)."""
     config = block.config
     table = contact_table(config.gel)
     optics = Optics(config.gel, table)
@@ -202,7 +204,7 @@ def _differ(arrays: list[np.ndarray]) -> bool:
 
 
 def noise_seeds(seed: int, block: int) -> Iterator[int]:
-    """Of a block's pictures: first those of its rest image, then those of its presses."""
+    """Seeds for a block's images: first those of its rest image, then those of its presses."""
     number = mix(seed) ^ mix(block)
     while True:
         number = mix(number)
@@ -210,5 +212,5 @@ def noise_seeds(seed: int, block: int) -> Iterator[int]:
 
 
 def cropped(config: TrainConfig, image: np.ndarray) -> np.ndarray:
-    """The middle of a camera image, as it is measured."""
+    """The middle of a camera image, which is the part that is measured."""
     return centre_crop(image, config.data.crop, config.data.crop)

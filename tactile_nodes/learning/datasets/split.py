@@ -1,9 +1,9 @@
-"""Which presses a network learns from, which stop its training, and which it is judged by.
+"""Splits presses into a training set, a validation set that stops training, and a test set.
 
-`by_sample` is the paper's: a fifth of the presses is put aside, so a position of the test set occurs in training at
-other depths. `by_position` puts whole positions aside, so that no question of the test was seen at any depth.
+`by_sample` is the paper's split: a fifth of the presses is set aside, so a position of the test set occurs in training
+at other depths. `by_position` sets whole positions aside, so no position of the test was seen at any depth.
 
-A split follows from the presses and its seed alone, and all samples of one press fall on the same side.
+A split depends on the presses and its seed alone. All samples of one press are in the same set.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ TEST_SHARE = 0.2
 VALIDATION_SHARE = 0.1
 KINDS = ('sample', 'position')
 MOST_DEPTHS = 16
-"""With more different depths than this a plan is taken for one of random depths."""
+"""A plan with more different depths than this is treated as one of random depths."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """Indices of samples, each in rising order; every sample is in one of the three."""
+    """Indices of samples, each in rising order. Every sample is in exactly one of the three sets."""
 
     train: Int[np.ndarray, ' train']
     validation: Int[np.ndarray, ' validation']
@@ -49,7 +49,7 @@ def by_sample(
     test: float = TEST_SHARE,
     validation: float = VALIDATION_SHARE,
 ) -> Split:
-    """The paper's split, over presses, each depth in proportion.
+    """The paper's split over presses, stratified by depth.
 
     Of 10952 presses 2191 (a fifth, rounded up) are the test set, and nine tenths of the others, rounded down, train:
     7884, the number that the paper gives. Samples with the same number in `press` stay together.
@@ -59,7 +59,7 @@ def by_sample(
     """
     _, first, member = np.unique(press, return_index=True, return_inverse=True)
     deepest = np.asarray(depth_mm, np.float64)[first]
-    np.maximum.at(deepest, member, depth_mm)  # of a press and the frames taken before it, the press
+    np.maximum.at(deepest, member, depth_mm)  # the depth of the press, not of the frames before it
     return _split(member, depth_strata(deepest), seed, test, validation)
 
 
@@ -70,7 +70,7 @@ def by_position(
     test: float = TEST_SHARE,
     validation: float = VALIDATION_SHARE,
 ) -> Split:
-    """A split of positions: none of the test set occurs in training or validation, at any depth.
+    """A split of positions: no position of the test set occurs in training or validation, at any depth.
 
     Of the paper's 1369 positions 274 are the test set (2192 presses), 985 train.
 
@@ -82,14 +82,14 @@ def by_position(
 
 
 def position_ids(position_mm: Float[np.ndarray, 'samples 2']) -> Int[np.ndarray, ' samples']:
-    """A number for each position; those within half a micrometre are one."""
+    """A number for each position. Positions within half a micrometre count as one."""
     micrometres = np.round(np.asarray(position_mm, np.float64) * 1e3).astype(np.int64)
     numbers: np.ndarray = np.unique(micrometres, axis=0, return_inverse=True)[1]
     return numbers.reshape(-1)
 
 
 def depth_strata(depth_mm: Float[np.ndarray, ' presses']) -> Int[np.ndarray, ' presses']:
-    """A number for each depth of a plan; of random depths, for each eighth of the presses."""
+    """A number for each depth of a plan; for random depths, a number for each eighth of the presses."""
     depths, strata = np.unique(np.round(depth_mm, 3), return_inverse=True)
     if len(depths) > MOST_DEPTHS:
         strata = np.argsort(np.argsort(depth_mm, kind='stable'), kind='stable') * 8 // len(depth_mm)
@@ -118,7 +118,7 @@ def _split(
 
 
 def _draw(candidates: np.ndarray, stratum: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
-    """`count` of the candidates, from each stratum its share."""
+    """`count` of the candidates, in proportion from each stratum."""
     names, sizes = np.unique(stratum, return_counts=True)
     drawn = [
         random.permutation(candidates[stratum == name])[:share]
