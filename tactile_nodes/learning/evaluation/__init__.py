@@ -1,1 +1,1 @@
-"""How good a model is on presses that it never saw."""
+"""Evaluation of models on presses that they never saw."""

@@ -1,4 +1,4 @@
-"""How good a model is, on presses that it never saw: continuous random places and depths, with a seed of their own."""
+"""Evaluates a model on presses that it never saw: continuous random places and depths, with a separate seed."""
 
 from __future__ import annotations
 
@@ -31,14 +31,15 @@ from tactile_nodes.model_file import LoadedModel, load_model
 from tactile_nodes.simulation.gel import Gel
 
 LIGHTEST_MM = 0.25
-"""Where the paper's depths begin; touches up to there are a set of their own."""
+"""The smallest depth of the paper. Touches up to this depth are a separate set."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A model's scores: by group of presses, at rest, of light touches, uncertainty.
+    """A model's scores: by group of presses, at rest, for light touches, and of its uncertainty.
 
-    What was not asked for, or what a model does not state, is None or empty. `answers` are what it all follows from.
+    Scores that were not requested, or that the model does not provide, are None or empty. All scores are computed from
+    `answers`.
     """
 
     name: str
@@ -54,7 +55,7 @@ class Evaluation:
     light: LightScores | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """The scores as JSON knows them; what is not known is None."""
+        """The scores in JSON types. Unknown values are None."""
         plain = _plain(asdict(dataclasses.replace(self, answers=None)))  # type: ignore[arg-type]
         return {name: value for name, value in plain.items() if name != 'answers'}
 
@@ -68,10 +69,10 @@ def evaluate(
 ) -> Evaluation:
     """Scores of a model on simulated presses of the gel that it was trained on.
 
-    Of five frames one is at rest; half as many presses again are light touches (seed + 1).
+    One frame in five is at rest. Light touches come in addition, half as many as presses, with seed + 1.
 
     Raises:
-        ModelError: the file cannot be used, was trained on other data than simulated, or with one of these seeds.
+        ModelError: the file cannot be used, or the model was trained on data that is not simulated or on these seeds.
     """
     loaded, progress = load_model(model_file), progress or Progress()
     config = evaluation_config(loaded, presses, seed)
@@ -86,7 +87,7 @@ def evaluate(
 
 
 def evaluate_recorded(model_file: Path | str, file: Path | str, *, split: str | None = None) -> Evaluation:
-    """Scores of a model on recorded presses that it never saw: what its training put aside, or another file.
+    """Scores of a model on recorded presses that it never saw: those its training set aside, or another file.
 
     Raises:
         ModelError: the model cannot be used, needs other features, or saw these presses.
@@ -100,12 +101,12 @@ def evaluate_recorded(model_file: Path | str, file: Path | str, *, split: str | 
 def evaluate_put_aside(
     model_file: Path | str, *, of: Path | str | None = None, progress: Progress | None = None
 ) -> Evaluation:
-    """Scores of a model on what the training of a model (itself unless told) put aside of its simulated grid.
+    """Scores of a model on the simulated grid presses that the training of a model (by default itself) set aside.
 
-    On a grid position that was trained at other depths this is the paper's question.
+    On a grid position that was trained at other depths, this is the paper's test.
 
     Raises:
-        ModelError: a file cannot be used, nothing was put aside, or the model may have learned from these presses.
+        ModelError: a file cannot be used, nothing was set aside, or the model may have learned from these presses.
     """
     loaded, progress = load_model(model_file), progress or Progress()
     other = load_model(of) if of is not None else loaded
@@ -117,7 +118,7 @@ def evaluate_put_aside(
 
 
 def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
-    """What another model's training put aside, with the flow and the features of this one."""
+    """The presses that another model's training set aside, with the flow and the features of this one."""
     theirs, ours = other.card['data'], loaded.card['data']
     if theirs.get('origin') != 'simulated' or 'split_id' not in theirs:
         raise ModelError(f'the training of model {other.model_id} has no simulated test set; name another model')
@@ -142,7 +143,7 @@ def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -
 def score(
     loaded: LoadedModel, dataset: Dataset, data: str = '', name: str = '', progress: Progress | None = None
 ) -> Evaluation:
-    """Scores of a model on samples; `data` says which they are."""
+    """Scores of a model on samples. `data` describes them."""
     answers = predictions_of(loaded, dataset, progress)
     return Evaluation(
         name=name or loaded.model_id,
@@ -182,7 +183,7 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
 
 
 def config_of(loaded: LoadedModel) -> TrainConfig:
-    """What simulated presses need to know of a model: its gel, flow and features."""
+    """The configuration of simulated presses for a model: its gel, flow and features."""
     gel = {name: value for name, value in loaded.card['gel'].items() if name != 'id'}
     return TrainConfig(
         flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), gel=Gel.from_mapping(gel, 'the model card')
@@ -190,7 +191,7 @@ def config_of(loaded: LoadedModel) -> TrainConfig:
 
 
 def light_config(config: TrainConfig, touches: int) -> TrainConfig:
-    """Touches from nothing to where the paper's depths begin."""
+    """Touches from zero depth to the paper's smallest depth."""
     data = dataclasses.replace(
         config.data, presses=touches, seed=config.data.seed + 1, shallowest_mm=0.0, deepest_mm=LIGHTEST_MM,
         without_contact=0.0,
@@ -199,7 +200,7 @@ def light_config(config: TrainConfig, touches: int) -> TrainConfig:
 
 
 def simulated_words(loaded: LoadedModel, config: TrainConfig) -> str:
-    """Which presses they are, and whether the gel is the one that the model was trained on."""
+    """A description of the presses, and whether the gel is the one that the model was trained on."""
     data, gel = config.data, config.gel.gel_id
     words = (
         f'simulated gel {gel}, random places within {2 * data.reach_mm:g}x{2 * data.reach_mm:g} mm and depths of '

@@ -1,4 +1,4 @@
-"""A model's errors in pictures: over the surface, true against found force, and how true its uncertainty is."""
+"""Plots of a model's errors: over the surface, estimated against true force, and coverage of its uncertainty."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 EVALUATION_DPI = 110
 MOST_CELLS = 12
-"""Cells of the error maps along x, and along y; with few presses there are fewer."""
+"""Most cells of the error maps along x and along y. With few presses there are fewer."""
 FEWEST_MAPPED = 128
-"""Fewer presses are drawn one by one, not as medians of cells."""
+"""With fewer presses, each is drawn separately instead of medians of cells."""
 LEAST_IN_CELL = 3
 """A cell with fewer presses stays empty."""
 
 
 def draw(found: Predictions, title: str, file: Path) -> None:
-    """Write the picture; the file's ending says which kind of image.
+    """Write the picture. The file's extension selects the image format.
 
     Raises:
-        ConfigurationError: matplotlib is not installed, or does not know the ending.
+        ConfigurationError: matplotlib is not installed, or does not know the extension.
         DatasetError: the file cannot be written.
     """
     drawn, axes = subplots(2, 3)
@@ -68,7 +68,7 @@ def _map(axis: Any, presses: Predictions, values: np.ndarray, title: str, unit: 
 
 
 def _brightest(errors: np.ndarray) -> float | None:
-    """One cell or press that is far off must not hide all others."""
+    """Upper limit of the colour scale: one outlier must not hide all other errors."""
     shown = errors[np.isfinite(errors)]
     return 1.2 * float(np.percentile(shown, 95)) if len(shown) else None
 
@@ -96,7 +96,7 @@ def _bin_borders(axis: Any, bins: BinGrid) -> None:
 def _true_against_found(axis: Any, presses: Predictions) -> None:
     high = 1.05 * float(max(presses.force_n.max(), presses.total_n.max()))
     known, size = np.isfinite(presses.depth_mm), 4 if len(presses) >= FEWEST_MAPPED else 16
-    axis.scatter(presses.force_n[~known], presses.total_n[~known], s=size)  # nobody knows how deep: hand presses
+    axis.scatter(presses.force_n[~known], presses.total_n[~known], s=size)  # unknown depth: presses by hand
     if known.any():
         deep = presses[known]
         shown = axis.scatter(deep.force_n, deep.total_n, c=deep.depth_mm, s=size, cmap='viridis')

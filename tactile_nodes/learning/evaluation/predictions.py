@@ -1,4 +1,4 @@
-"""What a model says of samples, beside what was true of them, as arrays."""
+"""A model's estimates of samples together with the true values, as arrays."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 @dataclass(frozen=True)
 class Predictions:
-    """Truth and answer of each sample; lengths in mm in the surface frame, forces in N, NaN where a model knows none.
+    """True and estimated values of each sample. Lengths in mm in the surface frame, forces in N, NaN where unknown.
 
-    A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `status`, `told_sigma_n`
-    (the standard deviation of the total) and `nominal_n` (the one that is usual) are what the force topic would say of
-    an undisturbed picture.
+    A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `status`, `told_sigma_n` (the
+    standard deviation of the total) and `nominal_n` (its usual value) are those that the force topic would publish for
+    an undisturbed image.
     """
 
     place_mm: Float[np.ndarray, 'samples 2']
@@ -65,30 +65,30 @@ class Predictions:
 
     @property
     def force_error_n(self) -> Float[np.ndarray, ' samples']:
-        """Found minus true total force."""
+        """Estimated minus true total force."""
         error: np.ndarray = self.total_n - self.force_n
         return error
 
     @property
     def place_error_mm(self) -> Float[np.ndarray, 'samples 2']:
-        """Found minus true place, along x and y."""
+        """Estimated minus true place, along x and y."""
         error: np.ndarray = self.found_mm - self.place_mm
         return error
 
     @property
     def away_mm(self) -> Float[np.ndarray, ' samples']:
-        """Distance between the found and the true place."""
+        """Distance between the estimated and the true place."""
         distance: np.ndarray = np.hypot(self.place_error_mm[:, 0], self.place_error_mm[:, 1])
         return distance
 
     @property
     def detected(self) -> np.ndarray:
-        """Which samples the model takes for a contact: its total force reaches its own threshold."""
+        """Which samples the model reports as contact: its total force reaches its own threshold."""
         return self.total_n >= self.contact_threshold_n
 
 
 def predict(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> list[ForceMap]:
-    """The model's answers, one sample at a time as the live node asks."""
+    """The model's estimates, one sample at a time as in the live node."""
     estimator = ForceEstimator(loaded.model)
     name = loaded.model.layout.encoding
     answers = []
@@ -100,7 +100,7 @@ def predict(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = N
 
 
 def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> Predictions:
-    """Truth and answers for all samples of a data set."""
+    """True and estimated values for all samples of a data set."""
     found = predict(loaded, dataset, progress)
     bins, told = loaded.model.bins, [judged_alone(each) for each in found]
     return Predictions(
@@ -121,5 +121,5 @@ def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | N
 
 
 def name_of(file: Path | str) -> str:
-    """What tables call a model: 'paper' for models/paper.safetensors."""
+    """The name of a model in tables: 'paper' for models/paper.safetensors."""
     return Path(file).stem

@@ -14,11 +14,11 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 NEAR_BORDER_MM = 0.3
 EDGE_MM = 9.0
-"""Two thirds of the way from the middle to where the paper presses last: beyond it along one axis is the rim, along
-both a corner."""
+"""Two thirds of the way from the middle to the paper's outermost presses. Beyond it along one axis is the rim, along
+both axes a corner."""
 DEPTHS_MM = ((0.0, 0.25), (0.25, 0.5), (0.5, 1.0), (1.0, 2.0))
 TOUCH_N = 0.02
-"""A touch of this force should be noticed."""
+"""A touch of this force should be detected."""
 LIGHT_N = (0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 1.0)
 """Borders between groups of light touches, by their true force."""
 ALL = 'all presses'
@@ -26,10 +26,10 @@ ALL = 'all presses'
 
 @dataclass(frozen=True)
 class PressScores:
-    """Figures of merit over presses; the first three are the paper's, lengths in mm, forces in N.
+    """Figures of merit over presses. The first three are the paper's; lengths in mm, forces in N.
 
-    `missed` is the share whose total force stays below the model's threshold of contact. Places count where a model
-    names one.
+    `missed` is the share whose total force stays below the model's contact threshold. Places are scored where the model
+    estimates one.
     """
 
     presses: int
@@ -47,9 +47,9 @@ class PressScores:
 
 @dataclass(frozen=True)
 class RestScores:
-    """What a model says while nothing touches: the total force it invents, and how often it sees a contact in it.
+    """Scores without contact: the total force that the model reports, and how often it reports a contact.
 
-    `force_coverage` is the share of frames whose stated 90 % interval of the total holds zero.
+    `force_coverage` is the share of frames whose 90 % interval of the total contains zero.
     """
 
     frames: int
@@ -63,7 +63,7 @@ class RestScores:
 
 @dataclass(frozen=True)
 class LightBand:
-    """Touches of about the same true force: which share is detected, and how far force and place are off."""
+    """Touches of similar true force: the share that is detected, and the errors of force and place."""
 
     low_n: float
     high_n: float
@@ -75,10 +75,10 @@ class LightBand:
 
 @dataclass(frozen=True)
 class LightScores:
-    """Touches too light for the paper's data: `detected` is the share of those of at least `TOUCH_N`.
+    """Touches lighter than the paper's data. `detected` is the share among those of at least `TOUCH_N`.
 
-    The place counts for touches that are detected. `threshold_n` is the model's threshold of contact, the coverages
-    are those of its 90 % intervals.
+    The place is scored for detected touches. `threshold_n` is the model's contact threshold. The coverages are those of
+    its 90 % intervals.
     """
 
     touches: int
@@ -91,7 +91,7 @@ class LightScores:
 
 
 def groups_of(found: Predictions) -> dict[str, np.ndarray]:
-    """Which samples are scored together: all presses, by distance to bin borders, by region, and by depth."""
+    """Groups of samples for scoring: all presses, by distance to bin borders, by region, and by depth."""
     near = border_distances_mm(found.place_mm, found.bins) < NEAR_BORDER_MM
     groups = {
         ALL: np.ones(len(found), bool),
@@ -105,15 +105,15 @@ def groups_of(found: Predictions) -> dict[str, np.ndarray]:
 
 
 def regions_of(place_mm: Float[np.ndarray, 'samples 2']) -> dict[str, np.ndarray]:
-    """Middle, rim and corners of the surface; a place on the line between belongs to the middle."""
+    """Middle, rim and corners of the surface. A place on the border belongs to the middle."""
     beyond = (np.abs(place_mm) > EDGE_MM).sum(axis=1)
     names = f'middle, {2 * EDGE_MM:g}x{2 * EDGE_MM:g} mm', 'rim', 'corners'
     return {name: beyond == axes for axes, name in enumerate(names)}
 
 
 def depths_of(depth_mm: Float[np.ndarray, ' samples']) -> dict[str, np.ndarray]:
-    """Groups by depth; the deepest presses of the paper are 2 mm deep, and belong to the last."""
-    slack = 1e-6  # recorded depths are decimal numbers
+    """Groups by depth. The deepest presses of the paper are 2 mm deep, and belong to the last group."""
+    slack = 1e-6  # tolerance for the rounding of recorded decimal depths
     deepest = DEPTHS_MM[-1][1]
     return {
         f'{low:g} to {high:g} mm deep': (depth_mm >= low - slack)
@@ -133,7 +133,7 @@ def score_groups(found: Predictions) -> dict[str, PressScores]:
 
 
 def score_presses(found: Predictions) -> PressScores:
-    """Scores over presses, of which there must be one at least."""
+    """Scores over presses. There must be at least one."""
     off_n = np.abs(found.force_error_n)
     placed = found.away_mm[np.isfinite(found.away_mm)]
     return PressScores(
@@ -152,7 +152,7 @@ def score_presses(found: Predictions) -> PressScores:
 
 
 def score_rest(found: Predictions) -> RestScores | None:
-    """Scores over the frames in which nothing touches, if there are any."""
+    """Scores over the frames without contact; None if there are none."""
     rest = found[~found.touched]
     if not len(rest):
         return None
@@ -199,10 +199,10 @@ def _band(found: Predictions, low_n: float, high_n: float) -> LightBand:
 
 
 def percentile(values: Float[np.ndarray, ' samples'], level: float) -> float:
-    """NaN of nothing."""
+    """Percentile of the values; NaN if there are none."""
     return float(np.percentile(values, level)) if len(values) else float('nan')
 
 
 def share(members: np.ndarray) -> float:
-    """The share of true values; NaN of none."""
+    """The share of true values; NaN if there are none."""
     return float(members.mean()) if len(members) else float('nan')

@@ -1,4 +1,4 @@
-"""What the force topic would call each answer, ok, degraded or invalid, and whether that is true."""
+"""The status that the force topic would give each estimate (ok, degraded or invalid), and whether it is right."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ AT_REST, LIGHT = 'at rest', 'light touches'
 class StatusScores:
     """Shares of frames by status.
 
-    `held` is the share of those not invalid whose 90 % interval of the total, as the topic states it, holds the truth;
-    `wrong_while_ok` is the share of the ok ones that are off by more than ok means: twice the nominal error. NaN where
-    there is no such frame, or the model states none.
+    `held` is the share of frames not invalid whose 90 % interval of the total, as published, contains the true value.
+    `wrong_while_ok` is the share of the ok frames whose error exceeds the limit for ok: twice the nominal error. Both
+    are NaN if there is no such frame, or if the model gives no such values.
     """
 
     frames: int

@@ -1,4 +1,4 @@
-"""Scores as tables, for a terminal or a page; what a model does not state is a '-'."""
+"""Scores as tables, for a terminal or a page. Values that a model does not provide are shown as '-'."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MERITS = {
     'right_bin': 'right bin', 'total_median_n': 'force N', 'total_p95_n': '95 % N', 'total_rmse_n': 'RMSE N',
     'position_median_mm': 'place mm', 'position_p95_mm': '95 % mm', 'missed': 'missed',
 }  # fmt: skip
-"""Heads of columns by the field of `PressScores`; force and place are median and 95th percentile of the error."""
+"""Column heads by the field of `PressScores`. Force and place are median and 95th percentile of the error."""
 STATUSES = {
     'frames': 'frames', 'ok': 'ok', 'degraded': 'degraded', 'invalid': 'invalid', 'held': '90 % interval holds',
     'wrong_while_ok': 'wrong while ok',
@@ -28,14 +28,14 @@ STATUSES = {
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as text, a title above them."""
+    """Cells as text, with a title above them."""
 
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
     def __str__(self) -> str:
-        """Columns in line: the first to the left, the others to the right."""
+        """The table as aligned text: the first column to the left, the others to the right."""
         lines = ['  '.join(cells).rstrip() for cells in self._padded()]
         return '\n'.join([*([self.title] if self.title else []), *lines])
 
@@ -58,7 +58,7 @@ class Table:
 
 
 def report(evaluations: Sequence[Evaluation]) -> str:
-    """All that is known of some models, side by side first."""
+    """All scores of some models, starting with a comparison."""
     parts = [str(comparison(evaluations))] if len(evaluations) > 1 else []
     for each in evaluations:
         parts += ['\n'.join(filter(None, [f'model {each.name} ({each.model_id})', each.data])), *map(str, tables(each))]
@@ -66,7 +66,7 @@ def report(evaluations: Sequence[Evaluation]) -> str:
 
 
 def tables(evaluation: Evaluation) -> list[Table]:
-    """One model's tables."""
+    """The tables of one model."""
     stated = [each for each in (evaluation.force_uncertainty, evaluation.position_uncertainty) if each]
     return [
         groups_table([evaluation]),
@@ -79,7 +79,7 @@ def tables(evaluation: Evaluation) -> list[Table]:
 
 
 def comparison(evaluations: Sequence[Evaluation]) -> Table:
-    """The figures that models are compared by, a row a model: all presses, light touches, rest, coverage."""
+    """Main scores for comparing models, one row per model: all presses, light touches, rest, coverage."""
     heads = (
         '',
         *list(MERITS.values())[1:],
@@ -99,7 +99,7 @@ def comparison(evaluations: Sequence[Evaluation]) -> Table:
 
 
 def groups_table(evaluations: Sequence[Evaluation]) -> Table:
-    """Scores by group; of several models a row for each model and group."""
+    """Scores by group. For several models there is one row for each model and group."""
     several = len(evaluations) > 1
     rows = (
         ((f'{each.name}, {name}' if several else name), *_cells(asdict(scores), MERITS))
@@ -111,7 +111,7 @@ def groups_table(evaluations: Sequence[Evaluation]) -> Table:
 
 
 def rest_table(evaluations: Sequence[Evaluation]) -> Table:
-    """What models say while nothing touches."""
+    """Scores without contact."""
     heads = (
         'at rest',
         'frames',
@@ -153,7 +153,7 @@ def _between(band: LightBand) -> str:
 
 
 def coverage_table(evaluations: Sequence[Evaluation]) -> Table:
-    """Which share of true values the 90 % intervals hold, by depth."""
+    """Share of true values inside the 90 % intervals, by depth."""
     heads = ['90 % interval holds'] + [f'{each.name}, {what}' for each in evaluations for what in ('force', 'place')]
     stated = [part for each in evaluations for part in (each.force_uncertainty, each.position_uncertainty)]
     names = dict.fromkeys(name for part in stated if part for name in part.coverage)
@@ -165,7 +165,7 @@ def coverage_table(evaluations: Sequence[Evaluation]) -> Table:
 
 
 def curve_table(stated: Uncertainty) -> Table:
-    """Stated against actual error, from the surest tenth to the least sure."""
+    """Stated against actual error, from the tenth with the smallest stated error to the largest."""
     places = 4 if stated.unit == 'N' else 3
     what = 'force' if stated.unit == 'N' else 'place, along an axis'
     shown = [[number(value, places) for value in (each.stated, each.actual)] for each in stated.curve]
@@ -178,7 +178,7 @@ def curve_table(stated: Uncertainty) -> Table:
 
 
 def status_table(statuses: Mapping[str, StatusScores]) -> Table:
-    """What the force topic would call the answers, and whether that is true."""
+    """The statuses that the force topic would publish, and whether they are right."""
     rows = tuple((name, *_cells(asdict(scores), STATUSES)) for name, scores in statuses.items())
     return Table('', ('status', *STATUSES.values()), rows)
 
@@ -196,7 +196,7 @@ def _cells(scores: dict[str, object], fields: Iterable[str]) -> list[str]:
 
 
 def cell(field: str, value: object) -> str:
-    """A number as its field's name says: N to a tenth of a mN, mm to a micrometre, counts, and shares in percent."""
+    """A number in the format of its field: N to a tenth of a mN, mm to a micrometre, counts, and shares in percent."""
     assert isinstance(value, (int, float))
     if isinstance(value, int):
         return str(value)
@@ -208,10 +208,10 @@ def cell(field: str, value: object) -> str:
 
 
 def number(value: float, places: int) -> str:
-    """Fixed point, '-' for what is not known."""
+    """Fixed point, '-' if unknown."""
     return '-' if math.isnan(value) else f'{value:.{places}f}'
 
 
 def percent(value: float) -> str:
-    """A share, '-' for what is not known."""
+    """A share in percent, '-' if unknown."""
     return '-' if math.isnan(value) else f'{value:.1%}'

@@ -1,4 +1,4 @@
-"""What a model told of each sample beside what was true, as a table."""
+"""A table of a model's estimates with the true values of each sample."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ STATUS = {
 
 
 def write_told(found: Predictions, file: Path) -> None:
-    """Write a CSV file, one row a sample, counted from 1 in the order of the data set.
+    """Write a CSV file with one row per sample, counted from 1 in the order of the data set.
 
-    Lengths in mm in the surface frame, total forces in N into the gel; an empty cell is not known, as the place of a
-    sample at rest, or told as nothing, as the place where no contact is found.
+    Lengths are in mm in the surface frame, total forces in N into the gel. An empty cell is unknown (the place of a
+    sample at rest) or not reported (the place if no contact is found).
 
     Raises:
         ConfigurationError: no file can be written there.
-        DatasetError: writing failed, as on a full disk.
+        DatasetError: writing failed, for example on a full disk.
     """
     check_output(file)
     try:

@@ -1,4 +1,4 @@
-"""Is a model as sure as it should be? Coverage of its intervals, stated against actual errors."""
+"""Checks a model's stated uncertainty: coverage of its intervals, and stated against actual errors."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """How true the standard deviations are that a model states of one quantity (N, or mm along each axis).
+    """How well a model's standard deviations of one quantity (N, or mm along each axis) match its errors.
 
-    `coverage` is that of the 90 % interval by group of presses, `levels` that of other intervals over all, `curve` the
-    stated against the actual error.
+    `coverage` is that of the 90 % interval by group of presses. `levels` is that of other intervals over all presses.
+    `curve` holds stated against actual errors.
     """
 
     unit: str
@@ -29,7 +29,7 @@ class Uncertainty:
 
 
 def force_uncertainty(found: Predictions) -> Uncertainty | None:
-    """Of the total force, over presses; None if the model states none."""
+    """Uncertainty of the total force, over presses; None if the model states none."""
     chosen = found[found.touched & ~np.isnan(found.total_sigma_n)]
     if not len(chosen):
         return None
@@ -37,7 +37,7 @@ def force_uncertainty(found: Predictions) -> Uncertainty | None:
 
 
 def position_uncertainty(found: Predictions) -> Uncertainty | None:
-    """Of the place along each axis, over presses; None if the model states none."""
+    """Uncertainty of the place along each axis, over presses; None if the model states none."""
     placed = ~np.isnan(found.position_sigma_mm) & ~np.isnan(found.away_mm)
     chosen = found[found.touched & placed]
     if not len(chosen):
@@ -51,7 +51,7 @@ def _judge(
     sigma: Float[np.ndarray, ' samples'],
     depth_mm: Float[np.ndarray, ' samples'],
 ) -> Uncertainty:
-    # Along an axis: the root of the mean over the axes has the same scale as the standard deviation stated for each.
+    # The root mean square over the axes has the same scale as the standard deviation stated for each axis.
     size = np.sqrt(np.mean(errors**2, axis=1))
     each = np.broadcast_to(sigma[:, None], errors.shape)
     groups = {ALL: np.ones(len(sigma), bool), **depths_of(depth_mm)}
