@@ -1,1 +1,1 @@
-"""Models as ONNX files, and the check that they answer alike."""
+"""Models as ONNX files, and a check that both give the same results."""

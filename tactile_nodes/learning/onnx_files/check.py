@@ -1,4 +1,4 @@
-"""An exported model beside the one that it was made from, frame by frame."""
+"""Compares an exported model with its original, frame by frame."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap, ForceM
 from tactile_nodes.sensing.features import Features
 
 SEED = 1001
-"""Of the presses that `tactile evaluate` scores."""
+"""Seed of the presses that `tactile evaluate` scores."""
 
 
 @dataclass(frozen=True)
 class Differences:
     """The largest differences between an exported model and its original over `samples` frames.
 
-    Sigmas and novelty are compared as shares of the original's. The original answers with one contact here; in
-    `several` of the frames it would have named more, of which the export flags `several_flagged` as unlike.
+    Sigmas and novelty are compared as shares of the original's. The original is limited to one contact here. In
+    `several` of the frames it would have found more; the export flags `several_flagged` of these as novel.
     """
 
     samples: int
@@ -39,7 +39,7 @@ class Differences:
 
 
 def real_samples(loaded: LoadedModel, count: int, progress: Progress | None = None) -> Dataset:
-    """The first frames that `tactile evaluate` takes for this model, every fifth of them at rest.
+    """The first frames that `tactile evaluate` uses for this model. Every fifth is at rest.
 
     Raises:
         ModelError: the model was not trained on simulated presses.
@@ -50,7 +50,7 @@ def real_samples(loaded: LoadedModel, count: int, progress: Progress | None = No
 
 
 def frames(loaded: LoadedModel, samples: Dataset, lost_share: float = 0.0) -> list[Features]:
-    """The samples as a node sees them, if asked with this share of all regions lost, drawn anew for each."""
+    """The samples as a node sees them, optionally with this share of all regions lost, drawn again for each sample."""
     random, name = np.random.default_rng(0), loaded.model.layout.encoding
     made = []
     for values, rest in zip(samples.features, samples.rest, strict=True):
@@ -61,7 +61,7 @@ def frames(loaded: LoadedModel, samples: Dataset, lost_share: float = 0.0) -> li
 
 
 def compare(loaded: LoadedModel, content: bytes, shown: list[Features]) -> Differences:
-    """Ask both about each frame.
+    """Run both models on each frame.
 
     Raises:
         ConfigurationError: onnxruntime is not installed.
@@ -96,13 +96,13 @@ def _gaps(expected: ForceMap, found: dict[str, np.ndarray]) -> tuple[float, floa
 
 
 def _gap(found: np.ndarray, expected: np.ndarray | float | tuple[float, float]) -> float:
-    """The largest difference; none where neither knows, and without limit where only one does."""
+    """The largest difference: zero if both are unknown, infinite if only one is."""
     gaps = np.abs(np.float64(found) - np.asarray(expected))
     unknown = np.isnan(found), np.isnan(expected)
     return float(np.where(unknown[0] & unknown[1], 0.0, np.where(unknown[0] | unknown[1], np.inf, gaps)).max())
 
 
 def _share(found: np.ndarray, expected: float) -> float:
-    """The difference as a share of what is expected."""
+    """The difference as a share of the expected value."""
     gap = _gap(found, expected)
     return gap / max(abs(expected), 1e-9) if gap > 0 else 0.0

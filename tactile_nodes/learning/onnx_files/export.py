@@ -1,4 +1,4 @@
-"""A model file as an ONNX file: for runtimes other than numpy, with the model's card inside."""
+"""Exports a model file to ONNX, for runtimes other than numpy, with the model's card inside."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _MEANING = (
 def onnx_bytes(loaded: LoadedModel) -> bytes:
     """The model as an ONNX file's content, checked by onnx.
 
-    It answers a frame as `ForceEstimator` does, with the strongest contact only: `contacts` in its properties says 1.
+    Its outputs are those of `ForceEstimator`, with the strongest contact only: `contacts` in its properties is 1.
 
     Raises:
         ConfigurationError: the package onnx is not installed.
-        ModelError: there is no graph of its kind of readout yet.
+        ModelError: this kind of readout has no graph yet.
     """
     writer, readout = Writer(), loaded.model.readout
     if isinstance(readout, FieldReadout):
@@ -61,11 +61,11 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
 
 
 def export_onnx(loaded: LoadedModel, file: Path) -> int:
-    """Write the model as ONNX; gives the file's size in bytes.
+    """Write the model as ONNX. Returns the file's size in bytes.
 
     Raises:
         ConfigurationError: the package onnx is not installed, or no file can be written there.
-        ModelError: writing failed, as on a full disk.
+        ModelError: writing failed, for example on a full disk.
     """
     check_output(file)
     try:

@@ -1,4 +1,4 @@
-"""Writing ONNX graphs as formulas: values that add, multiply and compare as numpy's do, one node an operation.
+"""Writes ONNX graphs as formulas: values add, multiply and compare as in numpy, with one node per operation.
 
 writer = Writer()
 x = writer.input('x', np.float32, (3,), 'px, along x, y and z')
@@ -22,7 +22,7 @@ with from_extra('onnx', 'making ONNX files'):
     from onnx import helper, numpy_helper
 
 OPSET = 17
-"""Of 2022: old enough for every runtime in use. Version 8 of the file format belongs to it."""
+"""From 2022: old enough for every runtime in use. Its file format is version 8."""
 FILE_VERSION = 8
 
 Operand = Union['Value', float, np.ndarray]
@@ -30,14 +30,14 @@ Operand = Union['Value', float, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Value:
-    """A tensor of the graph. Numbers and arrays beside it in a formula become constants of its type."""
+    """A tensor of the graph. Other operands of a formula, numbers and arrays, become constants of its type."""
 
     writer: Writer
     name: str
     dtype: np.dtype[Any]
 
     __array_ufunc__ = None
-    """So that numpy leaves formulas that begin with an array to us."""
+    """Prevents numpy from evaluating formulas that begin with an array."""
 
     def __add__(self, other: Operand) -> Value:
         return self.writer.op('Add', self, other)
@@ -89,26 +89,26 @@ class Value:
         return self.writer.op('Gather', self, self.writer.constant(np.int64(place)), axis=0)
 
     def least(self, other: Operand) -> Value:
-        """The smaller of both."""
+        """Element-wise minimum."""
         return self.writer.op('Min', self, other)
 
     def most(self, other: Operand) -> Value:
-        """The larger of both."""
+        """Element-wise maximum."""
         return self.writer.op('Max', self, other)
 
     def sqrt(self) -> Value:
         return self.writer.op('Sqrt', self)
 
     def sum(self) -> Value:
-        """Of all entries: a scalar."""
+        """Sum of all entries: a scalar."""
         return self.writer.op('ReduceSum', self, keepdims=0)
 
     def mean(self) -> Value:
-        """Of all entries: a scalar."""
+        """Mean of all entries: a scalar."""
         return self.writer.op('ReduceMean', self, keepdims=0)
 
     def max(self) -> Value:
-        """Of all entries: a scalar."""
+        """Maximum of all entries: a scalar."""
         return self.writer.op('ReduceMax', self, keepdims=0)
 
     def reshape(self, *shape: int) -> Value:
@@ -131,7 +131,7 @@ class Value:
 
 
 class Writer:
-    """Collects the nodes of a graph; those of a branch or a loop go into a graph within it."""
+    """Collects the nodes of a graph. Nodes of a branch or a loop go into a subgraph."""
 
     def __init__(self) -> None:
         self._open: list[list[onnx.NodeProto]] = [[]]
@@ -153,7 +153,7 @@ class Writer:
         self._outputs.append(_info(Value(self, name, value.dtype), shape, meaning))
 
     def constant(self, array: np.ndarray | np.generic) -> Value:
-        """Numbers that the graph holds; equal ones are kept once."""
+        """A constant of the graph. Equal constants are stored once."""
         array = np.asarray(array, order='C')
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self._constants:
@@ -169,14 +169,14 @@ class Writer:
     def op(
         self, kind: str, first: Value, *others: Operand, dtype: type | np.dtype[Any] | None = None, **more: Any
     ) -> Value:
-        """One node with one output, of the first operand's type unless told."""
+        """One node with one output, by default of the first operand's type."""
         operands = [first, *(self.like(first, each) for each in others)]
         made = Value(self, self._name(kind), np.dtype(dtype or first.dtype))
         self._add(kind, [each.name for each in operands], [made.name], **more)
         return made
 
     def concat(self, *parts: Value) -> Value:
-        """Scalars or vectors end to end."""
+        """Concatenate scalars or vectors."""
         return self.op('Concat', *(each.reshape(-1) for each in parts), axis=0)
 
     def split(self, value: Value, *sizes: int) -> list[Value]:
@@ -186,7 +186,7 @@ class Writer:
         return made
 
     def choose(self, condition: Value, yes: Callable[[], Value], no: Callable[[], Value]) -> Value:
-        """What one of two branches computes; only that one is."""
+        """The result of one of two branches. Only that branch is computed."""
         graphs = {'then_branch': self._branch(yes), 'else_branch': self._branch(no)}
         dtype = np.dtype(graphs['then_branch'][1])
         made = Value(self, self._name('If'), dtype)
@@ -200,7 +200,7 @@ class Writer:
         step: Callable[..., tuple[Value, list[Value]]],
         begin: Value | None = None,
     ) -> list[Value]:
-        """Repeat `step(*state) -> go on?, state` while it says so, at most `most` times; never if `begin` is false."""
+        """Repeat `step(*state) -> go on?, state` while true, at most `most` times; never if `begin` is false."""
         inside = [Value(self, self._name('state'), each.dtype) for each in state]
         counter = Value(self, self._name('turn'), np.dtype(np.int64))
         condition = Value(self, self._name('condition'), np.dtype(bool))
@@ -222,7 +222,7 @@ class Writer:
         """The finished model, checked.
 
         Raises:
-            onnx.checker.ValidationError, onnx.shape_inference.InferenceError: the graph is none.
+            onnx.checker.ValidationError, onnx.shape_inference.InferenceError: the graph is not valid.
         """
         graph = helper.make_graph(self._open[0], 'tactile_nodes', self._inputs, self._outputs, self._initializers)
         model = helper.make_model(

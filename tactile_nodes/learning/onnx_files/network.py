@@ -18,7 +18,7 @@ _ACTIVATIONS = {'logistic': 'Sigmoid', 'relu': 'Relu'}
 
 
 def write_network(writer: Writer, readout: NetworkReadout, inputs: Inputs) -> Answer:
-    """Scaled features to forces, place, and what the readout knows of its errors."""
+    """Scaled features to forces, place, and the readout's estimates of its errors."""
     forces = _layers(writer, readout.network, inputs.scaled) * readout.output_scale_n
     total, spread = forces.cast(np.float64).sum(), readout.spread
     sigma = hypot(total * spread.share, spread.floor_n)

@@ -1,4 +1,4 @@
-"""What the graphs of both readouts share: scaling of the features, likeness, contacts as outputs."""
+"""Parts shared by the graphs of both readouts: scaling of features, likeness, contacts as outputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 class Inputs:
     """The scaled features of a frame, which of them are missing (1 or 0), and the share of known regions seen.
 
-    `features` and `confidence` are what they were made of.
+    `features` and `confidence` are their unscaled inputs.
     """
 
     features: Value
@@ -28,7 +28,7 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a graph answers: one contact and its standard deviations, as in `ForceMap`."""
+    """The outputs of a graph: one contact and its standard deviations, as in `ForceMap`."""
 
     normal_force: Value
     contact: Value
@@ -40,7 +40,7 @@ class Answer:
 def write_inputs(
     writer: Writer, layout: FeatureLayout, scaling: InputScaling, layer: CalibrationLayer | None = None
 ) -> Inputs:
-    """The graph's inputs, as `InputScaling` makes them: silent where no markers are to be followed.
+    """The graph's inputs, computed as in `InputScaling`: zero where no markers can be tracked.
 
     A calibration layer comes before the scaling.
     """
@@ -53,7 +53,7 @@ def write_inputs(
 
 
 def scale(features: Value, confidence: Value, scaling: InputScaling) -> Inputs:
-    """Features as a scaling makes them; see `InputScaling`."""
+    """Features scaled as in `InputScaling`."""
     writer, (*grid, channels) = features.writer, scaling.mean.shape
     followed = (confidence >= float(scaling.confidence_floor)).cast(np.float32)
     used = followed * scaling.trusted

@@ -1,7 +1,7 @@
 """The graph of a response readout: `tactile_nodes.sensing.explain.measured.response` in ONNX, for one contact.
 
-Places and forces are 64 bit floats and features 32 bit ones, as in numpy. What ONNX has no operation for is written
-out: systems of three equations with cofactors, and those for missing regions with conjugate gradients.
+Places and forces are 64 bit floats and features 32 bit floats, as in numpy. Operations that ONNX lacks are written out:
+systems of three equations with cofactors, and systems for missing regions with conjugate gradients.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def write_response(writer: Writer, readout: ResponseReadout, inputs: Inputs) -> Answer:
-    """Scaled features to the one contact that explains them best, its uncertainty, and the bins' forces."""
+    """Scaled features to the single contact with the best fit, its uncertainty, and the bins' forces."""
     scores, left_over = _project(inputs, readout.likeness)
     known = (
         readout.likeness.directions.shape[1] // readout.scaling.trusted.size * int((readout.scaling.trusted > 0).sum())
     )
     enough = known - inputs.missing.sum() >= len(readout.likeness.directions)
-    # Of numbers that are none, the difference to themselves is none either.
+    # For NaN and infinity, the difference of a number to itself is NaN.
     finite = enough & ~writer.op('IsNaN', (scores - scores).sum() + (left_over - left_over), dtype=bool)
     components = readout.whitening @ finite.where(scores, 0)
     place, misfit, information = _locate(readout.response, components, readout.calibration.least_gain)
@@ -57,7 +57,7 @@ def write_response(writer: Writer, readout: ResponseReadout, inputs: Inputs) -> 
 
 
 def _project(inputs: Inputs, likeness: Likeness) -> tuple[Value, Value]:
-    """Scores along the principal directions, and what they leave over in units of its limit; see `project`."""
+    """Scores along the principal directions, and the remainder in units of its limit; see `project`."""
     directions, scaled, writer = likeness.directions, inputs.scaled, inputs.scaled.writer
     along = directions @ scaled
     lost = inputs.missing.sum()
@@ -71,7 +71,7 @@ def _project(inputs: Inputs, likeness: Likeness) -> tuple[Value, Value]:
 
 
 def _without(directions: np.ndarray, along: Value, missing: Value) -> Value:
-    """Scores if some inputs are missing: the least squares' system, by conjugate gradients."""
+    """Scores if some inputs are missing: the least-squares system, solved by conjugate gradients."""
     count = len(directions)
     overlap = (directions * missing.reshape(1, -1)) @ np.ascontiguousarray(directions.T)
     square = (np.eye(count, dtype=np.float32) * np.float32(1 + SURE_OF_DIRECTIONS) - overlap).cast(np.float64)
@@ -85,13 +85,14 @@ def _without(directions: np.ndarray, along: Value, missing: Value) -> Value:
         smaller = residual @ residual
         return enough < smaller, [solved + share * towards, residual, residual + smaller / size * towards, smaller]
 
-    # Rounding makes up to twice as many steps as unknowns; without any signal there is nothing to solve.
+    # Rounding may double the number of steps beyond the number of unknowns. Without any signal there is nothing to
+    # solve.
     solved = along.writer.loop(2 * count, [right * 0, right, right, right @ right], step, enough < right @ right)
     return solved[0].cast(np.float32)
 
 
 def _start(response: Response, components: Value) -> Value:
-    """The entry of the table that comes closest; see `Response.start`."""
+    """The nearest entry of the table; see `Response.start`."""
     writer, table = components.writer, response.start_components
     norms = (table**2).sum(axis=1)
     lightest = response.starts[:, 2] == response.starts[:, 2].min()
@@ -104,7 +105,7 @@ def _start(response: Response, components: Value) -> Value:
 
 
 def _locate(response: Response, components: Value, least_gain: float) -> tuple[Value, Value, Value]:
-    """The best contact of the steps, its misfit and its information; see `locate`."""
+    """The best contact over all steps, its misfit and its information; see `locate`."""
     writer = components.writer
     largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
     low, high = np.array([response.x.low, response.y.low, 0.0]), np.array([axis.high for axis in response.axes])
@@ -128,13 +129,13 @@ def _locate(response: Response, components: Value, least_gain: float) -> tuple[V
 
 
 def _gained(response: Response, components: Value, place: Value, misfit: Value) -> Value:
-    """How much more probable a contact is than none; see `gained`."""
+    """How much more probable a contact is than no contact; see `gained`."""
     nothing = (components * components * _certainty(response, place[2])).mean()
     return (nothing - misfit) * (len(response.growth) / 2)
 
 
 def _compare(response: Response, components: Value, here: Value) -> tuple[Value, Value, Value]:
-    """Misfit, information and the way down."""
+    """Misfit, information and descent direction."""
     made, slopes = components.writer.split(value_and_slopes(response.axes, response.coefficients, here), 1, 3)
     left, certainty = components - made.reshape(-1), _certainty(response, here[2])
     slopes = slopes.cast(np.float64)
@@ -148,7 +149,7 @@ def _certainty(response: Response, s: Value) -> Value:
 
 
 def _cofactors(square: Value) -> tuple[Value, Value]:
-    """Cofactors and determinant of a 3x3 matrix; of a symmetric one the inverse is their quotient."""
+    """Cofactors and determinant of a 3x3 matrix. For a symmetric matrix, their quotient is the inverse."""
     flat = square.reshape(-1)
     (a, b), (c, d) = ([flat.take(3 * rows[:, None] + cols) for cols in (_NEXT, _AFTER)] for rows in (_NEXT, _AFTER))
     cofactors = a * d - b * c
@@ -164,7 +165,7 @@ def _answer(
     readout: ResponseReadout, finite: Value, components: Value, place: Value, misfit: Value, information: Value,
     unlike: Value,
 ) -> Answer:  # fmt: skip
-    """Forces, contact and uncertainty; no force where it may well be noise; see `ResponseReadout.reading`."""
+    """Forces, contact and uncertainty. The force is zero where it may be noise; see `ResponseReadout.reading`."""
     writer, calibration, response = components.writer, readout.calibration, readout.response
     cofactors, determinant = _cofactors(information + np.diag(DAMPING))
     variances = cofactors.reshape(-1).take(np.array([0, 4, 8])) / determinant
@@ -199,9 +200,9 @@ def _answer(
 def _told(
     readout: ResponseReadout, components: Value, place: Value, inverse: Value, noise_without: Callable[[Value], Value]
 ) -> tuple[Value, Value, Value]:
-    """The contact with a usual width, what of x, y and s is in doubt (variances), and whether it lies at an end.
+    """The contact with a usual width, extra variances of x, y and s, and whether it lies at an end.
 
-    See `contact_shape` and `ResponseReadout.beyond`; `inverse` is that of the information with its damping.
+    See `contact_shape` and `ResponseReadout.beyond`. `inverse` is the inverse of the damped information.
     """
     response = readout.response
     low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
@@ -239,9 +240,9 @@ def _width(
     certainty: Value,
     noise_without: Callable[[Value], Value],
 ) -> tuple[Value, Value]:
-    """What x, y and s are another by with a usual width, and the share of the force in doubt; see `contact_shape`.
+    """The changes of x, y and s at a usual width, and the uncertain share of the force; see `contact_shape`.
 
-    A step of least squares by x, y, s and width, the last one set apart.
+    A least-squares step in x, y, s and width, with the width eliminated separately.
     """
     bend = laplacian(response.axes, response.coefficients, place).cast(np.float64)
     shared = slopes @ (bend * certainty)
@@ -255,7 +256,7 @@ def _width(
 
 
 def _shifted(shifts: np.ndarray, inverse: Value, slopes: Value, left: Value, certainty: Value) -> tuple[Value, Value]:
-    """See `contact_shape`; of features with two channels, whose equations are solved by hand."""
+    """See `contact_shape`; for features with two channels, whose equations are solved explicitly."""
     weighted = certainty * shifts
     by_contact = slopes @ weighted.transpose()
     shared = inverse @ by_contact
@@ -271,7 +272,7 @@ def _shifted(shifts: np.ndarray, inverse: Value, slopes: Value, left: Value, cer
 
 
 def _factor(factors: tuple[float, ...], height: Value) -> Value:
-    """Straight lines between equal steps; see `factor_at`."""
+    """Linear interpolation between equal steps; see `factor_at`."""
     along = height.most(0).least(1) * (len(factors) - 1)
     below = along.cast(np.int64).least(max(len(factors) - 2, 0))
     writer, numbers = height.writer, height.writer.constant(np.array(factors, np.float64))
@@ -290,7 +291,7 @@ def _spread(place: Value, sigma: Value, force: Value, bins: BinGrid) -> Value:
 def _shares(at: Value, scale: Value, count: int, size_mm: float) -> Value:
     borders = size_mm * (np.arange(1, count) / count - 0.5)
     writer = at.writer
-    # 32 bits are enough for shares, and of 64 not every runtime knows this function.
+    # 32 bits are enough for shares, and not every runtime supports this function in 64 bits.
     below = writer.op('Erf', ((borders - at) / scale).cast(np.float32)).cast(np.float64) * 0.5 + 0.5
     zero, one = writer.constant(np.zeros(1)), writer.constant(np.ones(1))
     return writer.op('Concat', below, one, axis=0) - writer.op('Concat', zero, below, axis=0)

@@ -1,4 +1,4 @@
-"""Asking an exported model: what a robot does that runs ONNX instead of numpy."""
+"""Runs an exported model, as a robot does that uses ONNX instead of numpy."""
 
 from __future__ import annotations
 

@@ -56,14 +56,14 @@ def _splines(axes: tuple[SplineAxis, ...], at: Value) -> tuple[Value, Value]:
 
 
 def _polynomials() -> np.ndarray:
-    """From 1, t, t² and t³ to the four splines, their slopes and second derivatives (4, 12), as they have them."""
+    """Matrix from 1, t, t² and t³ to the four splines, their slopes and second derivatives (4, 12)."""
     values = [SplineAxis(0.0, 1.0, 1).weights(t)[1].reshape(-1) for t in (0.0, 0.25, 0.5, 1.0)]
     both = np.linalg.solve(np.vander([0.0, 0.25, 0.5, 1.0], increasing=True), np.array(values))
     return np.hstack([both, np.diag([1.0, 2.0, 3.0], k=1) @ both[:, 4:]])
 
 
 def _products(splines: Value, which: np.ndarray) -> Value:
-    """(n, 4, 4, 4): products of the splines along x, y and s, of which the derivative is taken as `which` says."""
+    """(n, 4, 4, 4): products of the splines along x, y and s. `which` gives the order of the derivatives."""
     flat, numbers = splines.reshape(-1), np.arange(4)
     x, y, s = (
         flat.take((12 * axis + 4 * which[:, axis, None] + numbers).reshape(-1, *shape))
