@@ -1,1 +1,1 @@
-"""A training run from presses to the file of a model: where they come from, what is fitted, what is said of it."""
+"""Training from presses to a model file: the source of the presses, the fit, and the card."""

@@ -1,4 +1,4 @@
-"""Where a run's presses come from, simulated or recorded, and which of them it may learn from."""
+"""The presses of a run, simulated or recorded, and which of them it may learn from."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from tactile_nodes.simulation.gel import Gel
 
 @dataclass(frozen=True)
 class TrainingData:
-    """Samples, which of them are for validation, and what the model's card says of gel and data.
+    """Samples, which of them are for validation, and the model card's entries about gel and data.
 
-    `config` is the run's, with what a file of recorded presses decides; `rest_image` what recorded presses were last
-    measured against, without rows where presses are simulated.
+    `config` is the run's configuration, completed from a file of recorded presses. `rest_image` is the last reference
+    image of recorded presses; it has no rows if presses are simulated.
     """
 
     config: TrainConfig
@@ -50,7 +50,7 @@ def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
 
 
 def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:
-    """Simulated presses; of a grid a part is put aside for the test, as of recorded ones.
+    """Simulated presses. For a grid, a part is set aside for the test, as for recorded presses.
 
     Raises:
         DatasetError: there are too few for that.
@@ -83,10 +83,10 @@ def simulated_split(dataset: Dataset, data: DataConfig, validation: float) -> Sp
 
 
 def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
-    """What the training of a model put aside of its grid of simulated presses, and in words what that is.
+    """The simulated grid presses that the training of a model set aside, and a description of them.
 
     Raises:
-        ModelError: nothing was put aside, or this release splits presses otherwise.
+        ModelError: nothing was set aside, or this release splits presses in another way.
     """
     card = loaded.card
     origin = card['data']
@@ -106,7 +106,7 @@ def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, st
             'NumPy or tactile_nodes); evaluate it on random ones, or train it again'
         )
     words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan'
-    if dataset.fingerprint != origin['fingerprint']:  # a processor of another kind adds in another order
+    if dataset.fingerprint != origin['fingerprint']:  # another kind of processor adds in another order
         words += ', measured again: not bit-identical to the training'
     return dataset.take(split.test), words
 
@@ -119,7 +119,7 @@ def _tell(split: Split, what: str, by: str, progress: Progress) -> None:
 
 
 def _split_entries(config: TrainConfig, split: Split) -> dict[str, Any]:
-    """What makes the same split again."""
+    """The settings that reproduce the split."""
     return {
         'split': config.data.split,
         'split_seed': config.data.split_seed,
@@ -130,14 +130,14 @@ def _split_entries(config: TrainConfig, split: Split) -> dict[str, Any]:
 
 
 def held_out_share(samples: int, config: TrainConfig) -> np.ndarray:
-    """Which samples are for validation; chosen by the training's seed."""
+    """Which samples are for validation, chosen by the training's seed."""
     random = np.random.default_rng(config.training.seed)
     chosen: np.ndarray = random.permutation(samples) < max(1, round(samples * config.training.validation))
     return chosen
 
 
 def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Progress) -> TrainingData:
-    """Training and validation set of recorded presses; the test set stays out of it.
+    """Training and validation set of recorded presses. The test set is not included.
 
     Raises:
         ConfigurationError: the configuration contradicts them.
@@ -167,7 +167,7 @@ def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:
     """The configuration with the file's flow, features, crop and bins.
 
     Raises:
-        ConfigurationError: it names others itself.
+        ConfigurationError: it specifies different ones itself.
     """
     card, bins = recordings.card, recordings.bins
     said: dict[str, object] = {}
@@ -197,13 +197,13 @@ def _method(described: dict[str, Any]) -> dict[str, Any]:
 
 
 def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: str | None) -> tuple[Dataset, str]:
-    """Samples that a model never saw, and in words which they are.
+    """Samples that a model never saw, and a description of them.
 
-    Of the file that it was trained on that is what was put aside, of another file everything, or the test set of the
-    split `kind` with seed 1.
+    For the file that it was trained on, these are the presses set aside. For another file they are all presses, or the
+    test set of the split `kind` with seed 1.
 
     Raises:
-        ModelError: it needs other features, or saw the presses that it would be judged by.
+        ModelError: it needs other features, or saw the presses chosen for its evaluation.
         DatasetError: there are too few presses.
     """
     require_same_features(loaded, recordings)
@@ -247,10 +247,10 @@ def _put_aside(loaded: LoadedModel, recordings: RecordedPresses, kind: str | Non
 
 
 def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> None:
-    """Refuse presses that were measured otherwise than a model was trained.
+    """Refuse presses whose features were measured differently from those in a model's training.
 
     Raises:
-        ModelError: says both.
+        ModelError: names both methods.
     """
     card = recordings.card
     for what, theirs, ours in (
@@ -266,7 +266,7 @@ def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> N
 
 
 def _unlike(one: tuple[Any, Any], other: tuple[Any, Any]) -> str:
-    """What of a method tells it from another: its name, or the options that differ, or of sizes both numbers.
+    """How one method differs from another: its name, or the options that differ; for sizes, both numbers.
 
     >>> _unlike(('dis', {'preset': 'fast', 'threads': 1}), ('dis', {'preset': 'medium', 'threads': 1}))
     "dis (preset='fast')"

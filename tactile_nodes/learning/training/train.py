@@ -1,4 +1,4 @@
-"""Train a force model: presses, a readout fitted to them, its uncertainty, its card, its file."""
+"""Trains a force model: presses, a readout fitted to them, its uncertainty, its card, its file."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 
 USUAL_PRESSES = 300
-"""So many lead to a model that is worth having (docs/training.md)."""
+"""Number of presses that gives a useful model (docs/training.md)."""
 CALIBRATE = (
     'calibrate a model of another gel, which takes ten to a hundred presses with the features of that model: tactile '
     'dataset … --model portable -o presses.npz, then tactile calibrate --dataset presses.npz --model portable -o FILE'
 )
 NETWORK_THRESHOLD_N = 0.05
-"""Above what a network that is trained as published reads while nothing touches."""
+"""Above the force that a network trained as published reads without contact."""
 
 
 def train(
@@ -57,15 +57,15 @@ def train(
 ) -> Path:
     """Get the presses, fit the readout, and write the model file that the configuration names.
 
-    With `runs` the run is kept in a folder below it, from which the same call goes on after a kill; `fresh` forgets
-    what is there. Ctrl-C ends the training and keeps the best network so far. The same configuration gives the same
-    readout on the same machine, in one go or in several. `command` goes into the model's card.
+    With `runs`, the run is stored in a folder below it, from which the same call continues after a kill; `fresh`
+    discards the stored state. Ctrl-C ends the training and keeps the best network so far. The same configuration gives
+    the same readout on the same machine, in one run or in several. `command` goes into the model's card.
 
     Raises:
         ConfigurationError: torch is not installed, the configuration contradicts the recorded presses, or another
             process trains the same run.
-        DatasetError: the presses cannot be used, or are too few; recorded ones also if held-out ones are read no better
-            than by answering their mean, unless `forced`.
+        DatasetError: the presses cannot be used, or are too few. Also, unless `forced`, if the model is no better on
+            held-out recorded presses than their mean.
     """
     if config.readout == 'network':
         import_torch()  # before any press is rendered
@@ -96,10 +96,10 @@ def train(
 
 @contextmanager
 def calibration_named(config: TrainConfig) -> Iterator[None]:
-    """Of recorded presses that are too few for a model of their own, say also what they are enough for.
+    """If recorded presses are too few for a separate model, add to the error what they are enough for.
 
     Raises:
-        TooFewPressesError: as what is done within, with that beside it.
+        TooFewPressesError: the error of the block, with this addition.
     """
     try:
         yield
@@ -110,11 +110,11 @@ def calibration_named(config: TrainConfig) -> Iterator[None]:
 
 
 def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = False) -> str:
-    """What a person should know of a model trained on recorded presses; nothing where these are enough.
+    """A warning for the user of a model trained on recorded presses; empty if there are enough presses.
 
     Raises:
-        DatasetError: it reads presses that were held out no better than by answering their mean, or these tell nothing,
-            and it is not `forced`.
+        DatasetError: unless `forced`, if the model is no better on held-out presses than their mean, or if these allow
+            no conclusion.
     """
     if not data.config.data.file:
         return ''
@@ -129,7 +129,7 @@ def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = F
 
 
 def _advice(presses: int) -> str:
-    """What leads to a model, where so many presses to learn from did not."""
+    """Advice on how to get a model if this number of training presses was not enough."""
     enough = presses >= USUAL_PRESSES
     few = f'{presses} presses to train on are {"inconsistent" if enough else "too few"}'
     more = 'check places and forces' if enough else f'record {USUAL_PRESSES} or more'
@@ -137,7 +137,7 @@ def _advice(presses: int) -> str:
 
 
 def threshold_of(config: TrainConfig) -> float:
-    """The total force from which the live node says that something touches."""
+    """The total force above which the live node reports a contact."""
     thresholds = {
         'response': config.response.contact_threshold_n,
         'axisymmetric': config.axisymmetric.contact_threshold_n,
@@ -147,7 +147,7 @@ def threshold_of(config: TrainConfig) -> float:
 
 
 def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, dict[str, Any]]:
-    """The readout that the configuration asks for, and what the card says of its training."""
+    """The readout that the configuration selects, and the card's entries about its training."""
     config, dataset = data.config, data.dataset
     if config.readout == 'network':
         return fit_network(dataset, data.held_out, config, progress, run)
@@ -171,7 +171,7 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
 
 
 def with_prior(readout: AxisymmetricReadout, config: TrainConfig, progress: Progress) -> AxisymmetricReadout:
-    """With what calibrations for other gels get wrong alike, where the gel is simulated and others like it can be."""
+    """The readout with a prior from calibrations of other gels, if the gel is simulated; otherwise unchanged."""
     gels = config.axisymmetric.other_gels
     if not gels or config.data.file:
         return readout
@@ -186,7 +186,7 @@ def with_prior(readout: AxisymmetricReadout, config: TrainConfig, progress: Prog
 
 @dataclass(frozen=True)
 class _OtherGel:
-    """One to calibrate a readout for: a task."""
+    """Task: calibrate a readout for one other gel."""
 
     readout: AxisymmetricReadout
     config: TrainConfig
@@ -198,7 +198,7 @@ def _found_on(other: _OtherGel) -> list[Found]:
 
 
 def validation_of(readout: AnyReadout, data: TrainingData) -> Validation:
-    """Scores on the samples held out, each read as the live node reads it."""
+    """Scores on the held-out samples, each read as in the live node."""
     dataset: Dataset = data.dataset
     judges = judging_samples(dataset, data.held_out, data.config)
     read = [
@@ -211,7 +211,7 @@ def validation_of(readout: AnyReadout, data: TrainingData) -> Validation:
 
 
 def card_of(data: TrainingData, report: dict[str, Any], scores: Validation, command: str) -> dict[str, Any]:
-    """What a stranger needs to know about the model."""
+    """The model's card: information for users who do not know the model."""
     config = data.config
     return {
         'command': command,
