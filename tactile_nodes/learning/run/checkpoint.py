@@ -1,7 +1,7 @@
-"""All that an optimisation needs to go on where it stopped, in one safetensors file, bit for bit.
+"""The complete state of an optimisation in one safetensors file, to continue it bit for bit.
 
-Weights, the best weights so far, the optimiser's state of each weight and the generators of random numbers are tensors;
-counters stand as JSON in the file's metadata. The file appears whole or not at all.
+Weights, the best weights so far, the optimiser's state of each weight and the random generators' states are tensors.
+Counters are JSON in the file's metadata. The file is written atomically.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _LARGEST_BYTES = 4 << 30
 
 @dataclass
 class Counters:
-    """Where a training stands.
+    """Progress of a training.
 
-    `attempt` is 0 until a network that says nothing is begun again; `spoke_epoch` and `best_epoch` are epochs of this
-    attempt, 0 until there is one. `ended` says why no epoch follows.
+    `attempt` is 0 until an all-zero network is started again. `spoke_epoch` and `best_epoch` are epochs of
+    this attempt, 0 until there is one. `ended` says why no epoch follows.
     """
 
     epoch: int = 0
@@ -58,7 +58,7 @@ class Snapshot:
 
 
 def write(path: Path, snapshot: Snapshot) -> None:
-    """Put the snapshot in the place of the one before."""
+    """Replace the previous snapshot."""
     import safetensors.torch
 
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in snapshot.tensors.items()}
@@ -71,7 +71,7 @@ def write(path: Path, snapshot: Snapshot) -> None:
 
 
 def read(path: Path) -> Snapshot | None:
-    """The snapshot of a run; None where there is none yet.
+    """The snapshot of a run; None if there is none yet.
 
     Raises:
         ModelError: the file is damaged.
@@ -91,7 +91,7 @@ def read(path: Path) -> Snapshot | None:
 
 
 def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
-    """The state of each weight, numbered as the optimiser takes them."""
+    """The state of each weight, numbered in the optimiser's order."""
     return {
         f'optimiser.{number}.{name}': value
         for number, weight in enumerate(_weights(optimiser))
@@ -100,7 +100,7 @@ def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, torch.Tenso
 
 
 def restore_optimiser(optimiser: torch.optim.Optimizer, tensors: Mapping[str, torch.Tensor]) -> None:
-    """The inverse; counters stay on the processor, as the optimiser keeps them."""
+    """The inverse of `optimiser_tensors`. Counters stay on the CPU, as in the optimiser."""
     for number, weight in enumerate(_weights(optimiser)):
         mine = {name.split('.')[1]: value for name, value in tensors.items() if name.split('.')[0] == str(number)}
         optimiser.state[weight] = {
@@ -114,7 +114,7 @@ def _weights(optimiser: torch.optim.Optimizer) -> list[torch.Tensor]:
 
 
 def random_tensors() -> dict[str, torch.Tensor]:
-    """The state of torch's generators of random numbers."""
+    """The state of torch's random generators."""
     import torch
 
     states = {'random.cpu': torch.get_rng_state()}
@@ -124,7 +124,7 @@ def random_tensors() -> dict[str, torch.Tensor]:
 
 
 def restore_random(states: Mapping[str, torch.Tensor]) -> None:
-    """The inverse."""
+    """The inverse of `random_tensors`."""
     import torch
 
     torch.set_rng_state(states['cpu'])

@@ -1,4 +1,4 @@
-"""Several training runs side by side: the settings in which they differ, how they ended, and their curves."""
+"""Compares training runs: the settings in which they differ, their results, and their curves."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CURVES = {
 
 
 def table(runs: Sequence[Told]) -> str:
-    """Settings that differ, then the scores of the best epoch, a column for each run."""
+    """Settings that differ, then the scores of the best epoch, one column per run."""
     settings = [run.settings for run in runs]
     names = dict.fromkeys(name for each in settings for name in each)
     differing = [name for name in names if len({str(each.get(name)) for each in settings}) > 1]
@@ -33,7 +33,7 @@ def table(runs: Sequence[Told]) -> str:
 
 
 def _outcome(run: Told) -> dict[str, str]:
-    """What came of a run, or has so far."""
+    """The result of a run, or its result so far."""
     training = run.result.get('training', {})
     best = run.result.get('validation') or min(run.epochs, key=lambda each: each['armse_n'], default={})
     seconds = training.get('seconds', run.epochs[-1]['seconds'] if run.epochs else None)
@@ -49,10 +49,10 @@ def _outcome(run: Told) -> dict[str, str]:
 
 
 def draw(runs: Sequence[Told], file: Path) -> None:
-    """Write the curves over the seconds of training, points for runs without epochs; the ending says which image.
+    """Write the curves over training time [s], with points for runs without epochs. The extension selects the format.
 
     Raises:
-        ConfigurationError: matplotlib is not installed, or does not know the ending.
+        ConfigurationError: matplotlib is not installed, or does not know the extension.
         DatasetError: the file cannot be written.
     """
     drawn = figure(11, 8)
@@ -71,7 +71,7 @@ def draw(runs: Sequence[Told], file: Path) -> None:
 
 
 def _curve(run: Told, name: str) -> tuple[list[float], list[float]]:
-    """Seconds and values of a run's epochs; of one that has none but is over, its outcome as a single point."""
+    """Seconds and values of a run's epochs; a single point with its result for a finished run without epochs."""
     if run.epochs:
         return [each['seconds'] for each in run.epochs], [each[name] for each in run.epochs]
     outcome = run.result.get('validation', {})

@@ -1,16 +1,16 @@
-"""A training run as a folder: what was asked, how each epoch went, where to go on after a kill, what came out.
+"""A training run as a folder: its settings, its epochs, its checkpoint, and its result.
 
 ::
 
     runs/paper-3f1c09a2b7/
         run.yaml                the run with every default filled in
-        metrics.jsonl           one line an epoch: losses, scores, seconds
-        log.txt                 what was told
-        checkpoint.safetensors  where the next start goes on
-        result.json             the card of the model that came out
+        metrics.jsonl           one line per epoch: losses, scores, seconds
+        log.txt                 messages shown
+        checkpoint.safetensors  state from which the next start continues
+        result.json             the card of the resulting model
         tensorboard/            the same curves as event files, if tensorboard is installed
 
-The name's digits follow from the run and its data, so the same command finds its folder again.
+The digits in the name depend on the run and its data, so the same command finds its folder again.
 """
 
 from __future__ import annotations
@@ -38,43 +38,43 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.run.checkpoint import Snapshot
 
 WITHOUT_EFFECT = {'processes', 'checkpoint_s', 'epochs'}
-"""Settings that a run may be continued with other values of; more epochs let it go on."""
+"""Settings that may change when a run is continued. With more epochs it trains further."""
 
 MEASURED = {'epoch', 'seconds', 'loss', 'armse_n', 'rmse_mc_n', 'd_loc_mm'}
-"""What every line of metrics.jsonl tells, beside other numbers."""
+"""Values in every line of metrics.jsonl; there may be others."""
 
 METRICS_BYTES = 64 << 20
-"""A hundred thousand epochs take less."""
+"""A hundred thousand epochs need less."""
 
 
 class Run:
-    """Keeps nothing: for tests, and for use as a library."""
+    """Stores nothing: for tests, and for use as a library."""
 
     def __enter__(self) -> Run:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Let go of it."""
+        """Release the run."""
 
     def resume(self) -> Snapshot | None:
-        """Where an earlier start of this run stopped."""
+        """The state at which an earlier start of this run stopped."""
         return None
 
     def keep(self, snapshot: Snapshot) -> None:
-        """Remember where the training stands."""
+        """Store the state of the training."""
 
     def record(self, epoch: int, measured: Mapping[str, float]) -> None:
-        """One epoch's losses and scores."""
+        """Record one epoch's losses and scores."""
 
     def note(self, text: str) -> None:
-        """A sentence of what happened."""
+        """Record a message."""
 
     def finish(self, result: Mapping[str, Any]) -> None:
-        """The run is over, with this card."""
+        """End the run with this card as its result."""
 
 
 class RunFolder(Run):
-    """A run in a folder of its own, which no other process may train until it is let go of (``with``).
+    """A run in its own folder. It is locked against other processes until it is released (``with``).
 
     Raises:
         ConfigurationError: another process trains it at this moment, or the folder cannot be written.
@@ -97,7 +97,7 @@ class RunFolder(Run):
 
     @staticmethod
     def _lock(path: Path) -> Any:
-        """The kernel lets go of it when the process ends, however it ends."""
+        """The kernel releases the lock when the process ends, in any way."""
         opened = (path / '.lock').open('w')
         try:
             fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -142,7 +142,7 @@ class RunFolder(Run):
 
 
 def run_id(config: TrainConfig, fingerprint: str) -> str:
-    """Ten hexadecimal digits over all that the network depends on."""
+    """Ten hexadecimal digits of a hash over everything that the network depends on."""
     asked = {name: value for name, value in config.resolved().items() if name not in ('output', 'data')}
     asked['training'] = {name: value for name, value in asked['training'].items() if name not in WITHOUT_EFFECT}
     split = {name: getattr(config.data, name) for name in ('split', 'split_seed', 'test')}
@@ -151,12 +151,12 @@ def run_id(config: TrainConfig, fingerprint: str) -> str:
 
 
 def _whole_lines(file: Path) -> list[str]:
-    """The lines of a file; one that a kill cut short is none."""
+    """The complete lines of a file. A line truncated by a kill is dropped."""
     return [line for line in _text(file, METRICS_BYTES).splitlines(keepends=True) if line.endswith('\n')]
 
 
 def _text(file: Path, largest: int = TEXT_BYTES) -> str:
-    """What a file of a run holds; nothing where there is none yet."""
+    """The content of a run's file; empty if there is none yet."""
     try:
         return read_text(file, largest)
     except FileNotFoundError:
@@ -168,7 +168,7 @@ def _text(file: Path, largest: int = TEXT_BYTES) -> str:
 
 
 def _json(text: str, file: Path, fits: Callable[[Mapping[str, Any]], bool]) -> Mapping[str, Any]:
-    """What a text of a file tells, if it is of the form that this file has."""
+    """The parsed JSON of a file's text, checked for the form of this file."""
     try:
         told = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -190,7 +190,7 @@ def _is_card(told: Mapping[str, Any]) -> bool:
 
 
 def _is_number(value: object) -> bool:
-    """One that can be printed and drawn; NaN and infinity can."""
+    """Whether it is a number that can be printed and drawn, including NaN and infinity."""
     return isinstance(value, float) or (isinstance(value, int) and abs(value) < 1 << 53)
 
 
@@ -199,7 +199,7 @@ def _damaged(file: Path, why: str) -> ConfigurationError:
 
 
 def _event_writer(folder: Path, epoch: int) -> Callable[[int, Mapping[str, float]], None] | None:
-    """What writes TensorBoard's event files, if tensorboard is installed; curves after `epoch` are drawn anew."""
+    """A function that writes TensorBoard's event files, if installed. Curves after `epoch` are replaced."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
@@ -216,7 +216,7 @@ def _event_writer(folder: Path, epoch: int) -> Callable[[int, Mapping[str, float
 
 @dataclass(frozen=True)
 class Told:
-    """A run as its folder tells it; `settings` by dotted name."""
+    """A run as read from its folder; `settings` by dotted name."""
 
     name: str
     settings: Mapping[str, object]
