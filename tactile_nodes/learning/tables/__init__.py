@@ -1,1 +1,1 @@
-"""Tables of pictures and of what is known of each, as people write them: CSV or Parquet, to presses in mm and N."""
+"""Tables of images with their measurements, written by users as CSV or Parquet, converted to presses in mm and N."""

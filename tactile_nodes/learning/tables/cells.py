@@ -1,4 +1,4 @@
-"""The cells of a table, read from CSV or Parquet: a header, and rows of text by the number of their line."""
+"""Reads the cells of a table from CSV or Parquet: a header, and rows of text by line number."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_ROWS = 1_000_000
 
 @dataclass(frozen=True)
 class Cells:
-    """Names of the columns, and each row's cells as text beside the line that it stands in."""
+    """Names of the columns, and each row's cells as text with its line number."""
 
     header: list[str]
     rows: list[tuple[int, list[str]]]
@@ -29,7 +29,7 @@ class Cells:
 
 
 def read_cells(table: Path) -> Cells:
-    """All cells of a table; of a Parquet file, by its ending, rows count as lines below a header.
+    """All cells of a table. For a Parquet file (by extension), rows count as lines below a header.
 
     Raises:
         DatasetError: it cannot be read, or has lines of several lengths.
@@ -43,7 +43,7 @@ def read_cells(table: Path) -> Cells:
 
 def _csv(table: Path) -> Cells:
     try:
-        # The mark that spreadsheets begin their tables with is no part of the first name.
+        # The byte order mark that spreadsheets write first is not part of the first name.
         text = read_text(table, encoding='utf-8-sig')
     except UnicodeDecodeError as error:
         raise DatasetError(
@@ -58,7 +58,7 @@ def _csv(table: Path) -> Cells:
 
 
 def _rows(text: str, table: Path, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    """Lines by number, with as many cells as the first one; empty ones are passed over."""
+    """Lines by number, with as many cells as the first one. Empty lines are skipped."""
     reader, width = csv.reader(text.splitlines(), delimiter=delimiter, strict=True), 0
     for row in reader:
         if not any(cell.strip() for cell in row):
@@ -70,7 +70,7 @@ def _rows(text: str, table: Path, delimiter: str) -> Iterator[tuple[int, list[st
 
 
 def _parquet(table: Path) -> Cells:
-    """Columns of numbers and texts; what else a file holds is not unpacked."""
+    """Columns of numbers and texts. Other content of the file is not unpacked."""
     arrow, parquet = _pyarrow()
     with open_plain(table, TEXT_BYTES) as opened:
         try:
@@ -102,5 +102,5 @@ def _is_plain(arrow: Any, kind: Any) -> bool:
 
 
 def _text(value: Any) -> str:
-    """As CSV would hold it: nothing, and no number, are left empty."""
+    """The value as in CSV. Missing values and NaN are left empty."""
     return '' if value is None or (isinstance(value, float) and math.isnan(value)) else str(value)

@@ -1,7 +1,7 @@
-"""Which column of a table tells what, by the names and units that people give them.
+"""Identifies the columns of a table by the names and units that users give them.
 
-A column is known by its name, its unit stands in the header: `force_n`, `Force [mN]`, `grams`, `x (mm)`. What a name
-leaves open is asked, not guessed; how every column was read is said.
+The column's name gives its quantity, and the header its unit: `force_n`, `Force [mN]`, `grams`, `x (mm)`. An ambiguous
+name is an error, not a guess. The interpretation of every column is reported.
 """
 
 from __future__ import annotations
@@ -48,17 +48,17 @@ UNITS: dict[str, Mapping[str, float]] = {
     'time': SECONDS, 'x': MILLIMETRES, 'y': MILLIMETRES, 'depth': MILLIMETRES,
     **dict.fromkeys(('force', 'fx', 'fy'), NEWTONS), **dict.fromkeys(('tx', 'ty', 'tz'), NEWTON_METRES),
 }  # fmt: skip
-"""What one of a unit is in mm, N, N m or s; of columns with numbers."""
+"""Factors from each unit to mm, N, N m or s, for columns with numbers."""
 USUAL = {'time': 's', 'x': 'mm', 'y': 'mm', 'depth': 'mm'}
-"""Units of columns whose header says none."""
+"""Default units of columns whose header has none."""
 NEEDED = 'x', 'y', 'force'
 MOST_SHOWN, LONGEST_SHOWN = 20, 40
-"""Columns that an error names, and characters of each."""
+"""Number of columns that an error names, and characters of each."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """What a column is called, what one of its units is in mm, N, N m or s, and how it was understood, in words."""
+    """A column's name, the factor from its unit to mm, N, N m or s, and its interpretation as text."""
 
     name: str
     times: float
@@ -66,10 +66,10 @@ class Column:
 
 
 def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
-    """Which column tells what, by their names.
+    """The column of each quantity, by name.
 
     Raises:
-        DatasetError: one is missing, there twice, or does not say its unit.
+        DatasetError: one is missing, occurs twice, or has no unit.
     """
     found: dict[str, Column] = {}
     for each in header:
@@ -82,7 +82,7 @@ def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
             )
         found[what] = column
     if 'picture' in found:
-        found.pop('time', None)  # when each picture was taken is of no use
+        found.pop('time', None)  # the time of each image is not used
     lacking = [what for what in NEEDED if what not in found]
     if not found.keys() & {'picture', 'time'}:
         lacking.insert(0, 'picture')
@@ -95,17 +95,17 @@ def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
 
 
 def _seen(header: list[str]) -> str:
-    """The names of a table's columns, in words; of a file that is no table not all that stands in its first line."""
+    """The names of a table's columns as text, shortened in case the file is not a table."""
     names = [repr(each[:LONGEST_SHOWN]) for each in header[:MOST_SHOWN]]
     more = len(header) - len(names)
     return f'its columns are {", ".join(names)}{f" and {more} more" if more else ""}' if names else 'it is empty'
 
 
 def column_of(name: str, table: Path) -> tuple[str, Column] | None:
-    """What a column tells, by its name; None of one that is not known.
+    """The quantity of a column, by its name; None if the name is unknown.
 
     Raises:
-        DatasetError: a force without unit, or a unit that none of it can be.
+        DatasetError: a force without unit, or a unit that does not fit the quantity.
     """
     bare, unit = _name_and_unit(name)
     what = 'force' if unit and not bare else next((what for what, names in NAMES.items() if bare in names), None)
@@ -124,14 +124,14 @@ def column_of(name: str, table: Path) -> tuple[str, Column] | None:
 def _name_and_unit(name: str) -> tuple[str, str]:
     """'Force [mN]', 'force_mn' and 'force in mN' are a force in mN, 'grams' is a unit alone, 'x' has none.
 
-    A last 'in', as a quotation mark of its own, is inches: 'x_in', 'x (\")'.
+    A final 'in', or a separate quotation mark, means inches: 'x_in', 'x (\")'.
     """
     plain = re.sub(r'(?<![a-z])(m?n)[ ·*.]+(m?m)(?![a-z])', r'\1\2', name.strip().lower().replace('µ', 'u'))
     plain = re.sub(r'(?<![a-z])["″]+(?=\W*$)', ' in', plain)
     words = [SPELT.get(word, word) for word in re.split(r'[^a-z0-9]+', plain) if word]
     words = [word for word in words[:-1] if word != 'in'] + words[-1:]
     whole = ' '.join(words)
-    if plain != 'n' and whole in NEWTONS:  # 'n' alone may be a number of something
+    if plain != 'n' and whole in NEWTONS:  # 'n' alone may be a count
         return '', whole
     if len(words) < 2 or any(whole in names for names in NAMES.values()):
         return whole, ''

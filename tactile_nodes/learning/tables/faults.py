@@ -1,4 +1,4 @@
-"""What is wrong with a table, row by row, so that a person mends all of it at once."""
+"""Collects the faults of a table row by row, so that users can correct all of them at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SHOWN_ROWS = 12
 
 
 class RowFaults:
-    """Gathers the faults of a table's rows, which are counted as lines of a file or as rows of an array."""
+    """Collects the faults of a table's rows, which are counted as lines of a file or as rows of an array."""
 
     def __init__(self, table: Path, counted: str = 'line') -> None:
         self._table, self._counted = table, counted
@@ -23,7 +23,7 @@ class RowFaults:
 
     @contextmanager
     def row(self, line: int) -> Iterator[None]:
-        """What is done for one row; what is wrong there is kept, and the next row goes on."""
+        """Context for one row. An error in it is stored, and the next row continues."""
         try:
             yield
         except (DatasetError, ConfigurationError, ImageError) as error:
@@ -33,7 +33,7 @@ class RowFaults:
         """Refuse a table with faults.
 
         Raises:
-            DatasetError: says the first one, and in which other rows there are more.
+            DatasetError: describes the first fault, and lists the other rows with faults.
         """
         if not self._found:
             return

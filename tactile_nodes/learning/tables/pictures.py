@@ -1,4 +1,4 @@
-"""The pictures that the rows of a table name: files of a folder, moments of a video, or rows of an array."""
+"""The images of a table's rows: files of a folder, moments of a video, or rows of an array."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ Size = tuple[int, int]
 
 
 class Pictures(Protocol):
-    """Grey pictures by rows."""
+    """Grey images by rows."""
 
     def require(self, rows: Sequence[TablePress], faults: RowFaults) -> None:
-        """Keep a fault of each row that has no picture, as far as can be told without reading any."""
+        """Store a fault for each row without image, as far as this is known without reading images."""
         ...
 
     def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
-        """Each row with its picture, (h, w), one in memory at a time; a fault is kept of a row without."""
+        """Each row with its image, (h, w), one in memory at a time. A fault is stored for each row without image."""
         ...
 
 
@@ -62,7 +62,7 @@ class FolderPictures:
 
 @dataclass(frozen=True)
 class VideoPictures:
-    """Frames of a video, the nearest to each time; frame k is taken at k divided by the rate that the file claims."""
+    """Frames of a video, the nearest to each time. The time of frame k is k divided by the frame rate in the file."""
 
     file: Path
 
@@ -93,13 +93,13 @@ class VideoPictures:
 
 @dataclass(frozen=True)
 class ArrayPictures:
-    """Pictures as an array, (n, h, w) or (n, h, w, 3), of bytes; row k of a table stands in line k."""
+    """Images as an array, (n, h, w) or (n, h, w, 3), of bytes. Row k of a table has image k."""
 
     images: Any
     order: str = 'rgb'
 
     def require(self, rows: Sequence[TablePress], faults: RowFaults) -> None:
-        """Nothing can be missing."""
+        """No image can be missing."""
 
     def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
         for row in rows:
@@ -108,12 +108,12 @@ class ArrayPictures:
 
 
 def picture_id(picture: Picture) -> str:
-    """Twelve hexadecimal digits by which a grey picture, (h, w), is known again."""
+    """Twelve hexadecimal digits that identify a grey image, (h, w)."""
     return hashlib.sha256(repr(picture.shape).encode() + picture.tobytes()).hexdigest()[:12]
 
 
 def folder_of(table: PressTable) -> Path:
-    """Where the pictures of a table are: beside it, or in the one folder beside it that has the first of them."""
+    """The folder of a table's images: the table's own, or the only folder beside it that has the first image."""
     parent = table.file.parent
     first = next((row.picture for row in table.rows if row.picture), '')
     if not first or (parent / first).exists():
@@ -123,10 +123,10 @@ def folder_of(table: PressTable) -> Path:
 
 
 def pictures_of(table: PressTable, source: Path | None) -> Pictures:
-    """Where a table's pictures are: beside it, in another folder, or in a video.
+    """The location of a table's images: beside it, in another folder, or in a video.
 
     Raises:
-        DatasetError: rows name times, and no video is given.
+        DatasetError: rows give times, and no video is given.
     """
     if source is None and table.of_video:
         raise DatasetError(f'{table.file} has times and no images; name the video with --pictures')
@@ -137,18 +137,18 @@ def pictures_of(table: PressTable, source: Path | None) -> Pictures:
 
 @dataclass
 class OneSize:
-    """Requires pictures to be as large as the first one, or as a description says."""
+    """Requires images to have the size of the first one, or of a sensor's description."""
 
     size: Size | None = None
     said_by: str = ''
 
     @classmethod
     def of(cls, sensor: Sensor | None) -> OneSize:
-        """As a sensor is described, if it is."""
+        """The size in a sensor's description, if there is one."""
         return cls((sensor.image.width, sensor.image.height), 'the description of the sensor') if sensor else cls()
 
     def require(self, row: TablePress, picture: Picture) -> None:
-        """Refuse a picture of another size. Raises DatasetError."""
+        """Refuse an image of another size. Raises DatasetError."""
         height, width = picture.shape
         if self.size is None:
             self.size, self.said_by = (width, height), f'that of line {row.line}'

@@ -1,4 +1,4 @@
-"""The presses that a table tells of: which picture, where, how hard, with what."""
+"""The presses in a table: image, place, force and indenter."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from tactile_nodes.learning.tables.faults import RowFaults
 REACH_MM = (16.0, 16.0)
 """From the middle of the usual gel to its rims, along x and y."""
 NOISE_TIMES = 4.0
-"""Standard deviations of what a gauge shows of nothing, within which a force is none."""
+"""A force within this many standard deviations of the gauge's noise at rest counts as zero."""
 NOISE_SHARE = 0.1
-"""Of the median force of presses: more is no noise of a gauge at rest."""
+"""Largest noise of a gauge at rest, as a share of the median force of presses."""
 MOST_N = 200.0
-"""More on a soft gel is another unit."""
+"""A larger force on a soft gel means that the unit is wrong."""
 
 
 @dataclass(frozen=True)
 class TablePress:
     """A row of a table. Lengths in mm, places in the surface frame; forces in N on the gel, `force_n` into it.
 
-    Numbers that nobody knows are NaN. A force of 0 is the gel untouched. A row names a picture, or a time in a video.
+    Unknown numbers are NaN. A force of 0 means that the gel is untouched. A row names an image, or a time in a video.
     """
 
     line: int
@@ -44,18 +44,18 @@ class TablePress:
 
     @property
     def touches(self) -> bool:
-        """Whether anything touches; also where nobody knows how hard."""
+        """Whether anything touches the gel, including contacts of unknown force."""
         return self.force_n != 0
 
     @property
     def held(self) -> tuple[object, ...]:
-        """The same for pictures of one press."""
+        """A key that is equal for images of one press."""
         return self.x_mm, self.y_mm, self.force_n, self.shear_n, self.depth_mm, self.indenter
 
 
 @dataclass(frozen=True)
 class PressTable:
-    """The rows of a table, and how its columns were read, in words."""
+    """The rows of a table, and how its columns were interpreted, as text."""
 
     file: Path
     told: str
@@ -64,12 +64,12 @@ class PressTable:
 
     @property
     def faults(self) -> RowFaults:
-        """None yet, of its rows."""
+        """An empty collection for faults of its rows."""
         return RowFaults(self.file, self.counted)
 
     @property
     def of_video(self) -> bool:
-        """Whether rows name times instead of pictures."""
+        """Whether rows give times instead of images."""
         return any(not row.picture for row in self.rows)
 
 
@@ -79,8 +79,8 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
     Args:
         table: the file.
         reach_mm: from the middle to the rims of the gel along x and y; no place lies beyond.
-        untouched_n: forces up to so much, of either sign, are the gel untouched. What a gauge shows of nothing is also
-            without: forces below 0 tell how much that may be.
+        untouched_n: forces up to this size, of either sign, mean that the gel is untouched. Noise of a gauge at rest,
+            estimated from forces below 0, is always treated so.
 
     Raises:
         DatasetError: it cannot be read or understood; says where.
@@ -109,9 +109,9 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
 
 
 def noise_at_rest_n(rows: Sequence[TablePress]) -> float:
-    """Up to which force a gauge shows nothing, by the forces below 0; 0 where there are none, or these are no noise.
+    """Largest noise of a gauge at rest, from forces below 0; 0 if there are none, or they are not noise.
 
-    Ten of -0.01 N beside presses of 1 N tell 0.04 N.
+    Ten forces of -0.01 N beside presses of 1 N give 0.04 N.
     """
     forces = np.array([row.force_n for row in rows])
     below, pressed = forces[forces < 0], forces[forces > 0]
@@ -123,15 +123,15 @@ def noise_at_rest_n(rows: Sequence[TablePress]) -> float:
 
 
 def _is_noise(row: TablePress, noise_n: float) -> bool:
-    """Whether a row is of the gel untouched: nobody presses a place with less than nothing."""
+    """Whether a row shows the untouched gel: no press has a negative force."""
     return abs(row.force_n) <= noise_n and (row.force_n < 0 or not np.isfinite((row.x_mm, row.y_mm)).any())
 
 
 def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Mapping[str, str]) -> None:
-    """Refuse what no press can be; `names` says what the table calls x, y, force and time.
+    """Refuse values that no press can have. `names` gives the table's names of x, y, force and time.
 
     Raises:
-        DatasetError: says what.
+        DatasetError: describes the value.
     """
     if press.time_s < 0:
         raise DatasetError(f'{names["time"]} must not be negative: a video begins at 0')
@@ -172,11 +172,11 @@ class _Row:
         )  # fmt: skip
 
     def text(self, name: str) -> str:
-        """What is written; nothing without such a column."""
+        """The text of a cell; empty without such a column."""
         return self.texts[self.columns[name].name].strip() if name in self.columns else ''
 
     def number(self, name: str) -> float:
-        """In mm, N, N m or s; NaN where nothing is written."""
+        """The number in mm, N, N m or s; NaN for an empty cell."""
         text = self.text(name)
         if not text:
             return math.nan
