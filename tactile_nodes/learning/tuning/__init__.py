@@ -1,1 +1,1 @@
-"""The smallest configuration that meets a wish."""
+"""The smallest configuration that meets a requirement."""

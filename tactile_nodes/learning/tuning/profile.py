@@ -1,4 +1,4 @@
-"""What tuning found, told and kept: a model and the run that trains it again, which together are a profile."""
+"""Reports and stores the result of tuning: a model and the run that trains it again. Together they are a profile."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactile_nodes.model_file import save_model
 
 
 def write_profile(chosen: Tried, output: Path, command: str, presses: RecordedPresses | None = None) -> list[Path]:
-    """Write the model, and beside it a training run that makes it again; of recorded presses their data set too.
+    """Write the model and a training run that reproduces it; for recorded presses, also their data set.
 
     Raises:
         ConfigurationError: a file cannot be written.
@@ -42,7 +42,7 @@ def write_profile(chosen: Tried, output: Path, command: str, presses: RecordedPr
 
 
 def table_of(tuned: Tuned) -> Table:
-    """A row for each candidate, cheapest first; the front and the chosen one are marked."""
+    """A row for each candidate, cheapest first. The front and the chosen candidate are marked."""
     on_front = {id(each) for each in tuned.front}
     rows = []
     for each in sorted(tuned.tried, key=lambda one: one.ms):
@@ -53,7 +53,7 @@ def table_of(tuned: Tuned) -> Table:
 
 
 def said_of(tuned: Tuned, metric: str) -> str:
-    """The choice in a sentence, and what the next smaller one would have cost."""
+    """The choice in a sentence, with the scores of the next smaller one."""
     chosen, smaller = tuned.chosen, tuned.smaller
     first = f'{chosen.candidate.name}: {metric} {chosen.error(metric):.4f} at {chosen.ms:.2f} ms of CPU a frame.'
     if smaller is None:

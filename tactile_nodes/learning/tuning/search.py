@@ -1,8 +1,9 @@
-"""The smallest configuration that meets a wish: candidates trained alike, scored on presses none of them saw, timed.
+"""Finds the smallest configuration that meets a requirement: trains, scores and times candidates alike.
 
-A candidate is a flow with its options, a grid of regions and a readout. Each is trained on the same presses and scored
-on the same held-out ones (they choose; what a split puts aside for the test is not looked at). Then all are timed in
-turn on the same images. Of those that no other beats in both time and error, the front, the wish takes one.
+A candidate is a flow with its options, a grid of regions and a readout. All are trained on the same presses and scored
+on the same held-out presses. These decide the choice; presses that a split sets aside for the test are not used. Then
+all are timed in turn on the same images. The front are the candidates that no other beats in both time and error. The
+requirement selects one of them.
 """
 
 from __future__ import annotations
@@ -39,13 +40,13 @@ METRICS = {
     'total_rmse_n': 'root mean square error of the total force [N]',
 }
 IMAGES = 12
-"""Frames that are timed."""
+"""Number of frames that are timed."""
 OURS = 'inverse_compositional'
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A configuration to try, named as tables name it."""
+    """A configuration to try, with its name in tables."""
 
     name: str
     flow: Choice
@@ -53,7 +54,7 @@ class Candidate:
     components: int
 
     def of(self, base: TrainConfig) -> TrainConfig:
-        """The run that trains it, in all else like `base`."""
+        """The run that trains it, otherwise identical to `base`."""
         spacing = 2.0 if self.components <= 40 else 1.75
         return replace(
             base,
@@ -65,9 +66,9 @@ class Candidate:
 
 
 def candidates() -> list[Candidate]:
-    """Our flow at full, half and quarter size, DIS by its presets, each on several grids, and readouts of two sizes.
+    """Our flow at full, half and quarter size, DIS by its presets, each on several grids; readouts of two sizes.
 
-    Networks are not among them: on no data so far was one on the front (docs/results/accuracy.md).
+    Networks are not included: on no data so far was a network on the front (docs/results/accuracy.md).
     """
     made = []
     for scale, size in ((2, 'quarter'), (1, 'half'), (0, 'full')):
@@ -86,7 +87,7 @@ def candidates() -> list[Candidate]:
 
 @dataclass(frozen=True)
 class Wish:
-    """What is asked for: an error of at most, a time of at most (CPU ms a frame), or both."""
+    """The requirement: a largest error, a largest time (CPU ms per frame), or both."""
 
     max_error: float | None = None
     max_ms: float | None = None
@@ -103,7 +104,7 @@ class Wish:
 
 @dataclass(frozen=True)
 class Tried:
-    """A candidate, trained: its scores on held-out presses, and what a frame costs in contact."""
+    """A trained candidate: its scores on held-out presses, and the CPU time of a frame in contact."""
 
     candidate: Candidate
     model: ForceModel
@@ -118,7 +119,7 @@ class Tried:
 
 @dataclass(frozen=True)
 class Tuned:
-    """All that was tried, the front (cheapest first), which of it the wish takes, and the next cheaper one."""
+    """All candidates tried, the front (cheapest first), the chosen candidate, and the next cheaper one."""
 
     tried: list[Tried]
     front: list[Tried]
@@ -127,12 +128,12 @@ class Tuned:
 
 
 class Source(Protocol):
-    """Where presses and images come from."""
+    """A source of presses and images."""
 
     def data(self, candidate: Candidate, progress: Progress) -> TrainingData: ...
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:
-        """A rest image and then images of presses."""
+        """A rest image, followed by images of presses."""
         ...
 
 
@@ -158,7 +159,7 @@ class SimulatedSource:
 
 
 class RecordedSource:
-    """Presses in the bags of a collection, measured anew for each flow and grid."""
+    """Presses in the bags of a collection, measured again for each flow and grid."""
 
     def __init__(self, bags: Sequence[Path], options: BuildOptions, base: TrainConfig) -> None:
         self._bags, self._options, self._base = list(bags), options, base
@@ -173,7 +174,7 @@ class RecordedSource:
         return recorded_data(config, self._built[key], progress)
 
     def presses(self, candidate: Candidate, progress: Progress, command: str) -> RecordedPresses:
-        """The data set of a candidate, to be kept."""
+        """The data set of a candidate, for storage."""
         config = candidate.of(self._base)
         options = replace(self._options, flow=config.flow, encoding=config.encoding)
         return build(self._bags, options, progress, command=command)
@@ -196,10 +197,10 @@ class RecordedSource:
 def tune(
     source: Source, wish: Wish, progress: Progress, command: str = '', among: Sequence[Candidate] | None = None
 ) -> Tuned:
-    """Try all candidates (those of `candidates` unless told) and take the one that the wish asks for.
+    """Try all candidates (by default those of `candidates`) and choose the one that the requirement selects.
 
     Raises:
-        ConfigurationError: none of them meets the wish; says which comes closest.
+        ConfigurationError: none of them meets the requirement; names the closest.
         DatasetError, BagError: the presses cannot be used, or are too few for a candidate.
     """
     chosen_from = list(candidates() if among is None else among)
@@ -213,7 +214,7 @@ def tune(
 
 
 def chosen_place(front: Sequence[Tried], wish: Wish) -> int:
-    """Which of a front, cheapest first: the cheapest that is good enough, or the best that is fast enough.
+    """Index in a front, cheapest first: the cheapest that is accurate enough, or the most accurate that is fast enough.
 
     Raises:
         ConfigurationError: there is none.

@@ -1,6 +1,6 @@
-"""CPU time of whole frames, from image to force, of several configurations in turn on the same images.
+"""CPU time of whole frames, from image to force, for several configurations in turn on the same images.
 
-By compiled loops where numba can compile them, as nodes compute.
+Compiled loops are used if numba can compile them, as in the nodes.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ def cpu_times_ms(
     images: Sequence[UInt8[np.ndarray, 'h w']],
     progress: Progress,
 ) -> list[float]:
-    """Median CPU time of a frame, for each configuration; of the images the first shows the gel at rest.
+    """Median CPU time of a frame, for each configuration. The first image shows the gel at rest.
 
-    Every round goes through all of them, forwards and backwards in turn, so that the machine's load meets all. CPU time
-    of other threads counts too: run with OPENBLAS_NUM_THREADS=1 as the live node does.
+    Every round runs all configurations, alternately forwards and backwards, so that the machine's load affects all
+    alike. CPU time of other threads counts too: run with OPENBLAS_NUM_THREADS=1 as the live node does.
 
     Raises:
         DatasetError: there is no image of a press.
