@@ -1,1 +1,1 @@
-"""From pictures and tables of others to a data set: no rig, no bag."""
+"""Data sets from images and tables of other projects, without a rig or a bag."""

@@ -1,4 +1,4 @@
-"""Presses of another project, as arrays: what HDF5, zarr or numpy files hold, read by their own libraries."""
+"""Presses of another project as arrays, read from HDF5, zarr or numpy files by their own libraries."""
 
 from __future__ import annotations
 
@@ -40,30 +40,30 @@ def import_arrays(
     progress: Progress | None = None,
     forced: bool = False,
 ) -> RecordedPresses:
-    """The data set of presses that stand in arrays; `save_dataset` writes it.
+    """The data set of presses given as arrays; `save_dataset` writes it.
 
-    Places are in the surface frame: from the middle of the gel, x to the right and y down in the picture. Forces act on
-    the gel. Rows one after another that tell the same are pictures of one press.
+    Places are in the surface frame: from the middle of the gel, x to the right and y down in the image. Forces act on
+    the gel. Consecutive rows with equal values are images of one press.
 
     Args:
-        images: (n, h, w) or (n, h, w, 3) of uint8, whole pictures of the camera; read row by row, so that a data set
-            of h5py or zarr does.
+        images: (n, h, w) or (n, h, w, 3) of uint8, whole images of the camera. They are read row by row, so data sets
+            of h5py or zarr can be used.
         x_mm: place along x.
         y_mm: place along y.
-        force_n: force into the gel; 0 is the gel untouched, of which at least one picture is needed.
-        options: how pictures are measured; `options_of` takes them from a model.
+        force_n: force into the gel; 0 is the gel untouched, of which at least one image is needed.
+        options: how images are measured; `options_of` reads them from a model.
         indenter: of all presses, or of each.
         shear_n: force on the gel along x and y.
         torque_nm: about x, y and z (out of the gel).
-        depth_mm: how deep, where known.
+        depth_mm: indentation depth, where known.
         order: of the colours: 'rgb' or 'bgr'.
-        name: what errors call the arrays.
-        sensor: the description of what was pressed, which pictures must be like.
-        progress: shown while pictures are measured.
-        forced: whether arrays count whose places or forces contradict the pictures.
+        name: the arrays' name in errors.
+        sensor: the description of the pressed sensor, which images must match.
+        progress: shown while images are measured.
+        forced: accept arrays whose places or forces contradict the images.
 
     Raises:
-        DatasetError: arrays of different lengths, a row that cannot be used, or that contradicts its picture.
+        DatasetError: arrays of different lengths, a row that cannot be used, or that contradicts its image.
         ConfigurationError: an option that cannot be used.
     """
     count = len(images)
@@ -87,11 +87,11 @@ def import_arrays(
 
 
 def options_of(model: str | Path, gel: str = '', frames: str = 'first') -> BuildOptions:
-    """Measuring as a model does, by its file or the name of one that ships; `frames` as for `tactile dataset import`.
+    """Options to measure as a model does, by its file or a shipped name; `frames` as for `tactile dataset import`.
 
     Raises:
         ModelError: there is no such model.
-        ConfigurationError: `gel` is a file of no simulated gel.
+        ConfigurationError: `gel` is a file that is not a simulated gel.
     """
     return BuildOptions.of_model(load_model(find_model(str(model))), gel, frames)
 
@@ -105,7 +105,7 @@ def _row(line: int, columns: dict[str, Any]) -> TablePress:
     fx, fy = columns['shear_n'][line].tolist()
     tx, ty, tz = columns['torque_nm'][line].tolist()
     x_mm, y_mm, force_n, depth_mm = (float(columns[name][line]) for name in ('x_mm', 'y_mm', 'force_n', 'depth_mm'))
-    # A file may hold its texts as bytes.
+    # A file may store its texts as bytes.
     text = indenter.decode('utf-8', 'replace') if isinstance(indenter, bytes) else str(indenter)
     return TablePress(
         line, f'row {line}', np.nan, x_mm, y_mm, force_n, (fx, fy), (tx, ty, tz), depth_mm, text

@@ -1,7 +1,7 @@
-"""Tables of presses with their pictures in, a data set out: the same judgement and measurement as of a rig's bags.
+"""Builds a data set from tables of presses with images, checked and measured in the same way as a rig's bags.
 
-A row becomes the message that a rig would have sent, with NaN for what nobody knows: how deep, how steady. Rows one
-after another that tell the same place, force and indenter are pictures of one press.
+A row becomes the message that a rig would have sent, with NaN for unknown values such as depth and steadiness.
+Consecutive rows with the same place, force and indenter are images of one press.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
 
 UNTOUCHED = 0.5
-"""All pictures of the untouched gel are shared out among the presses; `frames` says how many of a share count."""
+"""All images of the untouched gel are divided among the presses. `frames` determines how many of each part are used."""
 
 
 @dataclass(frozen=True)
 class Imported:
-    """A table, and where its pictures are."""
+    """A table, and the location of its images."""
 
     table: PressTable
     pictures: Pictures
@@ -56,18 +56,18 @@ def import_presses(
     command: str = '',
     forced: bool = False,
 ) -> RecordedPresses:
-    """The data set of some tables, each measured against the mean of its own pictures of the untouched gel.
+    """The data set of some tables, each measured against the mean of its own images of the untouched gel.
 
     Args:
-        sources: tables with their pictures; each may have indenters of its own.
-        options: how pictures become samples.
-        known: the description of what was pressed, which pictures must be like; without, they must be of one size.
-        progress: told how the columns of each table were read.
-        command: what was typed.
-        forced: whether a table counts whose places or forces contradict its pictures.
+        sources: tables with their images; each may have its own indenters.
+        options: how images become samples.
+        known: the description of the pressed sensor, which images must match; without it, they must be of one size.
+        progress: shows how the columns of each table were interpreted.
+        command: the command line.
+        forced: accept a table whose places or forces contradict its images.
 
     Raises:
-        DatasetError: a row or a picture cannot be used, or table and pictures contradict each other; says in which row.
+        DatasetError: a row or an image cannot be used, or table and images contradict each other; says in which row.
         ConfigurationError: an option that cannot be used.
     """
     progress, options, known = progress or Progress(), replace(options, without_contact=UNTOUCHED), known or Known()
@@ -93,7 +93,7 @@ def import_presses(
 
 
 def _shown(presses: RecordedPresses, number: int, table: PressTable, rest_motion: np.ndarray) -> Told:
-    """The presses of one table, with what their pictures show."""
+    """The presses of one table, and what their images show."""
     rests = np.array([row.line for row in table.rows if not row.touches])
     rows = np.flatnonzero(presses.contact & (presses.bag == number))
     return Told(
@@ -104,7 +104,7 @@ def _shown(presses: RecordedPresses, number: int, table: PressTable, rest_motion
 
 
 def require_rows(source: Imported, sensor: Sensor | None = None) -> None:
-    """Refuse a table of which a data set cannot be made, before any picture is read; `sensor` as it is described.
+    """Refuse a table that cannot become a data set, before any image is read. `sensor` is the sensor's description.
 
     Raises:
         DatasetError: says in which rows.
@@ -132,7 +132,7 @@ def _presses(rows: Sequence[TablePress]) -> list[list[TablePress]]:
 
 
 class _Taken(NamedTuple):
-    """What a card says of a table, how its pictures of the gel untouched move, and what each picture is known by."""
+    """The card's entry of a table, the motion in its images of the untouched gel, and the ids of its images."""
 
     card: dict[str, Any]
     rest_motion: Float32[np.ndarray, 'rests rows cols 2']
@@ -161,7 +161,7 @@ def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> _T
         pairs = list(group)
         frames = [picture for _, picture in pairs]
         if faults:
-            continue  # the rows left are looked at for further ones
+            continue  # the remaining rows are still checked for faults
         known += [Row(table, row, picture_id(picture)) for row, picture in pairs]
         pressed += map(picture_id, frames)
         rest = [Frame(reference.stamp_ns, each) for each in rests[press :: len(presses)]]
@@ -178,7 +178,7 @@ def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> _T
 def _checked(
     source: Imported, rows: Sequence[TablePress], size: OneSize, faults: RowFaults
 ) -> Iterator[tuple[TablePress, Picture]]:
-    """Rows with their pictures, but for those with a fault."""
+    """Rows with their images, except rows with a fault."""
     for row, picture in source.pictures.of(rows, faults):
         with faults.row(row.line):
             size.require(row, picture)
@@ -193,7 +193,7 @@ def _recorded(
     untouched: Sequence[Frame],
     reference: Frame,
 ) -> RecordedPress:
-    """A press as a rig would tell it. Nobody knows when it was: row k stands for second k."""
+    """A press in the form that a rig would report. Its time is unknown: row k is set to second k."""
     begin_ns = row.line * NS_PER_S
     frames = [Frame(begin_ns + each * NS_PER_S, picture) for each, picture in enumerate(pictures)]
     (fx, fy), (tx, ty, tz), unknown = row.shear_n, row.torque_nm, float('nan')
