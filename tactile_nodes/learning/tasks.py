@@ -42,8 +42,7 @@ _SCHEDULER: ContextVar[str] = ContextVar('scheduler', default='')
 
 @contextmanager
 def on_cluster(scheduler: str) -> Iterator[None]:
-    """Within this block, tasks go to the workers of the Dask scheduler at this address; '': to processes of this
-    machine."""
+    """Within this block, tasks run on workers of the Dask scheduler at this address; '': on this machine."""
     before = _SCHEDULER.set(scheduler)
     try:
         yield
@@ -80,8 +79,7 @@ def make_files(
 
 
 def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> Iterator[tuple[int, Result]]:
-    """Results in order of completion, each with its job's number, from the cluster in use or `processes` processes
-    here.
+    """Results in order of completion, with the job's number, from the cluster or `processes` processes here.
 
     Raises:
         ConfigurationError: the cluster cannot be used; the message says why.

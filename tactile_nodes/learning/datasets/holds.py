@@ -43,8 +43,7 @@ def _at_rest(
 
 
 def still(motion: Float[np.ndarray, 'pictures regions channels']) -> Bool[np.ndarray, ' pictures']:
-    """Which images of a hold agree with most of its images. A tip that still moves, or leaves, gives a different
-    image."""
+    """Which images of a hold agree with most of its images. Images of a moving or leaving tip differ."""
     if len(motion) < LEAST_TO_TELL:
         return np.ones(len(motion), bool)
     usual = np.median(motion, axis=0)

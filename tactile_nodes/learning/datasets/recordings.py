@@ -103,8 +103,7 @@ class RecordedPresses:
         return numbers.reshape(-1)
 
     def of_indenter(self, name: str) -> RecordedPresses:
-        """The presses of one indenter and all samples without contact. The name may be left out if there is one
-        indenter.
+        """The presses of one indenter and all samples without contact. No name is needed if there is only one.
 
         Raises:
             DatasetError: there is no such indenter, or there are several and none is named.

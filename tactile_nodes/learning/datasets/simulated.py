@@ -136,8 +136,7 @@ def blocks_of(config: TrainConfig, folder: Path) -> list[Block]:
 
 
 def blocks_of_first(config: TrainConfig, presses: int, name: str) -> list[Block]:
-    """The blocks with the first presses of a plan. Their files are in a folder of this name beside the data set's
-    own."""
+    """The blocks with the first presses of a plan. Their folder has this name, beside that of the data set."""
     folder = paths.cache_directory() / 'datasets' / recipe_id(config) / name
     folder.mkdir(parents=True, exist_ok=True)
     return [block for block in blocks_of(config, folder) if block.first < presses]
@@ -167,8 +166,7 @@ def _load(files: list[Path]) -> Dataset:
 
 
 def _confidence_rows(sizes: list[tuple[int, int]]) -> Int[np.ndarray, ' samples']:
-    """The row of confidence for each sample, from the numbers of samples and confidences (one, or as many) of each
-    block."""
+    """Row of confidence for each sample. `sizes` has the samples and confidences (one, or as many) of each block."""
     first = np.cumsum([0, *(confidences for _, confidences in sizes)])
     rows = [start + np.arange(n) % confidences for start, (n, confidences) in zip(first, sizes, strict=False)]
     return np.concatenate(rows)

@@ -14,8 +14,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 NEAR_BORDER_MM = 0.3
 EDGE_MM = 9.0
-"""Two thirds of the way from the middle to the paper's outermost presses. Beyond it along one axis is the rim, along
-both axes a corner."""
+"""Two thirds of the reach of the paper's presses. Beyond it along one axis is the rim, along both axes a corner."""
 DEPTHS_MM = ((0.0, 0.25), (0.25, 0.5), (0.5, 1.0), (1.0, 2.0))
 TOUCH_N = 0.02
 """A touch of this force should be detected."""

@@ -108,8 +108,7 @@ class Aligner:
 
     @property
     def left_over(self) -> int:
-        """Number of images that belong to no press: an interrupted collection leaves such images after its last
-        press."""
+        """Number of images that belong to no press: an interrupted collection leaves some after its last press."""
         return len(self._frames)
 
     def _keep(self, message: types.Image, kept: dict[int, np.ndarray], twice: str) -> None:
@@ -147,8 +146,7 @@ class Aligner:
         return sorted([*inside, *beside[: max(0, wanted - len(inside))]])
 
     def _is_untouched(self, stamp: int) -> bool:
-        """Whether the tip was above the gel, if known. An interrupted press leaves images of contact without a
-        window."""
+        """Whether the tip was above the gel, if known. An interrupted press leaves contact images without window."""
         nearest = min(self._depths, key=lambda each: abs(each - stamp), default=None)
         if nearest is None or abs(nearest - stamp) > STATE_REACH_NS:
             return True

@@ -1,5 +1,4 @@
-"""Builds a data set from bags of presses: aligned, checked and measured. Presses left out are listed with the
-reason."""
+"""Builds a data set from bags of presses: aligned, checked, measured. Lists presses left out with the reason."""
 
 from __future__ import annotations
 
@@ -63,8 +62,7 @@ class BuildOptions:
 
     @classmethod
     def of_model(cls, loaded: LoadedModel, gel: str = '', frames: str = 'first') -> BuildOptions:
-        """Options to measure as a model does. Raises ConfigurationError: `gel` is a file that is not a simulated
-        gel."""
+        """Options to measure as a model does. Raises ConfigurationError: the file `gel` is not a simulated gel."""
         return cls(
             flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), bins=loaded.model.bins, frames=frames,
             gel=gel_told(gel), crop=loaded.image_size,

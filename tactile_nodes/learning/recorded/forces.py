@@ -66,8 +66,7 @@ def _within(stamps: np.ndarray, start_ns: int, end_ns: int) -> np.ndarray:
 
 
 def _sign(press: types.Press, mean_n: float) -> int:
-    """Sign of the force on the gel along z relative to the sensor's: 1, -1, or 0 if the samples do not match the
-    message."""
+    """Sign of the force on the gel along z relative to the sensor's: 1, -1, or 0 if samples and message differ."""
     change, told = mean_n - press.tare.force.z, press.wrench.force.z
     return next((sign for sign in (-1, 1) if abs(sign * change - told) < SAME_N), 0)
 

@@ -18,8 +18,7 @@ SETTLED_NS = NS_PER_S // 2
 IDLE_NS = 2 * NS_PER_S
 """A rig that was asked to stop has stopped when it has reported no press for this long."""
 ABSENT_NS = 120 * NS_PER_S
-"""A rig that has not started by then is absent: wrong settings may have ended it. A slow machine takes 20 s to
-start."""
+"""A rig that has not started by then is absent: wrong settings may have ended it. A slow machine takes 20 s."""
 BETWEEN = 0
 
 
@@ -60,8 +59,7 @@ class RigPresses:
                 self._aligner.take_reference(message)
 
     def state(self, message: types.RigState) -> None:
-        """Take the tip's position. A rig that was asked to stop has stopped once it has been between presses long
-        enough."""
+        """Take the tip's position. A rig asked to stop has stopped once it has been between presses long enough."""
         now_ns = stamp_ns(message.header.stamp)
         with self._lock:
             if self._over:
