@@ -85,8 +85,7 @@ def _without(directions: np.ndarray, along: Value, missing: Value) -> Value:
         smaller = residual @ residual
         return enough < smaller, [solved + share * towards, residual, residual + smaller / size * towards, smaller]
 
-    # Rounding may double the number of steps beyond the number of unknowns. Without any signal there is nothing to
-    # solve.
+    # Rounding may require twice as many steps as unknowns. Without any signal there is nothing to solve.
     solved = along.writer.loop(2 * count, [right * 0, right, right, right @ right], step, enough < right @ right)
     return solved[0].cast(np.float32)
 

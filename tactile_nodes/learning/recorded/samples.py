@@ -61,7 +61,7 @@ class Sample:
 
 
 class Shelf:
-    """Makes samples, and stores data that many of them share once."""
+    """Makes samples. Data that many of them share is stored once."""
 
     def __init__(self, bins: BinGrid) -> None:
         self._bins = bins
