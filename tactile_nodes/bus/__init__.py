@@ -1,1 +1,1 @@
-"""The bus: topics, services and the graph of who offers what, over ZeroMQ or inside one process."""
+"""The bus: topics, services and the graph of nodes, over ZeroMQ or inside one process."""

@@ -10,7 +10,7 @@ import numpy as np
 
 
 def freeze_arrays(message: Any) -> None:
-    """Make each array in `message` read-only, those of the messages in it too."""
+    """Make all arrays in `message` read-only, including those of nested messages."""
     kind: Any = type(message)
     for name in _may_hold_arrays(kind):
         _freeze(getattr(message, name))
@@ -28,7 +28,7 @@ def _freeze(value: Any) -> None:
 
 @cache
 def _may_hold_arrays(kind: Any) -> tuple[str, ...]:
-    """The fields of a message class that are arrays, or messages with arrays in them; found on an empty one."""
+    """The fields of a message class that are arrays, or messages with arrays; found from an empty instance."""
     if not hasattr(kind, '__dataclass_fields__'):
         return ()
     empty = kind()
@@ -36,6 +36,6 @@ def _may_hold_arrays(kind: Any) -> tuple[str, ...]:
 
 
 def _can_hold(value: Any) -> bool:
-    # A list is empty here, so what it will hold is not known.
+    # A list is empty here, so the type of its elements is not known.
     kind: Any = type(value)
     return isinstance(value, (np.ndarray, list)) or bool(_may_hold_arrays(kind))

@@ -1,4 +1,4 @@
-"""The bus inside one process: a message goes from publisher to subscriber as the object it is."""
+"""The bus inside one process: a subscriber gets the publisher's own message object."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ AnyPublisher = TypeVar('AnyPublisher', bound='LocalPublisher')
 
 
 def new_uid() -> str:
-    """A name for a participant, unique for all purposes: eight characters."""
+    """A globally unique name for a participant: eight characters."""
     return secrets.token_hex(4)
 
 
 class InProcessBus:
-    """A bus whose participants all live in this process; also the inner half of every wider transport."""
+    """A bus whose participants all live in this process. Wider transports contain it."""
 
     def __init__(self, clock: Clock | None = None) -> None:
         self.clock = clock or SystemClock()
@@ -55,7 +55,7 @@ class InProcessBus:
         messages.message_class(made.type_name)
         with self._lock:
             self._check_open()
-            # A new list instead of an append: `deliver` walks the old one without taking the lock.
+            # A new list instead of an append, because `deliver` iterates over the old one without the lock.
             self._subscriptions[made.topic] = [*self._subscriptions.get(made.topic, ()), made]
             latched = [publisher.last for publisher in self._publishers if _feeds(publisher, made)]
         for received in latched:
@@ -65,13 +65,13 @@ class InProcessBus:
         return made
 
     def deliver(self, topic: str, received: Received) -> None:
-        """Hand `received` to this process's subscriptions of `topic` that expect its type."""
+        """Pass `received` to the subscriptions of `topic` in this process that expect its type."""
         for subscription in self._subscriptions.get(topic, ()):
             if subscription.type_name == received.type_name:
                 subscription.put(received)
 
     def count_listeners(self, topic: str, type_name: str) -> int:
-        """This process's subscriptions of a topic and type."""
+        """The number of subscriptions of a topic and type in this process."""
         return sum(entry.type_name == type_name for entry in self._subscriptions.get(topic, ()))
 
     # --- services -------------------------------------------------------------------------------------------
@@ -110,7 +110,7 @@ class InProcessBus:
         self._changed()
 
     def remove_node(self, name: str) -> None:
-        """Take back `add_node`."""
+        """Undo `add_node`."""
         with self._lock:
             if name in self._nodes:
                 self._nodes.remove(name)
@@ -120,7 +120,7 @@ class InProcessBus:
         return Graph((self.own_participant(),))
 
     def own_participant(self) -> Participant:
-        """This process as others see it."""
+        """This process as other participants see it."""
         with self._lock:
             subscriptions = [entry for entries in self._subscriptions.values() for entry in entries]
             return Participant(
@@ -141,7 +141,7 @@ class InProcessBus:
         self._close_ends()
 
     def _close_ends(self) -> bool:
-        """Close what was created through this bus; false when somebody has done so before."""
+        """Close what was created through this bus; false if it was closed before."""
         with self._lock:
             if self._closed:
                 return False
@@ -171,7 +171,7 @@ class InProcessBus:
         return publisher
 
     def _changed(self) -> None:
-        """Something about this participant changed; a wider transport tells the others."""
+        """Called when this participant changed; a wider transport informs the others."""
 
     def _forget_publisher(self, publisher: LocalPublisher) -> None:
         with self._lock:
@@ -197,10 +197,10 @@ class InProcessBus:
 
 
 class LocalPublisher:
-    """Publishes to the subscriptions of its own process; wider transports send `data` on besides."""
+    """Publishes to the subscriptions of its own process; wider transports also send `data` to other processes."""
 
     relays = False
-    """Whether it repeats what another machine's publisher says, and so is no publisher of this process's own."""
+    """Whether it republishes messages of another machine, and so is not this process's own publisher."""
 
     def __init__(self, bus: InProcessBus, topic: str, type_name: str, qos: Qos, node: str) -> None:
         messages.message_class(type_name)
@@ -227,7 +227,7 @@ class LocalPublisher:
 
     @property
     def listeners(self) -> int:
-        """How many subscriptions would get what is published now."""
+        """The number of subscriptions that would get a message published now."""
         return self._bus.count_listeners(self.topic, self.type_name)
 
     def close(self) -> None:
@@ -239,13 +239,13 @@ class LocalPublisher:
         self._bus._forget_publisher(self)
 
     def _send(self, message: Any, data: bytes | None) -> None:
-        with self._lock:  # so that messages leave in the order of their numbers
+        with self._lock:  # so that messages leave in sequence
             self._check_open()
             now_ns = self._bus.clock.now_ns()
             number = self.sequence + 1
             received = Received(self.type_name, self.gid, number, now_ns, now_ns, message=message, data=data)
             if self.qos.latched:
-                assert received.view  # what cannot be encoded is refused before anybody has it
+                assert received.view  # refuses a message that cannot be encoded before it is delivered
             self.sequence = number
             self._deliver(received)
 
@@ -260,10 +260,10 @@ class LocalPublisher:
             raise BusError(f'the publisher of {self.topic} is closed')
 
     def _send_beyond(self, received: Received) -> None:
-        """Send to other processes; there are none here."""
+        """Send to other processes; does nothing here."""
 
     def _close_socket(self) -> None:
-        """There is none here."""
+        """Close the socket; there is none here."""
 
 
 class _LocalService:
@@ -279,13 +279,13 @@ class _LocalService:
 
 
 def require_type(service: str, served: str, wanted: str) -> None:
-    """Raise a ServiceError when a service is not of the type that the caller takes it for."""
+    """Raise a ServiceError if a service does not have the type that the caller expects."""
     if served != wanted:
         raise ServiceError(f'{service} is a {served}, not a {wanted}')
 
 
 def answer_to(answer: Future[Any]) -> Callable[[Any], None]:
-    """A `Reply` that fulfils `answer`."""
+    """A `Reply` that sets the result of `answer`."""
 
     def reply(response: Any) -> None:
         if isinstance(response, Exception):

@@ -7,15 +7,15 @@ import re
 from tactile_nodes.errors import ConfigurationError
 
 LONGEST = 247
-"""Characters of a full name; DDS takes 255, and ROS 2 puts up to eight in front."""
+"""Longest full name in characters; DDS allows 255, and ROS 2 adds a prefix of up to eight."""
 _WORDS = re.compile(r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 
 
 def absolute(name: str, what: str = 'a topic or service') -> str:
-    """A full name, from that or from one that the root namespace goes in front of.
+    """The full name of `name`; a relative name is put in the root namespace.
 
     Raises:
-        ConfigurationError: a name that ROS 2 would not allow, or one that is private to a node.
+        ConfigurationError: ROS 2 would not allow the name, or it is private to a node.
 
     >>> absolute('image_raw'), absolute('/skin/image_raw')
     ('/image_raw', '/skin/image_raw')
@@ -34,10 +34,10 @@ def absolute(name: str, what: str = 'a topic or service') -> str:
 
 
 def absolute_namespace(name: str) -> str:
-    """A full namespace; '' and '/' are the root.
+    """The full name of a namespace; '' and '/' are the root.
 
     Raises:
-        ConfigurationError: a name that ROS 2 would not allow.
+        ConfigurationError: ROS 2 would not allow the name.
 
     >>> absolute_namespace('/'), absolute_namespace('skin/left')
     ('/', '/skin/left')

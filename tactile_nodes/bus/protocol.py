@@ -1,4 +1,4 @@
-"""What every transport offers: the seam at which ZeroMQ, one process and ROS 2 are exchanged for each other."""
+"""The interface of every transport: ZeroMQ, one process and ROS 2 are interchangeable."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tactile_nodes.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Qos:
-    """How a topic is kept for a subscriber.
+    """How messages of a topic are buffered for a subscriber.
 
-    `latest`: only the newest `depth` messages count; older ones give way (a camera image, a force).
-    `queue`: every message counts; up to `depth` wait, then the oldest is dropped and counted (force/torque samples).
-    `latched`: the publisher's last message is also given to those who come later (a rest image).
-    `reliable`: what is lost on a network is sent again; of meaning on the ROS 2 bus alone.
+    `latest`: only the newest `depth` messages are kept (a camera image, a force).
+    `queue`: up to `depth` messages wait, then the oldest is dropped and counted (force/torque samples).
+    `latched`: late subscribers also get the publisher's last message (a rest image).
+    `reliable`: messages lost on a network are sent again; used by the ROS 2 bus only.
     """
 
     keep: Literal['latest', 'queue'] = 'latest'
@@ -36,15 +36,15 @@ class Publisher(Protocol):
 
     @property
     def listeners(self) -> int:
-        """How many would get what is published now; a process that receives counts once."""
+        """The number of receivers of a message published now; each receiving process counts once."""
         ...
 
     def publish(self, message: Any) -> None:
-        """Hand `message` to every subscriber; its arrays become read-only, because nodes of this process share it."""
+        """Send `message` to all subscribers. Its arrays become read-only, because nodes of this process share it."""
         ...
 
     def publish_bytes(self, data: bytes) -> None:
-        """The same for CDR bytes that are already there (a replayed bag)."""
+        """Like `publish`, for CDR bytes that exist already (a replayed bag)."""
         ...
 
     def close(self) -> None:
@@ -53,19 +53,19 @@ class Publisher(Protocol):
 
 
 Reply = Callable[[Any], None]
-"""Takes the response message of a service call, or the exception that kept it from being made."""
+"""Takes the response message of a service call, or the exception that prevented it."""
 
 ServiceHandler = Callable[[Any, Reply], None]
-"""Called with a request and with the function to answer it, at once or later, from any thread."""
+"""Called with a request and a reply function, which may be called at once or later, from any thread."""
 
 
 class Bus(Protocol):
-    """One process's connection to all others of its domain; `clock` gives the stamps of its messages."""
+    """The connection of one process to all others of its domain; `clock` gives the stamps of its messages."""
 
     clock: Clock
 
     def advertise(self, topic: str, type_name: str, qos: Qos, node: str = '') -> Publisher:
-        """Offer `topic` (a full name, '/skin/force'); several publishers of a topic are welcome."""
+        """Offer `topic` (a full name, '/skin/force'); a topic may have several publishers."""
         ...
 
     def subscribe(
@@ -73,7 +73,7 @@ class Bus(Protocol):
     ) -> Subscription:
         """Receive `topic` from all its publishers, present and future.
 
-        `on_ready` is called, from any thread, after each message that came in; it must return at once.
+        `on_ready` is called, from any thread, after each received message; it must return at once.
         """
         ...
 
@@ -85,36 +85,36 @@ class Bus(Protocol):
         """The response of `service` to `request`.
 
         Raises:
-            ServiceUnavailableError: nobody serves it.
-            ServiceTimeoutError: no answer within `timeout_s`.
-            ServiceError: the node that serves it refused or failed.
+            ServiceUnavailableError: no node offers the service.
+            ServiceTimeoutError: no response within `timeout_s`.
+            ServiceError: the node that offers it refused or failed.
         """
         ...
 
     def add_node(self, name: str) -> None:
-        """Tell the others of a node of this process."""
+        """Announce a node of this process to the other participants."""
         ...
 
     def remove_node(self, name: str) -> None:
-        """Take back `add_node`."""
+        """Undo `add_node`."""
         ...
 
     def graph(self) -> Graph:
-        """Who is alive, and what they offer and receive, as far as this process knows."""
+        """All live participants with their publishers, subscriptions and services, as far as this process knows."""
         ...
 
     def close(self) -> None:
-        """Leave; whatever was created through this bus ends with it."""
+        """Leave the domain; everything created through this bus is closed."""
         ...
 
 
 class ProcessBus(Bus, Protocol):
-    """A bus that reaches beyond its process, as `open_bus` gives it."""
+    """A bus that reaches other processes, as `open_bus` returns it."""
 
     uid: str
 
     def ping(self, uid: str, timeout_s: float = 1.0) -> float | None:
-        """The seconds that a participant took to answer; None when it did not."""
+        """The response time of a participant in seconds; None if it did not respond."""
         ...
 
 
@@ -126,7 +126,7 @@ class Closing(Protocol):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """One node's end of a topic or service; `gid` is the name under which a publisher's messages come in."""
+    """One node's end of a topic or service; `gid` identifies a publisher in its messages."""
 
     name: str
     type_name: str
@@ -137,7 +137,7 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class Participant:
-    """One process on the bus. One that is listed is alive: the kernel says so, or, of another machine's, a bridge."""
+    """One process on the bus. A listed one is alive, as reported by the kernel, or by a bridge for another machine."""
 
     uid: str
     pid: int
@@ -162,12 +162,12 @@ class Graph:
         return [end for peer in self.participants for end in peer.publishers if topic in {None, end.name}]
 
     def require_unpublished(self, topic: str) -> None:
-        """For what one node alone may publish, as a camera's pictures: of two by turns nobody could make sense.
+        """Check that nothing else publishes a topic with one allowed publisher, such as the images of a camera.
 
-        Ends of a ROS 2 graph do not count, which is told late: a camera that was killed is in it for seconds.
+        Publishers in a ROS 2 graph do not count, because it lists a killed node for some seconds more.
 
         Raises:
-            ConfigurationError: a process that is there publishes it.
+            ConfigurationError: a live process publishes the topic.
         """
         for peer in self.participants:
             for end in peer.publishers:
@@ -178,7 +178,7 @@ class Graph:
                     )
 
     def host_of(self, topic: str) -> str:
-        """The machine whose process publishes `topic`; '' of nobody, or where the graph does not tell."""
+        """The machine whose process publishes `topic`; '' if there is no publisher or the machine is not known."""
         hosts = (peer.host for peer in self.participants for end in peer.publishers if end.name == topic)
         return next(hosts, '')
 
@@ -189,7 +189,7 @@ class Graph:
         return [end for peer in self.participants for end in peer.services if name in {None, end.name}]
 
     def topics(self) -> dict[str, list[str]]:
-        """Each topic with the types that it is published or subscribed as."""
+        """Each topic with the types of its publishers and subscriptions."""
         found: dict[str, set[str]] = {}
         for end in self.publishers() + self.subscriptions():
             found.setdefault(end.name, set()).add(end.type_name)
@@ -197,11 +197,11 @@ class Graph:
 
 
 class Received:
-    """One message as it came in.
+    """One received message.
 
-    `source_ns` is when it was published, `received_ns` when it came in, both on the host's time base; `publisher`
-    and `sequence` (from 1) name it uniquely. Inside one process `message` is the publisher's own object and `data` is
-    encoded only if somebody asks; between processes it is the other way round.
+    `source_ns` is the time of publication and `received_ns` the time of reception, both on the host's time base.
+    `publisher` and `sequence` (from 1) identify it uniquely. Inside one process `message` is the publisher's own
+    object, and `data` is encoded on demand. Between processes `data` is received, and `message` is decoded on demand.
     """
 
     __slots__ = ('_data', '_message', 'publisher', 'received_ns', 'sequence', 'source_ns', 'type_name')
@@ -227,10 +227,10 @@ class Received:
 
     @property
     def message(self) -> Any:
-        """The message; shared, so not to be changed.
+        """The message; it is shared, so do not change it.
 
         Raises:
-            MessageError: the bytes are no message of the announced type.
+            MessageError: the bytes are not a message of the announced type.
         """
         if self._message is None:
             assert self._data is not None
@@ -239,13 +239,13 @@ class Received:
 
     @property
     def data(self) -> bytes:
-        """The CDR bytes that travelled (or would have)."""
+        """The CDR bytes, received or encoded on demand."""
         view = self.view
         return view if isinstance(view, bytes) else bytes(view)
 
     @property
     def view(self) -> bytes | memoryview:
-        """The same without the copy that making `bytes` of it may cost."""
+        """The same as a view, without the copy that `bytes` may need."""
         if self._data is None:
             self._data = messages.encode_view(self._message)
         return self._data

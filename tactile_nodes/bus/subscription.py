@@ -1,4 +1,4 @@
-"""The receiving end of a topic: a bounded buffer that never makes a publisher wait."""
+"""The receiving end of a topic: a bounded buffer that never blocks a publisher."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ FOR_EVER = -1.0  # as the timeout of a lock
 
 
 class Subscription:
-    """Holds what came in until it is taken; when full, the oldest message gives way and `dropped` counts it.
+    """Buffers received messages; when it is full, the oldest is dropped and counted in `dropped`.
 
-    `received` counts the messages that came in, `malformed` the frames that were none of this topic's. With `only`, it
-    takes the messages of one publisher.
+    `received` counts received messages, `malformed` the frames that are not messages of this topic. With `only`,
+    messages of all other publishers are ignored.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Subscription:
         self._waiting: deque[Received] = deque(maxlen=max(1, qos.depth))
         self._newest: dict[str, int] = {}
         self._lock = threading.Lock()
-        self._getting: list[threading.Lock] = []  # of those who wait; released, they look again
+        self._getting: list[threading.Lock] = []  # one lock for each waiting thread; a released one looks again
         self._only = only
         self._on_ready = on_ready
         self._on_close = on_close
@@ -52,8 +52,8 @@ class Subscription:
     def put(self, received: Received) -> None:
         """Called by the transport, from any thread; returns at once.
 
-        A message that a publisher's newer one has overtaken is passed over: a latched one that was sent again for
-        somebody else, or one that has come by two ways.
+        A message older than the last one of the same publisher is ignored: a latched message that was sent again for
+        another subscriber, or one that arrived by two routes.
         """
         with self._lock:
             if self._closed or (self._only and received.publisher != self._only):
@@ -72,19 +72,19 @@ class Subscription:
 
     @property
     def waiting(self) -> int:
-        """How many messages wait to be taken."""
+        """The number of buffered messages."""
         return len(self._waiting)
 
     def take(self) -> Received | None:
-        """The oldest waiting message, or None."""
+        """The oldest buffered message, or None."""
         with self._lock:
             return self._waiting.popleft() if self._waiting else None
 
     def get(self, timeout_s: float | None = None) -> Received | None:
-        """The oldest waiting message, waiting for one; None after `timeout_s` or when closed.
+        """The oldest buffered message; waits for one, and returns None after `timeout_s` or when closed.
 
         Ctrl-C may raise an exception between any two lines, and must not leave the lock held. ``with`` on a lock is
-        safe; a Condition is not, since its ``__enter__`` is Python code that can be interrupted after it took the lock.
+        safe. A Condition is not: its ``__enter__`` is Python code, which can be interrupted after it took the lock.
         """
         end_s = None if timeout_s is None else monotonic_s() + timeout_s
         woken = threading.Lock()
@@ -100,7 +100,7 @@ class Subscription:
             woken.acquire(timeout=min(left_s, threading.TIMEOUT_MAX))
 
     def close(self) -> None:
-        """Receive no more; closing twice is harmless."""
+        """Stop receiving; closing twice is harmless."""
         with self._lock:
             if self._closed:
                 return
@@ -109,6 +109,6 @@ class Subscription:
         self._on_close(self)
 
     def _wake(self) -> None:
-        """Have all who wait look again."""
+        """Make all waiting threads look again."""
         while self._getting:
             self._getting.pop().release()

@@ -1,4 +1,4 @@
-"""Messages of the bus for somebody who is not on it: a topic is received only for as long as they want it."""
+"""Forwards messages to clients outside the bus; a topic is received only while a client wants it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from tactile_nodes.bus.topics import default_qos
 
 Key = tuple[str, str]
 """Full name and type of a topic."""
-_SHORTEST_QUEUE = 16  # a bridge that waits for its turn must not lose what a subscriber of its own would have had
+_SHORTEST_QUEUE = 16  # a waiting bridge must not lose messages that a direct subscriber would get
 
 
 class Tap:
-    """Subscriptions of `node` that come and go; `post` runs work in its thread, where `take` gets each message.
+    """Subscriptions of `node` that come and go; `post` runs work in the thread in which `take` is called.
 
     Args:
-        take: called with a topic's full name and a message, in the order in which they came.
+        take: called with the full name of a topic and a message, in order of arrival.
     """
 
     def __init__(
@@ -32,16 +32,16 @@ class Tap:
 
     @property
     def topics(self) -> frozenset[Key]:
-        """What is received now."""
+        """The topics received now."""
         return frozenset(self._subscriptions)
 
     @property
     def dropped(self) -> int:
-        """Messages that gave way to newer ones before they could be taken, of the topics received now."""
+        """The number of dropped messages of the topics received now."""
         return sum(subscription.dropped for subscription in self._subscriptions.values())
 
     def keep(self, wanted: Iterable[Key]) -> None:
-        """From now on receive `wanted` and nothing else. A latched message comes again to whoever comes again."""
+        """Receive exactly the topics in `wanted` from now on. A new subscription gets the latched message again."""
         keys = set(wanted)
         for key in self._subscriptions.keys() - keys:
             self._subscriptions.pop(key).close()
@@ -52,7 +52,7 @@ class Tap:
             self._wake()
 
     def close(self) -> None:
-        """Receive nothing any more."""
+        """Stop receiving."""
         self.keep(())
 
     def _wake(self) -> None:
@@ -61,7 +61,7 @@ class Tap:
             self._post(self._drain)
 
     def _drain(self) -> None:
-        self._woken = False  # before taking: what comes in from now on asks again
+        self._woken = False  # before taking, so that later messages wake it again
         for (topic, _), subscription in list(self._subscriptions.items()):
             while (received := subscription.take()) is not None:
                 self._take(topic, received)

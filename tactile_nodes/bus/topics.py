@@ -1,7 +1,7 @@
-"""The one table of topics. No topic is spelt anywhere else.
+"""The table of all topics. Topic names are written nowhere else.
 
-Names are relative: the node's namespace goes in front and remaps apply, as in ROS 2. Those that start with a slash are
-the same for a whole domain.
+Names are relative: the node's namespace is put in front and remaps apply, as in ROS 2. Names with a leading slash are
+the same in a whole domain.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from tactile_nodes.bus.protocol import Qos
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic's name, type and quality of service, its usual rate, and whether bags record it unless told otherwise.
+    """A topic's name, type, quality of service and usual rate, and whether bags record it by default.
 
-    `frame` is what headers name unless a parameter says otherwise; `holds` are units, signs and content; `lost` says
-    what a bag is good for in which some of its messages are missing.
+    `frame` is the default frame of its headers. `holds` gives units, signs and content. `lost` says what a bag is good
+    for if some of these messages are missing.
     """
 
     name: str
@@ -42,8 +42,8 @@ _RECORDER = 'of the recorder'
 
 _LATEST = Qos('latest', 1)
 _LATCHED = Qos('latest', 1, latched=True)
-# What is answered in a fraction of the time that it took to make: a short pause delays frames and loses none. Overload
-# is shed before, at the images, so that nothing piles up here.
+# Subscribers need much less time for these messages than was needed to make them: a short pause delays frames and loses
+# none. In overload, images are dropped first, so that nothing piles up here.
 _RECENT = Qos('latest', 4)
 
 IMAGE = Topic(
@@ -149,7 +149,7 @@ JOINT_STATES = Topic(
     100.0,
     holds='m',
 )
-# What other tools draw; made by the node force_views, each only while somebody listens to it.
+# Topics for other visualization tools; the node force_views publishes each only while it has subscribers.
 FORCE_MAP = Topic(
     'force_map',
     'sensor_msgs/msg/Image',
@@ -334,11 +334,11 @@ TOPICS = {
 
 
 def in_table(topic: str) -> Topic | None:
-    """What the table says of a full topic name; None for a topic that is not in it."""
+    """The table entry of a full topic name; None if there is none."""
     return TOPICS.get(topic) or TOPICS.get(topic.rpartition('/')[2])
 
 
 def default_qos(topic: str) -> Qos:
-    """The quality of service of a full topic name by the table; a queue of 100 for a topic that is not in it."""
+    """The quality of service in the table for a full topic name; a queue of 100 if there is no entry."""
     found = in_table(topic)
     return found.qos if found else Qos('queue', 100)
