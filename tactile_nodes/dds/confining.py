@@ -1,9 +1,9 @@
-"""Keeps the sockets of DDS to this machine.
+"""Restricts the sockets of DDS to this machine.
 
-Cyclone DDS binds what it receives with to every address, whatever interface it is told, so a network could reach it. A
-filter in the kernel gives such a socket only what came over the loopback interface: packets between processes of this
-machine, whichever of its addresses they name, and nothing else. (Binding to the device `lo` would not do: the kernel
-takes packets to the machine's own address on a network as come by that network.) It needs no privilege.
+Cyclone DDS binds its receiving sockets to all addresses, whatever interface is configured, so a network could reach
+them. A filter in the kernel lets such a socket receive only packets from the loopback interface. These are the packets
+between processes of this machine, whatever address they are sent to. (Binding to the device `lo` does not work: for the
+kernel, packets to the machine's own network address arrive by that network.) No privilege is needed.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _WHOLE, _NOTHING = 0xFFFFFFFF, 0
 
 
 def open_sockets() -> set[str]:
-    """The sockets of this process, by what the kernel calls them ('socket:[4711]')."""
+    """The sockets of this process, by their kernel names ('socket:[4711]')."""
     return {target for _, target in _descriptors()}
 
 
 def confine(before: set[str]) -> int:
-    """Confine each datagram socket that was opened since `before` to this machine; how many there were.
+    """Restrict each datagram socket opened since `before` to this machine; returns their number.
 
     Raises:
         BusError: the kernel refuses.
@@ -44,7 +44,7 @@ def confine(before: set[str]) -> int:
 
 
 def only_from(end: socket.socket, interface: str) -> None:
-    """Let `end` receive only what comes by `interface`.
+    """Let `end` receive only packets that arrive by `interface`.
 
     Raises:
         BusError: the kernel refuses.
@@ -69,7 +69,7 @@ def _descriptors() -> list[tuple[int, str]]:
     for entry in Path('/proc/self/fd').iterdir():
         try:
             target = os.readlink(entry)  # noqa: PTH115 - no path, but a name of the kernel's
-        except OSError:  # the descriptor of this very listing
+        except OSError:  # the file descriptor of this listing itself
             continue
         if target.startswith('socket:'):
             found.append((int(entry.name), target))

@@ -1,7 +1,7 @@
-"""Readers and writers that pass CDR bytes as they are.
+"""Readers and writers that pass CDR bytes unchanged.
 
-Cyclone's Python package encodes messages itself, slowly. Below its public classes are functions that take and give
-bytes (`_clayer`); they are private, so setup.py pins the version and the tests hold them to what is needed here.
+Cyclone's Python package encodes messages itself, slowly. Its private functions (`_clayer`) take and return bytes.
+Because they are private, setup.py pins the version, and tests check the functions used here.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def writer_qos(type_name: str, qos: BusQos, lifespan_s: float | None = None) -> 
 
 
 def reader_qos(type_name: str, qos: BusQos) -> Qos:
-    """Keep last and volatile; what is not reliable every writer satisfies."""
+    """Keep last and volatile; a reader that is not reliable matches every writer."""
     return Qos(
         _reliability(qos),
         Policy.History.KeepLast(qos.depth),
@@ -54,7 +54,7 @@ def reader_qos(type_name: str, qos: BusQos) -> Qos:
 
 
 class CdrWriter:
-    """Writes messages that are encoded already; `gid` is its name among ROS 2's endpoints."""
+    """Writes encoded messages; `gid` identifies it among ROS 2's endpoints."""
 
     def __init__(self, writer: DataWriter[Any]) -> None:
         self.gid = writer.guid.bytes
@@ -63,11 +63,11 @@ class CdrWriter:
 
     @property
     def readers(self) -> int:
-        """How many would get what is written now."""
+        """The number of readers that would get a message written now."""
         return int(self._writer.get_publication_matched_status().current_count)
 
     def write(self, data: bytes | memoryview) -> None:
-        """Send one message; where a reader that wants all of them is too far behind it is dropped, and counted.
+        """Send one message. If a reliable reader is too far behind, the message is dropped and counted.
 
         Raises:
             BusError: it cannot be sent.
@@ -80,7 +80,7 @@ class CdrWriter:
 
 
 class CdrReader:
-    """Gives messages as the bytes that came."""
+    """Returns messages as the received bytes."""
 
     def __init__(self, reader: DataReader[Any]) -> None:
         self.gid = reader.guid.bytes
@@ -88,7 +88,7 @@ class CdrReader:
         self._reader = reader
 
     def take(self) -> list[bytes]:
-        """What has come in since, at most a few dozen messages; what is no plain CDR is counted only.
+        """The messages received since the last call, a few dozen at most; data that are not plain CDR are only counted.
 
         Raises:
             BusError: nothing can be taken.
@@ -103,7 +103,7 @@ class CdrReader:
 
 
 def listener(on_data: Callable[[], None]) -> Listener:
-    """What calls `on_data`, in a thread of Cyclone's, whenever something has come in."""
+    """A listener that calls `on_data`, in a thread of Cyclone, whenever data have arrived."""
     return Listener(on_data_available=lambda _: on_data())
 
 
@@ -112,6 +112,6 @@ def _reliability(qos: BusQos) -> Any:
 
 
 def _without_padding(data: bytes) -> bytes:
-    """The last two bits of the header say how many bytes only fill the last four (XTypes 1.3, 7.6.3.1.2)."""
+    """The last two bits of the header give the number of padding bytes at the end (XTypes 1.3, 7.6.3.1.2)."""
     padding = data[3] & 3
     return data[: len(data) - padding] if padding else data

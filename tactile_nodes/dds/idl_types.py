@@ -1,7 +1,7 @@
-"""Message types as Cyclone DDS knows them, made from the same definitions as our own classes.
+"""Message types for Cyclone DDS, made from the same definitions as our own classes.
 
-Their serializer is never used (it is slow, and refuses arrays): what is written are the bytes of our codec. The types
-are there so that both ends agree on what is spoken of.
+Their serializer is never used (it is slow, and refuses arrays): our codec makes the bytes. The types exist so that both
+ends agree on the type of a topic.
 """
 
 from functools import cache
@@ -31,7 +31,7 @@ def idl_type(type_name: str) -> type[Any]:
     """The `IdlStruct` of a message type ('geometry_msgs/msg/WrenchStamped').
 
     Raises:
-        MessageError: there is no such type, or it holds wide strings.
+        MessageError: there is no such type, or it contains wide strings.
     """
     message_class(type_name)
     fields = {name: _field(description) for name, description in store().fielddefs[type_name][1]}

@@ -1,4 +1,4 @@
-"""Topics of a ROS 2 graph for the nodes of the bus: an independent force sensor, say, or the state of a robot."""
+"""Topics of a ROS 2 graph for the nodes of the bus, such as an independent force sensor or the state of a robot."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ _KEPT = 100  # samples of a robot's sensor at 1 kHz, while the bridge waits for 
 
 @dataclass(frozen=True)
 class Wish:
-    """A topic to take over: its name as written, and its type."""
+    """A topic to receive: its name as written, and its type."""
 
     topic: str
     type_name: str
 
     @classmethod
     def parse(cls, text: str) -> Wish:
-        """'/robot/wrench@geometry_msgs/msg/WrenchStamped'; for names of the topic table the type can be left out.
+        """Parse '/robot/wrench@geometry_msgs/msg/WrenchStamped'; the type is optional for names in the topic table.
 
         Raises:
-            ConfigurationError: no type is given, or one that there is not.
+            ConfigurationError: the type is missing, or does not exist.
         """
         name, _, kind = text.partition('@')
         known = topics.TOPICS.get(name) or topics.TOPICS.get(name.rpartition('/')[2])
@@ -48,7 +48,7 @@ class Wish:
 
 
 class Inward:
-    """Publishes on the bus, as `node`, what comes from the graph; bytes that are no message are counted only."""
+    """Publishes messages of the graph on the bus, as `node`; bytes that are not a message are only counted."""
 
     def __init__(
         self,
@@ -65,23 +65,23 @@ class Inward:
 
     @property
     def gids(self) -> tuple[bytes, ...]:
-        """Of the readers."""
+        """The gids of the readers."""
         return tuple(flow.reader.gid for flow in self._flows)
 
     @property
     def apart_s(self) -> float:
-        """How old the last message was by its header, on the clock of this bus; 0 where none has one."""
+        """The age of the last message by its header, on the clock of this bus; 0 if no message has a header."""
         return self._apart_ns / NS_PER_S
 
     @property
     def complaint(self) -> str:
-        """Why what is taken should not be compared with what is measured here; empty: it can be."""
+        """Why received messages should not be compared with measurements made here; empty if they can be."""
         if abs(self.apart_s) < _CLOCKS_APART_S:
             return ''
         return f'messages are stamped {self.apart_s:+.3f} s before their arrival: the clocks differ'
 
     def pass_on(self, publisher: Publisher, data: bytes, type_name: str) -> None:
-        """Publish one message, if it is one."""
+        """Publish the data if they are a message."""
         try:
             message = messages.decode(data, type_name)
         except MessageError:
@@ -93,7 +93,7 @@ class Inward:
         self.taken += 1
 
     def close(self) -> None:
-        """Take no more."""
+        """Stop receiving."""
         for flow in self._flows:
             flow.publisher.close()
         self._flows.clear()
@@ -109,7 +109,7 @@ class _Flow:
         wish: Wish,
         post: Callable[[Callable[[], None]], None],
     ) -> None:
-        # Not reliable: so every publisher fits.
+        # Not reliable, so that it matches every publisher.
         qos = Qos('queue', max(topics.default_qos(wish.topic).depth, _KEPT), reliable=False)
         self._whole = whole
         self._type_name = wish.type_name
@@ -117,7 +117,7 @@ class _Flow:
         self.reader: CdrReader = participant.reader(wish.topic, wish.type_name, qos, lambda: post(self.drain))
 
     def drain(self) -> None:
-        """Hand over what has come; called in the thread that `post` leads to."""
+        """Pass on received messages; called in the thread in which `post` runs work."""
         while found := self.reader.take():
             for data in found:
                 self._whole.pass_on(self.publisher, data, self._type_name)

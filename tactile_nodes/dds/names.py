@@ -1,4 +1,4 @@
-"""What ROS 2's names are on DDS.
+"""ROS 2's names on DDS.
 
 Sources: the design article "Topic and Service name mapping to DDS" (design.ros2.org) for topics and types; REP-2016 and
 rmw's ``typehash=…;`` for the hash; rmw_dds_common for the topic of discovery and for ``enclave=…;``.
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from tactile_nodes.messages import type_hash
 
 DISCOVERY = 'ros_discovery_info'
-"""The DDS topic on which each participant tells which nodes it has, and which reader and writer is whose."""
+"""The DDS topic on which each participant announces its nodes, with their readers and writers."""
 PARTICIPANT_DATA = b'enclave=/;'
 """USER_DATA of a participant."""
 
@@ -24,7 +24,7 @@ class NodeEnds:
     readers: tuple[bytes, ...] = ()
 
     def with_readers(self, readers: tuple[bytes, ...]) -> NodeEnds:
-        """The same with other readers."""
+        """A copy with other readers."""
         return replace(self, readers=readers)
 
 
@@ -48,7 +48,7 @@ def dds_type(type_name: str) -> str:
 
 
 def endpoint_data(type_name: str) -> bytes:
-    """USER_DATA of a reader or writer: the hash of its type, without which ROS 2 warns.
+    """USER_DATA of a reader or writer: its type hash, without which ROS 2 warns.
 
     Raises:
         MessageError: no such type.

@@ -1,4 +1,4 @@
-"""Opens a participant, where the extra that it needs is installed."""
+"""Opens a participant if the extra that it needs is installed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def require_cyclone() -> None:
-    """Find out early what `open_participant` would say.
+    """Check early that Cyclone DDS is installed, as `open_participant` does later.
 
     Raises:
         ConfigurationError: Cyclone DDS is not installed.

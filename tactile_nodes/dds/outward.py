@@ -1,4 +1,4 @@
-"""The nodes of the bus as a ROS 2 graph sees them: each with its name, each of its topics with a writer of its own."""
+"""The nodes of the bus in a ROS 2 graph: each has its name there, and each of its topics its own writer."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _ROSOUT_LIFESPAN_S = 10.0  # rmw_qos_profile_rosout_default
 
 
 class Outward:
-    """Repeats what fits `send` to whoever reads it there; what nobody reads is not received here either.
+    """Sends topics that match `send` to the graph; a topic without readers there is not received from the bus.
 
     Args:
         post: runs work in the thread that calls `look`.
-        refuse: told of each publisher that cannot be repeated, once.
+        refuse: called once for each publisher that cannot be bridged.
     """
 
     def __init__(
@@ -53,16 +53,16 @@ class Outward:
 
     @property
     def readers(self) -> int:
-        """Of all topics."""
+        """The number of readers of all topics."""
         return sum(writer.readers for writer in self._writers.values())
 
     @property
     def dropped(self) -> int:
-        """Messages that a reader was too far behind for, or that waited here for too long."""
+        """Messages dropped because a reader was too far behind, or because they waited here for too long."""
         return self._tap.dropped + sum(writer.dropped for writer in self._writers.values())
 
     def look(self) -> dict[str, NodeEnds]:
-        """Follow who has come and gone on the bus, and who reads in the graph. The nodes that are shown there."""
+        """Update to the present publishers on the bus and readers in the graph. Returns the nodes shown there."""
         graph = self._bus.graph()
         ends = {end.gid: end for end in graph.publishers() if self._is_sent(end)}
         for gid in self._writers.keys() - ends.keys():
@@ -75,18 +75,18 @@ class Outward:
         return self._nodes(graph.nodes())
 
     def close(self) -> None:
-        """Receive no more."""
+        """Stop receiving."""
         self._tap.close()
         self._writers.clear()
 
     def _is_sent(self, end: Endpoint) -> bool:
-        # What a bridge of this kind publishes of its own accord came from there.
+        # Topics that such a bridge itself publishes came from the graph.
         came = end.node.rpartition('/')[2] == BRIDGE and end.name not in _EVERY_NODE_HAS
         return bool(end.gid) and not came and fits(end.name, self._send)
 
     def _offer(self, gid: str, end: Endpoint) -> None:
         table = topics.default_qos(end.name)
-        rosout = end.name == topics.ROSOUT.name  # ROS 2's own gives what was said to those who come later
+        rosout = end.name == topics.ROSOUT.name  # as in ROS 2, late subscribers get earlier messages
         qos = replace(table, latched=end.latched or rosout)
         try:
             lifespan_s = _ROSOUT_LIFESPAN_S if rosout else None
@@ -109,7 +109,7 @@ class Outward:
         del topic
         gid = received.publisher
         if gid not in self._writers and gid not in self._unknown:
-            self.look()  # a newcomer whose first words must not be lost
+            self.look()  # a new node whose first messages must not be lost
             self._unknown.add(gid)
         writer = self._writers.get(gid)
         if writer is None:
@@ -122,7 +122,7 @@ class Outward:
 
 
 def other_bridges(graph: Graph, own: str) -> list[str]:
-    """The bridges of this kind on this bus, besides the one whose full name is `own`."""
+    """The bridges of this kind on this bus, except the one with the full name `own`."""
     found = [node for node in graph.nodes() if node.rpartition('/')[2] == BRIDGE]
     found.remove(own)
     return found

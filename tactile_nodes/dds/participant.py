@@ -1,4 +1,4 @@
-"""One participant of a ROS 2 graph: its writers, its readers, and what it tells of the nodes that they belong to."""
+"""One participant of a ROS 2 graph: its writers, its readers, and the nodes that it announces."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _DISCOVERY_QOS = BusQos('latest', 1, latched=True)
 
 
 class Participant:
-    """Joins the DDS domain `domain_id`; one a process and domain.
+    """Joins the DDS domain `domain_id`; at most one for each process and domain.
 
     Raises:
         BusError: it cannot be joined.
@@ -39,7 +39,7 @@ class Participant:
         before = open_sockets()
         self.sayings = Sayings()
         self._log = cyclone_log()
-        self._log.lines()  # of a participant before this one
+        self._log.lines()  # of an earlier participant
         try:
             with self._log.taken():
                 config = discovery.config()
@@ -58,7 +58,7 @@ class Participant:
 
     @property
     def gid(self) -> bytes:
-        """Its name in the graph."""
+        """Its identifier in the graph."""
         return bytes(self._participant.guid.bytes)
 
     def writer(self, topic: str, type_name: str, qos: BusQos, lifespan_s: float | None = None) -> CdrWriter:
@@ -70,7 +70,7 @@ class Participant:
         return CdrWriter(self._written(dds_topic(topic), type_name, writer_qos(type_name, qos, lifespan_s)))
 
     def reader(self, topic: str, type_name: str, qos: BusQos, on_data: Callable[[], None]) -> CdrReader:
-        """Receive a topic; `on_data` is called in another thread when something has come in.
+        """Receive a topic; `on_data` is called in another thread when data have arrived.
 
         Raises:
             BusError, MessageError: it cannot be received.
@@ -83,19 +83,19 @@ class Participant:
             raise BusError(f'cannot receive {topic} over DDS: {error}') from error
 
     def tell(self, nodes: Mapping[str, NodeEnds]) -> None:
-        """Let the graph know which nodes (full names) speak through this participant, and which ends are whose."""
+        """Announce the nodes (full names) of this participant, with their readers and writers."""
         if nodes != self._told:
             self._told = dict(nodes)
             self._discovery.write(encode(entities_info(self.gid, nodes)))
 
     def heard(self, now_s: float) -> list[str]:
-        """What Cyclone has to say that is to be told now."""
+        """The lines of Cyclone's log that are due now."""
         for line in self._log.lines():
             self.sayings.take(line)
         return self.sayings.due(now_s)
 
     def close(self) -> None:
-        """Leave; the others are told. Writers and readers that are still held elsewhere end with it."""
+        """Leave, and inform the others. Writers and readers still held elsewhere are closed too."""
         self._topics.clear()
         self._participant._delete(self._participant._ref)
         self._domain = None
@@ -114,7 +114,7 @@ class Participant:
 
 
 def entities_info(participant: bytes, nodes: Mapping[str, NodeEnds]) -> Any:
-    """What a participant tells of itself: a rmw_dds_common/ParticipantEntitiesInfo, with gids of 16 bytes (Jazzy)."""
+    """The announcement of a participant: a rmw_dds_common/ParticipantEntitiesInfo, with gids of 16 bytes (Jazzy)."""
     told = [
         message_class(_NODE)(
             *split_name(name), [_gid(end) for end in ends.readers], [_gid(end) for end in ends.writers]

@@ -1,9 +1,9 @@
-"""What Cyclone DDS says: counted, and told in a line a minute for each kind.
+"""Counts the log lines of Cyclone DDS, and reports one line a minute for each kind.
 
-Cyclone writes a line of several hundred characters for each packet that is no RTPS, and anybody who reaches its ports
-may send thousands a second. Its log therefore comes here instead of to the screen. The library of the wheel exports no
-function for that, but it takes C's `stderr` as it is when a domain is made, and that is a variable (glibc manual,
-"Standard Streams").
+Cyclone logs several hundred characters for each packet that is not RTPS, and anyone who reaches its ports can send
+thousands a second. Its log is therefore read here instead of going to the screen. The wheel's library exports no
+function for that. But it uses the value that C's `stderr` has when a domain is created, and `stderr` is a variable
+(glibc manual, "Standard Streams").
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ TELL_EVERY_S = 60.0
 MALFORMED = 'malformed packet'
 _LONGEST = 160  # a line of Cyclone's ends in a dump of the packet
 _MOST_KINDS = 20
-_ROOM = 1 << 20  # what an account may ask for, pipe(7); what finds no room there is lost, and nobody waits
+_ROOM = 1 << 20  # pipe size allowed to users, pipe(7); lines that do not fit are lost, and no writer waits
 _HEADER = re.compile(r'\s*\d+\.\d+ \[\d*\] [^:]*: ')  # time, domain and thread
 
 
 class CycloneLog:
-    """The log of all domains of this process: a pipe that nobody waits for."""
+    """The log of all domains of this process: a pipe whose writers never wait."""
 
     def __init__(self) -> None:
         self._reading, writing = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-        with contextlib.suppress(OSError):  # it works with less room too
+        with contextlib.suppress(OSError):  # a smaller pipe works too
             fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, _ROOM)
         libc = ctypes.CDLL(None)
         libc.fdopen.restype = ctypes.c_void_p
@@ -39,7 +39,7 @@ class CycloneLog:
 
     @contextlib.contextmanager
     def taken(self) -> Iterator[None]:
-        """A domain that is made meanwhile says what it has to say here, as long as it lasts."""
+        """A domain created meanwhile logs here for its whole life."""
         before = self._stderr.value
         self._stderr.value = self._file
         try:
@@ -48,7 +48,7 @@ class CycloneLog:
             self._stderr.value = before
 
     def lines(self) -> list[str]:
-        """What was said since, without time, domain and thread."""
+        """New lines since the last call, without time, domain and thread."""
         said = b''
         with contextlib.suppress(BlockingIOError):
             while part := os.read(self._reading, _ROOM):
@@ -59,7 +59,7 @@ class CycloneLog:
 
 @functools.cache
 def cyclone_log() -> CycloneLog:
-    """The one of this process: Cyclone may write to it until that ends."""
+    """The log of this process, which Cyclone may write to until the process ends."""
     return CycloneLog()
 
 
@@ -80,7 +80,7 @@ class _Kind:
 
 
 class Sayings:
-    """Lines by their first two words."""
+    """Lines grouped by their first two words."""
 
     def __init__(self) -> None:
         self.malformed = 0
@@ -98,5 +98,5 @@ class Sayings:
         self.malformed += text.startswith(MALFORMED)
 
     def due(self, now_s: float) -> list[str]:
-        """What is to be told now: the first line of a kind at once, those after it once a minute."""
+        """The lines to report now: the first of a kind at once, later ones once a minute."""
         return [kind.told(now_s) for kind in self._kinds.values() if kind.is_due(now_s)]

@@ -1,6 +1,6 @@
-"""Where a participant listens, and whom it looks for: ROS 2's discovery range as Cyclone DDS is told it.
+"""Where a participant listens and which peers it looks for: ROS 2's discovery range in Cyclone DDS's terms.
 
-Source: ROS 2 documentation, "Improved Dynamic Discovery" (Iron and later), and what rmw_cyclonedds makes of it.
+Source: ROS 2 documentation, "Improved Dynamic Discovery" (Iron and later), and its implementation in rmw_cyclonedds.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ _ASK_FOR, _ASK_EVERY = 'inf', '5s'
 
 @dataclass(frozen=True)
 class Discovery:
-    """LOCALHOST: this machine only. SUBNET: whoever answers on the network. `peers` are asked besides."""
+    """LOCALHOST: this machine only. SUBNET: all participants on the network. `peers` are contacted in addition."""
 
     range: str = LOCALHOST
     peers: tuple[str, ...] = ()
 
     @classmethod
     def chosen(cls, wish: str, peers: Sequence[str], environment: Mapping[str, str] | None = None) -> Discovery:
-        """`wish` or else what ROS 2's variable says, or else this machine only: nobody listens on a network unasked.
+        """`wish`, else the value of ROS 2's variable, else this machine only: listening on a network must be requested.
 
         Raises:
-            ConfigurationError: a range that there is not, or peers beyond a range of this machine.
+            ConfigurationError: an unknown range, or peers together with the range of this machine.
         """
         said = os.environ if environment is None else environment
         found = (wish or said.get(RANGE_VARIABLE, '') or LOCALHOST).upper()
@@ -51,15 +51,15 @@ class Discovery:
     def config(self) -> str | None:
         """Cyclone's configuration; None leaves it to CYCLONEDDS_URI and Cyclone's own choice of a network.
 
-        For this machine it is what rmw_cyclonedds has for LOCALHOST, and the loopback interface beside the one that
-        Cyclone chooses. Announcements to 127.0.0.1 come by the first, and Cyclone 11 drops what comes by an interface
-        that is not its own; a side that speaks from 127.0.0.1 alone is not found by one that speaks from the machine's
-        own address. `confining` sees to it that nothing but this machine is reached.
+        For this machine it is what rmw_cyclonedds uses for LOCALHOST, with the loopback interface beside the one that
+        Cyclone chooses. Announcements to 127.0.0.1 arrive by loopback, and Cyclone 11 drops packets from an interface
+        that is not configured. A participant that uses 127.0.0.1 alone is not found by one that uses the machine's own
+        address. `confining` ensures that only this machine is reached.
 
-        Whom it is to ask it goes on asking: Cyclone gives up after 30 s, and a robot may be switched on later.
+        It keeps contacting its peers: Cyclone by default gives up after 30 s, and a robot may be switched on later.
 
         Raises:
-            ConfigurationError: a peer's name leads nowhere.
+            ConfigurationError: a peer's name cannot be resolved.
         """
         if not self.is_local and not self.peers:
             return None
@@ -74,9 +74,9 @@ class Discovery:
 
 
 def _interfaces() -> str:
-    """The one that Cyclone chooses, and loopback unless it is that: Cyclone takes none twice.
+    """The interface that Cyclone chooses, and loopback if that is another one: Cyclone accepts none twice.
 
-    Loopback comes after it: Cyclone prefers it otherwise, and a Cyclone 11 that has not got it hears nothing of us.
+    Loopback comes second, because Cyclone would prefer it, and then a Cyclone 11 without it receives nothing from us.
     """
     if not _has_network():
         return ''
