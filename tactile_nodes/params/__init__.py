@@ -1,8 +1,8 @@
-"""Configuration enters here, once: a block of YAML becomes a frozen dataclass, or an error naming file, line and key.
+"""Reads configuration: a block of YAML becomes a frozen dataclass, or an error that names file, line and key.
 
-Parameter files are ROS 2's (``ros__parameters``), read by rcl's rules, so that one file serves both worlds. The rules
-that differ from plain YAML: ``010`` is eight, ``1e-3`` is a number, ``yes`` is true, a list holds one type, and which
-of several matching blocks wins follows from the order of first appearance, not from how specific a block is.
+Parameter files are ROS 2's (``ros__parameters``), read by rcl's rules, so that ROS 2 can use the same file. The rules
+that differ from plain YAML: ``010`` is eight, ``1e-3`` is a number, ``yes`` is true, and a list holds one type. If
+several blocks match a node, their order of first appearance decides which wins, not how specific they are.
 
 A block is declared as a frozen dataclass of `parameter()` fields::
 
@@ -11,7 +11,7 @@ A block is declared as a frozen dataclass of `parameter()` fields::
         '''Parameters of the flow node.'''
         threads: int = parameter(1, 'threads of the flow method', minimum=1)
 
-An integer given for a `float` is refused, as rclpy refuses it: write ``7.0``.
+An integer given for a `float` is refused, as in rclpy: write ``7.0``.
 """
 
 from tactile_nodes.params.blocks import ParameterDescription, describe, from_mapping, parameter, to_values

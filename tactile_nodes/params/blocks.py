@@ -1,4 +1,4 @@
-"""Frozen dataclasses as blocks of parameters: declared, described, filled from values, or refused with a reason."""
+"""Frozen dataclasses as blocks of parameters: declares, describes, fills and validates them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Block = TypeVar('Block')
 
 @dataclass(frozen=True)
 class ParameterDescription:
-    """What a node declares of one parameter."""
+    """The description that a node declares for one parameter."""
 
     name: str
     type: str
@@ -39,7 +39,7 @@ def parameter(
 ) -> Any:
     """A field of a parameter block; `read_only` means that a change needs a restart of the node.
 
-    Where a field does not say it, its block does, by ``READ_ONLY: ClassVar[bool]``; then the block that holds that one.
+    The default is ``READ_ONLY: ClassVar[bool]`` of its block, then that of the enclosing block.
     """
     return dataclasses.field(
         default=default,
@@ -60,13 +60,13 @@ def from_mapping(
 
     Args:
         block: a frozen dataclass of `parameter()` fields and nested such dataclasses.
-        values: plain values, or `Located` ones, whose place then stands in the error.
+        values: plain values, or `Located` ones, whose place is then named in errors.
         source: where the values come from, for errors.
         exact: refuse an integer where a float is declared, as ROS 2 does.
 
     Raises:
-        ConfigurationError: an unknown name, a wrong type, a value out of range, or a block that refuses itself
-            (a `ValueError` from its ``__post_init__``).
+        ConfigurationError: an unknown name, a wrong type, a value out of range, or values that the block refuses (a
+        `ValueError` from its ``__post_init__``).
     """
     known = {description.name for description in describe(block)}
     for name, value in values.items():
@@ -79,7 +79,7 @@ def from_mapping(
 
 
 def describe(block: type[Any]) -> list[ParameterDescription]:
-    """The parameters that a block declares, by dotted name, in order."""
+    """The parameters of a block, by dotted name, in order of declaration."""
     return list(_describe(block, '', read_only=False))
 
 

@@ -26,7 +26,7 @@ _NOT_FINITE = re.compile(r'[+-]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)')
 
 
 class _Loader(yaml.SafeLoader):
-    """Marks unquoted scalars instead of typing them by YAML 1.1, whose rules are not rcl's."""
+    """Marks unquoted scalars instead of typing them by YAML 1.1, whose rules differ from rcl's."""
 
     def resolve(self, kind: Any, value: Any, implicit: Any) -> Any:
         return _PLAIN if kind is yaml.ScalarNode and implicit[0] else super().resolve(kind, value, implicit)  # type: ignore[no-untyped-call]
@@ -34,7 +34,7 @@ class _Loader(yaml.SafeLoader):
 
 @dataclass(frozen=True)
 class Located:
-    """A value and the place where it was written (`line` counts from 1; None on a command line)."""
+    """A value and its place in a source (`line` counts from 1; None on a command line)."""
 
     value: Value
     source: str
@@ -43,14 +43,14 @@ class Located:
 
 @dataclass(frozen=True)
 class NodeParameters:
-    """The values that one node pattern of one source sets, by dotted name."""
+    """The values that one source sets for one node pattern, by dotted name."""
 
     pattern: str
     values: Mapping[str, Located]
 
 
 def parse_scalar(text: str) -> Scalar:
-    """An unquoted scalar as rcl_yaml_param_parser types it: bool, integer (C ``strtoll``, base 0), double, string.
+    """Parse an unquoted scalar as rcl_yaml_param_parser does: bool, integer (C ``strtoll``, base 0), double, string.
 
     >>> parse_scalar('0x10'), parse_scalar('010'), parse_scalar('1e-3'), parse_scalar('on'), parse_scalar('1.2.3')
     (16, 8, 0.001, True, '1.2.3')
@@ -67,10 +67,10 @@ def parse_scalar(text: str) -> Scalar:
 
 
 def load_parameter_file(path: str | Path) -> list[NodeParameters]:
-    """The blocks of a ROS 2 parameter file, in the order written.
+    """The blocks of a ROS 2 parameter file, in file order.
 
     Raises:
-        ConfigurationError: no such file, no YAML, or not of the form ``node: ros__parameters: {…}``.
+        ConfigurationError: no such file, not YAML, or not of the form ``node: ros__parameters: {…}``.
     """
     try:
         text = read_text(path)
@@ -80,7 +80,7 @@ def load_parameter_file(path: str | Path) -> list[NodeParameters]:
 
 
 def parse_parameters(text: str, source: str) -> list[NodeParameters]:
-    """`load_parameter_file` for a text; `source` is its name in errors."""
+    """Like `load_parameter_file`, for a text; `source` is its name in errors."""
     root = compose(text, source)
     if root is None:
         return []
@@ -90,19 +90,19 @@ def parse_parameters(text: str, source: str) -> list[NodeParameters]:
 
 
 def load_mapping(path: str | Path) -> dict[str, Located]:
-    """A plain YAML file of one mapping (a gel, a training run), flattened to dotted names, typed by the same rules.
+    """A plain YAML file with one mapping (a gel, a training run), flattened to dotted names, typed by the same rules.
 
     Raises:
-        ConfigurationError: no such file, no YAML, not a mapping.
+        ConfigurationError: no such file, not YAML, not a mapping.
     """
     root = _mapping(path)
     return dict(_flat(root, '', str(path))) if root else {}
 
 
 def load_listed(path: str | Path, key: str) -> tuple[dict[str, Located], list[dict[str, Located] | ConfigurationError]]:
-    """A file as of `load_mapping` that besides holds a list of mappings under `key`: the rest, and each of the list.
+    """Like `load_mapping`, for a file with a list of mappings under `key`: returns the rest, and the list.
 
-    One of the list that is no mapping, or whose values are none, is the error that says so: others may be good.
+    An invalid list entry is returned as its error, because other entries may be valid.
 
     Raises:
         ConfigurationError: as `load_mapping`, or there is no such list.
@@ -137,7 +137,7 @@ def _mapping(path: str | Path) -> yaml.MappingNode | None:
 
 
 def _require_each_once(node: yaml.Node | None, source: str) -> None:
-    """Of a key that is given twice nobody knows which was meant. Raises ConfigurationError."""
+    """Raise ConfigurationError if a key is given twice, because it is unclear which value is meant."""
     if isinstance(node, yaml.SequenceNode):
         for each in node.value:
             _require_each_once(each, source)
@@ -152,7 +152,7 @@ def _require_each_once(node: yaml.Node | None, source: str) -> None:
 
 
 def compose(text: str, source: str) -> yaml.Node | None:
-    """The YAML tree of `text` with its line marks; aliases are refused as rcl refuses them.
+    """The YAML tree of `text` with its line marks; aliases are refused, as in rcl.
 
     Raises:
         ConfigurationError: not YAML.
@@ -237,10 +237,10 @@ def _refusal(source: str, node: yaml.Node, text: str) -> ConfigurationError:
 
 
 def resolve_parameters(node_name: str, blocks: Iterable[NodeParameters]) -> dict[str, Located]:
-    """The values that apply to the node of this full name (``/skin/camera``), by rcl's precedence.
+    """The values that apply to the node with this full name (``/skin/camera``), by rcl's precedence.
 
-    All blocks are merged into one list of patterns ordered by first appearance; within a pattern the later value
-    wins; then the matching patterns apply in that order, the later one winning.
+    All blocks are merged into one list of patterns, ordered by first appearance. Within a pattern the later value wins.
+    The matching patterns then apply in that order, and the later one wins.
     """
     merged: dict[str, dict[str, Located]] = {}
     for block in blocks:
@@ -253,7 +253,7 @@ def resolve_parameters(node_name: str, blocks: Iterable[NodeParameters]) -> dict
 
 
 def exact_names(node_name: str, blocks: Iterable[NodeParameters]) -> set[str]:
-    """The parameters of blocks that name the node (``/**/camera``): a typo there is an error."""
+    """The parameters of blocks that name the node (``/**/camera``), in which an unknown name is an error."""
     own = node_name.rpartition('/')[2]
     naming = [
         block for block in blocks if block.pattern.rpartition('/')[2] == own and matches(block.pattern, node_name)
@@ -267,7 +267,7 @@ def normal_pattern(pattern: str) -> str:
 
 
 def matches(pattern: str, node_name: str) -> bool:
-    """Whether a node pattern (``*`` one level, ``**`` any depth) covers a full node name.
+    """Whether a node pattern (``*`` one level, ``**`` any depth) matches a full node name.
 
     >>> matches('/**', '/skin/camera'), matches('/*/camera', '/skin/camera'), matches('/camera', '/skin/camera')
     (True, True, False)
