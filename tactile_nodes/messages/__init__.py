@@ -1,4 +1,4 @@
-"""Messages: defined once in ``msg/`` (or by ROS 2), from there to classes, CDR bytes, type hashes and bag schemas."""
+"""Messages, defined once in ``msg/`` (or by ROS 2): their classes, CDR bytes, type hashes and bag schemas."""
 
 from tactile_nodes.messages.codec import (
     decode,

@@ -1,4 +1,4 @@
-"""Messages to bytes and back: CDR (XCDR1, little endian), as rclpy writes it."""
+"""Encodes and decodes messages: CDR (XCDR1, little endian), as rclpy writes it."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ NS_PER_S = 1_000_000_000
 
 
 def encode(message: Any) -> bytes:
-    """The CDR bytes of a message, its four-byte header included.
+    """The CDR bytes of a message, including the four-byte header.
 
     Raises:
-        MessageError: a field holds what its type cannot.
+        MessageError: a field has a value that its type cannot hold.
     """
     return bytes(encode_view(message))
 
 
 def encode_view(message: Any) -> memoryview:
-    """The same as a view of the bytes as they were made, which saves a copy. Raises what `encode` raises."""
+    """Like `encode`, as a view of the encoder's buffer, which saves a copy. Raises the same errors."""
     name = type_name(message)
     try:
         return store().serialize_cdr(message, name)
-    except Exception as error:  # generated code fails in its own ways on each wrong field
+    except Exception as error:  # generated code raises many kinds of errors for a wrong field
         raise MessageError(f'a field of this {name} has an invalid value: {error}') from error
 
 
 def decode(data: bytes | memoryview, name: str) -> Any:
-    """The message of type `name` that `data` holds; its arrays are read-only views of `data`.
+    """The message of type `name` in `data`; its arrays are read-only views of `data`.
 
     Raises:
-        MessageError: no such type, or the bytes are no such message.
+        MessageError: no such type, or the bytes are not a message of this type.
     """
     return _decoded(data, name, store().deserialize_cdr)
 
 
 def decode_within(data: bytes, name: str) -> Any:
-    """The message of type `name` that `data` begins with; the same as `decode`, whatever follows the message.
+    """The message of type `name` at the start of `data`; like `decode`, but ignores bytes after the message.
 
-    What Fast DDS serialises for rclpy is as long as it had estimated, and what follows was never set (rmw_fastrtps_cpp,
-    rmw_serialize.cpp).
+    Fast DDS serializes for rclpy into a buffer of estimated length, and the bytes after the message are not initialized
+    (rmw_fastrtps_cpp, rmw_serialize.cpp).
 
     Raises:
-        MessageError: no such type, or the bytes are no such message.
+        MessageError: no such type, or the bytes are not a message of this type.
     """
     return _decoded(data, name, store().deserialize_cdr_within)
 
@@ -75,7 +75,7 @@ def message_class(name: str) -> type[Any]:
 
 
 def type_name(message: Any) -> str:
-    """The type of a message or of a message class, 'sensor_msgs/msg/Image'."""
+    """The type name of a message or of a message class, 'sensor_msgs/msg/Image'."""
     name: str = message.__msgtype__
     return name
 
@@ -91,10 +91,10 @@ def type_hash(name: str) -> str:
 
 
 def definition(name: str) -> str:
-    """The full definition of a type: its text and, after separators, those of the types it is made of.
+    """The full definition of a type: its text and, after separators, the texts of the types that it contains.
 
-    Ours are given as they stand in ``msg/``, comments included; for the standard types, whose texts are not
-    part of any dependency, it is the fields alone.
+    Our own types are given as in ``msg/``, with comments. For the standard types only the fields are given, because no
+    dependency contains their texts.
 
     Raises:
         MessageError: no such type.
@@ -109,7 +109,7 @@ def definition(name: str) -> str:
 
 
 def repeated(name: str) -> frozenset[str]:
-    """Of what a message of this type may hold any number, such as 'float32' and 'geometry_msgs/msg/Point'.
+    """The element types of a message's variable-length sequences, such as 'float32' and 'geometry_msgs/msg/Point'.
 
     Raises:
         MessageError: no such type.
@@ -144,7 +144,7 @@ def to_dict(message: Any) -> dict[str, Any]:
 
 
 def from_dict(name: str, values: Mapping[str, Any]) -> Any:
-    """The message of type `name` with these fields set and the others zero, as ``ros2 topic pub`` reads them.
+    """The message of type `name` with these fields set and the others zero, like the argument of ``ros2 topic pub``.
 
     Raises:
         MessageError: no such type or field, or a value that does not fit.
@@ -154,7 +154,7 @@ def from_dict(name: str, values: Mapping[str, Any]) -> Any:
     if unknown := sorted(values.keys() - fields.keys()):
         raise MessageError(f'{name} has no field {unknown[0]!r}; it has: {", ".join(fields) or "none"}')
     message = made(**{key: _typed(fields[key], value, f'{name}.{key}') for key, value in values.items()})
-    encode(message)  # a value that does not fit is found here rather than at some subscriber
+    encode(message)  # finds a value that does not fit here, not at a subscriber
     return message
 
 

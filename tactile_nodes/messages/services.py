@@ -1,7 +1,7 @@
-"""The standard services that nodes offer, as pairs of messages.
+"""The standard services of the nodes, as pairs of messages.
 
-A service ``pkg/srv/Name`` travels as its request ``pkg/srv/Name_Request`` and its response ``pkg/srv/Name_Response``,
-which is also how ROS 2 names them. Their fields are those of std_srvs and rcl_interfaces.
+A service ``pkg/srv/Name`` is sent as its request ``pkg/srv/Name_Request`` and its response ``pkg/srv/Name_Response``,
+the names of ROS 2. Their fields are those of std_srvs and rcl_interfaces.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The one store of message types: the standard ones of ROS 2 and ours, read from ``msg/*.msg``.
+"""The store of message types: the standard ones of ROS 2 and ours, read from ``msg/*.msg``.
 
-Codec, hashes and field lists are rosbags'. The classes are made here, because a message that is handed from node to
-node without a copy must not change on the way: they are frozen, take keywords only, and every field that is not
-given is zero, empty or a message of zeros, as in ROS 2.
+Codec, hashes and field lists come from rosbags. The classes are made here, because nodes share messages without copies,
+so a message must not change. The classes are frozen, take keywords only, and every field that is not given is zero,
+empty or a message of zeros, as in ROS 2.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from tactile_nodes.paths import PACKAGE, share_directory
 
 _LITTLE = b'\0\1'
 _EMPTY = 'structure_needs_at_least_one_member'
-# Where two packages use one short name, the one meant here.
+# The type to use if two packages share a short name.
 _PREFERRED = (PACKAGE, 'builtin_interfaces', 'std_msgs', 'geometry_msgs', 'sensor_msgs', 'diagnostic_msgs')
 
 
 class MessageStore(Typestore):
-    """rosbags' type store with frozen classes and with the texts that our own types were read from."""
+    """rosbags' type store with frozen classes and with the texts of our own types."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,13 +43,13 @@ class MessageStore(Typestore):
         self._classes: dict[str, type[Any]] = {}
 
     def learn(self, text: str, name: str) -> None:
-        """Add the type `name` ('pkg/msg/Name') defined by `text`, a .msg file's content.
+        """Add the type `name` ('pkg/msg/Name') defined by `text`, the content of a .msg file.
 
         Raises:
-            MessageError: the text is no message definition, or differs from the one already known.
+            MessageError: the text is not a message definition, or differs from the known one.
         """
         try:
-            # rosbags reads messages only; a service's halves are messages whose names say /srv/
+            # rosbags reads messages only, so a service is stored as two messages with /srv/ in their names
             ((_, parsed),) = get_types_from_msg(text, name.replace('/srv/', '/msg/')).items()
             self.register({name: parsed})
         except TypesysError as error:
@@ -73,10 +73,10 @@ class MessageStore(Typestore):
         return super().get_msgdef(typename)
 
     def deserialize_cdr_within(self, data: bytes, name: str) -> object:
-        """The message that `data` begins with, whatever follows it.
+        """The message at the start of `data`, whatever follows it.
 
         Raises:
-            SerdeError: the bytes are no such message.
+            SerdeError: the bytes are not a message of this type.
         """
         if data[:2] != _LITTLE:
             raise SerdeError('the bytes do not begin like little-endian CDR')
@@ -88,14 +88,14 @@ class MessageStore(Typestore):
         return message
 
     def nested(self, name: str) -> Iterator[str]:
-        """The types that the fields of `name` are made of, not itself."""
+        """The message types that the fields of `name` contain, without `name` itself."""
         for _, description in self.fielddefs[name][1]:
             kind, rest = _element(description)
             if kind == Nodetype.NAME:
                 yield rest
 
     def repeated(self, name: str) -> Iterator[str]:
-        """Of what a message may hold any number: the basic types, and the types, of its sequences at any depth."""
+        """The element types, basic or message, of the variable-length sequences in a message, at any depth."""
         for _, description in self.fielddefs[name][1]:
             kind, element = _element(description)
             if description[0] == Nodetype.SEQUENCE:
@@ -111,7 +111,7 @@ class MessageStore(Typestore):
         namespace['__doc__'] = self.texts.get(name, name)
         class_name = name.rpartition('/')[2]
         columns = columns or [(_EMPTY, Any, dataclasses.field(default=0))]
-        # eq=False: arrays do not compare to a bool; two messages are equal when their bytes are.
+        # eq=False, because comparing arrays gives no single bool; two messages are equal if their bytes are.
         made = dataclasses.make_dataclass(
             class_name, columns, namespace=namespace, frozen=True, kw_only=False, eq=False
         )
@@ -138,7 +138,7 @@ def store() -> MessageStore:
     """The store of this process.
 
     Raises:
-        ConfigurationError: the package's msg folder is missing, or a file in it is no message definition.
+        ConfigurationError: the package's msg folder is missing, or a file in it is not a message definition.
     """
     made = MessageStore()
     for name, text in SERVICES.items():
@@ -153,7 +153,7 @@ def store() -> MessageStore:
 
 @cache
 def short_names() -> dict[str, str]:
-    """Each class name ('Image') with the full name of its type."""
+    """The full type name for each class name ('Image')."""
     found: dict[str, str] = {}
     for full in store().fielddefs:
         package, _, short = full.split('/')
@@ -163,7 +163,7 @@ def short_names() -> dict[str, str]:
 
 
 def own_definitions() -> Iterator[tuple[str, str]]:
-    """Name and text of each message that this package defines, dependencies before dependants."""
+    """Name and text of each message that this package defines, dependencies first."""
     files = {file.stem: file.read_text(encoding='utf-8') for file in sorted(_message_folder().glob('*.msg'))}
     while files:
         ready = [stem for stem, text in files.items() if not any(_uses(text, other) for other in files.keys() - {stem})]
