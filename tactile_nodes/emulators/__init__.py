@@ -1,1 +1,1 @@
-"""The simulated world behind the devices' own wire protocols, so that real drivers can be run without hardware."""
+"""A simulated world behind the real wire protocols of the devices, so that real drivers run without hardware."""

@@ -1,6 +1,6 @@
-"""A camera that looks at a world: MJPEG over HTTP on the loopback address, as cheap network cameras send it.
+"""A camera that looks at a world: MJPEG over HTTP on the loopback address, as from cheap network cameras.
 
-A picture is rendered when it is due and somebody looks; whoever comes too late for one gets the next.
+An image is rendered when it is due and a client is connected. A client that is too late for one gets the next.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from tactile_nodes.simulation.scene import WorldScene
 LOOPBACK = '127.0.0.1'
 BOUNDARY = 'picture'
 QUALITY = 95
-LIGHT = (16, 16, 24, 24)  # x, y, width and height in the picture; off the middle square that is made of it
+LIGHT = (16, 16, 24, 24)  # x, y, width and height in pixels; outside the central square that is cropped from the image
 BRIGHT = 220
 EXPOSURE_S = 0.008
 RECENT = 32
 
 
 class CameraStream:
-    """The server, for as long as it is open; ``silent`` holds the pictures back, ``delay_s`` sends old ones.
+    """The server; ``silent`` holds images back, ``delay_s`` sends old ones.
 
-    The next ``lose`` pictures, and of the others the share ``loss_rate``, are never sent.
+    The next ``lose`` images are never sent, nor the share ``loss_rate`` of the others.
 
     Args:
-        world: what it looks at.
-        clock: when pictures are due.
-        fps: pictures a second; a slow machine makes fewer.
-        port: to listen at; 0: any.
+        world: the world that the camera sees.
+        clock: decides when images are due.
+        fps: frames a second; a slow machine makes fewer.
+        port: the TCP port; 0: any.
     """
 
     def __init__(self, world: World, clock: Clock, fps: float = 30.0, port: int = 0) -> None:
@@ -57,7 +57,7 @@ class CameraStream:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """The TCP port."""
         return int(self._server.server_address[1])
 
     def __enter__(self) -> CameraStream:
@@ -73,11 +73,11 @@ class CameraStream:
         self._server.server_close()
 
     def parts(self) -> _Parts:
-        """The pictures of one viewer."""
+        """The images for one client."""
         return _Parts(self)
 
     def picture(self, time_ns: int) -> bytes:
-        """The JPEG picture at a time."""
+        """The JPEG image at a time."""
         import cv2
 
         image = self._with_light(np.asarray(self._scene.render(time_ns)), time_ns)
@@ -85,7 +85,7 @@ class CameraStream:
         return bytes(data)
 
     def _with_light(self, image: npt.NDArray[np.uint8], time_ns: int) -> npt.NDArray[np.uint8]:
-        """The light in the corner, which follows the world's line; dark it is not to be seen."""
+        """The image with the light in its corner, which follows the world's line; it is invisible when off."""
         recent = self._world.line_edges()[-RECENT:]
         lit = light_brightness(recent, time_ns - round(EXPOSURE_S / 2 * NS_PER_S), EXPOSURE_S, dark=0.0, bright=1.0)
         if lit == 0:
@@ -103,7 +103,7 @@ class CameraStream:
         return self._chance.random() < self.loss_rate
 
     def next_picture(self, after_ns: int) -> tuple[int, bytes] | None:
-        """The next one that is due after a time, when it is due; None: the end."""
+        """Wait for the next image due after a time; None when the server stops."""
         period_ns = round(NS_PER_S / self._fps)
         due_ns = max(after_ns + period_ns, self._clock.now_ns())
         while not self._stop.is_set():
@@ -119,7 +119,7 @@ class CameraStream:
 
 
 class _Uncompressed:
-    """The world with a gel whose images nobody has compressed yet: the stream does that."""
+    """The world with a gel whose images are not compressed, because the stream compresses them."""
 
     def __init__(self, world: World) -> None:
         self.gel, self.tables = dataclasses.replace(world.gel, jpeg_quality=0), world.tables
@@ -157,10 +157,10 @@ def _server(owner: CameraStream, port: int) -> _ThreadingServer:
             try:
                 for part in owner.parts():
                     self.wfile.write(part)
-            except OSError:  # the viewer has gone
+            except OSError:  # the client has disconnected
                 self.close_connection = True
 
         def log_message(self, format: str, *args: object) -> None:
-            """Quiet."""
+            """Log nothing."""
 
     return _ThreadingServer((LOOPBACK, port), Handler)

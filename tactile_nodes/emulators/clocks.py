@@ -1,4 +1,4 @@
-"""Clocks of emulated devices: counters that start anywhere and run a little too fast or too slow."""
+"""Clocks of emulated devices: counters with any start value that run a little too fast or too slow."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from tactile_nodes.clock import NS_PER_S, Clock
 
 @dataclass(frozen=True)
 class DeviceClock:
-    """A counter driven by a crystal of its own.
+    """A counter with its own oscillator.
 
     With 7000 ticks a second and a drift of +100 ppm, 1 h of the host's time is 25 202 520 ticks; 2520 too many.
 
     Attributes:
         rate_hz: nominal ticks a second.
         start_ns: the time on the host's base at which it read `offset`.
-        offset: its reading then.
+        offset: its reading at `start_ns`.
         drift_ppm: how much too fast it runs.
-        bits: its width; the readings that leave the device wrap around there.
+        bits: its width, at which the readings of the device wrap around.
     """
 
     rate_hz: float
@@ -33,15 +33,15 @@ class DeviceClock:
         return math.floor((time_ns - self.start_ns) * self._ticks_per_ns)
 
     def time_ns(self, count: int) -> int:
-        """When that many ticks had passed: the first ns at which `count` says so."""
+        """The time of a tick: the first ns at which `count` has this value."""
         return self.start_ns + math.ceil(count / self._ticks_per_ns)
 
     def reading(self, count: int) -> int:
-        """What the device says after that many ticks: offset added, wrapped to its width."""
+        """The device's reading after this many ticks: with the offset, wrapped to its width."""
         return (self.offset + count) % (1 << self.bits)
 
     def altered(self, time_ns: int, drift_ppm: float, jump_s: float = 0.0) -> DeviceClock:
-        """This clock, from a time on with another drift, and ahead by a jump: `count` goes on, the reading jumps.
+        """This clock with another drift from a time on, and a jump ahead. `count` continues, the reading jumps.
 
         A clock of 7000 Hz that reads 700 and jumps by 1 s reads 7700 next.
         """
@@ -55,11 +55,11 @@ class DeviceClock:
 
 
 class ForeignClock:
-    """The clock of another computer, or of a recorder: it read something else when it began, and drifts.
+    """The clock of another computer or of a recorder, with an offset and a drift.
 
     Args:
         host: the true time.
-        ahead_s: how much more it reads when it is made.
+        ahead_s: how far it is ahead when it is made.
         drift_ppm: how much too fast it runs.
     """
 
@@ -69,13 +69,13 @@ class ForeignClock:
         self._counter = DeviceClock(NS_PER_S, start_ns, start_ns + round(ahead_s * NS_PER_S), drift_ppm, 64)
 
     def now_ns(self) -> int:
-        """What it reads."""
+        """Its reading now."""
         return self.reading_ns(self._host.now_ns())
 
     def reading_ns(self, host_ns: int) -> int:
-        """What it reads at a time of the host."""
+        """Its reading at a time of the host."""
         return self._counter.offset + self._counter.count(host_ns)
 
     def sleep_until(self, ns: int) -> None:
-        """Return when it reads this."""
+        """Sleep until it has this reading."""
         self._host.sleep_until(self._counter.time_ns(ns - self._counter.offset))

@@ -1,4 +1,4 @@
-"""A parallel gripper that holds an object between two gels: its servo, and what the object does to the gels."""
+"""A parallel gripper that holds an object between two gels: its servo, and the object's effect on the gels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WIDTHS_MM = 25.0, 45.0
 
 @dataclass(frozen=True)
 class GripperSettings:
-    """The gripper, and what is between its fingers."""
+    """The gripper and the object between its fingers."""
 
     open_mm: float = parameter(50.0, 'how far the fingers are apart at first, and at most', minimum=1.0)
     speed_mm_s: float = parameter(40.0, 'how fast they follow a command', minimum=0.1)
@@ -39,9 +39,9 @@ class GripperSettings:
 
 
 class Gripper:
-    """Follows commands at its speed; `advance` says how the object is held then.
+    """Follows commands at its speed; `advance` returns how the object is held.
 
-    A pull acts only on what was gripped before: until then the object stands. It is lost once it has slid out.
+    Only a gripped object can be pulled; until then it stands still. It is lost once it has slid out.
     """
 
     def __init__(self, settings: GripperSettings, fingers: Sequence[Finger], start_ns: int) -> None:
@@ -58,12 +58,12 @@ class Gripper:
         return self._grip.lost
 
     def command(self, opening_mm: float) -> None:
-        """How far to open; within what it can."""
+        """Set the target opening, clipped to the range of the gripper."""
         if math.isfinite(opening_mm):
             self._wanted_mm = min(max(opening_mm, 0.0), self._settings.open_mm)
 
     def advance(self, now_ns: int, pull_n: float) -> Hold:
-        """Go on until a time; `pull_n` is how hard it is pulled in the end."""
+        """Simulate up to a time; `pull_n` is the final pulling force."""
         since_s, self._last_ns = (now_ns - self._last_ns) / NS_PER_S, now_ns
         self.opening_mm += _within(self._wanted_mm - self.opening_mm, self._settings.speed_mm_s * since_s)
         wanted_n = pull_n if self.held_s > self._settings.pull_after_s else 0.0
@@ -85,16 +85,16 @@ def finger_of(sensor: HandSensor) -> Finger:
 
 
 def pull_along(sensor: HandSensor) -> tuple[float, float]:
-    """The direction of the pull, z of the hand, along the surface of a sensor (x, y).
+    """The direction of the pull (z of the hand) along the surface of a sensor (x, y).
 
-    Of a finger that looks along the hand's -y (rpy 90, 0, 0 degrees) it is the sensor's y: (0, 1).
+    For a finger that looks along the hand's -y (rpy 90, 0, 0 degrees) it is the sensor's y: (0, 1).
     """
     x, y, _ = sensor.frame.parent_from_surface[2, :3].tolist()
     return x, y
 
 
 def touches(hold: Hold, along: Sequence[tuple[float, float]]) -> list[Press]:
-    """What shapes the gel of each finger, by the direction (x, y) of the pull along its surface."""
+    """The press on each finger's gel, given the direction (x, y) of the pull along its surface."""
     return [
         Press(hold.slid_mm * x, hold.slid_mm * y, depth_mm, shift_mm=(hold.drag_mm * x, hold.drag_mm * y))
         for depth_mm, (x, y) in zip(hold.depth_mm, along, strict=True)

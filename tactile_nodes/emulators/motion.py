@@ -1,7 +1,7 @@
-"""How a machine moves: straight lines with speed and acceleration, as functions of time.
+"""Motion of a machine: straight lines with speed and acceleration, as functions of time.
 
-Every block starts and ends at rest (a real Grbl joins blocks at speed where their directions allow; an indentation
-plan stops at every point anyway), so a path of many short blocks takes longer here than on the machine.
+Every block starts and ends at rest, so a path of many short blocks takes longer here than on the machine. A real Grbl
+joins blocks at speed where their directions allow, but an indentation plan stops at every point anyway.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def length(a: Vector) -> float:
 
 
 def limited(unit: Vector, limits: Vector) -> float:
-    """The greatest value along a direction of something that is limited on each axis."""
+    """The greatest value along a direction of a quantity that is limited on each axis."""
     return min((limit / abs(part) for part, limit in zip(unit, limits, strict=True) if part), default=math.inf)
 
 
@@ -43,7 +43,7 @@ class Shape(Protocol):
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """From rest to rest: speed up, go on, slow down. 10 mm at 10 mm/s with 100 mm/s² takes 1.1 s."""
+    """A move from rest to rest: accelerate, cruise, decelerate. 10 mm at 10 mm/s with 100 mm/s² takes 1.1 s."""
 
     length_mm: float
     feed_mm_s: float
@@ -51,17 +51,17 @@ class Trapezoid:
 
     @property
     def peak(self) -> float:
-        """The greatest speed, which a short line does not reach."""
+        """The greatest speed reached, which is lower on a short line."""
         return min(self.feed_mm_s, math.sqrt(self.acceleration * self.length_mm))
 
     @property
     def duration_s(self) -> float:
-        """From start to rest."""
+        """The time from start to rest."""
         peak = self.peak
         return self.length_mm / peak + peak / self.acceleration if peak > 0 else 0.0
 
     def distance(self, time_s: float) -> float:
-        """How far it is."""
+        """The distance from the start."""
         if time_s <= 0:
             return 0.0
         left_s = self.duration_s - time_s
@@ -75,7 +75,7 @@ class Trapezoid:
         return self.peak * (time_s - ramp_s / 2)
 
     def speed(self, time_s: float) -> float:
-        """How fast it is."""
+        """The speed along the line."""
         left_s = self.duration_s - time_s
         if time_s <= 0 or left_s <= 0:
             return 0.0
@@ -91,22 +91,22 @@ class Braking:
 
     @property
     def duration_s(self) -> float:
-        """Until rest."""
+        """The time until rest."""
         return self.from_mm_s / self.deceleration
 
     def distance(self, time_s: float) -> float:
-        """How far it is."""
+        """The distance from the start."""
         t = min(max(time_s, 0.0), self.duration_s)
         return self.from_mm_s * t - self.deceleration * t * t / 2
 
     def speed(self, time_s: float) -> float:
-        """How fast it is."""
+        """The speed along the line."""
         return max(0.0, self.from_mm_s - self.deceleration * time_s) if time_s >= 0 else 0.0
 
 
 @dataclass(frozen=True)
 class Segment:
-    """One line in space and time."""
+    """One straight line, with its start time."""
 
     start_ns: int
     origin: Vector
@@ -115,15 +115,15 @@ class Segment:
 
     @property
     def end_ns(self) -> int:
-        """When it comes to rest."""
+        """The time at which it comes to rest."""
         return self.start_ns + math.ceil(self.shape.duration_s * S)
 
     def position(self, time_ns: int) -> Vector:
-        """Where it is."""
+        """The position at a time."""
         return plus(self.origin, self.unit, self.shape.distance((time_ns - self.start_ns) / S))
 
     def speed(self, time_ns: int) -> float:
-        """How fast it is, in mm/s."""
+        """The speed at a time in mm/s."""
         return self.shape.speed((time_ns - self.start_ns) / S)
 
 
@@ -137,7 +137,7 @@ def line(start_ns: int, origin: Vector, target: Vector, feed_mm_s: float, accele
 
 
 class Timeline:
-    """Where a point is at any time: lines one after the other, rest between them."""
+    """The position of a point at any time: successive lines, with rest between them."""
 
     def __init__(self, start: Vector) -> None:
         self._start = start
@@ -146,16 +146,16 @@ class Timeline:
 
     @property
     def end(self) -> Vector:
-        """Where it comes to rest."""
+        """The final position."""
         return self._segments[-1].position(self.end_ns) if self._segments else self._start
 
     @property
     def end_ns(self) -> int:
-        """When it comes to rest; 0 if it never moved."""
+        """The time at which it comes to rest; 0 if it never moved."""
         return self._segments[-1].end_ns if self._segments else 0
 
     def append(self, segment: Segment) -> None:
-        """Go on along a line, which starts when the last has come to rest and where it ended."""
+        """Add a line, which starts after the last one has come to rest, and at its end."""
         self._segments.append(segment)
         self._starts.append(segment.start_ns)
         if len(self._segments) > KEPT_SEGMENTS:
@@ -164,17 +164,17 @@ class Timeline:
             del self._segments[:half], self._starts[:half]
 
     def position(self, time_ns: int) -> Vector:
-        """Where it is."""
+        """The position at a time."""
         segment = self._segment(time_ns)
         return segment.position(time_ns) if segment is not None else self._start
 
     def speed(self, time_ns: int) -> float:
-        """How fast it is, in mm/s."""
+        """The speed at a time in mm/s."""
         segment = self._segment(time_ns)
         return segment.speed(time_ns) if segment is not None else 0.0
 
     def brake(self, time_ns: int, deceleration: float | None = None) -> int:
-        """Come to rest along the present line, None: on the spot; later lines are forgotten. Gives the time of rest."""
+        """Stop on the present line, at once if no deceleration is given; drop later lines. Returns the time of rest."""
         segment = self._segment(time_ns)
         if segment is None or segment.end_ns <= time_ns:
             self._forget_after(time_ns)
@@ -199,16 +199,16 @@ class Timeline:
 
 
 class Until:
-    """A line that something else goes on from before its end."""
+    """A line that is cut off before its end by the next one."""
 
     def __init__(self, segment: Segment, time_ns: int) -> None:
         self._shape = segment.shape
         self.duration_s = (time_ns - segment.start_ns) / S
 
     def distance(self, time_s: float) -> float:
-        """As of the whole line, until then."""
+        """The distance on the whole line, up to the cut."""
         return self._shape.distance(min(time_s, self.duration_s))
 
     def speed(self, time_s: float) -> float:
-        """As of the whole line, until then."""
+        """The speed on the whole line, up to the cut."""
         return self._shape.speed(time_s) if time_s < self.duration_s else 0.0

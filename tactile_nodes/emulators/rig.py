@@ -1,4 +1,4 @@
-"""A whole rig that is not there: controller, force/torque sensor and camera in one world, with faults to switch on."""
+"""A complete emulated rig: controller, force/torque sensor and camera in one world, with faults to switch on."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LOOK_S = 0.01
 
 @dataclass(frozen=True)
 class RigFaults(SensorFaults):
-    """What is wrong now."""
+    """The active faults."""
 
     READ_ONLY: ClassVar[bool] = False
 
@@ -42,7 +42,7 @@ class RigFaults(SensorFaults):
 
 @dataclass(frozen=True)
 class EmulatedRigSettings:
-    """What the rig is made of."""
+    """The parts of the rig."""
 
     READ_ONLY: ClassVar[bool] = True
 
@@ -66,7 +66,7 @@ class EmulatedRig:
     """The devices, open until `close`.
 
     Raises:
-        AddressInUseError: a port is taken.
+        AddressInUseError: a port is in use.
     """
 
     def __init__(self, settings: EmulatedRigSettings, clock: Clock) -> None:
@@ -92,12 +92,12 @@ class EmulatedRig:
 
     @property
     def places(self) -> str:
-        """Where the devices are."""
+        """The addresses of the devices."""
         camera = f'http://127.0.0.1:{self.camera.port}/'
         return f'machine at {self._port.path}, force/torque at {self.sensor.source}, camera at {camera}'
 
     def switch(self, wanted: RigFaults) -> None:
-        """From now on these faults.
+        """Set the active faults.
 
         Raises:
             ConfigurationError: a fault that this rig cannot have.
@@ -109,7 +109,7 @@ class EmulatedRig:
         self._switch_machine(had, wanted)
 
     def rest(self, patience_s: float) -> bool:
-        """Wait until nobody commands the machine and it stands still; whether it came to that in time."""
+        """Wait until the machine stands still and no program has its port open; false if that takes too long."""
         deadline_ns = self._clock.now_ns() + round(patience_s * NS_PER_S)
         while (now_ns := self._clock.now_ns()) < deadline_ns:
             if not self._port.in_use and not self.world.motor_speed_at(now_ns):
@@ -118,7 +118,7 @@ class EmulatedRig:
         return False
 
     def close(self) -> None:
-        """Let go of all ports."""
+        """Release all ports."""
         self._opened.close()
 
     def _switch_camera(self, had: RigFaults, wanted: RigFaults) -> None:

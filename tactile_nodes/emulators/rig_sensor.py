@@ -26,7 +26,7 @@ COUNTS_PER_UNIT = 100_000.0
 
 @dataclass(frozen=True)
 class SensorFaults:
-    """What is wrong with the sensor."""
+    """The faults of the sensor."""
 
     silent_sensor: bool = parameter(False, 'the sensor sends nothing')
     stalled_sensor: bool = parameter(False, 'the sensor sends, but what measures stands still')
@@ -42,11 +42,11 @@ class SensorFaults:
 
 
 class RigSensor(Protocol):
-    """A sensor for as long as it is open."""
+    """A sensor that exists while it is open."""
 
     @property
     def source(self) -> str:
-        """What its driver is to open."""
+        """The source that its driver opens."""
         ...
 
     def __enter__(self) -> RigSensor: ...
@@ -56,7 +56,7 @@ class RigSensor(Protocol):
     ) -> None: ...
 
     def switch(self, wanted: SensorFaults, now_ns: int) -> None:
-        """From now on these faults. Raises ConfigurationError for one that this sensor cannot have."""
+        """Set the active faults. Raises ConfigurationError for one that this sensor cannot have."""
         ...
 
 
@@ -95,7 +95,7 @@ class BoxOnTheNetwork:
 
 
 class SensorOnALine:
-    """A Bota sensor, or one that prints lines."""
+    """A Bota sensor, or one that prints lines of text."""
 
     def __init__(self, kind: str, world: WrenchSource, clock: Clock, link: Path) -> None:
         self._kind = kind
@@ -132,7 +132,7 @@ class SensorOnALine:
 
 
 def _more(had: int, wanted: int) -> int:
-    """A number that is set anew asks for so many more; the same number again asks for nothing."""
+    """A changed number requests this many more; an unchanged one requests nothing."""
     return wanted if wanted != had else 0
 
 

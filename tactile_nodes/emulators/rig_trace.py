@@ -1,7 +1,7 @@
-"""Writes down where the tip of an emulated rig truly is, which nobody but the world knows.
+"""Records the true tip position of an emulated rig, which only the world knows.
 
-JSON lines: ``{"at": ns, "tip": [x, y, z], "force": N}`` in machine coordinates (mm), and ``{"at": ns, "faults":
-{name: value}}`` for what is switched.
+JSON lines: ``{"at": ns, "tip": [x, y, z], "force": N}`` in machine coordinates (mm), and ``{"at": ns, "faults": {name:
+value}}`` when faults are switched.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PERIOD_S = 0.01
 
 
 class RigTrace:
-    """Writes for as long as it is open; to no file, nothing."""
+    """Writes while it is open; without a file it writes nothing."""
 
     def __init__(self, world: World, clock: Clock, file: str) -> None:
         self._world = world
@@ -43,7 +43,7 @@ class RigTrace:
             self._file.close()
 
     def switched(self, had: Any, wanted: Any) -> None:
-        """Faults were switched."""
+        """Record which faults were switched."""
         before, after = vars(had), vars(wanted)
         if changed := {name: value for name, value in after.items() if value != before[name]}:
             self._say({'at': self._clock.now_ns(), 'faults': changed})

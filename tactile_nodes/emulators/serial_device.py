@@ -1,8 +1,8 @@
-"""A device on a serial line, driven by the clock: bytes arrive at the baud rate, and things happen at their times.
+"""A device on a serial line, driven by the clock: bytes arrive at the baud rate, and events happen at their times.
 
-`SerialDevice` has neither thread nor port. `PtyPort` puts it behind a pseudo terminal that any program can open as a
-serial port. Who hands its bytes to a driver in the same thread, with a stepped clock, repeats hours of a rig exactly in
-seconds (`benchmarks/devices/direct_port.py`).
+`SerialDevice` has neither thread nor port. `PtyPort` connects it to a pseudo terminal that any program can open as a
+serial port. A program that passes its bytes to a driver in the same thread, with a stepped clock, simulates hours of a
+rig in seconds, and repeatably (`benchmarks/devices/direct_port.py`).
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ BITS_PER_BYTE = 10
 
 @dataclass
 class SerialFaults:
-    """What is wrong with a device now; switch any of them while it runs."""
+    """The faults of a device; each can be switched while it runs."""
 
-    hung: bool = False  # does and answers nothing at all
-    swallow_ok: bool = False  # works, reports, but acknowledges nothing
-    delay_s: float = 0.0  # everything that it says comes this much later
+    hung: bool = False  # does nothing and sends nothing
+    swallow_ok: bool = False  # works and reports, but acknowledges nothing
+    delay_s: float = 0.0  # delay of everything that it sends
 
 
 class SerialDevice(ABC):
-    """The inside of a device. `run` does all that is due, each at its own time, however late it is called."""
+    """The inside of a device. `run` processes all due events, each at its own time, however late it is called."""
 
     def __init__(self, clock: Clock, baud: int) -> None:
         self._clock = clock
@@ -45,7 +45,7 @@ class SerialDevice(ABC):
         self.now_ns = clock.now_ns()
 
     def receive(self, data: bytes) -> None:
-        """Bytes on the line, which take their time to arrive."""
+        """Put bytes on the line to the device; they take their time to arrive."""
         with self._lock:
             at_ns = max(self._clock.now_ns(), self._arriving[-1][0] if self._arriving else 0)
             for byte in data:
@@ -53,7 +53,7 @@ class SerialDevice(ABC):
                 self._arriving.append((at_ns, byte))
 
     def run(self) -> None:
-        """Do everything that is due by now."""
+        """Process all events that are due."""
         with self._lock:
             until_ns = self._clock.now_ns()
             while (due_ns := self._due_ns()) is not None and due_ns <= until_ns:
@@ -63,7 +63,7 @@ class SerialDevice(ABC):
             self._step()
 
     def take_output(self) -> bytes:
-        """What it has said until now."""
+        """What it has sent since the last call."""
         with self._lock:
             data = bytearray()
             while self._saying and self._saying[0][0] <= self.now_ns:
@@ -71,7 +71,7 @@ class SerialDevice(ABC):
             return bytes(data)
 
     def next_event_ns(self) -> int | None:
-        """When something happens next of its own accord."""
+        """The time of the next event without new input."""
         with self._lock:
             times = [self._due_ns(), self._saying[0][0] if self._saying else None]
             return min((time for time in times if time is not None), default=None)
@@ -89,19 +89,19 @@ class SerialDevice(ABC):
 
     @abstractmethod
     def power_cycle(self) -> None:
-        """Lose power, or have the reset line pulled, and start again."""
+        """Restart after a loss of power or a pulse on the reset line."""
 
     @abstractmethod
     def _byte(self, byte: int) -> None:
-        """A byte has arrived."""
+        """Process an arrived byte."""
 
     @abstractmethod
     def _progress(self) -> None:
-        """Bring everything but the program up to `now_ns`."""
+        """Update everything except the program to `now_ns`."""
 
     @abstractmethod
     def _own_events_ns(self) -> list[int]:
-        """Times at which `_progress` or the program's condition have something to do; past ones do not count."""
+        """Times at which `_progress` or the program's condition must be checked; past ones are ignored."""
 
     def _due_ns(self) -> int | None:
         times = [self._arriving[0][0]] if self._arriving else []

@@ -1,4 +1,4 @@
-"""How a host reaches an emulated serial device: through a pseudo terminal."""
+"""Connects the host to an emulated serial device through a pseudo terminal."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
 
-LONGEST_WAIT_S = 0.01  # how late the device may notice that a stepped clock has moved, or that a host has opened it
+LONGEST_WAIT_S = 0.01  # how late the device may notice a step of the clock, or a host that opens it
 
 
 class Pluggable(Protocol):
-    """What `PtyPort` needs of a device."""
+    """The interface that `PtyPort` needs of a device."""
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host."""
         ...
 
     def run(self) -> None:
-        """Do everything that is due by now."""
+        """Process all events that are due."""
         ...
 
     def take_output(self) -> bytes:
-        """What it has said until now."""
+        """What it has sent since the last call."""
         ...
 
     def next_event_ns(self) -> int | None:
-        """When something happens next of its own accord."""
+        """The time of the next event without new input."""
         ...
 
     def power_cycle(self) -> None:
-        """Lose power, or have the reset line pulled, and start again."""
+        """Restart after a loss of power or a pulse on the reset line."""
         ...
 
 
 class PtyPort:
-    """A device behind a pseudo terminal, served by a thread of its own.
+    """A device behind a pseudo terminal, served by its own thread.
 
     Args:
-        device: what answers.
-        link: where a symbolic link to the terminal shall be, whose name stays the same over unplugging.
-        reset_on_open: opening the port restarts the device, as it does on boards of the Arduino kind.
+        device: the emulated device.
+        link: path of a symbolic link to the terminal, which stays the same after unplugging.
+        reset_on_open: opening the port restarts the device, as on Arduino boards.
 
     Attributes:
         in_use: a host has it open.
@@ -75,7 +75,7 @@ class PtyPort:
         self._master, slave = pty.openpty()
         tty.setraw(slave)
         name = os.ttyname(slave)
-        os.close(slave)  # from now on the master reports a hang-up for as long as no host has it open
+        os.close(slave)  # from now on the master reports a hang-up while no host has it open
         self.path.unlink(missing_ok=True)
         self.path.symlink_to(name)
         self._stopping.clear()
@@ -83,7 +83,7 @@ class PtyPort:
         self._thread.start()
 
     def unplug(self) -> None:
-        """Make the port disappear under whoever has it open; the device itself goes on."""
+        """Make the port disappear, even while a host has it open; the device itself keeps running."""
         if self._thread is None:
             return
         self._stopping.set()

@@ -1,4 +1,4 @@
-"""The digital line as recorders get it: on a control line, as a light before a camera, and in a recorder's own file."""
+"""The digital line as recorders see it: on a control line, as a light before a camera, and in a recorder's file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class EmulatedControlLine:
 
     Attributes:
         unplugged: the adapter is gone.
-        stuck: the level that it keeps; None: it follows the line.
+        stuck: the level at which it is stuck; None: it follows the line.
     """
 
     def __init__(self, line: LineSource, clock: Clock, inverted: bool = False) -> None:
@@ -31,7 +31,7 @@ class EmulatedControlLine:
         self._closed = threading.Event()
 
     def level(self) -> bool:
-        """Now."""
+        """The level now."""
         if self.unplugged:
             raise OSError(errno.EIO, 'Input/output error')
         if self.stuck is not None:
@@ -39,34 +39,34 @@ class EmulatedControlLine:
         return self._line.line_level(self._clock.now_ns()) != self._inverted
 
     def wait(self) -> bool:
-        """It cannot: a simulated line has no interrupt."""
+        """Not possible: a simulated line has no interrupt."""
         return False
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Does nothing."""
         self._closed.set()
 
 
 class SharedLine:
-    """The line of the world that others of this process know by a name; low as long as there is none."""
+    """The world's line, shared by name within this process; low while there is none."""
 
     def __init__(self, name: str) -> None:
         self._name = name
 
     def line_level(self, time_ns: int) -> bool:
-        """As `LineSource.line_level`."""
+        """See `LineSource.line_level`."""
         world = worlds.find(self._name)
         return isinstance(world, World) and world.line_level(time_ns)
 
     def line_edges(self) -> Sequence[Edge]:
-        """As `LineSource.line_edges`."""
+        """See `LineSource.line_edges`."""
         world = worlds.find(self._name)
         return world.line_edges() if isinstance(world, World) else ()
 
 
 @dataclass(frozen=True)
 class RecorderFaults:
-    """What a recorder does to edges: loses them, sees them twice (a bouncing contact), or is late by chance."""
+    """A recorder's errors at edges: missed edges, double edges (a bouncing contact), and random delays."""
 
     missing: float = 0.0
     doubled: float = 0.0
@@ -77,7 +77,7 @@ class RecorderFaults:
 def recorded(
     edges: Sequence[Edge], clock: DeviceClock, faults: RecorderFaults | None = None, seed: int = 1
 ) -> list[tuple[int, bool]]:
-    """(ticks, level) of every edge that a recorder with a clock of its own writes down, in order of time."""
+    """(ticks, level) of every edge that a recorder with its own clock records, in order of time."""
     faults = faults or RecorderFaults()
     chance = random.Random(seed)  # noqa: S311  (noise, not secrets)
     seen: list[tuple[int, bool]] = []
@@ -95,7 +95,7 @@ def recorded(
 def light_brightness(
     edges: Sequence[Edge], start_ns: int, exposure_s: float, dark: float = 20.0, bright: float = 220.0
 ) -> float:
-    """Grey level of a light that follows the line, in a frame whose exposure begins at `start_ns`."""
+    """Grey level of a light that follows the line, in a frame whose exposure starts at `start_ns`."""
     end_ns = start_ns + round(exposure_s * NS_PER_S)
     lit_ns, on, since_ns = 0, False, start_ns
     for edge in edges:

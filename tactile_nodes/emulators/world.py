@@ -1,9 +1,9 @@
-"""The one scene that every emulated device shares: where the tip is, what it feels, and the digital line.
+"""The scene that all emulated devices share: the position of the tip, the forces on it, and the digital line.
 
-Everything is a function of time, for the past as for the present, so that a sensor may ask where the tip was when
-its sample was taken. Coordinates are the machine's own after homing: millimetres, x to the right, y to the back,
-z up, the end switches at the upper ends (Grbl's custom), so the whole room is negative. The gel's surface frame is
-parallel to it: x_gel = x - gel_x_mm, y_gel = y - gel_y_mm.
+Everything is a function of time, past or present, so that a sensor can ask for the tip position at the time of its
+sample. Coordinates are those of the machine after homing: millimetres, x to the right, y to the back, z up. The end
+switches are at the upper ends (as usual for Grbl), so all coordinates are negative. The gel's surface frame is parallel
+to it: x_gel = x - gel_x_mm, y_gel = y - gel_y_mm.
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ Wrench = tuple[float, float, float, float, float, float]
 
 NOTHING: Wrench = (0.0,) * 6
 ACCELERATION_MM_S2: Vector = (200.0, 200.0, 200.0)
-STIFF_N_PER_MM = 100.0  # the stiff layer under the gel, which a crash runs into
+STIFF_N_PER_MM = 100.0  # the stiff layer under the gel, hit in a crash
 
 
 class Edge(NamedTuple):
-    """A change of the digital line: when, and the level from then on."""
+    """A change of the digital line: its time, and the level after it."""
 
     stamp_ns: int
     level: bool
 
 
 class WrenchSource(Protocol):
-    """What a force/torque sensor feels."""
+    """The load on a force/torque sensor."""
 
     def wrench_at(self, time_ns: int) -> Wrench:
         """(Fx, Fy, Fz, Tx, Ty, Tz) in N and N·m at a time on the clock's base, past or present.
 
-        It is what the world does TO the sensor's tool side, in axes parallel to the machine's (z up, out of the
-        gel), torques about the sensor's origin: pressing the gel straight down gives Fz > 0, hanging free gives
-        zero. How a real sensor is mounted (an ATI whose z points to the tool reads the negative) is for the
-        emulated sensor to say.
+        It is the load that the world exerts ON the sensor's tool side. The axes are parallel to the machine's (z up,
+        out of the gel), and torques are about the sensor's origin. Pressing the gel straight down gives Fz > 0, and
+        free hanging gives zero. The emulated sensor accounts for its mounting (an ATI whose z points to the tool reads
+        the negative).
         """
         ...
 
 
 class LineSource(Protocol):
-    """The digital line that the CNC switches (its coolant output, M8 and M9) and recorders watch."""
+    """The digital line that the CNC switches (its coolant output, M8 and M9) and recorders record."""
 
     def line_level(self, time_ns: int) -> bool:
         """Whether the line was high at a time; low before the first edge."""
@@ -68,7 +68,7 @@ class LineSource(Protocol):
 
 @dataclass(frozen=True)
 class WorldSettings:
-    """Where things stand in the machine's room."""
+    """Positions in the machine's coordinates."""
 
     room_mm: tuple[float, ...] = parameter((120.0, 120.0, 60.0), 'x, y, z from the lower to the upper end switches')
     start_mm: tuple[float, ...] = parameter((-50.0, -70.0, -8.0), 'x, y, z of the tip when the world begins')
@@ -84,12 +84,12 @@ class WorldSettings:
 
 
 class World:
-    """One machine, one tip, one gel, one digital line. Any thread may ask; one controller moves it.
+    """One machine, one tip, one gel, one digital line. Any thread may query it; one controller moves it.
 
     Args:
-        settings: where things stand, which gel, and what presses it.
-        gel: instead of the one that the settings name.
-        table: what the indenter does to the gel; looked up (`contact_table`) if it is left out.
+        settings: positions, gel and indenter.
+        gel: replaces the gel of the settings.
+        table: the indenter's contact table on the gel; by default from `contact_table`.
     """
 
     def __init__(
@@ -106,15 +106,15 @@ class World:
         self._epochs = [_Epoch(0, start, start, (1.0, 1.0, 1.0))]
         self._edges: list[Edge] = []
 
-    # What the machine's controller does.
+    # Actions of the machine's controller.
 
     def move(self, segment: Segment) -> None:
-        """The motors go along a line."""
+        """Move the motors along a line."""
         with self._lock:
             self._motor.append(segment)
 
     def go(self, target: Vector, feed_mm_s: float, time_ns: int) -> int:
-        """The motors go on to a place once they have arrived where they were sent; gives the time of arrival."""
+        """Move the motors to a place after the moves so far; returns the time of arrival."""
         with self._lock:
             start_ns = max(time_ns, self._motor.end_ns)
             segment = line(start_ns, self._motor.end, target, feed_mm_s, ACCELERATION_MM_S2)
@@ -122,55 +122,55 @@ class World:
             return segment.end_ns
 
     def brake(self, time_ns: int, deceleration: float | None = None) -> int:
-        """The motors come to rest with a deceleration in mm/s², or on the spot; gives the time of rest."""
+        """Stop the motors with a deceleration in mm/s², or at once; returns the time of rest."""
         with self._lock:
             return self._motor.brake(time_ns, deceleration)
 
     def motor_at(self, time_ns: int) -> Vector:
-        """Where the motors' steps would have brought the tip if none had been lost."""
+        """The position of the tip according to the motors' steps, as if none had been lost."""
         with self._lock:
             return self._motor.position(time_ns)
 
     def motor_speed_at(self, time_ns: int) -> float:
-        """How fast the motors go along their line, in mm/s."""
+        """The speed of the motors along their line, in mm/s."""
         with self._lock:
             return self._motor.speed(time_ns)
 
     def set_line(self, level: bool, time_ns: int) -> None:
-        """Switch the digital line; no edge if it has that level."""
+        """Switch the digital line; there is no edge if it already has that level."""
         with self._lock:
             if level != (self._edges[-1].level if self._edges else False):
                 self._edges.append(Edge(time_ns, level))
 
     @property
     def tables(self) -> dict[str, ContactTable]:
-        """What the indenter does to the gel."""
+        """The contact tables of the indenter on the gel."""
         return {self.settings.indenter: self._table}
 
     @property
     def indenter_name(self) -> str:
-        """What records call it: 'sphere 1.2 mm'."""
+        """The indenter's name in records: 'sphere 1.2 mm'."""
         return indenter_name(self.gel.tip_radius_mm, self.settings.indenter)
 
     @property
     def room_mm(self) -> Vector:
-        """The way from the lower to the upper end switch of each axis."""
+        """The travel of each axis between its end switches."""
         return as_vector(self.settings.room_mm)
 
-    # What happens to the machine.
+    # Faults of the machine.
 
     def stick(self, axis: int, time_ns: int, stuck: bool = True) -> None:
-        """From now on an axis (0, 1, 2) does not follow its motor, or does again; the steps in between are lost."""
+        """Make an axis (0, 1, 2) stop following its motor, or follow it again; the steps in between are lost."""
         with self._lock:
             here, motor = self.tip_at(time_ns), self._motor.position(time_ns)
             moves = list(self._epochs[-1].moves)
             moves[axis] = 0.0 if stuck else 1.0
             self._epochs.append(_Epoch(time_ns, here, motor, as_vector(moves)))
 
-    # What sensors feel.
+    # Input of the sensors.
 
     def tip_at(self, time_ns: int) -> Vector:
-        """The lowest point of the tip in machine coordinates, were nothing in its way to bend it."""
+        """The lowest point of the tip in machine coordinates, without bending by contact."""
         with self._lock:
             epoch = self._epochs[-1]
             if epoch.start_ns > time_ns and len(self._epochs) > 1:
@@ -178,25 +178,25 @@ class World:
             return epoch.tip(self._motor.position(time_ns))
 
     def press_at(self, time_ns: int) -> Press:
-        """Place on the gel's surface and depth along the surface's normal; negative above it."""
+        """The position on the gel's surface and the depth along its normal; negative above it."""
         s, (x, y, z) = self.settings, self.tip_at(time_ns)
         gel_x, gel_y = x - s.gel_x_mm, y - s.gel_y_mm
         below = s.gel_z_mm + s.slope_x * gel_x + s.slope_y * gel_y - z
         return Press(gel_x, gel_y, below * self._slope[2], s.indenter)
 
     def presses_at(self, time_ns: int) -> tuple[Press, ...]:
-        """What the renderer needs: the press, none where the tip is beside the gel or above it, and healing dents."""
+        """The presses to render: the tip, unless it is beside or above the gel, and dents that recover."""
         return tuple(press for press in self._shape_at(time_ns).presses if press.depth_mm > 0)
 
     def force_at(self, time_ns: int) -> float:
-        """Contact force along the surface's normal in N, by contact table and settling; beyond both it rises on."""
+        """Contact force along the surface's normal in N, by contact table and settling; it keeps rising beyond both."""
         touch = self._touch_at(time_ns)
         if touch.depth_mm <= 0:
             return 0.0
         return self._shape_at(time_ns).force_n + self._beyond(touch.depth_mm)
 
     def wrench_at(self, time_ns: int) -> Wrench:
-        """As `WrenchSource.wrench_at`: the tip does not go sideways, so the force is along the surface's normal."""
+        """See `WrenchSource.wrench_at`. The tip does not move sideways, so the force is along the surface's normal."""
         force, (nx, ny, nz) = self.force_at(time_ns), self._slope
         if force == 0:
             return NOTHING
@@ -204,12 +204,12 @@ class World:
         return force * nx, force * ny, force * nz, arm_m * force * ny, -arm_m * force * nx, 0.0
 
     def line_level(self, time_ns: int) -> bool:
-        """As `LineSource.line_level`."""
+        """See `LineSource.line_level`."""
         with self._lock:
             return next((edge.level for edge in reversed(self._edges) if edge.stamp_ns <= time_ns), False)
 
     def line_edges(self) -> Sequence[Edge]:
-        """As `LineSource.line_edges`."""
+        """See `LineSource.line_edges`."""
         with self._lock:
             return tuple(self._edges)
 
@@ -227,7 +227,7 @@ class World:
         return not self.gel.rim.holds(np.array(place_mm))
 
     def _touch_at(self, time_ns: int) -> Press:
-        """The press; beside the gel it is above nothing."""
+        """The press; beside the gel its depth is negative."""
         press = self.press_at(time_ns)
         if press.depth_mm > 0 and self._beside(press.x_mm, press.y_mm):
             return dataclasses.replace(press, depth_mm=-press.depth_mm)
@@ -241,7 +241,7 @@ class World:
             return self._memory.at(time_ns)
 
     def _beyond(self, depth_mm: float) -> float:
-        """The force that a press deeper than the table adds: as steep as at its end, and then the stiff layer's."""
+        """The force added by a press deeper than the table: first with its final slope, then with the stiff layer's."""
         depth, force = self._table.depth_mm, self._table.force_n
         deeper = min(depth_mm, self.gel.layer_mm) - float(depth[-1])
         if deeper <= 0:
@@ -252,7 +252,7 @@ class World:
 
 @dataclass(frozen=True)
 class _Epoch:
-    """A time in which the same axes follow their motors."""
+    """A period in which the set of axes that follow their motors does not change."""
 
     start_ns: int
     from_tip: Vector
