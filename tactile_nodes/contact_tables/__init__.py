@@ -1,1 +1,1 @@
-"""Solved contacts by gel and body: shipped with the package, kept in the cache, or solved now."""
+"""Solved contacts by gel and body: shipped with the package, read from the cache, or solved on demand."""

@@ -1,4 +1,4 @@
-"""Contact tables by gel: shipped with the package, kept in the cache, or solved now."""
+"""Contact tables by gel: shipped with the package, read from the cache, or solved on demand."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def load_gel(name: str) -> Gel:
 
 @cache
 def contact_table(gel: Gel, indenter: str = 'tip') -> ContactTable:
-    """The contact table of an indenter on a gel. A finite-strain table that is not solved yet takes half a minute.
+    """The contact table of an indenter on a gel. Solving a new finite-strain table takes half a minute.
 
     Raises:
         ConfigurationError: there is no such indenter, or the linear solution does not support it.
@@ -51,7 +51,7 @@ def contact_table(gel: Gel, indenter: str = 'tip') -> ContactTable:
 
 
 def solution_of(problem: Problem) -> Solution:
-    """The solution of a problem: shipped with the package, from the cache, or solved now and then cached."""
+    """The solution of a problem: shipped with the package, read from the cache, or solved and then cached."""
     kept = paths.cache_directory() / 'contacts' / f'{problem.key}.npz'
     for file in (paths.share_directory() / 'config' / 'gels' / 'paper_table.npz', kept):
         if (found := _read(file, problem.key)) is not None:

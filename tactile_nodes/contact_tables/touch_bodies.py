@@ -1,4 +1,4 @@
-"""Bodies by name: a family ('ring'), a mesh file, a file of heights, or a list of these that move as one."""
+"""Bodies by name: a family ('ring'), a mesh file, a height map, or a list of these that moves as one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MESHES = '.stl', '.obj', '.ply'
 HEIGHTS = '.npy'
 LARGEST_BYTES = 64 << 20
 STEEPEST_DEG = 20.0
-"""Heights cannot hold undercuts, so they are tilted a little only; a mesh may be turned at will."""
+"""Height maps cannot hold undercuts, so their tilt is limited; a mesh may be turned by any angle."""
 
 FARTHEST_MM = 40.0
 
@@ -45,12 +45,12 @@ def body_of(named: object, tilt_deg: Tilt = (0.0, 0.0)) -> Body:
 
 
 def is_mesh(name: str) -> bool:
-    """Whether the file name ends as that of a mesh."""
+    """Whether the file name has the suffix of a mesh."""
     return Path(name).suffix.lower() in MESHES
 
 
 def _tilted(body: Body, tilt_deg: Tilt) -> Body:
-    """A turn about x lowers the side of +y, and a turn about y the side of -x."""
+    """A rotation about x lowers the side of +y, and a rotation about y the side of -x."""
     if not any(tilt_deg):
         return body
     if max(map(abs, tilt_deg)) > STEEPEST_DEG:
@@ -68,7 +68,7 @@ def _some(parts: list[object] | tuple[object, ...]) -> list[object] | tuple[obje
 
 
 def _part(part: object) -> tuple[Body, tuple[float, float, float]]:
-    """A body of a list, and its position: right, down, raised."""
+    """One body of a list, with its offset: right, down, raised."""
     if (
         isinstance(part, dict)
         and isinstance(part.get('body'), str)
@@ -123,10 +123,10 @@ def _mesh(file: Path, tilt_deg: Tilt) -> Body:
 
 
 def _in_utf8(data: bytes, kind: str) -> bytes:
-    """The contents of a mesh file, with text in UTF-8 as trimesh needs it. Only names can be invalid, and none is used.
+    """The contents of a mesh file as UTF-8 for trimesh. Only names can be invalid, and they are not used.
 
     Raises:
-        ValueError: an STL file that is neither text nor as long as its header says.
+        ValueError: an STL file that is not text and does not have the length in its header.
     """
     faces = int.from_bytes(data[80:84], 'little')
     if kind == '.ply' or (kind == '.stl' and len(data) == 84 + 50 * faces):

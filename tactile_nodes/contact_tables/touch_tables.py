@@ -1,7 +1,7 @@
-"""Contacts of bodies with a gel, by name: what presses and how, and their solved tables.
+"""Contacts of bodies with a gel, by name: the bodies, their motion, and the solved tables.
 
-A contact is named by a family ('ring'), a mesh (STL, OBJ, PLY in millimetres), heights (NPY: a square of millimetres,
-0.1 mm apart), or a YAML file with more entries::
+A contact is named by a family ('ring'), a mesh (STL, OBJ, PLY in millimetres), a height map (NPY: a square array of
+heights in millimetres, with a spacing of 0.1 mm), or a YAML file with more entries::
 
     body: gripper_pad.stl        # or a family, or heights; or a list of {body: ring, at_mm: [3.0, 0.0], raised_mm: 0.1}
     tilt_deg: [0.0, 2.0]         # about x, then about y
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     from tactile_nodes.simulation.touch.track import Way
 
 CELLS, CELL_MM = 120, 0.4
-"""Cells of the layer that contacts are solved on: 48 mm, after which the layer repeats."""
+"""Cells of the layer on which contacts are solved: 48 mm wide, and periodic."""
 
 USUAL = 'ring', 'edge', 'two'
 USUAL_MM2 = 18.0
-"""The contacts that a live scene shows among presses, and their force over the shear modulus."""
+"""The contacts that a live scene shows among its presses, and their force divided by the shear modulus."""
 
 BOUNDS = {
     'tilt_deg': (-180.0, 180.0),
@@ -57,7 +57,7 @@ Tell = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Contact:
-    """What presses, and how. Angles in degrees; a depth replaces the force."""
+    """The pressing body and its motion. Angles in degrees; a depth replaces the force."""
 
     body: object
     tilt_deg: tuple[float, float] = (0.0, 0.0)
@@ -76,7 +76,7 @@ class Contact:
 
     @classmethod
     def named(cls, name: str) -> Contact:
-        """A contact by a family, a mesh, heights, or a YAML file.
+        """A contact by the name of a family, mesh, height map or YAML file.
 
         Raises:
             ConfigurationError: there is no such file, or it holds an unknown entry.
@@ -85,9 +85,9 @@ class Contact:
 
 
 def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> TouchTable:
-    """The table of a contact with a gel: shipped with the package, from the cache, or solved now and then cached.
+    """The table of a contact with a gel: shipped with the package, read from the cache, or solved and then cached.
 
-    A solution takes some ten seconds. `tell` is called with the number of stages done and of all stages.
+    Solving takes some ten seconds. `tell` is called with the number of finished stages and the total.
 
     Raises:
         ConfigurationError: the contact is unknown or cannot be solved.
@@ -105,8 +105,10 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> Touc
 
 
 def ready_contacts(gel: Gel) -> dict[str, TouchTable]:
-    """The usual contacts of a live scene that fit on the gel and are already solved, with a force of 18 mm² times the
-    gel's modulus."""
+    """The usual contacts of a live scene that fit on the gel and are already solved.
+
+    Their force is 18 mm² times the shear modulus of the gel.
+    """
     usual = ((name, usual_contact(gel, name)) for name in USUAL if _width_mm(body_of(name)) <= min(gel.sides_mm))
     found = ((name, known_table(_problem(gel, contact).key)) for name, contact in usual)
     return {name: table for name, table in found if table is not None}
@@ -118,7 +120,7 @@ def usual_contact(gel: Gel, name: str) -> Contact:
 
 
 class _Problem(NamedTuple):
-    """All that a table depends on, and its name in the cache."""
+    """The inputs of a table, and its name in the cache."""
 
     layer: Layer
     body: Body
@@ -151,7 +153,7 @@ def table_key(track: str, gel: Gel) -> str:
 
 
 def known_table(key: str) -> TouchTable | None:
-    """The table of a key, if it is shipped or in the cache."""
+    """The table with a key if it is shipped or in the cache, else None."""
     folders = paths.share_directory() / 'config' / 'touches', paths.cache_directory() / 'touches'
     return next((table for folder in folders if (table := _read(folder / f'{key}.npz')) is not None), None)
 
@@ -212,7 +214,7 @@ def _described(file: Path) -> Contact:
 
 
 def _beside(folder: Path, body: object) -> object:
-    """Look for the files of bodies beside the description."""
+    """Find the files of bodies in the folder of the description."""
     if isinstance(body, list):
         return [
             {**each, 'body': _beside(folder, each.get('body'))} if isinstance(each, dict) else each for each in body
