@@ -1,7 +1,7 @@
-"""Vision-based touch sensing: a camera under a soft gel in, the normal force on its surface in newtons out.
+"""Vision-based touch sensing: from images of a camera under a soft gel to the normal force on its surface in newtons.
 
-The map of the package is `docs/architecture.md`; the order in which its parts may import each other is held
-by the contracts in `pyproject.toml`.
+`docs/architecture.md` describes the parts of the package. The contracts in `pyproject.toml` fix which part may import
+which.
 """
 
 __version__ = '0.2.0'

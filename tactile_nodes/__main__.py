@@ -1,4 +1,4 @@
-"""``python -m tactile_nodes`` is ``tactile``."""
+"""Runs the command `tactile` as ``python -m tactile_nodes``."""
 
 import sys
 

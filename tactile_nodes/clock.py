@@ -1,8 +1,8 @@
-"""The only reader of time.
+"""The only module that reads the time.
 
-One time base for everything on a host: CLOCK_MONOTONIC in integer nanoseconds plus one constant for as long as
-the machine runs (the *anchor*). So a stamp reads as a date, any two processes of a host can subtract their stamps,
-V4L2's monotonic stamps convert by one addition, and no stamp ever jumps when NTP or a person sets the wall clock.
+All processes of a host share one time base: CLOCK_MONOTONIC in integer nanoseconds plus a constant that is fixed until
+the next boot (the *anchor*). So a stamp reads as a date, stamps of two processes of a host can be subtracted, V4L2's
+monotonic stamps convert by one addition, and no stamp jumps when NTP or a person sets the wall clock.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ NS_PER_S = 1_000_000_000
 
 
 class Clock(Protocol):
-    """What tells a part of the system the time; handed in, never fetched."""
+    """The source of time of a part of the system; always passed in as an argument."""
 
     def now_ns(self) -> int:
         """The time in nanoseconds on the host's time base."""
         ...
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Return when `now_ns()` has reached `deadline_ns`; at once if it is past."""
+        """Return when `now_ns()` has reached `deadline_ns`; at once if that is in the past."""
         ...
 
 
@@ -47,7 +47,7 @@ class SystemClock:
 
 
 class SteppedClock:
-    """A clock that stands still until a test or a replay moves it."""
+    """A clock that stands still until a test or a replay advances it."""
 
     def __init__(self, start_ns: int = 0) -> None:
         self._now_ns = start_ns
@@ -61,18 +61,18 @@ class SteppedClock:
             self._moved.wait_for(lambda: self._now_ns >= deadline_ns)
 
     def advance(self, seconds: float) -> None:
-        """Move the time forward and wake whoever waited for it."""
+        """Advance the time, and wake the threads whose deadline is reached."""
         self.set_ns(self._now_ns + round(seconds * NS_PER_S))
 
     def set_ns(self, now_ns: int) -> None:
-        """Put the time to `now_ns` (a replayed /clock does this)."""
+        """Set the time to `now_ns` (used for a replayed /clock)."""
         with self._moved:
             self._now_ns = now_ns
             self._moved.notify_all()
 
 
 def perf_ns() -> int:
-    """A counter for measuring how long a computation took; its zero means nothing."""
+    """A counter to measure the duration of a computation; its zero has no meaning."""
     return time.perf_counter_ns()
 
 
@@ -82,27 +82,27 @@ def monotonic_s() -> float:
 
 
 def from_monotonic_ns(monotonic_ns: int) -> int:
-    """A kernel stamp (V4L2's, say) on CLOCK_MONOTONIC as a stamp on the host's time base."""
+    """Convert a kernel stamp on CLOCK_MONOTONIC (V4L2's, for example) to the host's time base."""
     return monotonic_ns + anchor_ns()
 
 
 def wall_ns() -> int:
-    """The wall clock, which may jump: only for names of folders and for the border to ROS 2."""
+    """The wall clock, which may jump: only for folder names and the interface to ROS 2."""
     return time.time_ns()
 
 
 @cache
 def anchor_ns() -> int:
-    """The constant between CLOCK_MONOTONIC and the dates of this boot, the same for every process of this user.
+    """The offset between CLOCK_MONOTONIC and the dates of this boot, the same for every process of this user.
 
-    The first process after a boot measures it and leaves it in the run folder; the others read it there.
+    The first process after a boot measures it and writes it to the run folder, where the others read it.
     """
     measured_ns = time.time_ns() - time.monotonic_ns()
     return _first_said(_anchor_file(), measured_ns)
 
 
 def keep_anchor() -> None:
-    """Leave the anchor in the run folder once more, in case somebody has emptied it."""
+    """Write the anchor to the run folder again, in case the folder was emptied."""
     _first_said(_anchor_file(), anchor_ns())
 
 
@@ -114,7 +114,7 @@ def _first_said(file: Path, value: int) -> int:
     draft = file.with_name(f'{file.name}.{os.getpid()}.{threading.get_ident()}')
     try:
         draft.write_text(str(value), encoding='ascii')
-        os.link(draft, file)  # atomic: whoever comes second gets an error, never half a file
+        os.link(draft, file)  # atomic: the second process gets an error, never a partial file
     except FileExistsError:
         return _said(file, draft, value)
     except OSError as error:
@@ -127,7 +127,7 @@ def _first_said(file: Path, value: int) -> int:
 def _said(file: Path, draft: Path, value: int) -> int:
     try:
         return int(file.read_text(encoding='ascii'))
-    except (OSError, ValueError):  # damaged, or gone again: ours is as good as any
+    except (OSError, ValueError):  # damaged or deleted, so our own value is as good
         draft.replace(file)
         return value
 

@@ -1,4 +1,4 @@
-"""Between what is computed (arrays, millimetres) and what travels (messages, SI units)."""
+"""Converts between computed values (arrays, millimetres) and messages (SI units)."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 MILLI = 1e-3
 PASCALS = 1e6
-"""In a megapascal."""
+"""Pascals in a megapascal."""
 SI = np.array([1.0, 1.0, 1.0, MILLI, MILLI, MILLI])
-"""Of force and torque in N and N mm."""
+"""Factors from N and N mm to the SI units of force and torque."""
 
 EXPLANATIONS = {
     'nothing': types.ForceDistribution.EXPLANATION_NOTHING,
@@ -56,14 +56,14 @@ def image_message(image: UInt8[np.ndarray, 'h w'], head: types.Header) -> types.
     height, width = image.shape
     data = np.ascontiguousarray(image).reshape(-1)
     if data.base is not None or not data.flags.owndata:
-        data = data.copy()  # the message freezes its arrays, and a camera's buffer is not ours to freeze
+        data = data.copy()  # the message freezes its arrays, but the camera owns its buffer
     return types.Image(header=head, height=height, width=width, encoding='mono8', step=width, data=data)
 
 
 def camera_info(
     head: types.Header, width: int, height: int, crop: Crop, sensor: Sensor | None = None
 ) -> types.CameraInfo:
-    """Of a picture and what is cut from it; intrinsics of a described sensor, 0 of any other, as ROS has it."""
+    """The CameraInfo of an image and its crop; intrinsics of a described sensor, else 0, as in ROS."""
     roi = types.RegionOfInterest(x_offset=crop.x, y_offset=crop.y, width=crop.width, height=crop.height)
     known: dict[str, Any] = {'distortion_model': 'equidistant'}
     if sensor is not None:
@@ -76,10 +76,10 @@ def camera_info(
 
 
 def image_array(message: types.Image) -> UInt8[np.ndarray, 'h w']:
-    """The grey picture in a sensor_msgs/Image: of mono8 a view of its bytes, of bgr8 and rgb8 the luma.
+    """The grey image in a sensor_msgs/Image: a view of its bytes for mono8, the luma for bgr8 and rgb8.
 
     Raises:
-        ImageError: another encoding, or fewer bytes than its size and step say.
+        ImageError: another encoding, or fewer bytes than its size and step require.
     """
     if message.encoding not in _CHANNELS:
         raise ImageError(
@@ -100,10 +100,10 @@ def image_array(message: types.Image) -> UInt8[np.ndarray, 'h w']:
 
 
 def image_pixels(message: types.Image) -> np.ndarray:
-    """The picture in a sensor_msgs/Image as it is: h by w, or h by w by 3 in the order red, green, blue.
+    """The unconverted image in a sensor_msgs/Image: h by w, or h by w by 3 in the order red, green, blue.
 
     Raises:
-        ImageError: an encoding that is not known here, or fewer bytes than its size and step say.
+        ImageError: an unknown encoding, or fewer bytes than its size and step require.
     """
     if message.encoding not in _PIXELS:
         raise ImageError(
@@ -126,7 +126,7 @@ def features_array(message: types.FlowFeatures) -> Features:
     """The features in a message.
 
     Raises:
-        MessageError: the arrays have other lengths than rows, cols and channels say.
+        MessageError: the lengths of the arrays do not match rows, cols and channels.
     """
     rows, cols, channels = message.rows, message.cols, message.channels
     if len(message.values) != rows * cols * channels or len(message.confidence) != rows * cols:
@@ -139,7 +139,7 @@ def features_array(message: types.FlowFeatures) -> Features:
 
 
 def picture_motion(message: types.FlowFeatures) -> PictureMotion | None:
-    """The motion of the whole picture that was taken out of the features in a message; None where none was."""
+    """The motion of the whole image that was subtracted from the features in a message; None if none was."""
     terms = message.picture_motion.tolist()
     return PictureMotion(tuple(terms)) if len(terms) == TERMS else None
 
@@ -166,7 +166,7 @@ def force_fields(
     unlikeness: float = math.nan,
     acting: Acting | None = None,
 ) -> dict[str, Any]:
-    """The fields of a ForceDistribution that say what presses where; no contact is a position of NaN."""
+    """The fields of a ForceDistribution with forces and contacts; without contact the position is NaN."""
     width_mm, height_mm = bins.bin_size_mm
     told = [_contact_message(each) for each in contacts]
     return {
@@ -199,9 +199,9 @@ def _acting_fields(acting: Acting) -> dict[str, Any]:
 
 
 def _pressing_fields(forces_n: Float32[np.ndarray, 'rows cols'], bins: BinGrid) -> dict[str, Any]:
-    """Of a readout that knows normal forces alone: each acts at the centre of its bin, r x F = (-y f, x f, 0).
+    """The wrench of a readout with normal forces only: each acts at the centre of its bin, r x F = (-y f, x f, 0).
 
-    Where forces are no numbers nothing of the wrench is known.
+    If a force is NaN, the whole wrench is NaN.
     """
     x, y = _levers(bins)
     forces = forces_n.reshape(-1).astype(float)
@@ -217,7 +217,7 @@ def _pressing_fields(forces_n: Float32[np.ndarray, 'rows cols'], bins: BinGrid) 
 
 @lru_cache(16)
 def _levers(bins: BinGrid) -> Float[np.ndarray, '2 bins']:
-    """x and y of the middle of each bin (m)."""
+    """x and y of the centre of each bin (m)."""
     levers: np.ndarray = bins.centres_mm.reshape(-1, 2).T * MILLI
     return levers
 
@@ -228,12 +228,12 @@ def _wrench(numbers: Float[np.ndarray, ' 6']) -> types.Wrench:
 
 
 def _flat(values: np.ndarray) -> Float32[np.ndarray, ' values']:
-    """A copy of its own, in rows: a message freezes its arrays."""
+    """A flattened copy in row-major order; a copy, because a message freezes its arrays."""
     return np.array(values, np.float32).reshape(-1)
 
 
 def field_message(field: SurfaceField | None, bins: BinGrid, force: types.ForceDistribution) -> types.ForceField:
-    """What acts on fine cells, beside the force distribution that it belongs to; None: not known in this frame."""
+    """Pressure and shear on fine cells, with its force distribution; None: not known in this frame."""
     rows, cols = PatchGrid(bins).shape if field is None else field.pressure_mpa.shape
     return types.ForceField(
         header=force.header,
@@ -283,7 +283,7 @@ def _region_fields(region: Region | None) -> dict[str, float]:
 
 
 def touch_message(stamp_ns: int, frame_id: str, press: Press) -> types.SimulatedTouch:
-    """What touches a simulated gel, to tell its camera."""
+    """The press on a simulated gel, as a message to its camera."""
     return types.SimulatedTouch(
         header=header(stamp_ns, frame_id), x=press.x_mm * MILLI, y=press.y_mm * MILLI, depth=press.depth_mm * MILLI,
         drag_x=press.shift_mm[0] * MILLI, drag_y=press.shift_mm[1] * MILLI,
@@ -291,8 +291,8 @@ def touch_message(stamp_ns: int, frame_id: str, press: Press) -> types.Simulated
 
 
 def press_of(message: types.SimulatedTouch) -> tuple[int, Press]:
-    """The reverse: when it is so, and what touches."""
-    from tactile_nodes.simulation.optics import Press  # here, for few processes simulate
+    """The reverse of `touch_message`: the time and the press."""
+    from tactile_nodes.simulation.optics import Press  # here, because few processes simulate
 
     x_mm, y_mm, depth_mm, *drag_mm = (
         each / MILLI for each in (message.x, message.y, message.depth, message.drag_x, message.drag_y)
@@ -301,17 +301,17 @@ def press_of(message: types.SimulatedTouch) -> tuple[int, Press]:
 
 
 def gripper_state(stamp_ns: int, opening_mm: float) -> types.JointState:
-    """How far a gripper is open."""
+    """The opening of a gripper as a message."""
     return types.JointState(header=header(stamp_ns, ''), name=['gripper'], position=np.array([opening_mm * MILLI]))
 
 
 def opening_mm(state: types.JointState) -> float | None:
-    """How far a gripper is open; None of a message that does not tell one number."""
+    """The opening of a gripper; None if the message does not hold exactly one number."""
     return float(state.position[0]) / MILLI if len(state.position) == 1 else None
 
 
 def truth_fields(truth: Truth, bins: BinGrid) -> dict[str, Any]:
-    """The fields of a ForceDistribution that say what really presses, shear included."""
+    """The fields of a ForceDistribution with the true forces, shear included."""
     contacts = (Contact(*truth.position_mm, truth.total_n, 0.0, 0.0),) if truth.in_contact else ()
     x, y = truth.position_mm
     along_x, along_y = truth.shear_n
@@ -350,7 +350,7 @@ def calibration_fields(verdict: Verdict) -> dict[str, Any]:
 def wrench_message(force: types.ForceDistribution) -> types.WrenchStamped:
     """The net force on the gel and the torque about the frame's origin; pressing is -z, since z points out of the gel.
 
-    Of a distribution that is invalid all is NaN, for a wrench has no status to say so.
+    For an invalid distribution all values are NaN, because a wrench has no status field.
     """
     if force.status == types.ForceDistribution.STATUS_INVALID:
         nothing = types.Vector3(x=math.nan, y=math.nan, z=math.nan)

@@ -1,7 +1,7 @@
-"""Encoded pictures of the kinds that are read here: PNG, JPEG, BMP, TIFF, WebP, PGM and PPM; and videos.
+"""Decodes images (PNG, JPEG, BMP, TIFF, WebP, PGM and PPM) and opens videos.
 
-A few kilobytes can unpack to gigabytes, and OpenCV takes the memory before it says how large a picture is. So the size
-is read from the header first. A kind whose header is not known here is no picture.
+A few kilobytes can unpack to gigabytes, and OpenCV allocates the memory before it reports the size of an image. So the
+size is read from the header first. A format whose header is not known here is not accepted as an image.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tactile_nodes.files import PICTURE_BYTES, read_plain
 
 LARGEST_SIDE = 8192
 LARGEST = f'{LARGEST_SIDE}x{LARGEST_SIDE} pixels (64 megapixels)'
-"""In words; a narrower picture may be longer."""
+"""The limit in words; a narrower image may be longer."""
 
 Picture = npt.NDArray[np.uint8]
 Size = tuple[int, int]
@@ -30,16 +30,16 @@ Size = tuple[int, int]
 _PNG_CHUNKS = 1 << 16
 _PNM_BYTES = 4096
 _PNM = re.compile(rb'P[1-6]\s%s(\d{1,10})\s%s(\d{1,10})\s' % ((rb'(?:\s|#[^\r\n]*[\r\n])*',) * 2))
-_JPEG_MARKER = re.compile(rb'\xff[^\x00\xff]')  # whatever stands before one is passed over, as the decoder does
-_JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1: a frame begins
-_JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # nothing follows these
+_JPEG_MARKER = re.compile(rb'\xff[^\x00\xff]')  # bytes before a marker are skipped, as in the decoder
+_JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1: start of a frame
+_JPEG_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # markers without a segment
 _JPEG_SEGMENTS = 4096
-_TIFF_WIDTHS, _TIFF_HEIGHTS = {256, 322}, {257, 323}  # of the picture, and of a tile, which is unpacked whole
+_TIFF_WIDTHS, _TIFF_HEIGHTS = {256, 322}, {257, 323}  # of the image, and of a tile, which is unpacked whole
 _TIFF_NUMBERS = {3: 'H', 4: 'I'}
 
 
 def decode(data: bytes, *, grey: bool) -> Picture | None:
-    """The picture, (h, w), or unless `grey` also (h, w, 3) blue-green-red; None if it is none.
+    """The image, (h, w), or unless `grey` also (h, w, 3) blue-green-red; None if the data are not an image.
 
     Raises:
         OSError: it is larger than `LARGEST`; `strerror` says so.
@@ -50,16 +50,16 @@ def decode(data: bytes, *, grey: bool) -> Picture | None:
     cv2 = opencv.load()
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_ANYCOLOR)
-    except cv2.error:  # so it ends for some that are damaged
+    except cv2.error:  # raised for some damaged images
         return None
     return None if image is None else np.asarray(image, np.uint8)
 
 
 def read_picture(path: str | Path, *, grey: bool) -> Picture:
-    """The picture in a file, as of `decode`.
+    """The image in a file, in the format of `decode`.
 
     Raises:
-        OSError: it cannot be read, is too large, or no picture; `strerror` says which.
+        OSError: it cannot be read, is too large, or is not an image; `strerror` says which.
     """
     picture = decode(read_plain(path, PICTURE_BYTES), grey=grey)
     if picture is None:
@@ -68,16 +68,16 @@ def read_picture(path: str | Path, *, grey: bool) -> Picture:
 
 
 def check_pixels(width: int, height: int) -> None:
-    """Raise OSError, with a sentence in `strerror`, for a picture larger than `LARGEST`."""
+    """Raise OSError, with a sentence in `strerror`, for an image larger than `LARGEST`."""
     if width * height > LARGEST_SIDE**2:
         raise OSError(errno.EFBIG, f'it has {width}x{height} pixels, more than the limit of {LARGEST}')
 
 
 def open_video(source: str, options: Sequence[int] = ()) -> Any | None:
-    """A `cv2.VideoCapture` of a file or a stream, by FFmpeg; None if that finds no video there.
+    """A `cv2.VideoCapture` of a file or a stream, by FFmpeg; None if FFmpeg finds no video there.
 
     Raises:
-        OSError: its pictures are larger than `LARGEST`; `strerror` says so.
+        OSError: its images are larger than `LARGEST`; `strerror` says so.
     """
     cv2 = opencv.load()
     video = cv2.VideoCapture(source, cv2.CAP_FFMPEG, options)
@@ -92,18 +92,18 @@ def open_video(source: str, options: Sequence[int] = ()) -> Any | None:
 
 
 def size_of(data: bytes) -> Size | None:
-    """What a picture's header says; None of what is no picture."""
+    """The size in an image's header; None if the data are not an image."""
     for signature, read in _KINDS.items():
         if data.startswith(signature):
             try:
                 return read(data)
-            except struct.error:  # it ends within its header
+            except struct.error:  # the header is truncated
                 return None
     return None
 
 
 def _png(data: bytes) -> Size | None:
-    """None also if a part claims to be longer than the file: OpenCV would take the memory for it."""
+    """Also None if a chunk claims to be longer than the file, because OpenCV would allocate memory for it."""
     width, height = struct.unpack_from('>II', data, 16)
     at = 8
     for _ in range(_PNG_CHUNKS if data[12:16] == b'IHDR' else 0):
@@ -134,11 +134,11 @@ def _jpeg(data: bytes) -> Size | None:
 def _bmp(data: bytes) -> Size | None:
     (header_bytes,) = struct.unpack_from('<I', data, 14)
     width, height = struct.unpack_from('<HH' if header_bytes == 12 else '<ii', data, 18)
-    return abs(width), abs(height)  # below zero: the lines stand upside down
+    return abs(width), abs(height)  # negative: the lines are stored from top to bottom
 
 
 def _tiff(data: bytes) -> Size | None:
-    """The largest that the first directory speaks of."""
+    """The largest size in the first directory."""
     order = '<' if data.startswith(b'II') else '>'
     (at,) = struct.unpack_from(f'{order}I', data, 4)
     (entries,) = struct.unpack_from(f'{order}H', data, at)
@@ -155,7 +155,7 @@ def _tiff(data: bytes) -> Size | None:
 
 
 def _webp(data: bytes) -> Size | None:
-    """RFC 9649: a simple picture, one without loss, or the canvas of an extended one."""
+    """RFC 9649: a lossy image, a lossless one, or the canvas of an extended one."""
     kind = data[8:16]
     if kind == b'WEBPVP8 ':
         width, height = struct.unpack_from('<HH', data, 26)

@@ -1,4 +1,4 @@
-"""Every error that this package raises on purpose.
+"""All errors that this package raises on purpose.
 
 ::
 
@@ -6,27 +6,27 @@
     ├── ConfigurationError          a YAML block, parameter or argument that cannot be used
     │   └── LaunchFileError         the same, in a launch file
     ├── DeviceError
-    │   ├── DeviceNotFoundError     nothing there to open
-    │   ├── DeviceBusyError         another program has it
-    │   ├── DeviceLostError         it was there, and is not any more
-    │   ├── DeviceTimeoutError      it is there, and does not answer
-    │   └── DeviceFaultError        it answers that something is wrong: an alarm, a refused command, a status bit
-    ├── ImageError                  an image of the wrong size or encoding, or without a picture in it
-    ├── MessageError                bytes that are no message of the announced type
+    │   ├── DeviceNotFoundError     there is no device to open
+    │   ├── DeviceBusyError         another program uses it
+    │   ├── DeviceLostError         it was there, but is gone
+    │   ├── DeviceTimeoutError      it is there, but does not respond
+    │   └── DeviceFaultError        it reports a fault: an alarm, a refused command, a status bit
+    ├── ImageError                  an image of the wrong size or encoding, or without pixels
+    ├── MessageError                bytes that are not a message of the announced type
     ├── BusError
-    │   ├── AddressInUseError       somebody else listens there
+    │   ├── AddressInUseError       another process uses the address
     │   └── ServiceError
-    │       ├── ServiceUnavailableError   nobody serves it
-    │       └── ServiceTimeoutError       somebody serves it, and does not answer
+    │       ├── ServiceUnavailableError   no node offers the service
+    │       └── ServiceTimeoutError       a node offers it, but does not respond
     ├── BagError                    a recording that cannot be written or read
-    ├── AskedToEndError             the process is to end, while something in it still waits
-    ├── DatasetError                presses that cannot be learned from: a data set that is missing, damaged or unfit
-    │   └── TooFewPressesError      presses, or images of the untouched gel, that are too few
+    ├── AskedToEndError             the process must end while some of its work still waits
+    ├── DatasetError                a data set of presses that is missing, damaged or unfit for training
+    │   └── TooFewPressesError      too few presses, or too few images of the untouched gel
     └── ModelError                  a model file that is missing, damaged, foreign or made for other inputs
 
 The text of each is one sentence for a person: what was attempted on what, and what to do.
-Foreign errors are translated at the edge (``raise DeviceLostError(...) from error``), so that
-whoever starts a program catches `TactileError`, prints the sentence, and exits with status 1, or with `NOT_AGAIN`.
+Foreign errors are translated where they occur (``raise DeviceLostError(...) from error``). A program therefore catches
+`TactileError`, prints the sentence, and exits with status 1, or with `NOT_AGAIN`.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 NOT_AGAIN = 3
-"""Exit status of a program that only a person can set right; a launch does not start it again."""
+"""Exit status of a program that needs a person's help; a launch does not restart it."""
 
 
 class TactileError(Exception):
-    """The root of the tree."""
+    """The base class of all errors."""
 
 
 class ConfigurationError(TactileError):
@@ -48,7 +48,7 @@ class ConfigurationError(TactileError):
 
     @classmethod
     def at(cls, source: str | Path, line: int | None, text: str) -> ConfigurationError:
-        """An error that names its place, in the form editors and terminals link: ``file:line: text``."""
+        """An error that names its place in the form that editors and terminals link: ``file:line: text``."""
         return cls(f'{source}:{line}: {text}' if line is not None else f'{source}: {text}')
 
 
@@ -57,59 +57,59 @@ class LaunchFileError(ConfigurationError):
 
 
 class AskedToEndError(TactileError):
-    """The process is to end, while something in it still waits."""
+    """The process must end while some of its work still waits."""
 
 
 class DeviceError(TactileError):
-    """A device that does not do what it should."""
+    """A device that does not work as it should."""
 
 
 class DeviceNotFoundError(DeviceError):
-    """Nothing there to open."""
+    """There is no device to open."""
 
 
 class DeviceBusyError(DeviceError):
-    """Another program has it."""
+    """Another program uses the device."""
 
 
 class DeviceLostError(DeviceError):
-    """It was there, and is not any more."""
+    """The device was there, but is gone."""
 
 
 class DeviceTimeoutError(DeviceError):
-    """It is there, and does not answer in time."""
+    """The device is there, but does not respond in time."""
 
 
 class DeviceFaultError(DeviceError):
-    """It answers that something is wrong: an alarm, a refused command, a status bit."""
+    """The device reports a fault: an alarm, a refused command, a status bit."""
 
 
 class ImageError(TactileError):
-    """An image of the wrong size or encoding, or without a picture in it."""
+    """An image of the wrong size or encoding, or without pixels."""
 
 
 class MessageError(TactileError):
-    """Bytes that are no message of the announced type, or a type that does not exist."""
+    """Bytes that are not a message of the announced type, or a type that does not exist."""
 
 
 class BusError(TactileError):
-    """The bus cannot do what was asked of it."""
+    """The bus cannot do what was requested."""
 
 
 class AddressInUseError(BusError):
-    """Somebody else listens at that address."""
+    """Another process uses the address."""
 
 
 class ServiceError(BusError):
-    """A service call that brought no answer."""
+    """A service call without a response."""
 
 
 class ServiceUnavailableError(ServiceError):
-    """Nobody serves it."""
+    """No node offers the service."""
 
 
 class ServiceTimeoutError(ServiceError):
-    """Somebody serves it, and does not answer in time."""
+    """A node offers the service, but does not respond in time."""
 
 
 class BagError(TactileError):
@@ -117,11 +117,11 @@ class BagError(TactileError):
 
 
 class DatasetError(TactileError):
-    """A data set of presses that is missing, damaged, or does not fit what is to be done with it."""
+    """A data set of presses that is missing, damaged, or unfit for its use."""
 
 
 class TooFewPressesError(DatasetError):
-    """Presses, or images of the untouched gel, that are too few to learn from."""
+    """Too few presses, or too few images of the untouched gel, to learn from."""
 
 
 class ModelError(TactileError):
@@ -129,13 +129,13 @@ class ModelError(TactileError):
 
 
 def in_a_line(error: object) -> str:
-    """What an error says, without its line breaks."""
+    """The text of an error, without its line breaks."""
     return ' '.join(str(error).split())
 
 
 @contextmanager
 def from_extra(extra: str, what: str) -> Iterator[None]:
-    """For imports of libraries that come with an extra of this package alone; `what` is done with them.
+    """A context for imports of libraries of one optional extra; `what` names the feature that needs them.
 
     Raises:
         ConfigurationError: one is not installed.

@@ -1,6 +1,6 @@
-"""How files from elsewhere are read: plain ones alone, and none that is larger than its like can be.
+"""Reads files from other sources: regular files only, with a size limit for each kind.
 
-What is refused is an OSError whose `strerror` says why, so that whoever reads translates one kind of error.
+A refused file raises an OSError whose `strerror` gives the reason, so that callers translate one kind of error.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from pathlib import Path
 from typing import BinaryIO
 
 TEXT_BYTES = 4 << 20
-"""No text that a person or this package writes is longer: parameters, launch files, lists, what describes a bag."""
+"""Size limit of text files: parameters, launch files, lists, descriptions of bags."""
 PICTURE_BYTES = 256 << 20
-"""No file of one picture is larger."""
+"""Size limit of a file with one image."""
 
 
 def open_plain(path: str | Path, largest: int | None = None) -> BinaryIO:
-    """Open a file for reading; a named pipe is refused, which would wait for ever, and so is a folder or a device.
+    """Open a file for reading; a named pipe, which would wait for ever, a folder or a device is refused.
 
     Raises:
-        OSError: it is no plain file, holds more than `largest` bytes, or cannot be opened.
+        OSError: it is not a regular file, has more than `largest` bytes, or cannot be opened.
     """
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-    except ValueError as error:  # a zero byte within it, or half a character
+    except ValueError as error:  # the name contains a zero byte or half a character
         raise OSError(errno.EINVAL, 'it is not a valid file name', str(path)) from error
     try:
         _check(os.fstat(descriptor), path, largest)
@@ -36,25 +36,25 @@ def open_plain(path: str | Path, largest: int | None = None) -> BinaryIO:
 
 
 def read_plain(path: str | Path, largest: int) -> bytes:
-    """All bytes of a file, if it holds no more than `largest`. Raises as `open_plain`."""
+    """All bytes of a file with at most `largest` bytes. Raises the errors of `open_plain`."""
     with open_plain(path, largest) as opened:
-        # As many as there are: read() takes memory for all that it is asked for. The kernel's own files claim none.
+        # Only the file's size, because read() allocates all that is requested. Files of the kernel report size 0.
         size = os.fstat(opened.fileno()).st_size or largest
         return opened.read(min(size, largest))
 
 
 def read_text(path: str | Path, largest: int = TEXT_BYTES, encoding: str = 'utf-8') -> str:
-    """The text of a file. Raises as `open_plain`, and UnicodeDecodeError."""
+    """The text of a file. Raises the errors of `open_plain`, and UnicodeDecodeError."""
     return read_plain(path, largest).decode(encoding).replace('\r\n', '\n')
 
 
 def check_size(path: str | Path, largest: int) -> None:
-    """Raise what `open_plain` raises, for a file that a library opens by its name."""
+    """Raise the errors of `open_plain`, for a file that a library opens by its name."""
     open_plain(path, largest).close()
 
 
 def bytes_there(opened: BinaryIO, enough: int) -> int:
-    """How many bytes of a file are there, holes left out; counted up to `enough`."""
+    """The number of bytes stored in a file, without holes; counted up to `enough`."""
     descriptor, found, end = opened.fileno(), 0, 0
     place = os.lseek(descriptor, 0, os.SEEK_CUR)
     try:
@@ -63,7 +63,7 @@ def bytes_there(opened: BinaryIO, enough: int) -> int:
             end = os.lseek(descriptor, begin, os.SEEK_HOLE)
             found += end - begin
     except OSError as error:
-        if error.errno != errno.ENXIO:  # which says that no more follow
+        if error.errno != errno.ENXIO:  # which means that no more data follow
             raise
     finally:
         os.lseek(descriptor, place, os.SEEK_SET)

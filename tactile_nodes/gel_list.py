@@ -1,4 +1,4 @@
-"""The calibrations of a lab in one SQLite file: what was made when, by how many presses, and how it has held since."""
+"""The calibrations of a lab in one SQLite file: time, number of presses, and last known state of each."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ NS_PER_DAY = 86_400_000_000_000
 
 @dataclass(frozen=True)
 class Calibration:
-    """One calibration; times are ns since 1970, 0 where not known.
+    """One calibration; times are ns since 1970, 0 if not known.
 
-    `error_n` is the force RMSE (N) on presses held out; `level` what the drift monitor said of it last ('valid',
-    'ageing', 'invalid'; empty: nothing yet), `looked_ns` when, and `remedy` the same in words, with what to do.
+    `error_n` is the force RMSE (N) on held-out presses. `level` is the drift monitor's last state ('valid', 'ageing',
+    'invalid'; empty: none yet), `looked_ns` its time, and `remedy` the same in words, with what to do.
     """
 
     model_id: str
@@ -36,7 +36,7 @@ class Calibration:
     remedy: str = ''
 
     def due(self, now_ns: int, after_days: float) -> str:
-        """Why it should be made anew; empty while it need not."""
+        """Why a new calibration is needed; empty if none is."""
         if self.level in {'ageing', 'invalid'}:
             return self.remedy or self.level
         days = (now_ns - self.made_ns) / NS_PER_DAY
@@ -64,7 +64,7 @@ def list_file() -> Path:
 
 
 class GelList:
-    """The list in a file, which is made when the first calibration is added."""
+    """The list in a file, which is created with the first calibration."""
 
     def __init__(self, file: Path | None = None) -> None:
         self.file = file or list_file()
@@ -72,13 +72,14 @@ class GelList:
     def add(self, calibration: Calibration) -> None:
         """Add a calibration.
 
-        Of a model that is listed all is kept that is not told anew, when it was made, and its file while that is there.
+        If the model is listed, it keeps its date, its file if that exists, and all values for which no new one is
+        given.
 
         Raises:
-            ConfigurationError: the file cannot be written, or is no such list.
+            ConfigurationError: the file cannot be written, or is not such a list.
         """
         with self._open(create=True) as database:
-            database.execute('BEGIN IMMEDIATE')  # nobody changes what is kept until it is written
+            database.execute('BEGIN IMMEDIATE')  # no other process may change the list until it is written
             others = {each.model_id: each for each in _listed(database)}
             known = others.pop(calibration.model_id, None)
             if known is not None:
@@ -87,7 +88,7 @@ class GelList:
             database.execute(_ADD, asdict(calibration))
 
     def look(self, model_id: str, level: str, remedy: str, at_ns: int) -> bool:
-        """Keep the drift monitor's last state of a calibration; whether the list has it. An older one changes nothing.
+        """Store the drift monitor's last state of a calibration; false if it is not listed. Older states are ignored.
 
         Raises:
             ConfigurationError: as above.
@@ -102,17 +103,17 @@ class GelList:
         return known is not None
 
     def forget(self, model_id: str) -> bool:
-        """Take a calibration off the list, not its file; whether it was there. Raises ConfigurationError."""
+        """Remove a calibration from the list, not its file; false if it is not listed. Raises ConfigurationError."""
         if not self.file.exists():
             return False
         with self._open() as database:
             return bool(database.execute('DELETE FROM calibrations WHERE model_id = ?', (model_id,)).rowcount)
 
     def calibrations(self) -> list[Calibration]:
-        """All of them, the newest first.
+        """All calibrations, the newest first.
 
         Raises:
-            ConfigurationError: the file cannot be read, or is no such list.
+            ConfigurationError: the file cannot be read, or is not such a list.
         """
         if not self.file.exists():
             return []
@@ -125,7 +126,7 @@ class GelList:
             if create:
                 self.file.parent.mkdir(parents=True, exist_ok=True)
             with closing(sqlite3.connect(self.file, timeout=10.0)) as database, database:
-                database.execute('PRAGMA trusted_schema = OFF')  # nothing that the file defines is run
+                database.execute('PRAGMA trusted_schema = OFF')  # no code defined in the file is run
                 if create:
                     database.execute(_CREATE)
                 _require_table(database)

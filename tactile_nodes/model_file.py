@@ -1,8 +1,8 @@
-"""Trained models as files: weights and a card in one safetensors file, never anything that could run.
+"""Trained models as files: weights and a card in one safetensors file, which cannot contain code.
 
-The file is a plain safetensors file (any reader of that format opens it). Its metadata hold one JSON text with
-the card, which says what the numbers mean and how they came about, and the SHA-256 of the whole file with the
-checksum's own digits as zeros, so that no altered byte goes unnoticed. The model id is its first 12 digits.
+Any reader of the safetensors format opens the file. Its metadata hold the card as one JSON text, which says what the
+numbers mean and how they were made. They also hold the SHA-256 of the whole file, computed with zeros in place of its
+own digits, so that every altered byte is detected. The model id is its first 12 digits.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.force_model'
 FORMAT_VERSION, LAYERED_VERSION, SMEARED_VERSION, FIELD_VERSION = 2, 3, 5, 6
-"""Readouts that earlier releases would take for another, or misread, have versions of their own.
+"""Readouts that earlier releases would misread have their own versions.
 
 Axisymmetric models without radial smear were written as version 4; those files can still be read.
 """
 DESCRIPTION = 'description'
-"""Where the data of a model come from that no press told anything."""
+"""The data origin of a model that was computed without any press."""
 
 SENSOR = 'sensor'
-"""Of a card: the description of the sensor that the model follows from."""
+"""The entry of a card with the sensor description that the model was computed from."""
 
 NO_CHECKSUM = '0' * 64
 REST_IMAGE = 'rest_image'
 LARGEST_BYTES = 1 << 30
-"""No model is as large; those that ship have 3 to 8 MB."""
+"""Size limit of a model file; shipped models have 3 to 8 MB."""
 NO_IMAGE = np.zeros((0, 0), np.uint8)
 
 
 @dataclass(frozen=True)
 class LoadedModel:
-    """A model ready for use, the card that explains it, and the rest image that it was calibrated with, if it has one.
+    """A model ready for use, its card, and the rest image of its calibration, if there is one.
 
-    The rest image of a file without one has no rows.
+    Without a rest image in the file, the array has no rows.
     """
 
     model: ForceModel
@@ -79,7 +79,7 @@ class LoadedModel:
 
     @property
     def of_description(self) -> bool:
-        """Whether it follows from the description of a sensor alone: no force was ever compared with it."""
+        """Whether it was computed from a sensor description alone and never compared with a force."""
         return bool(self.card.get('data', {}).get('origin') == DESCRIPTION)
 
     @property
@@ -95,15 +95,15 @@ def size_of_crop(crop_px: int | Sequence[int]) -> tuple[int, int]:
 
 
 def crop_of_size(size: tuple[int, int]) -> int | list[int]:
-    """What a card says as ``crop_px`` of images of this width and height, px."""
+    """The ``crop_px`` of a card for images of this width and height, px."""
     return size[0] if size[0] == size[1] else list(size)
 
 
 def find_model(name: str) -> Path:
-    """The file of a model: a path, or the name of one that ships ('paper').
+    """The file of a model: a path, or the name of a shipped model ('paper').
 
     Raises:
-        ModelError: there is none; says which ship.
+        ModelError: there is none; the message lists the shipped ones.
     """
     folder = share_directory() / 'models'
     if is_file(shipped := folder / f'{name}.safetensors'):
@@ -119,19 +119,19 @@ def find_model(name: str) -> Path:
 def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_image: np.ndarray | None = None) -> str:
     """Write a model with its card and return its id; large tables are stored as 16 bit floats.
 
-    `rest_image` (8 bit grey) is what the gel looked like untouched; the drift monitor compares with it.
+    `rest_image` (8 bit grey) shows the untouched gel; the drift monitor compares later images with it.
 
-    The card must name `flow` and `encoding` with their options; whatever else it holds is kept as it is.
+    The card must name `flow` and `encoding` with their options; all other entries are kept unchanged.
 
     Raises:
         ConfigurationError: no file can be written there.
-        ModelError: writing failed, as on a full disk; a file of this name stays as it was.
+        ModelError: writing failed, as on a full disk; an existing file stays unchanged.
     """
     tensors, readout = readout_arrays(model.readout)
     described = {**card, **_description(model, readout)}
     if rest_image is not None and rest_image.size:
         tensors[REST_IMAGE] = np.ascontiguousarray(rest_image, np.uint8)
-    # One entry only: safetensors writes several in no certain order, and equal models should be equal files.
+    # One entry only: safetensors writes several in undefined order, and equal models should give equal files.
     metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': described}, sort_keys=True)}
     blank = safetensors.numpy.save(tensors, metadata)
     checksum = hashlib.sha256(blank).hexdigest()
@@ -143,10 +143,10 @@ def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_imag
 
 
 def load_model(path: Path | str) -> LoadedModel:
-    """Read a model and check every byte of it.
+    """Read a model and verify its checksum.
 
     Raises:
-        ModelError: the file is missing, damaged, no model of ours, or of a newer format.
+        ModelError: the file is missing, damaged, not a model of ours, or of a newer format.
     """
     path = Path(path)
     data = _read(path)
@@ -238,7 +238,7 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> 
 
 
 def _check_said(loaded: LoadedModel) -> None:
-    """What the card says is asked for later, and there it should not fail."""
+    """Check the entries of the card now, so that reading them later does not fail."""
     _ = loaded.flow, loaded.encoding, 'crop_px' in loaded.card and loaded.image_size
     for name, kind in (('crop_px', (int, Sequence)), ('gel', Mapping), ('contact_threshold_n', (int, float))):
         if name in loaded.card and not isinstance(loaded.card[name], kind):

@@ -1,7 +1,7 @@
 """OpenCV, loaded on first use and set up for cameras.
 
-OpenCV reads parts of its environment only once, when it is loaded, so the wishes stand here and nowhere else;
-a person's own setting of the same variable wins.
+OpenCV reads some environment variables only when it is loaded, so they are all set here. A value set by the user takes
+precedence.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from functools import cache
 from types import ModuleType
 
 _WISHES = {
-    # A stalled V4L2 device blocks grab() this many seconds; OpenCV's own ten would outlast every shutdown.
+    # A stalled V4L2 device blocks grab() for this many seconds; OpenCV's default of ten is longer than any shutdown.
     'OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT': '2',
-    # FFmpeg complains straight to the terminal, past every handler; the errors raised here say the same.
+    # FFmpeg logs directly to the terminal, past all handlers; the errors raised here give the same information.
     'OPENCV_FFMPEG_LOGLEVEL': '-8',
-    # Over UDP, its default for RTSP, a lost packet smears the picture instead of delaying it.
+    # Over UDP, the default for RTSP, a lost packet smears the image instead of delaying it.
     'OPENCV_FFMPEG_CAPTURE_OPTIONS': 'rtsp_transport;tcp',
 }
 
 
 @cache
 def load() -> ModuleType:
-    """The module `cv2`, silent unless ``OPENCV_LOG_LEVEL`` is set."""
+    """The module `cv2`, without log output unless ``OPENCV_LOG_LEVEL`` is set."""
     for name, value in _WISHES.items():
         os.environ.setdefault(name, value)
     import cv2

@@ -1,4 +1,4 @@
-"""Where things are on this machine: what the package ships, and the folders that it may write to."""
+"""Paths on this machine: the data files of the package, and the folders that it may write to."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ OF_BAGS = '.mcap', '.db3', '.yaml'
 def share_directory() -> Path:
     """The folder that holds package.xml, msg/, launch/, config/ and models/.
 
-    In a source tree that is its root; after ``pip install`` or a colcon build it is
-    ``<prefix>/share/tactile_nodes``. Both are found by walking up from this file, so no
-    environment variable is needed and a virtual environment works as an ament prefix.
+    In a source tree it is the root; after ``pip install`` or a colcon build it is ``<prefix>/share/tactile_nodes``.
+    Both are found in the parent folders of this file, so no environment variable is needed, and a virtual environment
+    works as an ament prefix.
 
     Raises:
         ConfigurationError: the package was installed without its data files.
@@ -38,12 +38,12 @@ def share_directory() -> Path:
 
 
 def run_directory() -> Path:
-    """The folder for sockets and other things that live as long as the processes do; only this user may enter.
+    """The folder for sockets and other files that last as long as the processes; only this user may enter.
 
     ``$TACTILE_RUN_DIR``, else ``$XDG_RUNTIME_DIR/tactile``, else ``<tmp>/tactile-<uid>``.
 
     Raises:
-        ConfigurationError: the folder belongs to somebody else, or others may enter it.
+        ConfigurationError: the folder belongs to another user, or others may enter it.
     """
     if chosen := os.environ.get('TACTILE_RUN_DIR'):
         return _private(Path(chosen).expanduser().absolute())
@@ -53,32 +53,32 @@ def run_directory() -> Path:
 
 
 def log_directory() -> Path:
-    """Where nodes started by a launch file leave their output: ``$ROS_LOG_DIR``, else ``~/.ros/log``."""
+    """The folder for the output of launched nodes: ``$ROS_LOG_DIR``, else ``~/.ros/log``."""
     if chosen := os.environ.get('ROS_LOG_DIR'):
         return Path(chosen)
     return Path(os.environ.get('ROS_HOME', Path.home() / '.ros')) / 'log'
 
 
 def cache_directory() -> Path:
-    """Where results that can be computed again are kept: ``$XDG_CACHE_HOME/tactile_nodes``, else ``~/.cache/…``."""
+    """The folder for results that can be computed again: ``$XDG_CACHE_HOME/tactile_nodes``, else ``~/.cache/…``."""
     folder = Path(os.environ.get('XDG_CACHE_HOME', Path.home() / '.cache')) / PACKAGE
     folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
 def state_directory() -> Path:
-    """Where what must outlive a process is kept: ``$XDG_STATE_HOME/tactile_nodes``, else ``~/.local/state/…``."""
+    """The folder for data that outlive a process: ``$XDG_STATE_HOME/tactile_nodes``, else ``~/.local/state/…``."""
     return Path(os.environ.get('XDG_STATE_HOME') or Path.home() / '.local/state') / PACKAGE
 
 
 def check_output(file: Path, *read: Path | None) -> None:
-    """Refuse a name under which no file can be written, before the work whose result it is to hold.
+    """Check that a file can be written under a name, before the work that produces its content.
 
-    What is there and is no plain file, a device say, is never replaced, nor is what the work reads: files, and what
-    makes a folder a bag.
+    An existing file that is not regular, such as a device, is never replaced. Nor are the inputs of the work: files,
+    and the files that make a folder a bag.
 
     Raises:
-        ConfigurationError: it is none; says why.
+        ConfigurationError: it cannot be written; the message gives the reason.
     """
     try:
         mode = file.stat().st_mode
@@ -103,7 +103,7 @@ def check_output(file: Path, *read: Path | None) -> None:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write all of a file or nothing: what has its name stays until all is written.
+    """Write all of a file or nothing: an existing file stays until all is written.
 
     Raises:
         ConfigurationError: no file can be written there; see `check_output`.
@@ -122,7 +122,7 @@ def write_whole(file: Path, content: bytes) -> None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; a name that no file can have, such as one that is too long, is none.
+    """Whether the file exists; false for a name that no file can have, such as one that is too long.
 
     >>> is_file(Path('x' * 300))
     False
@@ -134,7 +134,7 @@ def is_file(path: Path) -> bool:
 
 
 def _is_own(folder: Path) -> bool:
-    """Whether it is this user's: after ``su`` or ``sudo`` the variable may still name another user's folder."""
+    """Whether this user owns the folder: after ``su`` or ``sudo`` the variable may still name another user's."""
     try:
         return folder.stat().st_uid == os.getuid() and os.access(folder, os.W_OK)
     except OSError:
