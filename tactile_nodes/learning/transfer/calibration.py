@@ -1,4 +1,4 @@
-"""Stated uncertainties of a calibrated model, by presses that were held out."""
+"""Stated uncertainties of a calibrated model, measured on held-out presses."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from tactile_nodes.sensing.explain.uncertainty import Calibration
 
 RASTER = 40
 NORMAL_50 = 0.6745
-"""Half of normal errors are within so many standard deviations."""
+"""The share of a standard deviation within which half of normal errors lie."""
 
 
 def calibration_of(
     readout: AxisymmetricReadout, held: list[Judged], dataset: Dataset, untouched: np.ndarray
 ) -> Calibration:
-    """Stated uncertainties that nine of ten held-out presses fall within; with few presses rather more do.
+    """Stated uncertainties that cover nine of ten held-out presses, and rather more if presses are few.
 
-    `readout` still has the calibration of its source, whose floors and limits hold at least.
+    `readout` still has the calibration of its source. The floors and limits of that calibration are never lowered.
     """
     old = readout.calibration
     errors, sigmas = (np.concatenate([getattr(each, name) for each in held]) for name in ('errors', 'sigmas'))
@@ -44,13 +44,13 @@ def calibration_of(
 
 
 def cautious(ratios: Float[np.ndarray, ' n'], presses: int) -> float:
-    """What 90 % of further ratios stay below: with 10 presses the largest, with 100 the level 0.91 of them."""
+    """The level that 90 % of further ratios stay below: with 10 presses the largest, with 100 their 0.91 quantile."""
     level = min(1.0, COVERAGE * (1 + 1 / presses))
     return float(np.quantile(ratios, level if presses > 1 / (1 - COVERAGE) else 1.0, method='higher'))
 
 
 def beyond_noise(held: list[Judged], dataset: Dataset) -> float:
-    """The share of the variance of held-out places that noise alone, as a readout would state it, does not explain."""
+    """The share of the variance of held-out places that the stated noise alone does not explain."""
     sure = [
         Judged.of(replace(each.readout, response=replace(each.readout.response, unsure=None)), dataset, each.rows)
         for each in held
@@ -61,19 +61,19 @@ def beyond_noise(held: list[Judged], dataset: Dataset) -> float:
 
 
 def nearer_errors(nearer: float, beyond: float) -> float:
-    """By what errors shrink where presses are nearer by a share: that of their variance does which is beyond noise.
+    """The factor by which errors shrink if presses are nearer by the factor `nearer`.
 
-    Presses twice as near halve it (the root of the distance); if it is half of the variance, errors are 0.866 times as
-    large.
+    Only the variance beyond noise (the share `beyond`) shrinks with the distance. Presses twice as near halve it. If
+    it is half of the variance, errors are 0.866 times as large.
     """
     return math.sqrt(1 - beyond + beyond * nearer)
 
 
 def nearer_by(places: Float[np.ndarray, 'n 2']) -> float:
-    """How much nearer presses are to anywhere between them than to one another, at most 1.
+    """Distance of any point to the nearest press, relative to the distance between presses; at most 1.
 
-    Places at random are as far from one another as from anywhere else. Places that keep far apart are not: each of
-    them, held out, is in the middle of the largest gap there is, and read less exactly than most.
+    Random places are as far from one another as from any other point. Places that were chosen to be far apart are not:
+    each of them, if held out, is in the middle of the largest gap, and is estimated less exactly than most points.
     """
     places = np.unique(np.round(places, 1), axis=0)
     if len(places) < 2:

@@ -1,4 +1,4 @@
-"""What a calibration cannot be made from, said before anything is fitted."""
+"""Checks that presses and model are fit for a calibration, made before anything is fitted."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tactile_nodes.sensing.explain.network import InputScaling, NetworkReadout
 
 LEAST_PRESSES = 5
 LEAST_SPREAD = 0.4
-"""Of what the source knows: how far presses must lie apart along x and along y."""
+"""The least span of the presses along x and along y, as a share of the area that the source model covers."""
 MOST_OFFSET_N = 0.1
-"""Beyond what differences between gels bring about, by twice and more."""
+"""More than twice the offset that differences between gels cause."""
 
 
 def source_readout(loaded: LoadedModel) -> AxisymmetricReadout:
@@ -53,7 +53,7 @@ def source_readout(loaded: LoadedModel) -> AxisymmetricReadout:
 
 
 def require_presses(dataset: Dataset, known_mm: tuple[float, float]) -> None:
-    """Refuse presses that are too few, or too close together beside what the model knows along x and along y.
+    """Refuse presses that are too few, or that span too little of what the model covers along x and along y.
 
     Raises:
         DatasetError: says what to do.
@@ -78,7 +78,7 @@ def require_presses(dataset: Dataset, known_mm: tuple[float, float]) -> None:
 
 
 def require_motion(dataset: Dataset, scaling: InputScaling) -> None:
-    """Refuse pictures that show the gel in too few regions to be read, or motion that is no number.
+    """Refuse images that show markers in too few regions, or motion that is not a number.
 
     Raises:
         DatasetError: says what to do.
@@ -96,7 +96,7 @@ def require_motion(dataset: Dataset, scaling: InputScaling) -> None:
 
 
 def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
-    """Refuse forces that are off by much more than gels differ, and than what few presses leave open.
+    """Refuse forces whose offset exceeds both the differences between gels and its own uncertainty.
 
     `spread_n` is the standard deviation of the offset: of ten deep presses 0.06 to 0.09 N (development gels).
 

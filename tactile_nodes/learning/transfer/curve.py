@@ -1,4 +1,4 @@
-"""How the error of a calibration falls with the number of presses: a + b / n^c, and whether more presses pay."""
+"""The learning curve a + b / n^c of a calibration: its error against the number of presses n."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import scipy.optimize
 from jaxtyping import Float
 
 POWERS = tuple(0.25 * step for step in range(1, 9))
-"""Of the presses: 0.5 is what averages of noise fall with, 2 a curve that bends off at once."""
+"""Exponents that are tried: 0.5 is that of averaged noise, 2 that of a curve that flattens early."""
 LEAST_POINTS = 3
 
 
@@ -26,11 +26,11 @@ class Curve:
     power: float
 
     def at(self, presses: float) -> float:
-        """The error expected with so many presses."""
+        """The error expected with this number of presses."""
         return float(self.floor + self.gain / presses**self.power)
 
     def falls(self, presses: float) -> float:
-        """By which share of itself the error is expected to fall with twice as many presses."""
+        """The relative decrease of the expected error if the number of presses is doubled."""
         now = self.at(presses)
         return 1 - self.at(2 * presses) / now if now > 0 else 0.0
 
@@ -38,8 +38,8 @@ class Curve:
     def fit(cls, presses: Sequence[float], errors: Sequence[float]) -> Curve | None:
         """The curve that fits measured errors best; None with fewer than three points.
 
-        Neither the floor nor the gain is negative. An error measured on n presses is known to 1 / sqrt(2 n) of itself,
-        so that is what a point's deviation is measured by.
+        Neither the floor nor the gain is negative. Points are weighted by their relative standard error: an error
+        measured on n presses is known to 1 / sqrt(2 n).
         """
         n, measured = np.asarray(presses, float), np.asarray(errors, float)
         if len(n) < LEAST_POINTS or not (measured > 0).all():
@@ -53,7 +53,7 @@ class Curve:
 def _at_power(
     n: Float[np.ndarray, ' n'], errors: Float[np.ndarray, ' n'], weight: Float[np.ndarray, ' n'], power: float
 ) -> tuple[float, float, float]:
-    """What is left over of the points, floor and gain, for one power."""
+    """Residual norm, floor and gain for one power."""
     design = np.column_stack([np.ones_like(n), n**-power])
     (floor, gain), left = scipy.optimize.nnls(design * weight[:, None], errors * weight)
     return float(left), float(floor), float(gain)

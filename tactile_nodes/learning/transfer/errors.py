@@ -1,4 +1,4 @@
-"""How far off held-out presses are read, before a calibration and with it."""
+"""Errors on held-out presses, before and after a calibration."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from jaxtyping import Float
 
 @dataclass(frozen=True)
 class Errors:
-    """Of held-out presses: root mean square and median of the force's error, median distance of the place.
+    """Errors on held-out presses: RMS and median of the force error, median distance of the place.
 
-    NaN of none that is known.
+    Errors that are unknown are NaN.
     """
 
     force_rmse_n: float
@@ -22,14 +22,14 @@ class Errors:
 
     @classmethod
     def of(cls, errors: Float[np.ndarray, 'n 3']) -> Errors:
-        """Of x, y (mm) and force (N); NaN counts for none."""
+        """From errors of x, y (mm) and force (N); NaN is ignored."""
         away = np.hypot(errors[:, 0], errors[:, 1])
         off, away = np.abs(errors[np.isfinite(errors[:, 2]), 2]), away[np.isfinite(away)]
         force = (float(np.sqrt(np.mean(off**2))), float(np.median(off))) if len(off) else (math.nan, math.nan)
         return cls(*force, float(np.median(away)) if len(away) else math.nan)
 
     def as_dict(self) -> dict[str, float | None]:
-        """For a model's card; JSON knows no NaN."""
+        """For the model card; NaN becomes None, since JSON has no NaN."""
         return {name: value if math.isfinite(value) else None for name, value in asdict(self).items()}
 
 
@@ -38,7 +38,7 @@ UNKNOWN = Errors(math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True)
 class Point:
-    """What held-out presses are read off by, with so many presses for each fit, and the form that most of them took."""
+    """Errors on held-out presses for fits with this number of presses, and the form chosen most often."""
 
     presses: int
     form: str

@@ -1,9 +1,9 @@
-"""Calibrate a model for another gel from a few presses: as many numbers as these support, no more.
+"""Calibrate a model for another gel from a few presses, with no more parameters than these support.
 
-What a press does around it is much the same in any soft layer, so the known gel's profiles serve the other one. Two
-forms, the simpler first: what differs as a whole (hardness, thickness, camera), and with that every region's own place
-and couplings, held near what regions of the known gel scatter by. Each is judged by presses that its
-fit did not see.
+The motion around a press is similar in any soft layer, so the known gel's profiles serve the other gel. Two forms are
+fitted, the simpler first. The first changes the gel as a whole (hardness, thickness, camera). The second adds each
+region's own place and couplings, with the scatter of the known gel's regions as prior. Each form is judged on presses
+that its fit did not see.
 """
 
 from __future__ import annotations
@@ -51,25 +51,25 @@ from tactile_nodes.sensing.explain.network import InputScaling
 FORMS = 'whole', 'regions'
 REGION_TURNS = 4
 SHARED_SIGMA = np.array([0.2, 0.03, 0.0, 0.0])
-"""Of the logarithms of softness and width, once all regions together have said what they are: markers mislead them.
+"""Prior of the logarithms of softness and width in fits of regions. It is narrow, since markers bias them.
 Radial smear is that of the known gel."""
 LEAST_DOUBT = 0.02
-"""Of a region's motion, in fits of regions: the known gel's profiles are another gel's to this much."""
+"""Relative error of a region's motion in fits of regions, because the known gel's profiles are not exact here."""
 IN_GAPS = 0.65
-"""Times what regions are off by under presses that are held out, since each of these lies in the gap that it leaves."""
+"""Factor on the errors under held-out presses, which are too large because each lies in the gap that it leaves."""
 FOLDS = 5
 WORTH = 1.02
-"""A simpler form is taken if its held-out misfit is at most this times the best."""
+"""The simpler form is chosen if its held-out misfit is at most this times the best."""
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """A calibrated readout, and how it came about.
+    """A calibrated readout, and how it was found.
 
-    `misfits` are by form: root mean squares of what held-out presses leave over, in units of what is expected.
-    `field` says how the force field was fitted, of a model that has one, `curve` what fewer presses tell of it, where
-    that was asked for. `objection` is why it is not worth to be used, if it was forced.
-    `whole` are the numbers by which the gel differs as a whole, see `tactile_nodes.learning.transfer.whole.SIZES`.
+    `misfits` are by form: RMS of the residuals of held-out presses, in units of their expected standard deviation.
+    `field` says how the force field was fitted, if the model has one. `curve` is the learning curve, if it was asked
+    for. `objection` is why the calibration should not be used, if it was forced. `whole` are the numbers by which
+    the gel differs as a whole, see `tactile_nodes.learning.transfer.whole.SIZES`.
     """
 
     readout: AxisymmetricReadout | FieldReadout
@@ -86,11 +86,11 @@ class Transfer:
 
     @property
     def reason(self) -> str:
-        """Why this form, in a sentence."""
+        """Why this form was chosen, in a sentence."""
         return told_reason(self.form, self.misfits)
 
     def as_dict(self) -> dict[str, Any]:
-        """What a model's card says of it."""
+        """The entry in the model card."""
         plain = asdict(replace(self, readout=None, curve=()))  # type: ignore[arg-type]
         plain |= {'before': self.before.as_dict(), 'after': self.after.as_dict(), 'reason': self.reason}
         return {name: value for name, value in plain.items() if name not in ('readout', 'curve')}
@@ -101,10 +101,10 @@ def transfer(
 ) -> Transfer:
     """The readout for the gel of a data set, from that of a `known` gel.
 
-    With `forced` also one that reads held-out presses no better than the known one, or than their mean.
+    `forced` also accepts a readout that is no better on held-out presses than the known one, or than their mean.
 
     Raises:
-        DatasetError: presses from which no calibration follows, or which it would read no better than that.
+        DatasetError: the presses do not suffice, or the calibrated readout would be no better than that.
     """
     progress = progress or Progress()
     require_presses(dataset, reached_mm(known))
@@ -143,15 +143,17 @@ def transfer(
 
 
 def reached_mm(known: AxisymmetricReadout) -> tuple[float, float]:
-    """How far the presses of the known gel lay apart along x and along y."""
+    """The span of the presses on the known gel along x and along y."""
     return 2 * known.correction.reach_mm, 2 * known.correction.reach_mm
 
 
 def pressed_gel(
     known: InputScaling, dataset: Dataset
 ) -> tuple[InputScaling, list[Int[np.ndarray, ' pictures']], Int[np.ndarray, ' presses']]:
-    """Of another gel: its regions, which are those that show markers on it, whether or not they did on the known gel;
-    the pictures of each hold, and one of each.
+    """Regions, holds and presses of another gel.
+
+    The regions are those that show markers on it, whether or not they did on the known gel. Then follow the images
+    of each hold, and one image of each.
 
     Raises:
         DatasetError: regions are too few, or their motion is no number.
@@ -163,19 +165,19 @@ def pressed_gel(
 
 
 def at_rest(scaling: InputScaling) -> InputScaling:
-    """For pictures to come, which will be measured against another rest image.
+    """Scaling for future images, which are measured against another rest image.
 
-    What the presses' own rest image lacks of the gel untouched is noise that no other one shares.
+    Noise in the rest image of these presses is not shared by other rest images.
     """
     return replace(scaling, mean=np.zeros_like(scaling.mean))
 
 
 @dataclass(frozen=True)
 class OtherGel:
-    """Presses on another gel, and what is expected of its regions before any of them is looked at.
+    """Presses on another gel, and what is expected of its regions before any press is used.
 
-    `presses` are means over the pictures of each hold, to fit to; `rows` is one picture of each, to judge by: a model
-    is read from single pictures.
+    `presses` are means over the images of each hold, for the fit. `rows` has one image of each hold, for the
+    evaluation, because a model estimates from single images.
     """
 
     source: AxisymmetricReadout
@@ -189,7 +191,7 @@ class OtherGel:
 
     @classmethod
     def of(cls, source: AxisymmetricReadout, dataset: Dataset) -> OtherGel:
-        """Raises as `pressed_gel`."""
+        """Raises the errors of `pressed_gel`."""
         scaling, holds, rows = pressed_gel(source.scaling, dataset)
         untouched = np.flatnonzero(~(dataset.presses[:, 2] > 0))
         typical = Typical.of(source.response, views(source.scaling.trusted))
@@ -212,22 +214,22 @@ class OtherGel:
         return float(self.presses.contacts[:, 2].max())
 
     def whole(self) -> WholeFit:
-        """What differs as a whole, by all presses."""
+        """The fit of the gel as a whole to all presses."""
         return fit_whole(self.start, self.presses)
 
     def offset(self, whole: WholeFit, chosen: np.ndarray | slice = slice(None)) -> float:
-        """The force (N) that some presses, or all, seem to begin at."""
+        """The offset of the forces (N), estimated from some presses or all."""
         return fit_whole(self.start, self.presses.take(chosen), begin=whole.numbers, offset=True).offset_n
 
     def offset_spread(self, whole: WholeFit, fold: Int[np.ndarray, ' presses']) -> float:
-        """The standard deviation of that force, by what it is without each fold (jackknife)."""
+        """The standard deviation of that offset, by leaving out each fold (jackknife)."""
         found = np.array([self.offset(whole, np.flatnonzero(fold != number)) for number in np.unique(fold)])
         return float(np.sqrt((len(found) - 1) * found.var()))
 
     def folds(
         self, whole: WholeFit, fold: Int[np.ndarray, ' presses'], advance: Callable[[int, str], object]
     ) -> dict[str, list[AxisymmetricResponse]]:
-        """Each form fitted to the presses of all folds but one, for each of them."""
+        """Each form, fitted once per fold to the presses of all other folds."""
         rest = [np.flatnonzero(fold != number) for number in np.unique(fold)]
         fits = [fit_whole(self.start, self.presses.take(each), begin=whole.numbers) for each in rest]
         advance(1, 'whole')
@@ -236,18 +238,18 @@ class OtherGel:
         return {'whole': [each.response for each in fits], 'regions': regions}
 
     def regions(self, response: AxisymmetricResponse, chosen: np.ndarray | None = None) -> AxisymmetricResponse:
-        """With every region's own numbers, by some of the presses or all."""
+        """The response with every region's own numbers, fitted to some presses or all."""
         presses = self.presses if chosen is None else self.presses.take(chosen)
         precision, smooth = self.typical.precision(self.view), Smooth.of(response, self.typical, self.view)
         shared = Shared(shared_of(response), SHARED_SIGMA)
-        # Far from a press the profiles hold to a percent: to doubt them more would leave regions to what is expected.
+        # Far from a press the profiles are exact to a percent. A larger error would leave regions to their prior.
         doubt = np.maximum(self.source.doubt, LEAST_DOUBT)
         for _ in range(REGION_TURNS):
             response, smooth = fit_with_smooth(response, presses, smooth, precision, doubt, shared)
         return with_unsure(response, presses, precision, doubt)
 
     def misfit(self, folds: list[AxisymmetricResponse], fold: np.ndarray) -> float:
-        """Root mean square of what held-out presses leave over, in units of what is expected of them."""
+        """RMS of the residuals of held-out presses, in units of their expected standard deviation."""
         squares = []
         for number, response in zip(np.unique(fold), folds, strict=True):
             out = self.presses.take(np.flatnonzero(fold == number))
@@ -257,14 +259,14 @@ class OtherGel:
 
     @staticmethod
     def _weights(presses: Presses) -> np.ndarray:
-        """The same for every form: of noise, and of a tenth of the motion that was seen."""
+        """Weights that are the same for every form: from noise, and a tenth of the measured motion."""
         size = np.square(presses.motion).sum(axis=-1, keepdims=True)
         return np.asarray(np.sqrt(presses.certainty / (1 + presses.certainty * 0.01 * size)))
 
     def doubt(
         self, folds: list[AxisymmetricResponse], fold: Int[np.ndarray, ' presses']
     ) -> Float[np.ndarray, ' distances']:
-        """By what shares of their motion regions are off, by presses that were held out."""
+        """The relative errors of the regions' motion, measured on held-out presses."""
         shares = [
             measured_doubt(response, self.presses.take(np.flatnonzero(fold == number)))
             for number, response in zip(np.unique(fold), folds, strict=True)
@@ -274,10 +276,10 @@ class OtherGel:
     def readout(
         self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances'], form: str = 'regions'
     ) -> AxisymmetricReadout:
-        """The source's readout with another response, and a correction for what such calibrations get wrong alike.
+        """The source's readout with another response, and a prior for the typical errors of such calibrations.
 
-        Where nobody measured that, its own one serves for places, whose errors are due to the lens. What that adds to
-        forces follows from the source's own markers.
+        Where no such prior was measured, the source's own one serves for places, since their errors are due to the
+        lens. Its effect on forces follows from the source's own markers.
         """
         source, presses = self.source, len(self.presses)
         terms = source.correction.terms * np.array([1.0, 1.0, 0.0])
@@ -290,12 +292,12 @@ class OtherGel:
         )  # fmt: skip
 
     def locally(self, readout: AxisymmetricReadout, chosen: np.ndarray | slice = slice(None)) -> AxisymmetricReadout:
-        """The readout without what it gets wrong at some of the presses, or all, which it was fitted to."""
+        """The readout, corrected for its local errors at some of the presses it was fitted to, or all."""
         return with_local(readout, self.presses.take(chosen), self.pictures[chosen])
 
 
 def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:
-    """The other gel's own rest and noise, where enough images of it untouched are there; else the source's."""
+    """The other gel's own rest and noise if it has enough images without contact, otherwise those of the source."""
     untouched = dataset.presses[:, 2] <= 0
     trusted = np.asarray(dataset.trusted(0.5), np.float32)
     if untouched.sum() < LEAST_UNTOUCHED:
@@ -305,7 +307,7 @@ def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:
 
 
 def told_reason(form: str, misfits: Mapping[str, float]) -> str:
-    """Why this form, in a sentence: 'whole: regions leaves no more than 2 % less …'; the form alone without presses."""
+    """Why this form was chosen: 'whole: regions leaves no more than 2 % less …'; the form alone without presses."""
     if len(misfits) < 2:
         return f'{form}: too few presses to try another' if misfits else form
     best = min(misfits, key=lambda name: misfits[name])
@@ -317,7 +319,7 @@ def told_reason(form: str, misfits: Mapping[str, float]) -> str:
 
 
 def folds_of(presses: Float[np.ndarray, 'n 3']) -> np.ndarray:
-    """A number of 0 to 4 for each press; presses at one place have the same."""
+    """A fold number of 0 to 4 for each press; presses at one place share it."""
     _, first, place = np.unique(np.round(presses[:, :2], 3), axis=0, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first))
     fold: np.ndarray = rank[place.reshape(-1)] % FOLDS
@@ -325,7 +327,7 @@ def folds_of(presses: Float[np.ndarray, 'n 3']) -> np.ndarray:
 
 
 def live_errors(readout: AnyReadout, dataset: Dataset, rows: np.ndarray) -> Float[np.ndarray, 'n 3']:
-    """Errors of x, y (mm) and force (N) as the live node would answer; NaN of what is not known or cannot be read."""
+    """Errors of x, y (mm) and force (N) as the live node would estimate; NaN if unknown or if no estimate is made."""
     errors = []
     for row in rows.tolist():
         found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])

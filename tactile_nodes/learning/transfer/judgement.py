@@ -1,7 +1,7 @@
-"""Whether a model is worth to be written: by presses held out, against the model before and against the mean.
+"""Decide whether a model is worth writing: held-out presses compare it with the previous model and with the mean.
 
-One judgement for calibrations from bags, data sets and pictures, beside a rig, and for models trained on recorded
-presses.
+Calibrations from bags, data sets and images, calibrations at a rig, and models trained on recorded presses share these
+rules.
 """
 
 from __future__ import annotations
@@ -15,20 +15,19 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.transfer.errors import Errors
 
 TELLING_SHARE, TELLING_MM = 0.2, 1.0
-"""Forces that are all within so much of their mean, and places as near to one another, are no measure of a model."""
+"""Forces and places that all lie this close to their mean cannot measure the quality of a model."""
 CHANCE = 1.25
-"""By how many times a root mean square may be larger than that of answering the mean: of twelve presses it is known to
-a fifth (one over the root of twice as many). Beside the model before the presses are the same, and none may be
-larger."""
+"""Largest ratio of an RMS error to that of the mean. The RMS of twelve presses is known to a fifth (one over the root
+of twice as many). Against the previous model the presses are the same, so no RMS may be larger."""
 ADVICE = 'keep the model, check the given places and forces, or press at more places'
 POOR = 0.1
-"""Of the errors of answering the mean: models of enough presses are at a fiftieth of them."""
+"""Share of the errors of the mean. Models fitted to enough presses reach a fiftieth."""
 
 
 def of_the_mean(contacts: Float[np.ndarray, 'n 3']) -> Errors:
-    """The errors of one answer to all contacts (x, y in mm, force in N), their mean.
+    """The errors if every contact (x, y in mm, force in N) is estimated as their mean.
 
-    NaN of what is so much alike that this answer is as good as any. Of forces of 0.2 and 0.6 N they are 0.2 N.
+    They are NaN where the contacts are too similar to judge a model. Forces of 0.2 and 0.6 N give 0.2 N.
     """
     mean = contacts.mean(axis=0)
     errors = Errors.of(np.asarray(contacts, float) - mean)
@@ -42,12 +41,12 @@ def of_the_mean(contacts: Float[np.ndarray, 'n 3']) -> Errors:
 
 
 def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> str:
-    """Why a model is not worth to be written; empty where it is. `what` it is: 'calibration'.
+    """Why a model is not worth writing; empty if it is. `what` names it: 'calibration'.
 
-    Against the model before on balance; by answering the mean neither force nor place may be as good: a table with
-    true places and the forces of other presses would give places that make up for any force. Medians do not see the
-    few presses that are ruined, as at the rim, and places do not make up for these: no root mean square may be worse
-    than before, or by more than chance than by answering the mean.
+    Force and place are compared with the previous model on balance, but with the mean each on its own. Otherwise
+    good places could make up for any force, as in a table with true places and the forces of other presses. Medians
+    do not show a few bad presses, as at the rim, and good places do not make up for these. So no RMS may be worse
+    than before, or worse than that of the mean by more than chance.
     """
     for other, words, share, most in (
         (before, 'without', share_of, 1.0), (mean, 'when predicting the mean of all presses', worst_share_of, CHANCE)
@@ -68,16 +67,15 @@ def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> 
 
 
 def share_of(after: Errors, other: Errors) -> float:
-    """Errors as a share of others, on balance of force and place (product of the medians); 0 where nothing compares.
+    """Errors relative to others, balanced over force and place (product of the medians); 0 if nothing compares.
 
-    Medians, since of few presses one alone rules a mean. Anything is better than what reads nothing (NaN), and what
-    reads nothing itself is worse than anything.
+    Medians are used because one of few presses can dominate a mean. A model that estimates nothing (NaN) is the worst.
     """
     return math.prod(shares) if (shares := _shares(after, other)) else 0.0
 
 
 def worst_share_of(after: Errors, other: Errors) -> float:
-    """As `share_of`, of force or place, whichever is worse."""
+    """As `share_of`, but for force or place, whichever is worse."""
     return max(_shares(after, other), default=0.0)
 
 
@@ -93,7 +91,7 @@ def _share(own: float, theirs: float) -> float:
 
 
 def told(errors: Errors) -> str:
-    """'0.0310 N and 0.052 mm'; what is not known is left out."""
+    """'0.0310 N and 0.052 mm'; unknown errors are left out."""
     parts = []
     if math.isfinite(errors.force_median_n):
         parts.append(f'{errors.force_median_n:.4f} N')
@@ -103,7 +101,7 @@ def told(errors: Errors) -> str:
 
 
 def require_worth(said: str, advice: str, *, forced: bool, command: str = 'tactile calibrate') -> None:
-    """Refuse what there is an objection to, unless it is wanted all the same, as `command` can be told.
+    """Refuse a model that has an objection, unless forced; `command` is named in the advice.
 
     Raises:
         DatasetError: says the objection, and what to do.
@@ -113,14 +111,14 @@ def require_worth(said: str, advice: str, *, forced: bool, command: str = 'tacti
 
 
 def unjudged(presses: int, mean: Errors) -> str:
-    """Why so many presses cannot judge a model, by the errors of answering their mean; empty where they can."""
+    """Why these presses cannot judge a model, from the errors of their mean; empty if they can."""
     if math.isfinite(mean.force_median_n) or math.isfinite(mean.place_median_mm):
         return ''
     return f'the quality of the model is unknown: the {presses} held-out presses are too few or too similar'
 
 
 def poor(after: Errors, mean: Errors) -> str:
-    """In words that a model is far from what enough presses lead to; empty where it is not."""
+    """A warning if a model is far from what enough presses achieve; empty if it is not."""
     if worst_share_of(after, mean) <= POOR:
         return ''
     return (

@@ -1,10 +1,10 @@
-"""The paper's calibration layer, fitted to presses on another gel: rectified units before a network that stays.
+"""The paper's calibration layer, fitted to presses on another gel: rectified units before a frozen network.
 
-Section V and Table III of the paper. The layer acts on features as they are measured, before the scaling that a network
-may have. There no feature of the polar encoding is negative, so that rectified units with the identity for weights
-change nothing at first; of features minus their mean they would cut off half. Scaling and network behind it stay.
+Section V and Table III of the paper. The layer acts on the raw features, before the scaling that a network may have.
+Raw features of the polar encoding are never negative, so rectified units with identity weights change nothing at
+first. Of features minus their mean they would cut off half. The scaling and the network behind the layer stay.
 
-Of the regions that the scaling silences no unit would ever move (its gradient is zero), so those are left out here.
+Regions that the scaling silences are left out, because their gradient is zero.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     import torch
 
 UNITS_PER_BLOCK = 64
-"""The weights are kept in blocks that fit a processor's cache: Nadam passes over each eight times."""
+"""The weights are kept in blocks that fit a processor's cache, since Nadam passes over each eight times."""
 
 
 @dataclass(frozen=True)
 class LayerConfig:
-    """How the layer is fitted: batch and dropout are the paper's, the others what helped (`paper_letter.yaml` has its).
+    """How the layer is fitted: batch and dropout are the paper's, the others are tuned (`paper_letter.yaml` has its).
 
     Nadam's first step moves every weight by the rate, so a unit by the rate times the sum of its inputs. Features of
-    the polar encoding are never negative and add up to thousands, most of it from angles; minus their mean they do not.
+    the polar encoding are never negative and add up to thousands, most of it from angles. Minus their mean they do not.
     """
 
     batch: int = parameter(64, 'presses per step', minimum=1)
@@ -64,7 +64,7 @@ def load_layer_config(path: Path | str) -> LayerConfig:
 
 @dataclass(frozen=True)
 class FittedLayer:
-    """The layer with the lowest validation loss, in N, and how it was come by. Epoch 0 is the identity."""
+    """The layer with the lowest validation loss (N), and its training history. Epoch 0 is the identity."""
 
     layer: CalibrationLayer
     best_epoch: int
@@ -75,15 +75,15 @@ class FittedLayer:
     seconds: float
 
     def as_dict(self) -> dict[str, Any]:
-        """What a model's card says of it."""
+        """The entry in the model card."""
         return {name: getattr(self, name) for name in self.__dataclass_fields__ if name != 'layer'}
 
 
 @dataclass
 class LayerTraining:
-    """A layer under training before frozen weights, with the samples that it is shown.
+    """A layer in training before frozen weights, with its samples.
 
-    `rows` are the weights of the units that count, in blocks; `centre` is what features are taken minus.
+    `rows` are the weights of the active units, in blocks. `centre` is subtracted from the features.
     """
 
     config: LayerConfig
@@ -103,7 +103,7 @@ class LayerTraining:
     def begin(
         cls, readout: NetworkReadout, dataset: Dataset, learned: Int[np.ndarray, ' learned'], config: LayerConfig
     ) -> LayerTraining:
-        """With the identity, which changes nothing; the features' mean is that of the samples to be learned from.
+        """Start from the identity, which changes nothing; the features' mean is that of the training samples.
 
         Raises:
             ConfigurationError: torch is not installed.
@@ -136,7 +136,7 @@ class LayerTraining:
         )
 
     def adjusted(self, samples: torch.Tensor) -> torch.Tensor:
-        """What the layer makes of the features of some samples, for the units that count."""
+        """The layer's outputs of the active units for some samples."""
         import torch
 
         features = self.features[samples] - self.centre
@@ -156,7 +156,7 @@ class LayerTraining:
         return torch.nn.functional.linear(values, *layers[-2:])
 
     def step(self, samples: torch.Tensor) -> float:
-        """One step down the paper's loss; that of the samples before it, in N."""
+        """One step down the paper's loss; returns the loss of the samples before it, in N."""
         self.optimiser.zero_grad()
         loss = armse(self.answers(samples, self.config.dropout), self.labels[samples])
         loss.backward()  # type: ignore[no-untyped-call]
@@ -184,12 +184,12 @@ class LayerTraining:
         return [each.detach().clone() for each in (*self.rows, self.bias)]
 
     def restore(self, state: list[torch.Tensor]) -> None:
-        """Go back to what `state` gave."""
+        """Restore what `state` returned."""
         for own, kept in zip((*self.rows, self.bias), state, strict=True):
             own.data.copy_(kept)
 
     def layer(self) -> CalibrationLayer:
-        """The layer as the live node uses it, with the digits that a model file keeps."""
+        """The layer as the live node uses it, rounded to the digits that a model file keeps."""
         import torch
 
         with torch.no_grad():
@@ -201,7 +201,7 @@ class LayerTraining:
 
 
 def _frozen(readout: NetworkReadout, units: Int[np.ndarray, ' units']) -> list[torch.Tensor]:
-    """Mean, gain, and weights and biases of each layer, the first one's for the units that count."""
+    """Mean, gain, and weights and biases of each layer; those of the first layer for the active units."""
     import torch
 
     scaling, network = readout.scaling, readout.network
@@ -220,7 +220,7 @@ def fit_layer(
     config: LayerConfig,
     progress: Progress | None = None,
 ) -> FittedLayer:
-    """Train until the loss of the samples that judge has not fallen for the paper's 200 epochs; Ctrl-C keeps the best.
+    """Train until the validation loss has not fallen for the paper's 200 epochs; Ctrl-C keeps the best layer.
 
     Raises:
         ConfigurationError: torch is not installed.
@@ -248,7 +248,7 @@ def fit_layer(
 
 
 class _Search:
-    """Early stopping: which epoch was the best so far, and whether it is long ago."""
+    """Early stopping: the best epoch so far, and whether it is long ago."""
 
     def __init__(self, config: LayerConfig, start_n: float) -> None:
         self._config = config
@@ -258,7 +258,7 @@ class _Search:
         self.ended = ''
 
     def better(self, loss_n: float) -> bool:
-        """Count an epoch with its loss; whether there was none as good."""
+        """Count an epoch with its loss; returns whether it is the best so far."""
         self.epoch += 1
         found = loss_n < self.best_n
         if found:

@@ -1,7 +1,7 @@
 """Calibrate a network for another gel as the paper does: a layer before it, fitted to a few hundred presses.
 
-A fifth of the places is kept to judge by; of the rest a tenth of the presses stops the training, and the others teach.
-Stated uncertainty and the limit of likeness are measured anew on those that judge.
+A fifth of the places is held out. Of the remaining presses a tenth stops the training, and the others train the layer.
+Stated uncertainty and the limit of the novelty check are measured again on the held-out presses.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.network import NetworkReadout
 
 LEAST_PRESSES = 40
-"""Of ten million weights none is told by fewer; four of them would stop the training, and eight judge."""
+"""Fewer presses determine none of ten million weights; four of them would stop the training, and eight judge."""
 ENCODING = 'polar_mean'
 
 
 @dataclass(frozen=True)
 class NetworkTransfer:
-    """A calibrated readout, and how it came about; errors are of presses at places that nothing was learned at.
+    """A calibrated readout, and how it was found; errors are of presses at held-out places.
 
-    `before_paper` and `after_paper` hold the paper's three metrics, of the same presses.
+    `before_paper` and `after_paper` hold the paper's three metrics on the same presses.
     """
 
     readout: NetworkReadout
@@ -63,7 +63,7 @@ class NetworkTransfer:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """What a model's card says of it."""
+        """The entry in the model card."""
         scores = {name: asdict(getattr(self, name)) for name in ('before', 'after', 'before_paper', 'after_paper')}
         counts = {'presses': self.presses, 'judged': self.judged, 'objection': self.objection}
         settings = {'settings': asdict(self.settings), 'fit': self.fitted.as_dict()}
@@ -80,10 +80,10 @@ def transfer_network(
 ) -> NetworkTransfer:
     """The network of a model with a layer for the gel of a data set, and a novelty check of that gel.
 
-    With `forced` also one that reads held-out presses no better than without the layer, or than their mean.
+    `forced` also accepts one that is no better on held-out presses than without the layer, or than their mean.
 
     Raises:
-        ModelError: the model is none that the layer can be put before; says which can.
+        ModelError: the layer cannot be put before this model; says which can be used.
         DatasetError: too few presses, or the calibration would not help.
         ConfigurationError: torch is not installed.
     """
@@ -165,16 +165,16 @@ def require_presses(presses: Dataset, source: NetworkReadout) -> None:
 def shuffled_parts(
     rows: Int[np.ndarray, ' rows'], config: LayerConfig
 ) -> tuple[Int[np.ndarray, ' learned'], Int[np.ndarray, ' stops']]:
-    """Samples that teach, and those that stop the training, drawn by chance as the paper does (one at least)."""
+    """Training samples, and those that stop the training (at least one), drawn at random as in the paper."""
     drawn = np.random.default_rng(config.seed).permutation(rows)
     stops = max(1, round(config.validation * len(rows)))
     return np.sort(drawn[stops:]), np.sort(drawn[:stops])
 
 
 def stated_anew(readout: NetworkReadout, judges: Dataset) -> NetworkReadout:
-    """The readout with its uncertainty and its limit of likeness measured on presses that it did not learn from.
+    """The readout with its uncertainty and its novelty limit measured on held-out presses.
 
-    The novelty check of the other gel knows nothing of this one.
+    The novelty check of the other gel does not apply to this one.
     """
     inputs = np.stack([readout.inputs(*frame) for frame in _frames(judges)])
     total_n = np.array([readout.network(each).sum() for each in inputs]) * readout.output_scale_n
@@ -184,7 +184,7 @@ def stated_anew(readout: NetworkReadout, judges: Dataset) -> NetworkReadout:
 
 
 def _frames(dataset: Dataset) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Features and confidence of each sample, as the live node has them."""
+    """Features and confidence of each sample, as in the live node."""
     pairs = zip(dataset.features, dataset.rest, strict=True)
     return [(values.astype(np.float32), dataset.confidence[rest]) for values, rest in pairs]
 
@@ -204,7 +204,7 @@ def _read(readout: NetworkReadout, judges: Dataset) -> _Scores:
 
 
 def _objection(before: _Scores, after: _Scores, mean: Errors) -> str:
-    """Against the network without a layer by the paper's metric, which is what the layer was fitted to."""
+    """Compare with the network without a layer by the paper's metric, which the layer was fitted to."""
     if after.paper.armse_n >= before.paper.armse_n:
         return (
             f'the calibration would not help: at held-out places the aRMSE is {after.paper.armse_n:.4f} N with it, '

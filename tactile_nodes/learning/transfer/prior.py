@@ -1,4 +1,4 @@
-"""Learns the prior of calibration errors of a source model from calibrations for other gels."""
+"""Learn the prior of calibration errors of a source model from calibrations for other gels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Regions of another gel, found together with the smooth functions over the image that they scatter about."""
+"""Fit the regions of another gel together with the smooth functions over the image that they scatter about."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tactile_nodes.learning.transfer.whole import Typical, powers
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 
 ASIDE, PLACES_ASIDE = 0.3, 0.6
-"""Of what a region scatters by: how far a term of the smooth functions is expected from where the whole fit has it, of
-couplings and of places."""
+"""Prior standard deviation of a term of the smooth functions around the whole-gel fit, as a share of the regions'
+scatter: of couplings and of places."""
 
 
 @dataclass(frozen=True)
 class Smooth:
-    """What is typical of regions: terms of smooth functions over the image, and where these were expected.
+    """Typical numbers of regions: terms of smooth functions over the image, and their prior.
 
-    `over` is what terms are multiplied with at each region, `precision` one over the covariance of a term's numbers.
+    `over` is what terms are multiplied with at each region; `precision` is the inverse covariance of a term's numbers.
     """
 
     over: Float[np.ndarray, 'regions terms']
@@ -31,7 +31,7 @@ class Smooth:
 
     @classmethod
     def of(cls, response: AxisymmetricResponse, typical: Typical, view: Float[np.ndarray, 'regions 2']) -> Smooth:
-        """As regions at these places in the image are now, and held there by how regions scatter all round."""
+        """Start at the present numbers of regions at these places in the image; the prior is their average scatter."""
         over = powers(view)
         terms = np.linalg.lstsq(over, numbers_of(response), rcond=None)[0]
         share = np.r_[np.full(terms.shape[1] - 2, ASIDE), PLACES_ASIDE, PLACES_ASIDE]
@@ -40,7 +40,7 @@ class Smooth:
 
     @property
     def numbers(self) -> Float[np.ndarray, 'regions numbers']:
-        """What regions are expected to have."""
+        """The expected numbers of the regions."""
         numbers: np.ndarray = self.over @ self.terms
         return numbers
 
@@ -50,11 +50,11 @@ class Smooth:
         here: Float[np.ndarray, 'regions numbers'],
         precision: Float[np.ndarray, 'regions numbers numbers'],
     ) -> tuple[Float[np.ndarray, 'regions numbers'], Float[np.ndarray, ' common']]:
-        """The steps of regions held near these functions by a precision, and of what is common.
+        """The steps of regions with these functions as prior mean and with a precision, and of the common numbers.
 
-        Terms are common, too, and come after all that is common already, number by number of the first one. A region
-        follows the same numbers of every term by what that term is multiplied with there: so regions are solved for
-        the numbers of one term, and not of each.
+        Terms are common numbers, too. They follow the other common numbers, number by number of the first term. A
+        region depends on the same numbers of every term, multiplied by the term's value there. So regions are solved
+        for the numbers of one term only.
         """
         near = equations.near(here, Expected(self.numbers, precision))
         shared, (terms, numbers) = len(near.along), self.terms.shape
@@ -66,7 +66,7 @@ class Smooth:
             summed: np.ndarray = np.einsum('rk,rij->ikj', self.over, told, optimize=True)
             return summed.reshape(-1, terms * numbers)
 
-        held = precision + precision @ pulled  # of a term by itself, less what regions give way
+        held = precision + precision @ pulled  # of a term by itself, minus what regions absorb
         across = np.einsum('rk,rl,rij->kilj', self.over, self.over, held, optimize=True).reshape(2 * [terms * numbers])
         across += np.kron(np.eye(terms), self.precision)
         both = -over(near.cross.transpose(0, 2, 1) @ pulled)
@@ -81,7 +81,7 @@ class Smooth:
         return step[..., 0] - follow @ move[:shared] - (pulled @ of_terms[..., None])[..., 0], move
 
     def moved(self, move: Float[np.ndarray, ' common']) -> Smooth:
-        """With its terms moved."""
+        """The functions with their terms moved."""
         return replace(self, terms=self.terms + move.reshape(self.terms.shape))
 
 
@@ -93,7 +93,7 @@ def fit_with_smooth(
     doubt: Float[np.ndarray, ' distances'],
     shared: Shared,
 ) -> tuple[AxisymmetricResponse, Smooth]:
-    """One Gauss-Newton step of regions, of the smooth functions that they scatter about, and of what is shared."""
+    """One Gauss-Newton step of regions, of the smooth functions that they scatter about, and of the shared numbers."""
     equations = Equations.of(response, presses, doubt, shared)
     step, move = smooth.step(equations, numbers_of(response), precision)
     first = len(shared.free)

@@ -1,8 +1,8 @@
-"""The covariance of regions about what is typical, outwards and across, as the depths of their markers have it.
+"""The covariance of regions about the typical ones, radially and tangentially, as caused by the depths of markers.
 
 Markers that lie deeper than usual are seen further out or in, and all that their region shows changes with it. On one
-side of the image that is a place further left, on the other one further right; outwards from the middle of the image it
-is the same everywhere, the more so the further out.
+side of the image such a place moves left, on the other side right. In the radial direction the effect is the same
+everywhere, and grows with the distance from the image centre.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from jaxtyping import Float
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 
 RING = 0.2
-"""Of the image's half width: regions at distances from the middle that differ by so much are alike by 0.61."""
+"""Share of the image's half width: regions whose distances from the centre differ by this have a weight of 0.61."""
 ALL_ROUND = 0.3
-"""The share of the covariance that is the same at all distances, since regions at one of them are few."""
+"""The share of the covariance that is the same at all distances, since few regions share one distance."""
 LEAST_SCATTER = 1e-5
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """What the regions of a known gel are off by, outwards and across, and their distances from the image's middle.
+    """Deviations of a known gel's regions, radially and tangentially, and their distances from the image centre.
 
-    `mirror` is 1 for numbers that a mirror image of a gel has as well, and -1 for those that it has with another sign.
+    `mirror` is 1 for numbers that keep their sign in a mirror image of a gel, and -1 for those that change it.
     """
 
     off: Float[np.ndarray, 'regions numbers']
@@ -41,9 +41,9 @@ class Scatter:
         view: Float[np.ndarray, 'regions 2'],
         free: int,
     ) -> Scatter:
-        """From what regions at `view` (-1 to 1) are off by, in the order of `numbers_of`.
+        """From the deviations of regions at `view` (-1 to 1), in the order of `numbers_of`.
 
-        That is off smooth functions of which each has `free` numbers.
+        The deviations are from smooth functions that have `free` numbers each.
         """
         count, lateral = response.couplings.shape[2], response.lateral
         mirror = _mirror(count, lateral)
@@ -52,12 +52,12 @@ class Scatter:
         return cls(turned * unbiased, np.hypot(*view.T), mirror, lateral)
 
     def covariance(self, view: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, 'regions numbers numbers']:
-        """Of the numbers of regions at these places in the image, along x and y again."""
+        """The covariance for regions at these places in the image, along x and y again."""
         distances = np.minimum(np.hypot(*view.T), self.distances.max())
         alike = np.exp(-np.square(distances[:, None] - self.distances) / (2 * RING**2))
         near = np.einsum('nr,ri,rj->nij', alike / alike.sum(axis=1, keepdims=True), self.off, self.off, optimize=True)
         everywhere = self.off.T @ self.off / len(self.off)
-        # A gel is as likely as its mirror image: what changes its sign there goes together with nothing that does not.
+        # A gel is as likely as its mirror image, so numbers that change sign there do not correlate with the others.
         alone = self.mirror[:, None] == self.mirror
         told = ((1 - ALL_ROUND) * near + ALL_ROUND * everywhere) * alone + LEAST_SCATTER * np.eye(len(alone))
         turn = outwards(view, len(self.mirror) // 2 - 1, self.lateral)
@@ -68,7 +68,7 @@ class Scatter:
 def outwards(
     view: Float[np.ndarray, 'regions 2'], columns: int, lateral: int
 ) -> Float[np.ndarray, 'regions numbers numbers']:
-    """What turns numbers along x and y into those outwards from the middle of the image, and across that."""
+    """The rotation of numbers along x and y into radial and tangential ones in the image."""
     along = view / np.maximum(np.hypot(*view.T), 1e-9)[:, None]
     turn = np.stack([along, along[:, ::-1] * (-1.0, 1.0)], axis=1)
     shown = np.tile(np.eye(columns), (len(view), 1, 1))
@@ -81,7 +81,7 @@ def outwards(
 
 
 def _mirror(columns: int, lateral: int) -> Float[np.ndarray, ' numbers']:
-    """The signs of numbers outwards and across in the mirror image of a gel: couplings by motion, then the place."""
+    """The signs of radial and tangential numbers in the mirror image of a gel: couplings by motion, then the place."""
     shown = np.r_[np.tile([1.0, -1.0], lateral), np.ones(columns - 2 * lateral)]
     signs: np.ndarray = np.r_[shown, -shown, 1.0, -1.0]
     return signs

@@ -1,8 +1,8 @@
-"""How another gel differs from a known one as a whole: hardness, thickness, and how its camera looks at it.
+"""How another gel differs from a known one as a whole: hardness, thickness, and the view of its camera.
 
-The regions' places and couplings of the known gel are first smoothed over the image, since what single markers add to
-them is nothing that the other gel shares. Of that gel a few numbers are free, and found by nonlinear least squares on
-whole fields of motion, which every press gives.
+The regions' places and couplings of the known gel are first smoothed over the image, because the effects of its single
+markers are not shared by the other gel. A few numbers of the other gel are free. They are found by nonlinear least
+squares on the whole motion field of every press.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResp
 
 MOST_STEPS = 10
 CONVERGED = 1e-4
-"""Share of the cost: steps end where none gains more."""
+"""Share of the cost: iteration ends when no step gains more."""
 STEP = 1e-3
 FIRST_DAMPING, LAST_DAMPING = 1e-3, 1e5
 MARKERS_ELSEWHERE = 0.1
-"""Of each region's motion: what a gel whose markers lie elsewhere is expected to show differently."""
+"""Standard deviation as a share of each region's motion, due to markers at other places."""
 ROUNDS = 2
 RIM = 0.9
-"""Of the image's half width: regions beyond are cut by the gel's rim, on every gel in another way."""
+"""Share of the image's half width: regions further out are cut by the gel's rim, differently on every gel."""
 RIM_SCATTER = 4.0
-"""How much larger variances are there than further in: on the known gel 2 to 6 times those of places."""
+"""Factor on variances at the rim: on the known gel those of places are 2 to 6 times larger there."""
 
 SIZES = {
     'softness': 0.5, 'width': 0.1, 'turn_xx': 0.1, 'turn_yx': 0.1, 'turn_xy': 0.1, 'turn_yy': 0.1,
     'shift_x_mm': 2.0, 'shift_y_mm': 2.0, 'lateral': 0.05, 'vertical': 0.1, 'roll': 0.2,
     'view_x': 0.3, 'view_y': 0.3,
 }  # fmt: skip
-"""The free numbers, 0 for an equal gel, and how far from that each may be expected to be. Of the gel: the logarithms of
-how soft it is and how wide distances are. Of the places that regions look at: a linear map and a shift. Of what
-they see: logarithms of how much of lateral and vertical motion, a turn of both, and vertical motion seen aside."""
+"""The free numbers, 0 for an equal gel, and their prior standard deviations. Of the gel: the logarithms of softness
+and of the width of distances. Of the places that regions look at: a linear map and a shift. Of what they see:
+logarithms of the gains of lateral and vertical motion, a rotation of both, and vertical motion seen sideways."""
 OFFSET_N = 1.0
-"""How far from zero the forces may be expected to begin, where that is free too."""
+"""Prior standard deviation of the force offset, if that is free too."""
 
 
 def powers(view: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, 'regions terms']:
@@ -51,7 +51,7 @@ def powers(view: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, 'regions t
 
 @dataclass(frozen=True)
 class Typical:
-    """The regions of a known gel as smooth functions over the image, and how they scatter about these."""
+    """The regions of a known gel as smooth functions over the image, and their scatter about these."""
 
     terms: Float[np.ndarray, 'terms numbers']
     scatter: Scatter
@@ -66,7 +66,7 @@ class Typical:
         return cls(terms, Scatter.of(response, off, view[inside], len(terms)), response)
 
     def precision(self, view: Float[np.ndarray, 'regions 2']) -> Float[np.ndarray, 'regions numbers numbers']:
-        """One over how far regions at these places in the image are expected to be from the smooth functions."""
+        """The inverse covariance of regions at these places in the image about the smooth functions."""
         looser = np.where(np.abs(view).max(axis=1) < RIM, 1.0, RIM_SCATTER)
         precision: np.ndarray = np.linalg.inv(self.scatter.covariance(view)) / looser[:, None, None]
         return precision
@@ -98,7 +98,7 @@ def changed(response: AxisymmetricResponse, numbers: Float[np.ndarray, ' numbers
 
 @dataclass(frozen=True)
 class WholeFit:
-    """The numbers of a whole gel's difference, and the force (N) that its presses seem to begin at."""
+    """The numbers by which a gel differs as a whole, and the force offset (N) of its presses."""
 
     response: AxisymmetricResponse
     numbers: Float[np.ndarray, ' numbers']
@@ -112,16 +112,16 @@ def fit_whole(
     begin: np.ndarray | None = None,
     offset: bool = False,
 ) -> WholeFit:
-    """The response, changed as a whole, that explains the presses best; Levenberg's and Marquardt's steps.
+    """The response, changed as a whole, that explains the presses best (Levenberg-Marquardt).
 
-    With `offset` the force that counts as none may change, too. `begin` may be the numbers of a fit to other presses.
+    With `offset` the force offset is free, too. `begin` may be the numbers of a fit to other presses.
     """
     sizes = np.array([*SIZES.values(), OFFSET_N * offset])
     open_ = np.flatnonzero(sizes)
     doubt = np.hypot(FIRST_DOUBT, MARKERS_ELSEWHERE)
     here = np.zeros(len(sizes)) if begin is None else np.append(begin, 0.0)
     for _ in range(ROUNDS if begin is None else 1):
-        # By what is foretold, not by what was seen: that would give regions that happen to move little more say.
+        # Weights by predicted motion: by measured motion, regions that happen to move little would weigh more.
         weight = presses.weights(changed(start, here[:-1]), doubt)
 
         def left(numbers: np.ndarray, weight: np.ndarray = weight) -> np.ndarray:
@@ -138,7 +138,7 @@ def fit_whole(
 def _descend(
     left: Callable[[np.ndarray], np.ndarray], here: np.ndarray, open_: np.ndarray, prior: np.ndarray
 ) -> np.ndarray:
-    """Levenberg's and Marquardt's steps of the open numbers, with slopes by differences."""
+    """Levenberg-Marquardt steps of the free numbers, with slopes by finite differences."""
     residual, damping = left(here), FIRST_DAMPING
     cost = residual @ residual + prior @ here[open_] ** 2
     for _ in range(MOST_STEPS):
