@@ -1,4 +1,4 @@
-"""What an axisymmetric readout gets wrong smoothly, and how sure it is: judged by presses that its fit did not see."""
+"""Systematic errors and uncertainty of an axisymmetric readout, measured on presses that its fit did not see."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST_FORCE_N = 0.02
 
 @dataclass(frozen=True)
 class Judged:
-    """What a readout makes of presses: the fits before any correction, beside the truth (x, y in mm, force in N).
+    """Fits to presses before any correction, and the truth (x, y in mm, force in N).
 
     `rows` are those of the presses in their data set.
     """
@@ -33,7 +33,7 @@ class Judged:
 
     @classmethod
     def of(cls, readout: AxisymmetricReadout, dataset: Dataset, rows: np.ndarray) -> Judged:
-        """Of those samples of which enough regions are seen."""
+        """From the samples that show enough regions."""
         raw, fits, kept = replace(readout, calibration=Calibration(), most_contacts=1), [], []
         for row in rows.tolist():
             seen = raw.seen(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
@@ -49,7 +49,7 @@ class Judged:
 
     @property
     def errors(self) -> Float[np.ndarray, 'n 3']:
-        """Of x, y (mm) and force (N), once corrected."""
+        """Errors of x, y (mm) and force (N), after the correction."""
         errors: np.ndarray = self.readout.corrected(self.found) - self.truth
         return errors
 
@@ -62,9 +62,9 @@ class Judged:
 
 
 def with_correction(judged: Judged) -> AxisymmetricReadout:
-    """The readout with the polynomials that bring its answers closest to the truth, outliers counting less.
+    """The readout with the polynomials that bring its estimates closest to the truth; outliers weigh less.
 
-    With few judges it stays as it is: they would be flattered by as many numbers.
+    With few presses it stays as it is, because so many numbers would overfit them.
     """
     readout, found = judged.readout, judged.found
     if len(judged.fits) < LEAST_JUDGES:
@@ -76,7 +76,7 @@ def with_correction(judged: Judged) -> AxisymmetricReadout:
 def correcting(
     found: Float[np.ndarray, 'n 3'], truth: Float[np.ndarray, 'n 3'], correction: Correction
 ) -> Float[np.ndarray, 'terms 3']:
-    """The terms that bring what was found closest to the truth, in polynomials as far as a correction's reach."""
+    """The terms of a polynomial correction that bring the estimates closest to the truth."""
     powers = Correction.powers(found, correction.reach_mm, correction.hardest_n)
     wanted = truth - found
     wanted[:, 2] /= np.maximum(found[:, 2], LEAST_FORCE_N)
@@ -87,7 +87,7 @@ def correcting(
 
 
 def _robust(powers: Float[np.ndarray, 'n terms'], wanted: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' terms']:
-    """Ridge regression in which what is further from the median than usual counts less (Huber)."""
+    """Ridge regression in which outliers from the median weigh less (Huber)."""
     off = np.abs(wanted - np.median(wanted))
     usual = 3 * max(float(np.median(off)), 1e-6)
     weighted = powers * np.minimum(1.0, usual / np.maximum(off, 1e-12))[:, None]
@@ -96,7 +96,7 @@ def _robust(powers: Float[np.ndarray, 'n terms'], wanted: Float[np.ndarray, ' n'
 
 
 def calibrated(judged: Judged, dataset: Dataset, untouched: np.ndarray) -> Calibration:
-    """Uncertainties and limits such that what judges and untouched images fall within them as often as it should."""
+    """Uncertainties and limits that have the wanted coverage on held-out presses and untouched images."""
     readout = judged.readout
     errors, sigmas = judged.errors, judged.sigmas
     heights = judged.truth[:, 2] / readout.highest_n
@@ -109,12 +109,12 @@ def calibrated(judged: Judged, dataset: Dataset, untouched: np.ndarray) -> Calib
 
 
 def misfit_limit(fits: list[Fit]) -> float:
-    """The root of the misfit that one of a thousand exceeds."""
+    """The square root of the misfit that one press of a thousand exceeds."""
     return float(np.sqrt(np.percentile([fit.misfit for fit in fits], ONE_OF_A_THOUSAND)))
 
 
 def least_gain(readout: AxisymmetricReadout, dataset: Dataset, untouched: np.ndarray) -> float:
-    """What noise alone gains by a contact in one of a thousand images of the untouched gel."""
+    """The gain by a contact that noise alone exceeds in one of a thousand images of the untouched gel."""
     raw = replace(readout, calibration=Calibration(), most_contacts=1)
     gains = []
     for row in untouched.tolist():

@@ -1,7 +1,7 @@
-"""Measure a gel's axisymmetric response: in turns what each region sees, and the profiles that all of them share.
+"""Measure a gel's axisymmetric response: in turns each region's numbers and the profiles that all regions share.
 
-Given the profiles, a region's couplings and place follow from least squares; given those, so do the profiles. Both
-fall with every turn, and a dozen turns settle it.
+Given the profiles, a region's couplings and place follow from least squares, and the profiles from those in turn. Both
+errors fall with every turn, and a dozen turns suffice.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 LEAST_PRESSES = 100
 ALONE = 3
-"""Turns with one profile of each kind before the others join."""
+"""Turns with one profile of each kind before the others are added."""
 PAIRS = 60_000
-"""Of a press and a region each, that a turn takes the profiles from."""
+"""Pairs of a press and a region that a turn fits the profiles to."""
 SMOOTHING = 1e-3
 MARGIN = 1.02
 SMEAR = Shared(np.zeros(4), np.array([0.0, 0.0, 1.0, 0.3]))
-"""Found from the turn on in which other profiles join."""
+"""Fitted from the turn on in which other profiles are added."""
 DEPTH_SPREAD = 0.2
-"""By which shares the regions' markers are thought to differ in depth when second profiles join, and by which what they
-see differs with the angle that they look at when third ones do."""
+"""Initial spread between regions: of the depth of their markers when second profiles are added, and of the effect of
+their viewing angle when third ones are."""
 
 
 def fit_axisymmetric(
     dataset: Dataset, held_out: np.ndarray, config: AxisymmetricConfig, bins: BinGrid, progress: Progress
 ) -> AxisymmetricReadout:
-    """The readout of a data set; correction and uncertainty are judged by presses at places that no fit saw.
+    """The readout of a data set; correction and uncertainty are measured on presses at held-out places.
 
-    Samples of `held_out` (a boolean for each) are never looked at.
+    Samples of `held_out` (a boolean for each) are never used.
 
     Raises:
         TooFewPressesError: too few presses or images of the untouched gel.
@@ -87,7 +87,7 @@ def measured(
     config: AxisymmetricConfig,
     advance: Callable[[], object],
 ) -> AxisymmetricResponse:
-    """The response that presses on a gel show."""
+    """The response fitted to presses on a gel."""
     response = first_guess(scaling, bins, float(presses.contacts[:, 2].max()) * MARGIN, config.levels)
     random = np.random.default_rng(config.seed)
     for turn in range(config.turns):
@@ -97,9 +97,9 @@ def measured(
 
 
 def first_guess(scaling: InputScaling, bins: BinGrid, hardest_n: float, levels: int) -> AxisymmetricResponse:
-    """Regions spread evenly over the surface, as they are over the image, seeing lateral motion as it is.
+    """Regions spread evenly over the surface, as they are over the image, with unit gain for lateral motion.
 
-    Vertical motion is seen outwards, the more so the further from the middle of the image.
+    Vertical motion is seen outwards, and more so further from the image centre.
     """
     view = views(scaling.trusted)
     lateral = np.tile(np.eye(2), (len(view), 1, 1))
@@ -111,7 +111,7 @@ def first_guess(scaling: InputScaling, bins: BinGrid, hardest_n: float, levels: 
 def _turn(
     response: AxisymmetricResponse, presses: Presses, config: AxisymmetricConfig, turn: int, random: np.random.Generator
 ) -> AxisymmetricResponse:
-    """The profiles, then the regions; from a few presses, but from many in the end."""
+    """The profiles, then the regions; from a few presses in early turns, from many in the last ones."""
     few = presses.take(random.permutation(len(presses))[: config.presses_per_turn])
     if turn == 0:
         response = fit_profiles(response, few, random)
@@ -131,7 +131,7 @@ def _turn(
 def _with_more(
     response: AxisymmetricResponse, config: AxisymmetricConfig, random: np.random.Generator
 ) -> AxisymmetricResponse:
-    """One more profile of each kind, up to as many as are wanted; regions that are unlike will tell them apart."""
+    """One more profile of each kind, up to the wanted number; regions that differ separate them."""
     lateral, couplings, profiles = response.lateral, response.couplings, response.profiles
     unlike = _unlike(response.places, random)
     if lateral < config.lateral:
@@ -147,11 +147,11 @@ def _with_more(
 
 
 def _unlike(places: Float[np.ndarray, 'regions 2'], random: np.random.Generator) -> list[np.ndarray]:
-    """How regions differ, to begin with, in what the profiles of number 1 and 2 show: (regions, 1, 1) each.
+    """Initial differences between regions for the profiles of number 1 and 2: (regions, 1, 1) each.
 
-    The second profiles tell of depth, which is as chance has put the markers. The third ones tell of the angle at which
-    a region is seen: towards the image's rim it sees markers of many depths along a line, which blurs the motion by the
-    square of that angle's tangent.
+    The second profiles describe depth, which is random for each marker. The third ones describe the viewing angle.
+    Towards the image's rim a region sees markers of many depths along a line, which blurs the motion by the square
+    of that angle's tangent.
     """
     aside = np.square(places).sum(axis=1)
     by_angle = (aside - aside.mean()) / max(float(aside.std()), 1e-9)
@@ -159,7 +159,7 @@ def _unlike(places: Float[np.ndarray, 'regions 2'], random: np.random.Generator)
 
 
 def fit_profiles(response: AxisymmetricResponse, presses: Presses, random: np.random.Generator) -> AxisymmetricResponse:
-    """The profiles that explain the presses best, smooth along distance and force; from pairs near the press first."""
+    """The profiles that explain the presses best, smooth along distance and force; mainly from pairs near the press."""
     weight = np.sqrt(presses.certainty) / np.sqrt(
         1 + presses.certainty * (0.07**2) * np.square(presses.motion).sum(axis=-1, keepdims=True)
     )
@@ -182,11 +182,11 @@ def fit_profiles(response: AxisymmetricResponse, presses: Presses, random: np.ra
 
 
 def weighted_choice(random: np.random.Generator, likely: Float[np.ndarray, ' n'], count: int) -> np.ndarray:
-    """So many of all, one after the other as likely as its share of what is left; those of no weight never.
+    """A weighted random sample without replacement; items of zero weight are never drawn.
 
-    Each waits by chance, the shorter the larger its weight, and the first ones are taken (Efraimidis and Spirakis,
-    Information Processing Letters 97, 2006): rounding of a weight changes one pair at the edge at most. NumPy's
-    `choice` draws again for every one that came twice, so there one rounding changes all that come after it.
+    Each item gets a random waiting time, shorter for larger weights, and the first ones are taken (Efraimidis and
+    Spirakis, Information Processing Letters 97, 2006). Rounding of a weight changes one pair at the edge at most.
+    NumPy's `choice` draws duplicates again, so there one rounding changes all later items.
     """
     wait = random.exponential(size=likely.size)
     late = np.divide(wait, likely, out=np.full(likely.size, np.inf), where=likely > 0)
@@ -196,7 +196,7 @@ def weighted_choice(random: np.random.Generator, likely: Float[np.ndarray, ' n']
 def _profile_design(
     response: AxisymmetricResponse, contacts: Float[np.ndarray, 'n 3'], region: np.ndarray, channel: int
 ) -> scipy.sparse.csr_array:
-    """What the motion of a press and a region each is in terms of the profiles' coefficients; 16 a profile count."""
+    """Design matrix: motion of pairs of press and region by profile coefficients; 16 nonzeros a profile count."""
     away = response.away_of(contacts, region)
     distance = np.hypot(*away.T) + 1e-9
     unit = away / distance[:, None] * np.tanh(distance / CORE_MM)[:, None]

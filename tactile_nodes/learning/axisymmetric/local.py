@@ -1,9 +1,9 @@
 """The local residuals of a calibrated readout, at its own presses, interpolated to places nearby.
 
-Every press of a calibration has a known place and force, so how far off the readout is there is known but for noise.
-Part of it is the gel's own: single markers, which profiles that are alike everywhere cannot follow. Presses nearby
-share it. It is interpolated as a Gaussian process (Rasmussen and Williams, Gaussian Processes for Machine Learning,
-2006, section 2.2) with a table as the result, and fades away from presses.
+Every press of a calibration has a known place and force, so the error of the readout there is known except for noise.
+Part of it is specific to the gel: single markers, which profiles that are the same everywhere cannot follow. Presses
+nearby share it. It is interpolated as a Gaussian process (Rasmussen and Williams, Gaussian Processes for Machine
+Learning, 2006, section 2.2) into a table, and fades away from presses.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.explain.uncertainty import Calibration
 
 ALIKE_MM = 2.5
-"""Distance at which errors are alike by 0.61; 1.5 to 4 mm are about as good on development gels."""
+"""Distance at which errors correlate by 0.61; 1.5 to 4 mm are about as good on development gels."""
 OWN, OF_A_PICTURE = 0.3, 0.7
-"""Variances beside that of what is alike nearby: of each press, and of the noise of one picture."""
+"""Variances relative to the spatially correlated part: of each press, and of the noise of one image."""
 FARTHEST = 4.0
-"""Times the median: what is further off counts as so far, since it may be the press that is wrong."""
+"""Limit in multiples of the median: larger errors are clipped to it, since the press itself may be wrong."""
 NODES = 29
 
 
 def with_local(readout: AxisymmetricReadout, presses: Presses, pictures: Int[np.ndarray, ' n']) -> AxisymmetricReadout:
-    """The readout with a table that takes away what it gets wrong at presses, which are means of so many pictures.
+    """The readout with a table that removes its errors at presses; each press is a mean of `pictures` images.
 
-    A table that it has already is added to.
+    An existing table is extended.
     """
     raw = replace(readout, calibration=Calibration(), most_contacts=1)
     seen = [Seen(*each) for each in zip(presses.motion, raw.certainty_of(presses.certainty > 0), strict=True)]
@@ -38,7 +38,7 @@ def with_local(readout: AxisymmetricReadout, presses: Presses, pictures: Int[np.
     if not len(usable):
         return readout
     found = np.stack([raw.fit(seen[number]).contacts[0] for number in usable.tolist()])
-    # In distances and forces of the gel that the profiles were measured on, as corrections are.
+    # In distances and forces of the gel that the profiles were measured on, like corrections.
     truth, told = presses.contacts[usable] / readout.unit, readout.corrected(found) / readout.unit
     table = interpolated(truth[:, :2], wrong_by(told, truth), pictures[usable], readout.correction.reach_mm)
     if readout.correction.local is not None:
@@ -47,7 +47,7 @@ def with_local(readout: AxisymmetricReadout, presses: Presses, pictures: Int[np.
 
 
 def wrong_by(told: Float[np.ndarray, 'n 3'], truth: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
-    """What is to be added to contacts as told: x, y and a share of the force; what is far off counts as less far."""
+    """Corrections to add to estimates: x, y and a share of the force; large ones are clipped."""
     wrong = truth - told
     wrong[:, 2] /= np.maximum(told[:, 2], LEAST_FORCE_N)
     farthest = FARTHEST * np.median(np.abs(wrong), axis=0)
@@ -60,7 +60,7 @@ def interpolated(
     pictures: Int[np.ndarray, ' n'],
     reach_mm: float,
 ) -> Float[np.ndarray, 'nodes nodes values']:
-    """What values at places are expected to be on a grid, from minus to plus the reach along x and y."""
+    """Values at places, interpolated to a grid from minus to plus the reach along x and y."""
     along = np.linspace(-reach_mm, reach_mm, NODES)
     grid = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
     own = np.diag(OWN + OF_A_PICTURE / pictures)

@@ -1,4 +1,4 @@
-"""What each region of an axisymmetric response sees, from presses: its place and couplings, near what is expected."""
+"""Fit each region of an axisymmetric response to presses: its place and couplings, with a prior."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from tactile_nodes.sensing.explain.network import InputScaling
 
 PRESSES_AT_ONCE = 200
 LEAST_NOISE_PX = 0.004
-"""Beside the noise at rest: features are stored as 16 bit floats, and flow has errors of its own."""
+"""Added to the noise at rest: features are stored as 16 bit floats, and flow has errors of its own."""
 OWN_NOISE_PX = 0.003
-"""What of that pictures of one press have in common."""
+"""The part of that noise that images of one press share."""
 FIRST_DOUBT = np.array([0.25, 0.2, 0.14, 0.09, 0.06, 0.04, 0.04, 0.04])
-"""Of a region's motion, at the distances `DOUBT_MM`: measured on two gels, and measured anew where there is enough."""
+"""Relative error of a region's motion at the distances `DOUBT_MM`: from two gels; measured again if data suffice."""
 
 
 def views(trusted: Float[np.ndarray, 'rows cols']) -> Float[np.ndarray, 'regions 2']:
-    """Where the known regions are in the image: -1 to 1 from left to right and from top to bottom."""
+    """The places of the known regions in the image: -1 to 1 from left to right and from top to bottom."""
     v, u = np.meshgrid(*((2 * np.arange(count) + 1) / count - 1 for count in trusted.shape), indexing='ij')
     known: np.ndarray = np.column_stack([u.ravel(), v.ravel()])[trusted.reshape(-1) > 0]
     return known
@@ -33,7 +33,7 @@ def views(trusted: Float[np.ndarray, 'rows cols']) -> Float[np.ndarray, 'regions
 
 @dataclass(frozen=True)
 class Presses:
-    """Presses (x, y in mm, force in N), the motion of the known regions (px), and one over its variance; 0: unseen."""
+    """Presses (x, y in mm, force in N), the motion of the known regions (px), and its inverse variance; 0: unseen."""
 
     contacts: Float[np.ndarray, 'n 3']
     motion: Float[np.ndarray, 'n regions 2']
@@ -41,7 +41,7 @@ class Presses:
 
     @classmethod
     def of(cls, dataset: Dataset, rows: np.ndarray, scaling: InputScaling) -> Presses:
-        """Some samples of a data set, about what the scaling says of rest."""
+        """Some samples of a data set, relative to the rest of the scaling."""
         known = np.flatnonzero(scaling.trusted.reshape(-1) > 0)
         motion = (dataset.features[rows].astype(np.float32) - scaling.mean).reshape(len(rows), -1, 2)[:, known]
         confidence = dataset.confidence[dataset.rest[rows]].reshape(len(rows), -1)[:, known]
@@ -52,7 +52,7 @@ class Presses:
 
     @classmethod
     def of_holds(cls, dataset: Dataset, holds: Sequence[np.ndarray], scaling: InputScaling) -> Presses:
-        """One press for each hold: the mean motion of its samples, each region's of those that show it.
+        """One press for each hold: the mean motion of its samples, for each region over the samples that show it.
 
         The variance of noise and of rounding is divided by their number, that of the flow's own errors is not.
         """
@@ -74,9 +74,9 @@ class Presses:
     def weights(
         self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances'], told: np.ndarray | None = None
     ) -> np.ndarray:
-        """One over the standard deviation of each motion (n, regions, 2): noise, and a share of what is foretold.
+        """The inverse standard deviation of each motion (n, regions, 2): noise, and a share of the predicted motion.
 
-        `told` is that, where it is known already.
+        `told` is the predicted motion, if it is known already.
         """
         told = response.motion(self.contacts) if told is None else told
         share = np.interp(response.distances_mm(self.contacts), DOUBT_MM, doubt)
@@ -85,21 +85,21 @@ class Presses:
 
 
 def _noise_of(scaling: InputScaling) -> Float[np.ndarray, 'regions 2']:
-    """The noise at rest (px) of the known regions in one picture."""
+    """The noise at rest (px) of the known regions in one image."""
     known = np.flatnonzero(scaling.trusted.reshape(-1) > 0)
     return np.asarray(1 / scaling.gain.reshape(-1, 2)[known].astype(float))
 
 
 @dataclass(frozen=True)
 class Expected:
-    """Numbers that each region is expected to have (couplings, then place), and one over their covariance."""
+    """Prior of the numbers of each region (couplings, then place): mean and inverse covariance."""
 
     numbers: Float[np.ndarray, 'regions numbers']
     precision: Float[np.ndarray, 'regions numbers numbers']
 
     @classmethod
     def around(cls, response: AxisymmetricResponse, looseness: float = 1e-3) -> Expected:
-        """Wherever the regions are now, and hardly held there."""
+        """A weak prior around the regions' present numbers."""
         numbers = numbers_of(response)
         return cls(numbers, np.tile(looseness * np.eye(numbers.shape[1]), (len(numbers), 1, 1)))
 
@@ -110,15 +110,15 @@ def numbers_of(response: AxisymmetricResponse) -> Float[np.ndarray, 'regions num
 
 
 def with_numbers(response: AxisymmetricResponse, numbers: Float[np.ndarray, 'regions numbers']) -> AxisymmetricResponse:
-    """The response with what `numbers_of` gives."""
+    """The response with numbers in the order of `numbers_of`."""
     return replace(response, couplings=numbers[:, :-2].reshape(response.couplings.shape), places=numbers[:, -2:])
 
 
 @dataclass(frozen=True)
 class Shared:
-    """What all regions have in common: what it is expected to be, in the order of `shared_of`, and how far from that.
+    """Numbers that all regions share: prior means, in the order of `shared_of`, and standard deviations.
 
-    Where `sigma` is 0 it stays as it is.
+    Numbers with a `sigma` of 0 are fixed.
     """
 
     expected: Float[np.ndarray, ' 4']
@@ -126,11 +126,11 @@ class Shared:
 
     @property
     def free(self) -> np.ndarray:
-        """Which numbers are found."""
+        """Indices of the numbers that are fitted."""
         return np.flatnonzero(self.sigma)
 
     def equations(self, response: AxisymmetricResponse) -> tuple[np.ndarray, np.ndarray]:
-        """Of the free numbers as they are expected to be, where the response has them now."""
+        """The prior's normal equations for the free numbers, at the response's present values."""
         prior = np.diag(1 / self.sigma[self.free] ** 2)
         return prior, prior @ (self.expected - shared_of(response))[self.free]
 
@@ -148,7 +148,7 @@ def shared_of(response: AxisymmetricResponse) -> Float[np.ndarray, ' 4']:
 
 
 def with_shared(response: AxisymmetricResponse, numbers: Float[np.ndarray, ' 4']) -> AxisymmetricResponse:
-    """The response with what `shared_of` gives."""
+    """The response with numbers in the order of `shared_of`."""
     softness, width = np.exp(numbers[:2]).tolist()
     return replace(response, softness=softness, width=width, smear=RadialSmear(*numbers[2:].tolist()))
 
@@ -156,10 +156,10 @@ def with_shared(response: AxisymmetricResponse, numbers: Float[np.ndarray, ' 4']
 def shared_levers(
     response: AxisymmetricResponse, contacts: np.ndarray, slopes: Float[np.ndarray, '3 n regions columns']
 ) -> Float[np.ndarray, 'n regions 2 4']:
-    """How the motion of each region changes with what is shared.
+    """Derivatives of the motion of each region by the shared numbers.
 
-    Softness multiplies the force, so that is F dm/dF; width divides the distance, so that is minus distance dm/d(it).
-    Radial smear shifts a press along itself; `slopes` are those along the true place.
+    Softness multiplies the force, so its derivative is F dm/dF. Width divides the distance, so its derivative is minus
+    distance dm/d(it). Radial smear shifts a press along itself; `slopes` are those along the true place.
     """
     along_x, along_y, by_force = (response.seen(each) for each in slopes)
     away = contacts[:, None, :2] - response.places
@@ -182,7 +182,7 @@ def levers(
     columns: Float[np.ndarray, 'n regions columns'],
     slopes: Float[np.ndarray, '3 n regions columns'],
 ) -> Float[np.ndarray, 'n regions 2 numbers']:
-    """How the motion of each region changes with each of its numbers."""
+    """Derivatives of the motion of each region by each of its numbers."""
     count = columns.shape[2]
     made = np.zeros((*columns.shape[:2], 2, 2 * count + 2))
     for channel in (0, 1):
@@ -193,9 +193,9 @@ def levers(
 
 
 def measured_doubt(response: AxisymmetricResponse, presses: Presses) -> Float[np.ndarray, ' distances']:
-    """The share of its motion by which a region is off, at the distances `DOUBT_MM` from the press.
+    """The relative error of a region's motion, at the distances `DOUBT_MM` from the press.
 
-    That is beyond noise, and beyond what its numbers may be off by.
+    Noise and the uncertainty of the region's numbers are subtracted.
     """
     told, slopes, columns = response.motion_slopes_and_columns(presses.contacts)
     seen = presses.certainty[..., 0] > 0

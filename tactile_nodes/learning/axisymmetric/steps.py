@@ -1,4 +1,4 @@
-"""One Gauss-Newton step of regions' numbers, and of what they have in common, by presses and by what is expected."""
+"""One Gauss-Newton step of the regions' numbers and of the numbers they share, from presses and priors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResp
 
 LARGEST_STEP_MM = 0.6
 LARGEST_SHARED = 0.15
-"""Of a step of what is shared: logarithms of softness and width, mm of a smear's shift, its squeeze."""
+"""Largest step of a shared number: logarithms of softness and width, the smear's shift in mm, its squeeze."""
 
 
 def fit_regions(
@@ -34,7 +34,7 @@ def fit_regions(
 ) -> AxisymmetricResponse:
     """One Gauss-Newton step of every region's numbers towards the most probable ones.
 
-    With `shared`, what all regions have in common is found along with them.
+    With `shared`, the numbers that all regions share are fitted as well.
     """
     here = numbers_of(response)
     equations = Equations.of(response, presses, doubt, shared).near(here, expected)
@@ -45,17 +45,17 @@ def fit_regions(
 
 
 def stepped(response: AxisymmetricResponse, step: Float[np.ndarray, 'regions numbers']) -> AxisymmetricResponse:
-    """The response with its regions' numbers moved, places by no more than is sensible."""
+    """The response with its regions' numbers moved; steps of places are limited."""
     step = np.concatenate([step[:, :-2], np.clip(step[:, -2:], -LARGEST_STEP_MM, LARGEST_STEP_MM)], axis=1)
     return with_numbers(response, numbers_of(response) + step)
 
 
 @dataclass(frozen=True)
 class Equations:
-    """The normal equations of one Gauss-Newton step: of each region's numbers, and of what they have in common.
+    """The normal equations of one Gauss-Newton step: of each region's numbers, and of the common numbers.
 
-    `square` and `down` are of each region; `across` and `along` of what is common, of which no step is longer than
-    `longest`; `cross` couples both.
+    `square` and `down` are of each region. `across` and `along` are of the common numbers, whose steps are limited to
+    `longest`. `cross` couples both.
     """
 
     square: Float[np.ndarray, 'regions numbers numbers']
@@ -73,7 +73,7 @@ class Equations:
         doubt: Float[np.ndarray, ' distances'],
         shared: Shared | None = None,
     ) -> Equations:
-        """Of what presses tell of regions, and of what is shared along with what is expected of that."""
+        """From the presses, and from the prior of the shared numbers."""
         here = numbers_of(response)
         free = shared.free if shared else np.zeros(0, int)
         square, down = np.zeros((*here.shape, here.shape[1])), np.zeros(here.shape)
@@ -96,14 +96,14 @@ class Equations:
         return cls(square, down, cross, across, along, np.full(len(free), LARGEST_SHARED))
 
     def near(self, here: Float[np.ndarray, 'regions numbers'], expected: Expected) -> Equations:
-        """With what regions, which are now `here`, are expected to be."""
+        """The equations with the prior of the regions, whose numbers are now `here`."""
         down = self.down + np.einsum('rn,rnm->rm', expected.numbers - here, expected.precision)
         return replace(self, square=self.square + expected.precision, down=down)
 
     def solved(self) -> tuple[Float[np.ndarray, 'regions numbers'], Float[np.ndarray, ' common']]:
-        """The steps of regions, and of what is common.
+        """The steps of the regions' and of the common numbers.
 
-        Regions given what is common are put into the equations of that (Schur complement).
+        The regions' numbers are eliminated from the equations of the common ones (Schur complement).
         """
         solved = np.linalg.solve(self.square, np.concatenate([self.down[..., None], self.cross], axis=2))
         step, follow = solved[..., 0], solved[..., 1:]

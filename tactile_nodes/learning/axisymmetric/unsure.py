@@ -1,4 +1,4 @@
-"""The covariance of regions' numbers after few presses, as a readout wants it: in factors."""
+"""The covariance of the regions' numbers after few presses, in the factors that a readout uses."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from tactile_nodes.learning.axisymmetric.regions import PRESSES_AT_ONCE, Presses
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 
 FACTORS = 4
-"""Of a region's eleven numbers a channel: those that motion all over the gel is most unsure by. With all eleven
-forces are hardly closer."""
+"""Factors kept of a region's eleven numbers a channel: those that add most variance to motion all over the gel. With
+all eleven, forces are hardly closer."""
 ACROSS = 8
-"""Places along x and along y at which a press is asked about."""
+"""Number of places along x and along y at which the uncertainty is evaluated."""
 LEAST = 1e-9
-"""Of the covariance of levers (px^2): no direction counts as one that no press tells of."""
+"""Added to the covariance of levers (px^2), so that directions that no press determines are not singular."""
 
 
 def with_unsure(
@@ -25,7 +25,7 @@ def with_unsure(
     precision: Float[np.ndarray, 'regions numbers numbers'],
     doubt: Float[np.ndarray, ' distances'],
 ) -> AxisymmetricResponse:
-    """The response with how unsure its regions are, fitted to presses from an expectation of this precision."""
+    """The response with the uncertainty of its regions, fitted to presses with a prior of this precision."""
     covariance = np.linalg.inv(precision + _told(response, presses, doubt))
     count, asked = response.couplings.shape[2], response.columns_and_slopes(_everywhere(presses))
     lever = levers(response, *asked)
@@ -39,7 +39,7 @@ def with_unsure(
 def _told(
     response: AxisymmetricResponse, presses: Presses, doubt: Float[np.ndarray, ' distances']
 ) -> Float[np.ndarray, 'regions numbers numbers']:
-    """How precisely presses tell each region's numbers."""
+    """The precision of each region's numbers from the presses."""
     told = np.zeros(())
     for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
         some = presses.take(part)
@@ -51,7 +51,7 @@ def _told(
 
 
 def _everywhere(presses: Presses) -> Float[np.ndarray, 'n 3']:
-    """Contacts all over the surface that was pressed, of a middling force."""
+    """Contacts all over the pressed surface, at the median force."""
     low, high = presses.contacts[:, :2].min(axis=0), presses.contacts[:, :2].max(axis=0)
     x, y = (each.ravel() for each in np.meshgrid(*np.linspace(low, high, ACROSS).T))
     return np.column_stack([x, y, np.full(len(x), np.median(presses.contacts[:, 2]))])
@@ -60,7 +60,7 @@ def _everywhere(presses: Presses) -> Float[np.ndarray, 'n 3']:
 def _factors(
     covariance: Float[np.ndarray, 'regions numbers numbers'], lever: Float[np.ndarray, 'n regions numbers']
 ) -> Float[np.ndarray, 'regions numbers factors']:
-    """The factors of covariances that matter most for levers like these (principal components in their metric)."""
+    """The factors of covariances that matter most for these levers (principal components in their metric)."""
     metric = np.einsum('nri,nrj->rij', lever, lever) / len(lever) + LEAST * np.eye(lever.shape[2])
     root = np.linalg.cholesky(metric)
     values, vectors = np.linalg.eigh(root.transpose(0, 2, 1) @ covariance @ root)
