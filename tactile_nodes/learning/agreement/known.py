@@ -1,4 +1,4 @@
-"""What is known of a sensor before its tables are read: its description, and which forces that lets expect."""
+"""What is known of a sensor before its tables are read: its description, and the forces that follow from it."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensors import Sensor
 
 NOISE_PX = 0.02
-"""Of regions of which no model tells it."""
+"""Noise of regions for which no model states it."""
 JUDGES = 40
-"""Presses of a table whose forces are read at most."""
+"""The most presses of a table whose forces are estimated."""
 FORCE_TIMES = 5.0
-"""By how many times forces may be off what a description lets expect: gels differ by less, units by more."""
+"""Largest ratio between given forces and those expected from a description: gels differ by less, units by more."""
 DIFFER = 1.6
-"""Forces read of one press after another differ by so many times (nine of ten) where they were not one force: those of
-one differ by 1.2."""
+"""Estimated forces of different presses differ by this factor (nine of ten) if their forces differ; those of one force
+differ by 1.2."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """The description of a sensor, as a person gives it or a model holds it, and that model; none where nobody knows.
+    """The sensor's description, from a person or from a model, and that model; None if unknown.
 
-    `loaded` tells how hard the gel is where it is described by `sensor`.
+    `loaded` gives the hardness of the gel if it is the one described by `sensor`.
     """
 
     sensor: Sensor | None = None
@@ -38,26 +38,26 @@ class Known:
 
     @classmethod
     def of(cls, loaded: LoadedModel, sensor: Sensor | None = None) -> Known:
-        """What a model holds; or a person says, who then describes another sensor."""
+        """The description of a model, or that of a person, which then is of another sensor."""
         if sensor is not None:
             return cls(sensor)
         return cls(sensor_of(loaded.card, loaded.model_id) if SENSOR in loaded.card else None, loaded)
 
     @property
     def size(self) -> OneSize:
-        """Which size pictures must have: as described, where nothing else is known of the sensor."""
+        """The image size to require: that of the description, if nothing else is known of the sensor."""
         trained = self.loaded is not None and not self.loaded.of_description
         return OneSize.of(None if trained else self.sensor)
 
     @property
     def force_times(self) -> float:
-        """By how many times forces may be off: more where the description has its moduli off by more."""
+        """The factor by which forces may be off; larger if the description states uncertain moduli."""
         return max(FORCE_TIMES, (1 + self.sensor.gel.moduli_off) ** 3) if self.sensor else np.inf
 
     def forces_n(
         self, motion: Float32[np.ndarray, 'n rows cols 2'], confidence: Float32[np.ndarray, 'n rows cols']
     ) -> Float[np.ndarray, ' n']:
-        """The forces that motion of regions lets expect, by the field alone, whatever pressed.
+        """The forces expected from the regions' motion, by the field alone, for any body.
 
         Raises:
             ConfigurationError: by the description hardly any region sees the gel.
@@ -75,8 +75,9 @@ class Known:
         motion: Float32[np.ndarray, 'n rows cols 2'],
         confidence: Float32[np.ndarray, 'n rows cols'],
     ) -> str:
-        """What is wrong with the forces told beside those that pictures let expect; empty where nothing is, or nobody
-        described the sensor.
+        """What is wrong with the given forces, compared with those expected from the images.
+
+        Empty if nothing is wrong, or if the sensor is not described.
 
         Raises:
             ConfigurationError: by the description hardly any region sees the gel.
@@ -100,7 +101,7 @@ class Known:
         return ''
 
     def _readout(self, regions: tuple[int, ...]) -> FieldReadout:
-        """Of the model, or one that follows from the description alone."""
+        """The readout of the model, or one that follows from the description alone."""
         if self.loaded is not None and isinstance(self.loaded.model.readout, FieldReadout):
             return self.loaded.model.readout
         assert self.sensor is not None

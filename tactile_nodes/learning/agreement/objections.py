@@ -1,7 +1,6 @@
-"""What contradicts what: motion is where was pressed, and grows with the force.
+"""Contradictions in a table: motion should be where was pressed, and grow with the force.
 
-Two columns that were exchanged, an axis that counts the other way, and rows beside the wrong pictures all make a model
-that is wrong without a sign of it.
+Two exchanged columns, a mirrored axis, and rows beside the wrong images all give a wrong model without any warning.
 """
 
 from __future__ import annotations
@@ -13,29 +12,29 @@ from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Sensor
 
 SPANNED_MM = 4.0
-"""Places nearer to one another, along x or y, say nothing of the axes."""
+"""Places closer than this along x or y do not determine the axes."""
 FOLLOWS = 0.5
-"""Correlation below which motion does not follow what is told; presses told rightly are above 0.9."""
+"""Correlation below which motion does not follow the table; correct tables are above 0.9."""
 CLEARLY = 0.8
-"""Correlation from which it follows something else than is told."""
+"""Correlation from which motion follows something else than the table states."""
 ASIDE_MM, ASIDE_TIMES = 4.0, 6.0
-"""A press is named whose motion is farther from its place, in mm and in times the median of all."""
+"""A press is named if its motion is farther from its place than this, in mm and in multiples of the median."""
 ALIKE = 1.2
-"""Forces of which the greatest is at most so many times the least are one force, which motion cannot follow."""
+"""Forces whose largest is at most this times the smallest count as one force, which motion cannot follow."""
 SCALE = 1.5
-"""By how many times pixels for a mm may differ from those of a description; right ones differ by 1.2 at most."""
+"""Largest ratio of pixels for a mm to those of a description; correct descriptions differ by 1.2 at most."""
 
 
 def middles(strength: Float[np.ndarray, 'n rows cols']) -> Float[np.ndarray, 'n 2']:
-    """Where in the picture most moves, x and y as shares of its sides: 0.5, 0.5 is its middle."""
-    sharp = np.square(strength)  # so that what moves a little everywhere counts little
+    """The centre of motion in the image, x and y as shares of its sides: 0.5, 0.5 is the image centre."""
+    sharp = np.square(strength)  # so that small motion everywhere counts little
     total = np.maximum(sharp.sum(axis=(1, 2)), 1e-12)
     y, x = ((np.arange(count) + 0.5) / count for count in sharp.shape[1:])
     return np.column_stack([sharp.sum(axis=1) @ x / total, sharp.sum(axis=2) @ y / total])
 
 
 def places_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) -> str:
-    """What is wrong with the places told beside those seen; empty where nothing is, or they tell too little."""
+    """What is wrong with the given places, compared with those seen; empty if nothing is, or if they do not suffice."""
     if min(np.ptp(place_mm, axis=0)) < SPANNED_MM:
         return ''
     own = [_correlation(place_mm[:, axis], seen[:, axis]) for axis in (0, 1)]
@@ -56,7 +55,7 @@ def places_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray,
 
 
 def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2'], sensor: Sensor) -> str:
-    """What is wrong with the description of a sensor beside how far pictures move from place to place."""
+    """What is wrong with a sensor's description, compared with the motion in images from place to place."""
     if min(np.ptp(place_mm, axis=0)) < SPANNED_MM:
         return ''
     expected = View(sensor).shares_of(place_mm)
@@ -73,7 +72,7 @@ def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.nda
 
 
 def force_objection(force_n: Float[np.ndarray, ' n'], strength: Float[np.ndarray, 'n rows cols']) -> str:
-    """What is wrong with the forces told beside the motion seen; empty where nothing is, or they are all alike."""
+    """What is wrong with the given forces, compared with the motion; empty if nothing is, or if all are alike."""
     if force_n.max() <= ALIKE * force_n.min():
         return ''
     if _correlation(_ranks(force_n), _ranks(strength.sum(axis=(1, 2)))) >= FOLLOWS:
@@ -82,7 +81,7 @@ def force_objection(force_n: Float[np.ndarray, ' n'], strength: Float[np.ndarray
 
 
 def aside(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) -> list[int]:
-    """Presses whose motion is far from where the others let it be expected."""
+    """Presses whose motion is far from where the other presses predict it."""
     from_seen = np.column_stack([seen, np.ones(len(seen))])
     expected = from_seen @ np.linalg.lstsq(from_seen, place_mm, rcond=None)[0]
     off = np.linalg.norm(expected - place_mm, axis=1)
@@ -90,7 +89,7 @@ def aside(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) ->
 
 
 def _ranks(values: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
-    """The place of each in their order; equal ones have the same."""
+    """The rank of each value; equal values share one."""
     _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
     middle: np.ndarray = (np.cumsum(counts) - (counts - 1) / 2)[which.reshape(-1)]
     return middle

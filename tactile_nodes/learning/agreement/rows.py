@@ -1,4 +1,4 @@
-"""What rows of tables contradict before any motion is measured: places that no camera sees, one picture told twice."""
+"""Faults of table rows that show before any motion is measured: places out of view, one image in two rows."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from tactile_nodes.sensors import Sensor
 
 
 class Row(NamedTuple):
-    """A row of a table, and what its picture is known by."""
+    """A row of a table, and the key of its image."""
 
     table: PressTable
     press: TablePress
     picture: str
 
     def beside(self, other: Row) -> str:
-        """Where it stands, for who reads that other row."""
+        """Where the row is, for a reader of the other row."""
         line = f'{self.table.counted} {self.press.line}'
         return line if self.table is other.table else f'{line} of {self.table.file}'
 
     def told(self) -> str:
-        """What it tells of its picture."""
+        """What the row states about its image."""
         press = self.press
         if not press.touches:
             return 'the gel untouched'
         return f'{press.force_n:.3g} N at {press.x_mm:g}, {press.y_mm:g} mm'
 
     def contradicts(self, other: Row) -> bool:
-        """Whether both cannot be true of one picture."""
+        """Whether both cannot be true of one image."""
         one, two = self.press, other.press
         if one.touches != two.touches:
             return True
@@ -44,7 +44,7 @@ class Row(NamedTuple):
 
 
 def require_seen(rows: Iterable[TablePress], sensor: Sensor | None, faults: RowFaults) -> None:
-    """Keep a fault of each row whose place the camera of a described sensor does not see."""
+    """Record a fault for each row whose place is outside the camera's view, by the sensor's description."""
     if sensor is None:
         return
     view = View(sensor)
@@ -59,9 +59,9 @@ def require_seen(rows: Iterable[TablePress], sensor: Sensor | None, faults: RowF
 
 
 def require_single(rows: Iterable[Row], progress: Progress, *, forced: bool = False) -> None:
-    """Refuse one picture of which rows tell different things, unless forced; one that is told twice alike is named.
+    """Refuse an image that several rows describe differently, unless forced; name one that is described twice alike.
 
-    Tables may share pictures of the gel untouched.
+    Tables may share images of the untouched gel.
 
     Raises:
         DatasetError: names both rows.

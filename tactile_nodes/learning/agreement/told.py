@@ -1,4 +1,4 @@
-"""Tables beside their pictures: what is told of presses, and how these move the gel."""
+"""Compare tables with their images: the stated presses, and the motion of the gel."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from tactile_nodes.learning.agreement.objections import (
 from tactile_nodes.learning.progress import Progress
 
 LEAST = 8
-"""Fewer presses say nothing of a table."""
+"""Fewer presses cannot judge a table."""
 PRESSED = 0.25
-"""Of how much the median press moves: a picture of the gel untouched that moves more shows a press, too."""
+"""Share of the median press's motion: an image of the untouched gel that moves more shows a press."""
 
 
 @dataclass(frozen=True)
 class Told:
-    """Presses of one table, by the lines that they stand in.
+    """Presses of one table, by their line numbers.
 
-    `motion` (px) and `confidence` are what regions of their pictures show. `rest_lines` are those of the gel untouched,
-    `rest_motion` what their pictures show.
+    `motion` (px) and `confidence` are what the regions of their images show. `rest_lines` are the lines of the
+    untouched gel, `rest_motion` the motion in their images.
     """
 
     table: Path
@@ -45,17 +45,17 @@ class Told:
 
     @property
     def strength(self) -> Float[np.ndarray, 'n rows cols']:
-        """How much regions move, as far as they show it."""
+        """The size of the regions' motion, weighted by confidence."""
         return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
 
 
 def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, *, forced: bool = False) -> None:
-    """Refuse tables that contradict their pictures, unless forced; single rows that may be mixed up are named.
+    """Refuse tables that contradict their images, unless forced; single rows that may be mixed up are named.
 
-    `known` describes what was pressed, where somebody did.
+    `known` describes the pressed sensor, if a description exists.
 
     Raises:
-        DatasetError: says what contradicts, and what it looks like.
+        DatasetError: says what contradicts, and the likely cause.
         ConfigurationError: by the description hardly any region sees the gel.
     """
     for table in tables:
@@ -75,7 +75,7 @@ def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, 
 
 
 def _objection(table: Told, known: Known) -> str:
-    """What is wrong with a table; empty where nothing is, or it tells too little."""
+    """What is wrong with a table; empty if nothing is, or if it has too few presses."""
     if len(table.lines) < LEAST:
         return ''
     seen = middles(table.strength)
@@ -86,7 +86,7 @@ def _objection(table: Told, known: Known) -> str:
 
 
 def _rests_pressed(table: Told) -> list[int]:
-    """Lines of the gel untouched whose pictures show a press."""
+    """Lines of the untouched gel whose images show a press."""
     if not (len(table.lines) and len(table.rest_lines)):
         return []
     sure = table.confidence.mean(axis=0)
