@@ -45,7 +45,7 @@ class Told:
 
     @property
     def strength(self) -> Float[np.ndarray, 'n rows cols']:
-        """The size of the regions' motion, weighted by confidence."""
+        """The squared motion of the regions, weighted by confidence."""
         return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
 
 
