@@ -1,7 +1,8 @@
-"""Calibrate the force field by presses of bodies that are no ball, or several: what they tell of tips is nothing.
+"""Calibrate the force field alone, from presses of bodies that are no ball, or of several bodies.
 
-A model of the field alone reads tips as any other contact. What reads tips in its source knows the markers and the
-camera of another gel, and nothing that a ring or a punch shows says better.
+Such presses do not calibrate the readout of tips. A model of the field alone treats tips as any other contact. The
+source's readout of tips knows the markers and the camera of another gel, and presses of a ring or a punch do not
+correct it.
 """
 
 from __future__ import annotations
@@ -30,19 +31,19 @@ from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.reading import Contact
 
 CONFIRMED = 0.15
-"""A gel that is less harder or softer than this is as described."""
+"""Largest relative difference in stiffness at which a gel counts as described."""
 
 BENT = 0.1
-"""Share of the median force by which presses seem to begin aside of nothing because the layer is not quite linear: of
-punches, squares and rings up to 2 N it is 0.03 to 0.075."""
+"""Apparent force offset as a share of the median force, because the layer is not quite linear: of punches, squares and
+rings up to 2 N it is 0.03 to 0.075."""
 
 
 def presses_tell_tips(loaded: LoadedModel, pressed: Pressed, dataset: Dataset) -> bool:
-    """Whether what reads tips is calibrated: of any model but a field that has none of it, or that no one ball pressed.
+    """Whether the readout of tips is calibrated: not of a field without one, and only by presses of a single ball.
 
     Raises:
         DatasetError: an indenter is no body.
-        ModelError: nobody says what pressed.
+        ModelError: the body is unknown.
     """
     readout = loaded.model.readout
     if not isinstance(readout, FieldReadout):
@@ -51,11 +52,11 @@ def presses_tell_tips(loaded: LoadedModel, pressed: Pressed, dataset: Dataset) -
 
 
 def centres(loaded: LoadedModel, pressed: Pressed) -> Callable[[float, str], tuple[float, float]]:
-    """Where the middle of the pressure is beside the body's origin (mm), by its force (N) and what its press calls it.
+    """The centre of pressure relative to the body's origin (mm), by the press's force (N) and its indenter's name.
 
     It raises:
         DatasetError: the indenter is no body.
-        ModelError: nobody says what pressed.
+        ModelError: the body is unknown.
     """
     readout = loaded.model.readout
     if not isinstance(readout, FieldReadout):
@@ -77,7 +78,7 @@ def centres(loaded: LoadedModel, pressed: Pressed) -> Callable[[float, str], tup
 
 
 def centre_of(contacts: Sequence[Contact]) -> tuple[float, float, float]:
-    """Where the middle of what is read lies (mm), and the whole force (N); NaN of the middle of no force."""
+    """The centre of the estimated contacts (mm), and their total force (N); the centre is NaN without force."""
     force = np.array([each.force_n for each in contacts])
     places = np.array([[each.x_mm, each.y_mm] for each in contacts])
     x, y = (force @ places / force.sum()).tolist() if force.sum() > 0 else (math.nan, math.nan)
@@ -96,7 +97,7 @@ def transfer_alone(
     """The field of another gel; `forced` as for `transfer`, `curve` as for `with_field`.
 
     Raises:
-        DatasetError: presses from which no calibration follows, or which it would read no better than its source.
+        DatasetError: the presses do not suffice, or the calibrated field would be no better than its source.
         ConfigurationError: a body is wider than the gel.
     """
     bodies, source = pressed.bodies(loaded, dataset), loaded.model.readout

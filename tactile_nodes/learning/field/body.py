@@ -1,4 +1,4 @@
-"""The rigid body that presses a gel to calibrate it: what a person calls it, and its lower side."""
+"""The rigid body that presses a gel to calibrate it: its name, and its lower side."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body, grid
 from tactile_nodes.simulation.touch.families import ball
 
 BETWEEN = ', '
-"""Between the names of several bodies on a card."""
+"""Separator between the names of several bodies on a model card."""
 
 BODY, BALL_MM = 'body', 'ball_mm'
-"""What a card says of the body; and of the radius of a ball, before there were others."""
+"""Keys of the model card: the body, and the radius of a ball on older cards."""
 
 ROUND = {'tip': 'ball:0.6', 'ball': 'ball:5'}
 """Families that are balls."""
 
 
 def as_ball(name: str) -> str:
-    """The name of a body by its radius, where it is that of a family of balls: 'tip' is 'ball:0.6'."""
+    """The name of a body by its radius, if it is that of a family of balls: 'tip' is 'ball:0.6'."""
     return ROUND.get(name, name)
 
 
@@ -42,7 +42,7 @@ class KnownBody:
 
     @classmethod
     def named(cls, told: str) -> KnownBody:
-        """As `tactile calibrate --body` takes it.
+        """From a name as `tactile calibrate --body` takes it.
 
         Raises:
             ConfigurationError: there is no such body or file, it is no body, or its radius is none.
@@ -56,16 +56,16 @@ class KnownBody:
 
     @property
     def is_ball(self) -> bool:
-        """Whether its presses also tell how tips are read."""
+        """Whether its presses also calibrate the readout of tips."""
         return self.told.startswith(f'{BALL}:')
 
     @property
     def card_name(self) -> str:
-        """What a card says of it: of a file its name."""
+        """The name on a model card; of a file its name."""
         return self.told if ':' in self.told else Path(self.told).name
 
     def over(self, nodes_mm: Float[np.ndarray, 'y x 2']) -> Float[np.ndarray, 'y x']:
-        """Height of its lower side above the surface where it just touches; infinite where it is not."""
+        """Height of its lower side above the surface at first contact; infinite outside the body."""
         x, y = np.moveaxis(nodes_mm, -1, 0)
         height = self.body.under(x, y)[0]
         within = np.maximum(np.abs(x), np.abs(y)) <= self.body.half_mm
@@ -83,24 +83,24 @@ class KnownBody:
 
 @dataclass(frozen=True)
 class Bodies:
-    """What pressed: bodies, and which of them (by number) each sample of a data set tells of."""
+    """Bodies, and the number of the body that pressed in each sample of a data set."""
 
     known: tuple[KnownBody, ...]
     of: Int[np.ndarray, ' samples']
 
     @classmethod
     def one(cls, body: KnownBody, samples: int) -> Bodies:
-        """The same for all samples."""
+        """The same body for all samples."""
         return cls((body,), np.zeros(samples, int))
 
     @property
     def is_a_ball(self) -> bool:
-        """Whether it is one ball alone, whose presses also tell how tips are read."""
+        """Whether it is a single ball, whose presses also calibrate the readout of tips."""
         return len(self.known) == 1 and self.known[0].is_ball
 
     @property
     def card_name(self) -> str:
-        """What a card says of them."""
+        """The names on a model card."""
         return BETWEEN.join(each.card_name for each in self.known)
 
 
@@ -108,7 +108,7 @@ def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
     """The body that pressed the gel of a model.
 
     Raises:
-        ModelError: nobody knows: the card says nothing, or names a file.
+        ModelError: it is unknown, because the card does not name it, or names a file.
     """
     told = str(card[BODY]) if BODY in card else f'{BALL}:{card[BALL_MM]:g}' if BALL_MM in card else ''
     if told and BETWEEN not in told and not Path(told).suffix[1:].isalpha():

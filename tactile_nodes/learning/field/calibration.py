@@ -30,23 +30,23 @@ from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.sensors.writing import values_of
 
 NO_TEXTURE = 1e-3
-"""Gradient (grey levels a pixel) at which a region of dots counts half: its dots say themselves how sure they are."""
+"""Gradient (grey levels a pixel) at which a region of dots has half the weight; dots have a confidence of their own."""
 
 DOTS_NOISE_PX = 0.015
-"""What the motion of a region of printed dots is off by, on simulated ones 18 px wide."""
+"""Motion error of a region of printed dots, on simulated ones 18 px wide."""
 
 KEPT = 'flow', 'encoding', 'crop_px'
-"""What a calibrated model's card has from its source's."""
+"""Keys that a calibrated model's card copies from its source."""
 
 
 def train_field(
     dataset: Dataset, config: FieldConfig, bins: BinGrid, progress: Progress
 ) -> tuple[FieldReadout, dict[str, Any]]:
-    """The readout of a training run: tips by the model that it names, and the field by its presses.
+    """The readout of a training run: tips by the model that it names, and the field from its presses.
 
     Raises:
         ModelError: there is no such model of tips, or it reads other features or bins.
-        ConfigurationError: there is no such sensor, or it tells forces on other bins.
+        ConfigurationError: there is no such sensor, or its bins differ.
     """
     sensor, tips = load_sensor(config.sensor), load_model(find_model(config.tips)).model.readout
     if not isinstance(tips, AxisymmetricReadout):
@@ -63,13 +63,13 @@ def train_field(
 
 @dataclass(frozen=True)
 class Pressed:
-    """What a person says of a sensor and of the body that pressed it; none: as the presses or the source do."""
+    """The sensor and the pressing body as given by a person; if None, those of the presses or of the source."""
 
     sensor: Sensor | None = None
     body: KnownBody | None = None
 
     def told(self, card: Mapping[str, Any], bodies: Bodies | None = None) -> dict[str, Any]:
-        """A source's card with that, or with what pressed."""
+        """A source's card with these entries, or with the bodies."""
         told = {**card, **({SENSOR: values_of(self.sensor)} if self.sensor else {})}
         if body := bodies or self.body:
             told.pop(BALL_MM, None)
@@ -77,11 +77,11 @@ class Pressed:
         return told
 
     def bodies(self, loaded: LoadedModel, dataset: Dataset) -> Bodies:
-        """What pressed each sample, as `named` has it.
+        """The body of each sample, as in `named`.
 
         Raises:
             DatasetError: an indenter is no body.
-            ModelError: nobody says what pressed.
+            ModelError: the body is unknown.
         """
         touched = dataset.presses[:, 2] > 0
         if dataset.indenter is None or not touched.any():
@@ -94,11 +94,11 @@ class Pressed:
         return Bodies(tuple(known.values()), which)
 
     def named(self, loaded: LoadedModel, indenter: str, *, alone: bool) -> KnownBody:
-        """The body that a record calls so: that of its name; of none, or of this `alone`, what the person says.
+        """The body of this name; the person's if the name is empty, or if one is given and the indenter is `alone`.
 
         Raises:
             DatasetError: it is no body.
-            ModelError: nobody says what pressed.
+            ModelError: the body is unknown.
         """
         if not indenter or (self.body and alone):
             return self.known_body(loaded)
@@ -109,19 +109,19 @@ class Pressed:
             raise DatasetError(f'the indenter {indenter!r} is not a known body: {error}{hint}') from error
 
     def known_body(self, loaded: LoadedModel) -> KnownBody:
-        """What pressed.
+        """The pressing body.
 
         Raises:
-            ModelError: neither the person nor the source says it.
+            ModelError: neither the person nor the source names it.
         """
         return self.body or body_of_card(loaded.card, loaded.model_id)
 
     def known_sensor(self, loaded: LoadedModel) -> Sensor:
-        """What was pressed.
+        """The pressed sensor.
 
         Raises:
-            ModelError: neither the person nor the source says it.
-            ConfigurationError: it tells forces on other bins than the source.
+            ModelError: neither the person nor the source describes it.
+            ConfigurationError: its bins differ from those of the source.
         """
         sensor = self.sensor or sensor_of(loaded.card, loaded.model_id)
         require_bins(sensor, loaded.model.bins)
@@ -129,11 +129,11 @@ class Pressed:
 
 
 def pressed_by(loaded: LoadedModel, sensor: str = '', body: str = '') -> Pressed:
-    """What a person says of sensor and body, by their names; empty: as the model says.
+    """Sensor and body by the names that a person gives; if empty, those of the model.
 
     Raises:
         ConfigurationError: there is none of that name, the body is wider than the gel, or the model has no force field.
-        ModelError: the model does not say what the person leaves out.
+        ModelError: the person leaves out a name that the model does not have either.
     """
     if not (sensor or body):
         return Pressed()
@@ -149,7 +149,7 @@ def pressed_by(loaded: LoadedModel, sensor: str = '', body: str = '') -> Pressed
 
 
 def kept(card: Mapping[str, Any], readout: AnyReadout) -> dict[str, Any]:
-    """What a calibrated model's card has from its source's: of a field also what it was pressed by."""
+    """The entries that a calibrated model's card copies from its source; of a field also its body."""
     names = (*KEPT, SENSOR, BODY, BALL_MM) if isinstance(readout, FieldReadout) else KEPT
     return {name: card[name] for name in names if name in card}
 
@@ -164,15 +164,15 @@ def with_field(
     forced: bool = False,
     curve: bool = False,
 ) -> Transfer:
-    """A calibration of a model `field`: what reads tips was calibrated before, the field is by the same presses.
+    """A calibration of a model `field`: tips are calibrated already, the field is fitted to the same presses.
 
-    With `forced` also one by which the camera is another than described; with `curve` it also says what fewer presses
-    would have told.
+    `forced` also accepts presses by which the camera differs from its description. `curve` adds the errors with fewer
+    presses.
 
     Raises:
-        ModelError: neither the person nor the source says what pressed, or what was.
-        DatasetError: an indenter is no body, or by the presses the camera is another than described and nobody forced
-            it.
+        ModelError: neither the person nor the source gives the body, or the sensor.
+        DatasetError: an indenter is no body, or by the presses the camera differs from its description and it was not
+            forced.
         ConfigurationError: a body is wider than the gel.
     """
     if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
@@ -195,18 +195,18 @@ def _fitted(
     *,
     curve: bool = False,
 ) -> FieldFit:
-    """By a picture of each press."""
+    """The fit to one image of each press."""
     other = OtherGel.of(tips, dataset)
     scaling, fold = uncovered(sensor, other.live_scaling), folds_of(other.presses.contacts)
     return fit_field(sensor, scaling, dataset, other.rows, fold, bodies, progress, curve=curve)
 
 
 def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path, progress: Progress) -> str:
-    """Write the model of a sensor that nobody has pressed yet, from its description alone; its id.
+    """Write the model of a sensor without any presses, from its description alone; its id.
 
     Raises:
         ModelError: the source has no force field.
-        ConfigurationError: the picture shows too little of the gel.
+        ConfigurationError: the image shows too little of the gel.
     """
     readout, model = loaded.model.readout, loaded.model
     if not isinstance(readout, FieldReadout):
@@ -235,7 +235,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
 
 
 def _sees_alike(one: Sensor, other: Sensor) -> bool:
-    """Whether one picture shows the same part of the gel as the other, so that the same regions are known."""
+    """Whether images of both sensors show the same part of the gel, so that the same regions are known."""
     (seen, known) = ((each.image.crop_px, each.camera, each.gel.outline) for each in (one, other))
     return seen == known
 
@@ -243,7 +243,7 @@ def _sees_alike(one: Sensor, other: Sensor) -> bool:
 def _measured_by(
     sensor: Sensor, source: Mapping[str, Any], regions: dict[str, int], covered: list[int]
 ) -> dict[str, Any]:
-    """Flow and encoding by region: those of the source, of printed dots the flow by dots, which no texture weighs."""
+    """Flow and encoding: those of the source, or the flow by dots for printed ones, without texture weights."""
     dots = sensor.pattern.kind == 'dots'
     flow: Mapping[str, Any] = {'name': DotsFlow.name, 'options': {}} if dots else source['flow']
     encoding, unseen = source['encoding'], {'covered': covered} if covered else {}
@@ -255,10 +255,10 @@ def _measured_by(
 
 
 def require_bins(sensor: Sensor, bins: BinGrid) -> None:
-    """Refuse a description that tells forces on other bins.
+    """Refuse a description whose force bins differ.
 
     Raises:
-        ConfigurationError: says both.
+        ConfigurationError: names both.
     """
     if (own := BinGrid.of_sensor(sensor)) != bins:
         raise ConfigurationError(
@@ -273,7 +273,7 @@ def _bins(bins: BinGrid) -> str:
 
 
 def card_of_sensor(config: FieldConfig) -> dict[str, Any]:
-    """What the card of a training run says of its sensor and of the body that pressed it."""
+    """The entries for the sensor and the pressing body on the card of a training run."""
     return Pressed(load_sensor(config.sensor), KnownBody.named(config.body)).told({})
 
 

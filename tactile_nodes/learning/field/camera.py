@@ -1,7 +1,7 @@
-"""How a camera looks at its gel, told by presses: six numbers that a description seldom has right.
+"""The pose of the camera relative to its gel, fitted to presses: six numbers that a description seldom has right.
 
-Where the pupil is along the surface, how the camera is tilted and turned, and how large its picture is. They move what
-all regions see at once, so ten presses tell them; to fit each region for itself takes a hundred. Places are in the
+The six are the place of the pupil along the surface, tilts and roll of the camera, and the focal length. They affect
+all regions at once, so ten presses determine them; to fit each region separately takes a hundred. Places are in the
 frame of the presses.
 """
 
@@ -23,20 +23,20 @@ from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
 
 SCALES = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 0.03])
-"""In which the numbers are fitted: the place along x and y (mm), both tilts and the roll (degrees), the logarithm of
-the focal length. They have no prior: five presses tell more than any (`tactile bench fleet`)."""
+"""Units of the fitted numbers: the place along x and y (mm), both tilts and the roll (degrees), the logarithm of
+the focal length. They have no prior: five presses say more than any (`tactile bench fleet`)."""
 
 AS_DESCRIBED = np.zeros(len(SCALES))
 
 LEAST, MOST = 5, 30
-"""Presses that are needed, and that are used: more tell hardly more of six numbers."""
+"""Presses that are needed, and that are used at most: more hardly improve six numbers."""
 
 FARTHEST = 0.2
-"""Share by which a focal length may be another than described; beyond it places, pictures or the description are of
-something else."""
+"""Largest relative difference of the focal length from its description. Beyond it, places, images or the description
+are of something else."""
 
 VARIED, ENOUGH, LOOKS = 0.05, 0.01, 12
-"""By how much of its scale each number is varied, what change of it is none, and how many cameras are tried at most."""
+"""Step of each number for slopes, in its scale; change that counts as converged; most cameras that are tried."""
 
 
 def camera_told(
@@ -49,10 +49,10 @@ def camera_told(
     softer: float = 1.0,
     advance: Callable[[int], object] = lambda _: None,
 ) -> Sensor:
-    """The sensor with the camera that presses tell; as described, where presses held out are explained nearly as well.
+    """The sensor with its camera fitted to presses; as described, if that explains held-out presses nearly as well.
 
-    Printed dots are described by where they are on the gel, which follows from the camera: of them it stays.
-    `softer` is as `presses_of` has it; `advance` is called as the work goes on, twice.
+    Printed dots are described by their places on the gel, which follow from the camera. For them the camera stays.
+    `softer` is as in `presses_of`. `advance` is called twice to report progress.
     """
     sensor = regions.sensor
     if len(rows) < LEAST or len(np.unique(fold)) < 2 or sensor.pattern.kind == 'dots':
@@ -70,7 +70,7 @@ def camera_told(
 
 
 def looking(sensor: Sensor, by: Float[np.ndarray, ' 6']) -> Sensor:
-    """A sensor whose camera looks otherwise, by six numbers as `SCALES` has them."""
+    """A sensor whose camera differs by six numbers, in units of `SCALES`."""
     x, y, about_x, about_y, roll, larger = by.tolist()
     camera, scale = sensor.camera, math.exp(larger)
     right, down, away = camera.position_mm
@@ -83,7 +83,7 @@ def looking(sensor: Sensor, by: Float[np.ndarray, ' 6']) -> Sensor:
 
 
 def looked_otherwise(described: Sensor, told: Sensor) -> Float[np.ndarray, ' 6']:
-    """By which six numbers `looking` makes one of the other."""
+    """The six numbers by which `looking` turns the described sensor into the fitted one."""
 
     def six(sensor: Sensor) -> np.ndarray:
         camera = sensor.camera
@@ -95,7 +95,7 @@ def looked_otherwise(described: Sensor, told: Sensor) -> Float[np.ndarray, ' 6']
 
 
 def in_words(by: Float[np.ndarray, ' 6']) -> str:
-    """How a camera looks otherwise than it is described, as the end of a sentence; '' where it does not."""
+    """How a camera differs from its description, as the end of a sentence; '' if it does not."""
     if not by.any():
         return ''
     x, y, about_x, about_y, roll, larger = by.tolist()
@@ -107,7 +107,7 @@ def in_words(by: Float[np.ndarray, ' 6']) -> str:
 
 
 def focal_objection(by: Float[np.ndarray, ' 6']) -> str:
-    """What speaks against a calibration by which a camera looks otherwise than it is described; empty where nothing."""
+    """The objection to a calibration whose camera differs from its description; empty if there is none."""
     share = math.expm1(by[-1])
     if abs(share) <= FARTHEST:
         return ''
@@ -119,7 +119,7 @@ def focal_objection(by: Float[np.ndarray, ' 6']) -> str:
 
 @dataclass(frozen=True)
 class Seen:
-    """Presses, what moved under them, and what their pressures do in the gel: the same whatever camera looks at it."""
+    """Presses, the motion under them, and the effect of their pressures in the gel, which no camera changes."""
 
     regions: Regions
     known: Int[np.ndarray, ' known']
@@ -140,8 +140,10 @@ class Seen:
         return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), fields)
 
     def told(self, by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, 'n known 2']:
-        """What would be seen of a gel of the described stiffness, over what is expected, by a camera that looks
-        otherwise by so many times `SCALES`."""
+        """The motion predicted for a gel of the described stiffness, over the expected standard deviation.
+
+        The camera differs from its description by `by`, in units of `SCALES`.
+        """
         regions = replace(self.regions, sensor=looking(self.regions.sensor, by * SCALES))
         moved = np.zeros(self.motion.shape)
         for same, fields in self.fields:
@@ -150,12 +152,12 @@ class Seen:
         return np.asarray(moved * self.sure)
 
     def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, ' numbers']:
-        """What is left over of some presses, if the gel is as soft as they say."""
+        """Residuals of some presses, with the gel's softness fitted to them."""
         told, motion = self.told(by)[rest], (self.motion * self.sure)[rest]
         return np.asarray((motion - _gain(told, motion) * told).ravel())
 
     def fitted(self, rest: Bool[np.ndarray, ' n'], begin: Float[np.ndarray, ' 6'] = AS_DESCRIBED) -> np.ndarray:
-        """How the camera looks by some presses, sought from `begin` on, with the slopes there."""
+        """The camera fitted to some presses, starting from `begin`, with the slopes there."""
         from scipy.optimize import least_squares
 
         left = partial(self.left, rest)
@@ -164,7 +166,7 @@ class Seen:
         return np.asarray(found.x)
 
     def misfit(self, by: Float[np.ndarray, ' 6'], rest: Bool[np.ndarray, ' n']) -> float:
-        """What is left over of the others, if the gel is as soft as these presses say."""
+        """Misfit of the other presses, with the gel's softness fitted to these ones."""
         told, motion = self.told(by), self.motion * self.sure
         left = (motion - _gain(told[rest], motion[rest]) * told)[~rest]
         return float(np.sqrt(np.square(left).mean()))
@@ -173,11 +175,11 @@ class Seen:
 def _slopes(
     left: Callable[[Float[np.ndarray, ' 6']], Float[np.ndarray, ' numbers']], by: Float[np.ndarray, ' 6']
 ) -> Float[np.ndarray, 'numbers 6']:
-    """By how much what is left over changes with each number; steps that 32 bit floats tell apart."""
+    """Derivatives of the residuals by each number; the steps are large enough for 32 bit floats."""
     here = left(by)
     return np.stack([(left(by + step) - here) / VARIED for step in VARIED * np.eye(len(by))], axis=1)
 
 
 def _gain(told: np.ndarray, motion: np.ndarray) -> float:
-    """How many times as soft as described a gel is."""
+    """The gel's softness as a multiple of the described one."""
     return float((told * motion).sum() / max(np.square(told).sum(), 1e-12))

@@ -1,9 +1,9 @@
 """The response of a sensor's regions to forces on its surface: from its description, and from presses of a known body.
 
-What the description leaves open is few numbers: one for the whole gel (its modulus), or for each region at which depths
-its markers lie and where its rays meet the gel (fifteen, see `tactile_nodes.sensing.elasticity.regions`). Three forms
-from the simplest on: the description alone, one gain, regions. How presses that a fit did not see are read decides
-between them (`judging`).
+The description leaves few numbers open. They are one for the whole gel (its modulus), or fifteen for each region: the
+depths of its markers and where its rays meet the gel (see `tactile_nodes.sensing.elasticity.regions`). Three forms
+are fitted, the simplest first: the description alone, one gain, regions. Held-out presses decide between them
+(`judging`).
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ KNOWN_CONFIDENCE = 0.1
 """Confidence from which a region counts."""
 
 CURVE = 0, 10, 30, 100
-"""Presses that the error is told for, as far as there are so many."""
+"""Numbers of presses at which the error is reported, as far as there are so many."""
 
 NEARLY = 0.9
-"""Of all presses: so many are as good as all."""
+"""This share of all presses counts as all."""
 
 
 @dataclass(frozen=True)
 class FieldFit:
-    """A readout, and how it came about; `misfits` by form are root mean squares of what held-out presses leave over.
+    """A readout, and how it was found; `misfits` by form are RMS residuals of held-out presses.
 
-    `by` are the presses. `errors` are of those held out, read by the field alone; `curve` those with fewer of them.
-    `offset_n` is the force that they seem to begin at, and its standard deviation; `left_out` how many presses were too
-    deep for the linear layer; `looks` is how the camera looks otherwise than it is described, as
-    `camera.looking` has it.
+    `by` are the presses. `errors` are of held-out ones, estimated by the field alone; `curve` has those with fewer
+    presses. `offset_n` is the offset of their forces, and its standard deviation. `left_out` is the number of
+    presses that were too deep for the linear layer. `looks` is how the camera differs from its description, as in
+    `camera.looking`.
     """
 
     readout: FieldReadout
@@ -63,12 +63,12 @@ class FieldFit:
 
     @property
     def presses(self) -> int:
-        """How many were fitted to."""
+        """The number of presses in the fit."""
         return 0 if self.by is None else len(self.by)
 
     @property
     def reason(self) -> str:
-        """Why this form, in a sentence."""
+        """Why this form was chosen, in a sentence."""
         if not self.misfits:
             return f'{self.form}: no press gives more information'
         left = ', '.join(f'{name} {value:.2f}' for name, value in self.misfits.items())
@@ -79,17 +79,17 @@ class FieldFit:
 
     @property
     def objection(self) -> str:
-        """What speaks against it, whatever it reads; empty where nothing does."""
+        """The objection to the fit, whatever its errors; empty if there is none."""
         return focal_objection(self.looks)
 
     @property
     def deep(self) -> str:
-        """How many presses do not count, in words."""
+        """The number of presses that were left out, in words."""
         return f'; {self.left_out} presses are left out: too deep for a linear layer' if self.left_out else ''
 
 
 def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> InputScaling:
-    """The regions of a described sensor: those that see nothing but gel are known; `gain` is one over their noise (px).
+    """The regions of a described sensor: those that see only gel are known; `gain` is the inverse of their noise (px).
 
     They are the usual ones, or of a `shape`: rows and columns.
 
@@ -110,7 +110,7 @@ def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> Inpu
 
 
 def uncovered(sensor: Sensor, scaling: InputScaling) -> InputScaling:
-    """A scaling that knows no region which the sensor's mask covers, or which looks beyond the rim of a shaped gel.
+    """A scaling without the regions that the sensor's mask covers, or that look beyond the rim of a shaped gel.
 
     Raises:
         ConfigurationError: hardly any is left.
@@ -129,9 +129,9 @@ def uncovered(sensor: Sensor, scaling: InputScaling) -> InputScaling:
 
 
 def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None = None) -> FieldFit:
-    """The readout that follows from a description alone; `scaling` says which regions are known and how they rest.
+    """The readout from a description alone; `scaling` says which regions are known, and their features at rest.
 
-    All its forces are off by as much as the moduli are, of which a picture shows nothing.
+    The relative error of all its forces is that of the moduli, which an image does not show.
     """
     regions = regions_of(sensor, scaling)
     spread = spread_of('', 0, regions.uneven)
@@ -159,17 +159,17 @@ def fit_field(
     *,
     curve: bool = False,
 ) -> FieldFit:
-    """The readout that presses of known bodies tell, in the form that they support.
+    """The readout fitted to presses of known bodies, in the form that they support.
 
     Args:
         sensor: its description.
         scaling: which regions are known, and what they show at rest.
         dataset: holds the presses.
-        rows: samples with contact, a picture of each press.
-        fold: to which of some parts each press belongs, each of which is held out once.
-        bodies: what pressed each sample of the data set.
-        progress: shows what is done.
-        curve: whether to say what fewer presses would have told.
+        rows: samples with contact, an image of each press.
+        fold: the fold of each press; each fold is held out once.
+        bodies: the body that pressed in each sample of the data set.
+        progress: shows the progress.
+        curve: whether to report errors with fewer presses.
 
     Raises:
         DatasetError: none of these presses has a force that is known.
@@ -205,12 +205,12 @@ def fit_field(
 
 
 def regions_of(sensor: Sensor, scaling: InputScaling) -> Regions:
-    """The regions of a sensor's picture that a scaling tells of."""
+    """The regions of a sensor's image that a scaling knows."""
     return Regions(sensor, *scaling.trusted.shape)
 
 
 def _curve(judge: Judge, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> tuple[Point, ...]:
-    """Errors of presses that were held out, by fits to the first few of the others, and to all of them."""
+    """Errors of held-out presses, by fits to the first few of the others, and to all of them."""
     rest = [np.flatnonzero(fold != out) for out in np.unique(fold)]
     most = min(map(len, rest))
     points = []
@@ -223,7 +223,7 @@ def _curve(judge: Judge, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> t
 
 
 def _few(judge: Judge, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> tuple[str, np.ndarray]:
-    """The form that a few presses support, and what each term counts in it."""
+    """The form that a few presses support, and the share of each term in it."""
     if len(np.unique(fold)) < 2:
         return 'description', judge.start
     chosen = Chosen.of(judge, presses, fold)
@@ -231,5 +231,5 @@ def _few(judge: Judge, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> tup
 
 
 def _nominal(regions: Regions, scaling: InputScaling) -> Float[np.ndarray, 'regions terms']:
-    """What each term counts if no press told anything."""
+    """The prior share of each term, without any presses."""
     return np.tile(regions.nominal_shares, (len(known_of(scaling)), 1))

@@ -1,8 +1,8 @@
-"""What fits to some presses made of the response, judged by presses that they did not see.
+"""Judge fits of the response by presses that they did not see.
 
-Motion tells where the markers of each region lie, and how soft the gel is as far as the layer explains motion. A gel
-under a tip that goes deep moves an eighth less than a layer that is linear, and what presses between printed dots is
-read a third too low. There the forces that are read tell what to divide by.
+Motion determines the depths of each region's markers, and the softness of the gel as far as the layer explains motion.
+A gel under a tip that goes deep moves an eighth less than a linear layer. Presses between printed dots are
+underestimated by a third. In such cases the gain follows from the estimated forces.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from tactile_nodes.sensing.explain.network import InputScaling
 FORMS = 'description', 'gain', 'regions'
 
 UNFITTED = 0.04
-"""Share of its motion by which the response of a region is off as a description has it."""
+"""Relative error of a region's motion if its response follows from the description."""
 
 UNPRESSED, FEW = 0.05, 10
-"""Share by which forces are off where no press told how regions respond; it falls with the root of the presses beyond
-so few, if a ball pressed. What a punch, a square or a ring tells of a tip is 6 to 8 % off with sixty presses, too.
-Where motion changes much over a region (`Regions.uneven`), as under a tip on markers near the surface, by twice the
-square of that as far. So intervals of 90 % hold 26 of 30 totals of ten families on the pad `9dtact_like`, with once
-the square 21, and without 19: tips are up to 36 % off, rings 31 % (`tactile bench sensors --only 9dtact_like`, seed
-101, and seed 717 with `--each 1`; `gel.moduli_off` taken as nought)."""
+"""Relative error of forces where no press measured the regions' response. If a ball pressed, it falls with the root of
+the number of presses beyond `FEW`. For a tip, a punch, a square or a ring leaves 6 to 8 % even with sixty presses.
+Where motion varies much over a region (`Regions.uneven`), as under a tip on markers near the surface, it is
+multiplied by twice the square of that. So intervals of 90 % hold 26 of 30 totals of ten families on the pad
+`9dtact_like`, with once the square 21, and without 19: tips are up to 36 % off, rings 31 % (`tactile bench sensors
+--only 9dtact_like`, seed 101, and seed 717 with `--each 1`; `gel.moduli_off` set to zero)."""
 
 UNEVEN_TIMES = 2.0
 
@@ -44,27 +44,28 @@ MOST_TIMES = 5.0
 """No more than a quarter."""
 
 NEAR, PASSES = 1.0, 3
-"""Unevenness beyond which markers lie so near the surface that a field is solved in passes, and how many."""
+"""Unevenness beyond which markers are so near the surface that a field is solved in passes, and their number."""
 
 JUDGES = 40
 ROOM = 2.0
-"""Times the misfit of presses that were held out, beyond which a frame is unlike what the response knows: drags and
-wide contacts of other bodies leave so much more over."""
+"""Factor on the misfit of held-out presses beyond which a frame is out of distribution: drags and wide contacts of
+other bodies leave residuals this much larger."""
 
 EXPLAINED = 1.5
-"""Times what is expected: a motion of which more is left over does not tell how soft the gel is. Of presses on the gel
-that ships it is 0.9 to 1.4, of printed dots 2 to 8. Were forces to tell it on the gel that ships, too, its totals
-would be 5 % off in place of 2 % (`tactile bench contacts --each 4 --no-disturbances`, 100 presses)."""
+"""Limit in multiples of the expected residual; motion with a larger one does not determine the gel's softness. It is
+0.9 to 1.4 for presses on the gel that ships, and 2 to 8 for printed dots. If forces determined the softness of the gel
+that ships, too, its totals would be 5 % off instead of 2 % (`tactile bench contacts --each 4 --no-disturbances`,
+100 presses)."""
 
 LEAST_GAIN, MOST_GAIN = 0.05, 20.0
-"""Times as soft as described a gel may be."""
+"""Limits of a gel's softness, as a multiple of the described one."""
 
 
 @dataclass(frozen=True)
 class Held:
-    """Presses as fits that did not see them read them: misfits, and errors of x, y (mm) and force (N) of each.
+    """Held-out presses as estimated by fits that did not see them: misfits, and errors of x, y (mm) and force (N).
 
-    `force_n` is the true force, `fold` the part of each.
+    `force_n` is the true force, `fold` the fold of each press.
     """
 
     misfits: Float[np.ndarray, ' n']
@@ -76,7 +77,7 @@ class Held:
     def of(
         cls, readouts: Sequence[FieldReadout], dataset: Dataset, presses: BodyPresses, fold: Int[np.ndarray, ' n']
     ) -> Held:
-        """Some presses as the field of a readout each reads them, without what it may know of tips."""
+        """Estimates of some presses by the field of each readout, without its readout of tips."""
         judges = np.arange(len(presses))[:: max(1, len(presses) // JUDGES)]
         misfits, off = [], []
         for number in judges.tolist():
@@ -89,37 +90,37 @@ class Held:
 
     @property
     def misfit(self) -> float:
-        """That one of a hundred exceeds."""
+        """The misfit that one press of a hundred exceeds."""
         return float(np.percentile(self.misfits, 99))
 
     @property
     def errors(self) -> Errors:
-        """How far off they are read."""
+        """The errors of the estimates."""
         return Errors.of(self.off)
 
     @property
     def gain(self) -> float:
-        """How many times too large forces are read, by the median of the presses: 0.67 of a gel half as hard again as
-        the response has it."""
+        """The factor by which forces are overestimated, as the median of the presses: 0.67 if the gel is half as hard
+        again as the response."""
         return self._gain(np.ones(len(self.force_n), bool))
 
     @property
     def gains(self) -> dict[int, float]:
-        """The same by all presses but those of a part."""
+        """The same factor for each fold, by all presses outside that fold."""
         return {int(out): self._gain(self.fold != out) for out in np.unique(self.fold)}
 
     def over(self, gains: Mapping[int, float]) -> Held:
-        """As if the forces of each part were over a gain."""
+        """The same estimates with the forces of each fold divided by a gain."""
         gain = np.array([gains[int(each)] for each in self.fold])
         off_n = (self.off[:, 2] + self.force_n) / gain - self.force_n
         return replace(self, off=np.column_stack([self.off[:, :2], off_n]))
 
     @property
     def cost(self) -> float:
-        """Force times place: by which factor forces are off (mean of its logarithm), and the median distance (mm).
+        """Product of force error (mean logarithm of the factor) and place error (median distance in mm).
 
-        In newtons the few that are read much too large would rule: they kept the description of a gel half as hard
-        again.
+        In newtons the few forces that are overestimated most would dominate. They made the fit keep the description
+        of a gel that was half as hard again.
         """
         away = np.hypot(self.off[:, 0], self.off[:, 1])
         off = np.abs(np.log(np.maximum(self._times, LEAST_GAIN))).mean()
@@ -127,7 +128,7 @@ class Held:
 
     @property
     def _times(self) -> Float[np.ndarray, ' n']:
-        """What is read of each force, as a share."""
+        """Estimated force over true force."""
         times: np.ndarray = 1 + self.off[:, 2] / self.force_n
         return times
 
@@ -139,7 +140,7 @@ class Held:
 
 @dataclass(frozen=True)
 class Judge:
-    """Reads presses with what fits to others made of the response; `start` is what each term counts as described."""
+    """Estimates presses with fits of the response to other presses; `start` is each term's share by the description."""
 
     terms: Float32[np.ndarray, 'regions 2 terms unknowns']
     scaling: InputScaling
@@ -151,7 +152,7 @@ class Judge:
     def readout(
         self, form: str, shares: Float[np.ndarray, 'regions terms'], presses: int, limit: float = ROOM
     ) -> FieldReadout:
-        """As these shares have it, which so many presses told."""
+        """The readout with these shares, fitted to this number of presses."""
         doubt, response = DOUBT if form == 'regions' else UNFITTED, told(self.terms, shares)
         noise, spread = noise_px(self.scaling), spread_of(form, presses, self.regions.uneven, by_ball=self.by_ball)
         softer = np.float32(shares[:, ::3].sum(axis=1).mean())
@@ -161,13 +162,13 @@ class Judge:
         )  # fmt: skip
 
     def described(self, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> Held:
-        """Some presses as the description alone reads them."""
+        """Estimates of some presses by the description alone."""
         return self._read(presses, fold, dict.fromkeys(np.unique(fold).tolist(), self._as_described))
 
     def read(
         self, form: str, presses: BodyPresses, fold: Int[np.ndarray, ' n'], held: Mapping[int, np.ndarray]
     ) -> Held:
-        """Some presses of each part, by the fit that did not see it."""
+        """Estimates of the presses of each fold, by the fit that did not see it."""
         return self._read(presses, fold, {out: self.readout(form, each, len(presses)) for out, each in held.items()})
 
     def _read(self, presses: BodyPresses, fold: Int[np.ndarray, ' n'], readouts: Mapping[int, FieldReadout]) -> Held:
@@ -179,15 +180,15 @@ class Judge:
 
     @cached_property
     def _surface(self) -> Float32[np.ndarray, '2 near near']:
-        """How far shear takes the surface of the described gel along."""
+        """How far the surface of the described gel moves under shear."""
         return self.regions.surface_under_shear
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """What each term counts in the form that presses support, and in fits to all parts of them but one.
+    """The share of each term in the form that presses support, for all presses and for all but each fold.
 
-    `gain` is how many times as soft the gel is as described.
+    `gain` is the gel's softness as a multiple of the described one.
     """
 
     form: str
@@ -198,7 +199,7 @@ class Chosen:
 
     @classmethod
     def of(cls, judge: Judge, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> Chosen:
-        """The form that presses held out support, see `simplest_form`."""
+        """The form that held-out presses support, see `simplest_form`."""
         start, described = judge.start, judge.described(presses, fold)
         rest = {int(out): presses.take(np.flatnonzero(fold != out)) for out in np.unique(fold)}
         softer = {out: each.gain(start) for out, each in rest.items()}
@@ -220,15 +221,15 @@ class Chosen:
 
 
 def simplest_form(costs: Mapping[str, float], misfits: Mapping[str, float]) -> str:
-    """The simplest form by which presses held out are read and explained nearly as well as by the best.
+    """The simplest form whose estimates and residuals of held-out presses are nearly as good as the best.
 
-    What is read of a few dozen alone is a toss-up. Of a hundred presses on a gel a gain and regions told forces and
-    places as exactly to 5 %, and of ten families of contacts 17 and 14 % of the force was misplaced. What was left over
-    of the motion told the two apart: 0.86 and 0.66 times what is expected.
+    The estimates of a few dozen presses alone do not decide. With a hundred presses on a gel, the forms gain and
+    regions agreed to 5 % in forces and places, but of ten families of contacts they misplaced 17 and 14 % of the
+    force. The residuals of motion separated the two: 0.86 and 0.66 times what is expected.
 
     Args:
-        costs: of the forms that may be taken, how far off presses are read (`Held.cost`).
-        misfits: what of their motion is left over.
+        costs: the errors of estimates of each form that may be chosen (`Held.cost`).
+        misfits: the residuals of their motion.
     """
     together = {form: cost * misfits[form] for form, cost in costs.items()}
     return next(form for form in FORMS if together.get(form, math.inf) <= WORTH * min(together.values()))
@@ -236,32 +237,32 @@ def simplest_form(costs: Mapping[str, float], misfits: Mapping[str, float]) -> s
 
 @dataclass(frozen=True)
 class _Fit:
-    """What each term counts by all presses, and by all but those of each part."""
+    """The share of each term by all presses, and by all but each fold."""
 
     shares: Float[np.ndarray, 'regions terms']
     held: Mapping[int, Float[np.ndarray, 'regions terms']]
 
     def misfit(self, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> float:
-        """What of the motion is left over of the presses that a fit did not see."""
+        """The misfit of the presses that a fit did not see."""
         found = [presses.take(np.flatnonzero(fold == out)).misfit(shares) for out, shares in self.held.items()]
         return float(np.sqrt(np.mean(np.square(found))))
 
     def times(self, read: Held) -> _Fit:
-        """As much softer as forces were read too large."""
+        """The fit with its softness multiplied by the factor of overestimated forces."""
         gains = read.gains
         held = {out: gains.get(out, read.gain) * shares for out, shares in self.held.items()}
         return _Fit(read.gain * self.shares, held)
 
 
 def _regions(presses: BodyPresses, start: Float[np.ndarray, 'regions terms']) -> Float[np.ndarray, 'regions terms']:
-    """Shares of every region of its own."""
+    """Separate shares for every region."""
     return presses.fitted(presses.gain(start) * start)
 
 
 def _off(
     found: Field, readout: FieldReadout, centre_mm: Float[np.ndarray, ' 2'], force_n: float
 ) -> tuple[float, float, float]:
-    """By how much centre (mm) and force (N) are off; NaN of the centre of no force."""
+    """Errors of centre (mm) and force (N); that of the centre is NaN without force."""
     pressed, total = found.forces_n[0], float(found.forces_n[0].sum())
     place = pressed @ readout.solver.patches.centres_mm / total if total > 0 else np.full(2, math.nan)
     x, y = (place - centre_mm).tolist()
@@ -269,7 +270,7 @@ def _off(
 
 
 def spread_of(form: str, presses: int, uneven: float, *, by_ball: bool = True) -> FieldSpread:
-    """How far off forces are where no press told how regions respond."""
+    """The relative error of forces where no press measured the regions' response."""
     told = by_ball and form == 'regions' and presses > FEW
     return FieldSpread(
         response=UNPRESSED * (math.sqrt(FEW / presses) if told else min(max(1.0, UNEVEN_TIMES * uneven**2), MOST_TIMES))
@@ -277,13 +278,13 @@ def spread_of(form: str, presses: int, uneven: float, *, by_ball: bool = True) -
 
 
 def passes_of(regions: Regions) -> int:
-    """How often a frame is solved: see `NEAR`."""
+    """The number of passes in which a frame is solved, see `NEAR`."""
     return PASSES if regions.uneven > NEAR else 1
 
 
 def told(
     terms: Float32[np.ndarray, 'regions 2 terms unknowns'], shares: Float[np.ndarray, 'regions terms']
 ) -> Float32[np.ndarray, 'rows unknowns']:
-    """Motion under 1 N on each patch, if each term counts so much."""
+    """Motion under 1 N on each patch, with these shares of the terms."""
     summed: np.ndarray = np.einsum('rptu,rt->rpu', terms, shares.astype(np.float32), optimize=True)
     return summed.reshape(-1, summed.shape[-1])

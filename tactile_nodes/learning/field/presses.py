@@ -1,7 +1,7 @@
-"""Presses of known bodies beside what the layer makes of them, region by region and term by term.
+"""Presses of known bodies, with the layer's prediction for each region and each term.
 
-The body's pressure is the layer's own answer to its shape and its force, so a ring's contact grows with the force as a
-ball's does. Forces count in steps: within one the pressure has one shape.
+The body's pressure follows from the layer's response to its shape and its force, so the contact of a ring grows with
+the force as that of a ball does. Forces are grouped in steps: within one the pressure has one shape.
 """
 
 from __future__ import annotations
@@ -24,39 +24,39 @@ from tactile_nodes.sensing.explain.field.weights import region_weights
 from tactile_nodes.sensing.explain.network import InputScaling
 
 DEEPEST = 0.18
-"""Share of the gel's thickness up to which a press serves: 0.5 N of the paper's tip, 1.1 mm deep."""
+"""Share of the gel's thickness up to which a press is used: 0.5 N of the paper's tip, 1.1 mm deep."""
 
 LEAST_LINEAR, MOST_FITTED = 10, 300
 STEP = 1.25
-"""Forces that differ by less than so many times share the shape of their pressure: a ball's contact differs by 8 %."""
+"""Forces within this factor share the shape of their pressure: a ball's contact differs by 8 %."""
 
 LIGHTEST_N = 1e-3
 MOST_STEPS = 60
-"""Forces from 1.5 µN to 0.65 MN are looked through."""
+"""Forces from 1.5 µN to 0.65 MN are searched."""
 
 DEPTH_SIGMA, SLOPE_SIGMA_MM, SUM_SIGMA = 0.5, 0.2, 0.05
-"""How far regions differ: in what a depth counts, as a share of its fifth, in how far off their rays are (mm), and in
-what all depths together count, as a share of that.
+"""Prior spread of regions: of a depth's share, relative to a fifth; of the offset of their rays (mm); and of the sum
+of all depths, relative to that sum.
 
-All regions see one gel, so only how a region divides itself among the depths is its own. Ten presses held out leave
-0.81 of what is expected if the sum is left free, 0.77 if it is held, twenty 0.735 and 0.725 (simulated gels 11 to 13).
+All regions see one gel, so a region differs only in its division among the depths. With a free sum, ten held-out
+presses leave 0.81 of what is expected, with a fixed one 0.77; twenty leave 0.735 and 0.725 (simulated gels 11 to 13).
 """
 
 DOUBT = 0.02
-"""Share of its motion by which the response of a region is off that was fitted to presses."""
+"""Relative error of a region's motion if its response was fitted to presses."""
 
 LEAST_NOISE_PX = 0.004
 
 LEAST_RANGE = 0.3
-"""Forces that differ by less than so much of the largest do not tell where they begin."""
+"""Forces whose range is less than this share of the largest do not determine the offset."""
 
 
 @dataclass(frozen=True)
 class BodyPresses:
-    """What the known regions show under presses of a known body, beside what each term of their response makes of them.
+    """The motion of the known regions under presses of a known body, and the prediction of each term of their response.
 
-    `terms` is motion (px) under the press's own force, `weights` one over the variance that is expected of a motion,
-    `centre_mm` where the middle of the pressure is, `rows` which samples of their data set they are.
+    `terms` is motion (px) under the press's own force, `weights` the inverse of the expected variance of a motion,
+    `centre_mm` the centre of pressure, `rows` the rows of the samples in their data set.
     """
 
     terms: Float32[np.ndarray, 'n regions 2 terms']
@@ -70,22 +70,22 @@ class BodyPresses:
         return len(self.motion)
 
     def take(self, chosen: np.ndarray) -> BodyPresses:
-        """Some of them."""
+        """Some of the presses."""
         return BodyPresses(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
     def misfit(self, shares: Float[np.ndarray, 'regions terms']) -> float:
-        """Root mean square of what these shares leave over, in units of what is expected."""
+        """RMS of the residuals with these shares, in units of their expected standard deviation."""
         left = self.motion - np.einsum('nrpt,rt->nrp', self.terms, shares)
         return float(np.sqrt((np.square(left).sum(axis=-1) * self.weights).sum() / (2 * (self.weights > 0).sum())))
 
     def gain(self, shares: Float[np.ndarray, 'regions terms']) -> float:
-        """What all shares have to be multiplied with."""
+        """The common factor on all shares that fits best."""
         told = np.einsum('nrpt,rt->nrp', self.terms, shares)
         weights = self.weights[..., None]
         return float((weights * told * self.motion).sum() / max((weights * told * told).sum(), 1e-12))
 
     def offset_n(self, shares: Float[np.ndarray, 'regions terms'], fold: Int[np.ndarray, ' n']) -> tuple[float, float]:
-        """The force at which nothing seems to move, and its standard deviation by leaving out part after part."""
+        """The force at which motion vanishes, and its standard deviation by leaving out fold after fold."""
         told, weights = np.einsum('nrpt,rt->nrp', self.terms, shares), self.weights[..., None]
         shown = (
             (weights * told * self.motion).sum(axis=(1, 2)) / (weights * told * told).sum(axis=(1, 2)) * self.force_n
@@ -97,7 +97,7 @@ class BodyPresses:
         return _begins(self.force_n, shown), float(np.sqrt((len(found) - 1) * found.var()))
 
     def fitted(self, shares: Float[np.ndarray, 'regions terms']) -> Float[np.ndarray, 'regions terms']:
-        """Shares of every region that explain its motion best, near those given."""
+        """Shares of every region that explain its motion best, with the given ones as prior."""
         sigma, summed = np.zeros((DEPTHS, 3)), np.zeros((DEPTHS, 3))
         scale = float(shares[0, ::3].mean())
         sigma[:, 0], sigma[:, 1:] = DEPTH_SIGMA * scale, SLOPE_SIGMA_MM * scale
@@ -112,13 +112,13 @@ class BodyPresses:
 
 
 def _begins(force_n: Float[np.ndarray, ' n'], shown: Float[np.ndarray, ' n']) -> float:
-    """Where a line through what is shown, over the force, is at nothing."""
+    """The force at which a line through the values crosses zero."""
     slope, height = np.polyfit(force_n, shown, 1)
     return float(-height / slope) if slope > 0 else 0.0
 
 
 class Pressures:
-    """How a body presses on a sensor's gel, force by force."""
+    """The pressure of a body on a sensor's gel, by force."""
 
     def __init__(self, regions: Regions, body: KnownBody) -> None:
         body.require_within(regions.sensor)
@@ -128,7 +128,7 @@ class Pressures:
 
     @staticmethod
     def steps(force_n: Float[np.ndarray, ' n']) -> Int[np.ndarray, ' n']:
-        """In which step each force is."""
+        """The step of each force."""
         steps: np.ndarray = np.round(np.log(force_n) / math.log(STEP)).astype(int)
         return steps
 
@@ -139,12 +139,12 @@ class Pressures:
         return self._known[step]
 
     def about(self, force_n: float) -> Indentation:
-        """The pressure of the step that a force is in; of none that of the lightest."""
+        """The pressure of the step of a force; without force that of the lightest step."""
         return self.at(int(self.steps(np.array([max(force_n, LIGHTEST_N)]))[0]))
 
     @cached_property
     def most_n(self) -> float:
-        """The force up to which the layer is linear under the body, by how deep it is then."""
+        """The force up to which the layer is linear under the body, from its depth at that force."""
         step, deepest_mm = 0, DEEPEST * self._thickness_mm
         while self.at(step).depth_mm <= deepest_mm and step < MOST_STEPS:
             step += 1
@@ -155,7 +155,7 @@ class Pressures:
 
 
 class AllPressures:
-    """How each body presses on a sensor's gel.
+    """The pressure of each body on a sensor's gel.
 
     Raises:
         ConfigurationError: one is wider than the gel.
@@ -166,7 +166,7 @@ class AllPressures:
         self.each = [Pressures(regions, body) for body in bodies.known]
 
     def linear(self, rows: Int[np.ndarray, ' n'], force_n: Float[np.ndarray, ' n']) -> Int[np.ndarray, ' chosen']:
-        """Those of some samples that are light enough for the linear layer; of heavy ones the lightest.
+        """The samples that are light enough for the linear layer; if too few are, the lightest.
 
         Raises:
             DatasetError: none has a force that is known.
@@ -191,7 +191,7 @@ def presses_of(
     softer: float = 1.0,
     advance: Callable[[int], object] = lambda _: None,
 ) -> BodyPresses:
-    """Some samples of a data set; `softer` is how many times as soft the gel is as its description says."""
+    """Some samples of a data set; `softer` is the gel's softness as a multiple of the described one."""
     known, motion = motion_of(scaling, dataset, rows)
     place, force = dataset.presses[rows][:, :2].astype(float), dataset.presses[rows][:, 3].astype(float)
     terms, centre = np.zeros((len(rows), len(known), 2, TERMS), np.float32), place.copy()
@@ -205,7 +205,7 @@ def presses_of(
 def motion_of(
     scaling: InputScaling, dataset: Dataset, rows: Int[np.ndarray, ' n']
 ) -> tuple[Int[np.ndarray, ' known'], Float[np.ndarray, 'n known 2']]:
-    """The known regions, and what they moved by since rest (px)."""
+    """The known regions, and their motion since rest (px)."""
     known = known_of(scaling)
     motion = (dataset.features[rows].astype(np.float32) - scaling.mean).reshape(len(rows), -1, 2)[:, known]
     return known, motion.astype(float)
@@ -214,7 +214,7 @@ def motion_of(
 def weights_of(
     scaling: InputScaling, dataset: Dataset, rows: Int[np.ndarray, ' n'], motion: Float[np.ndarray, 'n known 2']
 ) -> Float[np.ndarray, 'n known']:
-    """One over the variance that is expected of each motion."""
+    """The inverse of the expected variance of each motion."""
     sure = dataset.confidence[dataset.rest[rows]].reshape(len(rows), -1)[:, known_of(scaling)]
     return region_weights(motion, sure, noise_px(scaling), DOUBT)
 
@@ -222,7 +222,7 @@ def weights_of(
 def shapes_of(
     regions: Regions, pressures: AllPressures, dataset: Dataset, rows: Int[np.ndarray, ' n'], softer: float
 ) -> Iterator[tuple[Int[np.ndarray, ' same'], Float[np.ndarray, ' 2'], Complex[np.ndarray, 'ky kx']]]:
-    """Which samples share the shape of their pressure, the middle of that beside their place (mm), and its spectrum."""
+    """Samples that share a shape of pressure, its centre relative to their place (mm), and its spectrum."""
     kinds = np.column_stack([pressures.bodies.of[rows], Pressures.steps(dataset.presses[rows][:, 3] * softer)])
     for body, step in np.unique(kinds, axis=0).tolist():
         shape = pressures.each[body].at(step)
@@ -231,7 +231,7 @@ def shapes_of(
 
 
 def known_of(scaling: InputScaling) -> Int[np.ndarray, ' known']:
-    """Which regions are known."""
+    """Indices of the known regions."""
     return np.flatnonzero(scaling.trusted.reshape(-1) > 0)
 
 
