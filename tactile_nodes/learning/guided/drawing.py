@@ -1,4 +1,4 @@
-"""Where to press next: in the camera's picture, and as a sketch of the gel in characters."""
+"""Show the next press: in the camera's image, and as a sketch of the gel in text characters."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Sensor
 
 MARK, MADE = (0, 0, 255), (0, 200, 0)
-"""Blue, green, red: the mark is red, presses that were made are green."""
+"""Blue, green, red: the next place is red, finished presses are green."""
 COLUMNS = 41
 
 
 def marked(
     picture: UInt8[np.ndarray, 'h w'], sensor: Sensor, target: Target, done: Sequence[Done]
 ) -> UInt8[np.ndarray, 'h w 3']:
-    """The picture with a cross where to press, and a dot for each press that was made."""
+    """The image with a cross at the next place, and a dot for each finished press."""
     image = sensor.image
     places = np.array([target[:2], *(each[:2] for each in done if np.isfinite(each[:2]).all())])
     corner = (np.array([image.width, image.height]) - image.crop_px) // 2
@@ -35,7 +35,7 @@ def marked(
 
 
 def sketch(sides_mm: tuple[float, float], target: Target, done: Sequence[Done]) -> list[str]:
-    """The gel seen as in the picture, y down: X next, o pressed, + its middle; a character is twice as high as wide."""
+    """The gel as in the image, y down: X next, o pressed, + centre; a character is twice as high as wide."""
     width, height = sides_mm
     rows = max(3, round(COLUMNS * height / width / 2) | 1)
     cells = [['.'] * COLUMNS for _ in range(rows)]

@@ -1,6 +1,6 @@
-"""The folder that presses by hand are kept in: pictures, and the table that `dataset import` and `calibrate` read.
+"""The folder of presses by hand: images, and the table that `dataset import` and `calibrate` read.
 
-A picture is written before its row, and a row in one piece, so that whatever ends the session loses no press.
+An image is written before its row, and each row is written at once, so no press is lost if the session ends abruptly.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ TABLE = 'presses.csv'
 
 
 class PressFolder:
-    """A folder of presses with one indenter, begun or gone on with.
+    """A folder of presses with one indenter, new or continued.
 
     Args:
-        folder: where; made with the first picture.
-        unit: of the scale, as a table's header has it: 'g', 'n'.
+        folder: its path; created with the first image.
+        unit: of the scale, as in a table's header: 'g', 'n'.
         indenter: what presses.
-        reach_mm: from the middle of the gel to its rims.
+        reach_mm: from the centre of the gel to its rims.
 
     Raises:
-        DatasetError: the table that is there cannot be read, or has another unit; or a name that would break it.
+        DatasetError: the existing table cannot be read, or has another unit; or a name that would break it.
     """
 
     def __init__(self, folder: Path, unit: str, indenter: str, reach_mm: tuple[float, float]) -> None:
@@ -59,20 +59,20 @@ class PressFolder:
 
     @property
     def done(self) -> list[Done]:
-        """The presses that were made."""
+        """The finished presses."""
         return [Done(row.x_mm, row.y_mm, row.force_n) for row in self.rows if row.touches]
 
     @property
     def rests(self) -> list[UInt8[np.ndarray, 'h w']]:
-        """The pictures of the untouched gel. Raises ConfigurationError: one cannot be read."""
+        """The images of the untouched gel. Raises ConfigurationError: one cannot be read."""
         return [read_grey(self.folder / row.picture) for row in self.rows if not row.touches]
 
     def add_rest(self, picture: UInt8[np.ndarray, 'h w']) -> None:
-        """Keep a picture of the untouched gel."""
+        """Save an image of the untouched gel."""
         self._add(self._write('rest', picture), ',,0,')
 
     def add_press(self, picture: UInt8[np.ndarray, 'h w'], place_mm: tuple[float, float], reading: float) -> None:
-        """Keep a press; the reading in the unit of the scale.
+        """Save a press; the reading is in the unit of the scale.
 
         Raises:
             DatasetError, ConfigurationError: it cannot be written.
@@ -81,7 +81,7 @@ class PressFolder:
         self._add(self._write('press', picture), f'{x:g},{y:g},{reading:g},{self._indenter}')
 
     def fault(self, reading: float, place_mm: tuple[float, float]) -> str:
-        """Why an answer cannot be of a press; empty where it can."""
+        """Why this reading and place cannot be of a press; empty if they can."""
         unknown = np.nan
         row = TablePress(
             0, '', unknown, *place_mm, reading * self._newton, (unknown,) * 2, (unknown,) * 3, unknown, self._indenter

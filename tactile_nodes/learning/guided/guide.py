@@ -22,52 +22,52 @@ from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
 
 RESTS = 20
-"""Pictures of the untouched gel: a fifth is put aside for a test, and twelve have to be left."""
+"""Images of the untouched gel: a fifth is held out for a test, and twelve have to remain."""
 MOVED_PX = 1.0
-"""The camera sits otherwise than before from so much on."""
+"""Motion from which the camera counts as displaced."""
 PATIENCE_S = 5.0
 NO_PLACE = (math.nan, math.nan)
 
 ASIDE_MM = 5.0
-"""Farther from its place than this no press is seen; what the camera tells of it is a millimetre or two off."""
+"""A press is not seen farther from its place than this; the camera's estimate is a millimetre or two off."""
 
 Answer = tuple[float, tuple[float, float]]
 Picture = UInt8[np.ndarray, 'h w']
 
 
 class Person(Protocol):
-    """Who presses."""
+    """The person who presses."""
 
     def leave_untouched(self) -> None:
-        """Asked to leave the gel alone."""
+        """Ask the person not to touch the gel."""
         ...
 
     def press(self, target: Target, picture: Picture, done: list[Done]) -> None:
-        """Told what comes next."""
+        """Announce the next press."""
         ...
 
     def sees(self, state: str, place_mm: tuple[float, float]) -> None:
-        """Shown what the camera sees, about where."""
+        """Show what the camera sees, and roughly where."""
         ...
 
     def reading(self, target: Target) -> Answer | None:
-        """What the scale shows, in its unit, and where was pressed (mm); None: no such press."""
+        """The scale's reading, in its unit, and the pressed place (mm); None if this press is skipped."""
         ...
 
     def say(self, text: str) -> None:
-        """A line for the person."""
+        """Show a line of text."""
         ...
 
 
 class Guide:
-    """Guides a person through the presses that are wished for.
+    """Guides a person through the wanted presses.
 
     Args:
         camera: an open one, which looks at the gel.
         person: who presses.
-        folder: where presses are kept, and those of earlier sessions are.
-        wish: which presses.
-        sensor: the description of what is pressed.
+        folder: where presses are saved, with those of earlier sessions.
+        wish: the wanted presses.
+        sensor: the description of the pressed sensor.
     """
 
     def __init__(self, camera: Camera, person: Person, folder: PressFolder, wish: Wish, sensor: Sensor) -> None:
@@ -75,12 +75,12 @@ class Guide:
         self._sensor = sensor
 
     def run(self) -> None:
-        """All presses that are missing; returns when it is enough.
+        """Ask for all presses that are missing; returns when none is.
 
         Raises:
-            DatasetError: the gel or its camera is another than in the folder, or nothing can be written.
-            DeviceError: the camera is lost, or has come to its end.
-            ImageError: pictures of another size than described, or without markers.
+            DatasetError: the gel or its camera differs from the folder's, or nothing can be written.
+            DeviceError: the camera is lost, or its images end.
+            ImageError: images of another size than described, or without markers.
         """
         watch = Watch(self._sensor, self._rest())
         while (target := self._wish.next(self._folder.done)) is not None:
@@ -88,7 +88,7 @@ class Guide:
             self._press(watch, target)
 
     def missing(self) -> str:
-        """What there is, and what is still missing."""
+        """The presses so far, and those that are missing."""
         done = self._folder.done
         unit = zip(self._wish.forces_n, self._wish.counts(done), strict=True)
         forces = ', '.join(f'{count} of about {force:.2g} N' for force, count in unit)
@@ -96,7 +96,7 @@ class Guide:
         return f'{len(done)} of {self._wish.presses} presses ({forces}){gap}'
 
     def _rest(self) -> list[Picture]:
-        """Pictures of the untouched gel, or the check that those of an earlier session still hold."""
+        """Images of the untouched gel; those of an earlier session are checked first."""
         kept = self._folder.rests
         self._person.leave_untouched()
         capture = RestCapture(8)
@@ -122,7 +122,7 @@ class Guide:
             )
 
     def _press(self, watch: Watch, target: Target) -> None:
-        """One press: wait for it, ask for its reading, keep it, and wait for the gel to be let go."""
+        """One press: wait for it, ask for its reading, save it, and wait until the gel is released."""
         picture = self._until(watch, STEADY)
         told = self._answer(watch, target)
         if told is None:
@@ -136,7 +136,7 @@ class Guide:
         self._until(watch, UNTOUCHED)
 
     def _answer(self, watch: Watch, target: Target) -> Answer | None:
-        """The reading and the place that the person tells, asked again where neither can be; a place once only."""
+        """The person's reading and place; asked again if a reading is impossible, but only once about a place."""
         asked_for_place = False
         while (told := self._person.reading(target)) is not None:
             off_mm = math.dist(told[1], watch.place_mm)
@@ -152,7 +152,7 @@ class Guide:
         return told
 
     def _until(self, watch: Watch, state: str) -> Picture:
-        """The first picture that shows a state."""
+        """The first image that shows a state."""
         while True:
             picture = self._picture()
             seen = watch.see(picture)
@@ -161,7 +161,7 @@ class Guide:
                 return picture
 
     def _picture(self) -> Picture:
-        """The newest picture of the camera, grey, as described."""
+        """The newest image of the camera, in grey, as described."""
         picture = grey(_frame(self._camera).image)
         require_picture(picture)
         image = self._sensor.image
@@ -185,7 +185,7 @@ def _frame(camera: Camera) -> Frame:
 
 
 def until_enough(guide: Guide, say: Callable[[str], None]) -> None:
-    """Run it, and say what there is however it ends."""
+    """Run the guide, and report the presses so far however it ends."""
     try:
         guide.run()
     finally:

@@ -1,4 +1,4 @@
-"""The twin of a person: a hand that presses a simulated gel as it is told, a little beside, and reads a scale."""
+"""A simulated person: presses a simulated gel as asked, with small errors, and reads a scale."""
 
 from __future__ import annotations
 
@@ -23,22 +23,23 @@ from tactile_nodes.simulation.optics import Press
 
 AWAY = Press(0.0, 0.0, -1.0)
 UNSTEADY = 0.15
-"""By which share a hand presses harder or less hard than it is told."""
+"""Relative error of the force with which a hand presses."""
 HARDER = 1.05
-"""Times as deep, while the camera sees nothing of it."""
+"""Factor on the depth while the camera sees no press."""
 TIP = 'ball:0.6'
 
 
 class SimulatedPerson:
-    """Presses at once, with about the force that was asked, exactly at the place; the scale is right to a tenth of a
-    per cent of its full range.
+    """Presses at once, with about the wanted force, exactly at the place.
+
+    The scale is right to a tenth of a per cent of its full range.
 
     Args:
         sensor: what is pressed.
-        newton: what one of the scale's unit is in N.
-        tell: hears what a person would read.
+        newton: the scale's unit in N.
+        tell: receives the text for a person.
         world: the name under which the simulated camera finds the gel.
-        body: what presses; solved once for a gel, which takes a quarter of a minute, and kept.
+        body: what presses; solved once for a gel, which takes a quarter of a minute, and cached.
 
     Raises:
         ConfigurationError: the body is neither a ball nor a punch.
@@ -66,24 +67,24 @@ class SimulatedPerson:
 
     @property
     def gel(self) -> Gel:
-        """What is pressed."""
+        """The pressed gel."""
         return self._gel
 
     @property
     def tables(self) -> Mapping[str, ContactTable]:
-        """Of the one that presses."""
+        """The contact table of the pressing body."""
         return {'tip': self._table}
 
     def press_at(self, time_ns: int) -> Press:  # noqa: ARG002
-        """Where it is held."""
+        """The current press."""
         return self._now
 
     def presses_at(self, time_ns: int) -> tuple[Press, ...]:  # noqa: ARG002
-        """The same, where it touches."""
+        """The current press, if it touches."""
         return (self._now,) if self._now.depth_mm > 0 else ()
 
     def force_at(self, time_ns: int) -> float:  # noqa: ARG002
-        """With which it presses, N."""
+        """The current force, N."""
         return self._table.force_at(self._now.depth_mm) if self._now.depth_mm > 0 else 0.0
 
     def leave_untouched(self) -> None:
@@ -95,12 +96,12 @@ class SimulatedPerson:
         self._tell(f'pressing at x {target.x_mm:g}, y {target.y_mm:g} mm')
 
     def sees(self, state: str, place_mm: tuple[float, float]) -> None:  # noqa: ARG002
-        """Presses harder where the camera sees nothing of it."""
+        """Press harder if the camera sees no press."""
         if state == UNTOUCHED and self._now.touching:
             self._now = self._held = replace(self._now, depth_mm=HARDER * self._now.depth_mm)
 
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
-        self._now = self._held  # held on to while it is asked again
+        self._now = self._held  # kept while the question is repeated
         return round(self.force_at(0) / self._newton, 4), (target.x_mm, target.y_mm)
 
     def say(self, text: str) -> None:

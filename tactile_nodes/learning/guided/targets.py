@@ -1,4 +1,4 @@
-"""Which press comes next, by those that were made, and what is still missing."""
+"""The next press, chosen from those that were made, and the presses that are missing."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensors import Outline, Sensor
 
 INNER = 0.8
-"""Share of the gel's half sides that is pressed: at its rim a gel answers otherwise."""
+"""Share of the gel's half sides that is pressed: near its rim a gel responds differently."""
 STEP_MM = 0.5
 NEAR_FORCE = 0.25
-"""A press counts for a wished force within so much of it."""
+"""Relative difference up to which a press counts for a wanted force."""
 LINEAR_SHARES = 0.5, 0.7, 0.85
-"""Of the force up to which the layer is linear: light presses show little, and who presses 15 % too hard is within."""
+"""Shares of the force up to which the layer is linear: light presses show little, and 15 % too much is still within."""
 
 
 class Target(NamedTuple):
-    """Where to press, mm from the middle of the gel, and how hard, N."""
+    """Where to press, mm from the centre of the gel, and how hard, N."""
 
     x_mm: float
     y_mm: float
@@ -32,7 +32,7 @@ class Target(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A press that was made; NaN where nobody knows the place."""
+    """A finished press; NaN if the place is unknown."""
 
     x_mm: float
     y_mm: float
@@ -41,14 +41,14 @@ class Done(NamedTuple):
 
 @dataclass(frozen=True)
 class Wish:
-    """So many presses of some forces (N), all over a gel of this outline."""
+    """The wanted number of presses for some forces (N), all over a gel of this outline."""
 
     presses: int
     forces_n: tuple[float, ...]
     outline: Outline
 
     def next(self, done: Sequence[Done]) -> Target | None:
-        """The place farthest from all before, the force that was made least often; None when it is enough."""
+        """The place farthest from all earlier ones, with the force that was used least; None if no press is missing."""
         if len(done) >= self.presses:
             return None
         apart = distances(self.places, done)
@@ -58,18 +58,18 @@ class Wish:
 
     @property
     def places(self) -> Float[np.ndarray, 'places 2']:
-        """Where may be pressed, the middle first."""
+        """Places that may be pressed, the centre first."""
         x, y = (_line(INNER * side / 2) for side in (self.outline.width_mm, self.outline.height_mm))
         places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         places = places[self.outline.holds(places / (INNER + 1e-9))]
         return np.asarray(places[np.argsort(np.hypot(*places.T), kind='stable')])
 
     def counts(self, done: Sequence[Done]) -> list[int]:
-        """How many presses each force has."""
+        """The number of presses for each force."""
         return [sum(abs(each.force_n - force) <= NEAR_FORCE * force for each in done) for force in self.forces_n]
 
     def gap_mm(self, done: Sequence[Done]) -> float:
-        """How far the place farthest from all presses is from the nearest one."""
+        """The largest distance from a place to its nearest press."""
         return float(distances(self.places, done).max())
 
 
@@ -83,7 +83,7 @@ def linear_most_n(sensor: Sensor, body: KnownBody) -> float:
 
 
 def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done]) -> Float[np.ndarray, ' places']:
-    """From each place to the nearest press; while there is none, the middle counts as farthest."""
+    """The distance of each place to the nearest press; without presses the centre counts as farthest."""
     known = np.array([each[:2] for each in done if np.isfinite(each[:2]).all()]).reshape(-1, 2)
     if not len(known):
         return np.asarray(-np.hypot(*places.T))

@@ -1,4 +1,4 @@
-"""What the camera sees of a person's press: nothing touches, something moves, or a press is held still, and where."""
+"""What the camera sees of a person's press: no contact, motion, or a press held still, and its place."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from tactile_nodes.sensors import Sensor
 UNTOUCHED, MOVING, STEADY = 'untouched', 'moving', 'steady'
 REGIONS = 10
 HELD = 8
-"""So many pictures in a row that show the same are a press held still."""
+"""Number of successive images that must agree for a press to count as held still."""
 LEAST_NOISE_PX = 0.01
-"""By which regions of pictures at rest move at least, as those of the simulated sensor do. 20 g move them by 0.18 px,
-those of printed dots by 0.165 beside a noise of 0.031."""
+"""Least noise of regions in images at rest, which is that of the simulated sensor. 20 g move them by 0.18 px,
+those of printed dots by 0.165 with a noise of 0.031."""
 TOUCHED_NOISE, SAME_NOISE, SAME_SHARE = 3.0, 2.0, 0.03
-"""In units of that noise: what is a touch, and what two pictures of one press may differ by, beside a share of the most
-that it moves."""
+"""Thresholds in units of that noise: for contact, and for the difference between two images of one press. The third
+is a share of the largest motion, added to the second."""
 
 
 class Watch:
-    """Looks at picture after picture beside the untouched gel.
+    """Compares image after image with the untouched gel.
 
     Args:
-        sensor: the description, by which a place in the picture is one on the gel.
-        rests: pictures of the untouched gel, whose mean is looked at beside others, and whose noise counts.
+        sensor: the description, which relates places in the image to places on the gel.
+        rests: images of the untouched gel, for the reference image (their mean) and the noise.
 
     Raises:
         ImageError: they show no markers.
@@ -57,7 +57,7 @@ class Watch:
         self.state, self.place_mm = UNTOUCHED, (np.nan, np.nan)
 
     def see(self, picture: UInt8[np.ndarray, 'h w']) -> str:
-        """Take one picture; the state."""
+        """Process one image; returns the state."""
         motion, place = self._looked_at(picture)
         self._held.append(motion)
         self.place_mm = place
@@ -69,7 +69,7 @@ class Watch:
         return self.state
 
     def holds(self, picture: UInt8[np.ndarray, 'h w'], other: UInt8[np.ndarray, 'h w']) -> bool:
-        """Whether two pictures show the same press."""
+        """Whether two images show the same press."""
         return self._alike(self._looked_at(picture)[0], self._looked_at(other)[0])
 
     def _cut(self, picture: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h2 w2']:
@@ -88,7 +88,7 @@ class Watch:
 
 
 def _most(motion: Float[np.ndarray, 'rows cols 2']) -> float:
-    """By which the regions move most, but for a hundredth; NaN of those that are not followed, which do not count."""
+    """The largest motion of the regions, except for a hundredth; regions that are not tracked (NaN) are ignored."""
     moved = np.hypot(motion[..., 0], motion[..., 1])
     return float(np.nanpercentile(moved, 99)) if np.isfinite(moved).any() else 0.0
 
