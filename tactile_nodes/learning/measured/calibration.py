@@ -1,4 +1,4 @@
-"""How uncertain a response readout is: judged by presses that its fit did not see."""
+"""The uncertainty of a response readout, measured on presses that its fit did not see."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ MOST_PRESSES = 2000
 LEAST_JUDGES = 200
 LEVELS = 9
 LEAST_FLOOR = 1e-3
-"""In units of the noise at rest: where directions explain everything, rounding is no novelty."""
+"""In units of the noise at rest: if directions explain everything, rounding must not count as novelty."""
 
 
 def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[Calibration, Likeness]:
-    """Uncertainties and limits such that `judges` (indices of samples) fall within them as often as they should."""
+    """Uncertainties and limits that have the wanted coverage on `judges` (indices of samples)."""
     raw = replace(readout, calibration=Calibration())
     judges, seen = _readable(raw, dataset, _thinned(judges))
     components = [raw.whitening @ each.scores for each in seen]
@@ -71,10 +71,9 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
 
 
 def most_shift_gain(readout: ResponseReadout, dataset: Dataset, held_out: np.ndarray) -> float:
-    """What no more than one of a thousand presses gains by a shift of all regions, but for those at the ends.
+    """The gain by a shift of all regions that one of a thousand presses exceeds, without presses at the ends.
 
-    Judged by presses that were held out, where these are enough, else by all. Where all lie at the ends there is no
-    limit.
+    Measured on held-out presses if these are enough, otherwise on all. If all lie at the ends there is no limit.
     """
     touched = dataset.presses[:, 2] > 0
     judges = np.flatnonzero(touched & held_out)
@@ -86,12 +85,12 @@ def most_shift_gain(readout: ResponseReadout, dataset: Dataset, held_out: np.nda
 
 
 def _thinned(judges: np.ndarray) -> np.ndarray:
-    """Every so many of them, `MOST_PRESSES` at most."""
+    """An evenly spaced subset, `MOST_PRESSES` at most."""
     return judges[:: max(1, math.ceil(len(judges) / MOST_PRESSES))]
 
 
 def _readable(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[np.ndarray, list[Seen]]:
-    """Those judges of which enough regions are seen, as the readout sees them."""
+    """The presses that show enough regions, and their features as the readout sees them."""
     features, confidence = dataset.features[judges].astype(np.float32), dataset.confidence[dataset.rest[judges]]
     seen = [readout.seen(*each) for each in zip(features, confidence, strict=True)]
     readable = np.array([bool(np.isfinite(each.scores).all()) for each in seen], bool)
@@ -111,9 +110,9 @@ def _errors(readout: ResponseReadout, presses: np.ndarray, fits: list[Fit]) -> t
 def spread_of(
     errors: Float[np.ndarray, ' n'], sigmas: Float[np.ndarray, ' n'], heights: Float[np.ndarray, ' n']
 ) -> tuple[float, tuple[float, ...]]:
-    """The floor that makes the errors most probable, and the factors that make 90 % of them likely at every height.
+    """The most probable floor for the errors, and the factors that give a coverage of 90 % at every height.
 
-    (Most probable of a Laplace distribution, which outliers do not rule.)
+    (Most probable under a Laplace distribution, which outliers do not dominate.)
     """
     unit = float(np.median(np.abs(errors)))
     choices = []
@@ -126,14 +125,14 @@ def spread_of(
 
 
 def _factors(ratios: Float[np.ndarray, ' n'], heights: Float[np.ndarray, ' n']) -> tuple[float, ...]:
-    """At each level what 90 % of the errors nearest to it in height stay below, as normal errors would."""
+    """For each level, the 90 % quantile of the errors nearest to it in height, relative to that of normal errors."""
     nearest = max(LEAST_JUDGES // 4, len(ratios) // LEVELS)
     around = (np.argsort(np.abs(heights - level))[:nearest] for level in np.linspace(0.0, 1.0, LEVELS))
     return tuple(float(np.percentile(ratios[chosen], 100 * COVERAGE)) / NORMAL_90 for chosen in around)
 
 
 def _likeness(likeness: Likeness, left_over: Float[np.ndarray, 'n 2'], touched: np.ndarray) -> Likeness:
-    """Limits of what the directions leave over, at rest and under a press."""
+    """Limits on the residuals of the directions, at rest and under a press."""
     left, size = left_over.T
     still = left[~touched] if (~touched).any() else left[size <= np.percentile(size, 10)]
     floor = max(float(np.percentile(still, ONE_OF_A_THOUSAND)), LEAST_FLOOR)

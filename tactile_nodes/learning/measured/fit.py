@@ -1,7 +1,7 @@
 """Measure a gel's response: from presses to the splines that `tactile_nodes.sensing.explain.measured.response` inverts.
 
-All of it is linear algebra: principal components of the features, one regression on cubic splines (P-splines: Eilers
-and Marx, Statistical Science 11, 1996), and the covariance of what is left over. So it takes seconds, and the same
+The fit is linear algebra: principal components of the features, one regression on cubic splines (P-splines: Eilers
+and Marx, Statistical Science 11, 1996), and the covariance of the residuals. So it takes seconds, and the same
 presses give the same readout.
 """
 
@@ -31,7 +31,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 UNTOUCHED_WEIGHT = 10.0
 CALIBRATION_SHARE = 0.15
 LEAST_VARIANCE = 1e-6
-"""Of noise, in units of that of a feature."""
+"""Least variance of noise, in units of that of a feature."""
 LEAST_REACH_MM = 0.1
 SAMPLES_AT_ONCE = 1000
 
@@ -41,11 +41,11 @@ def fit_response(
 ) -> ResponseReadout:
     """The readout of a data set.
 
-    Smoothing and stated uncertainty are judged by presses at positions that the fit did not see; the final fit then
-    sees them all, but for `held_out` (a boolean for each sample), which it never sees.
+    Smoothing and stated uncertainty are chosen on presses at positions that the fit did not see. The final fit then
+    uses all samples except `held_out` (a boolean for each sample).
 
     Raises:
-        ConfigurationError: the weights of the penalty are none that can be tried.
+        ConfigurationError: the weights of the penalty cannot be used.
         DatasetError: too few presses or images of the untouched gel, or presses from which no response follows.
     """
     if not config.smoothing or min(config.smoothing) < 0:
@@ -82,9 +82,9 @@ def at_new_places(dataset: Dataset, held_out: np.ndarray) -> np.ndarray:
 
 
 def inner_held_out(dataset: Dataset, used: np.ndarray, seed: int) -> np.ndarray:
-    """Which of the used samples judge: whole positions, so that interpolation between positions is judged too.
+    """The used samples to hold out: whole positions, so that interpolation between positions is judged too.
 
-    Images of the untouched gel have no position and count each for itself.
+    Images of the untouched gel have no position, so they are drawn one by one.
     """
     keys = np.column_stack([dataset.presses[used, :2], np.zeros(len(used))])
     still = dataset.presses[used, 2] <= 0
@@ -98,7 +98,7 @@ def inner_held_out(dataset: Dataset, used: np.ndarray, seed: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Subspace:
-    """Scaled features as principal components, and the places that they belong to."""
+    """Scaled features as principal components, and the contacts that they belong to."""
 
     scaling: InputScaling
     directions: Float32[np.ndarray, 'components inputs']
@@ -126,7 +126,7 @@ class Subspace:
         return cls(scaling, directions, scores_of(dataset, scaling, directions), places, touched, axes)
 
     def normal(self, chosen: np.ndarray) -> _Normal:
-        """The regression of some samples, before it is smoothed."""
+        """The regression of some samples, before smoothing."""
         chosen = chosen[self.touched[chosen]]
         design = sparse_cubes(self.axes, self.places[chosen])
         still = sparse_cubes(self.axes, _floor_of(self.axes))
@@ -134,7 +134,7 @@ class Subspace:
         return _Normal(square, design.T @ self.components[chosen], curvature(self.axes))
 
     def misfit(self, chosen: np.ndarray, coefficients: np.ndarray) -> float:
-        """Root mean square of what coefficients leave over."""
+        """RMS of the residuals with these coefficients."""
         return float(np.sqrt(np.mean(self._left(chosen, coefficients) ** 2)))
 
     def readout(self, chosen: np.ndarray, coefficients: np.ndarray, bins: BinGrid) -> ResponseReadout:
@@ -153,7 +153,7 @@ class Subspace:
         return left
 
     def _whitening(self, chosen: np.ndarray, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Components in which the noise at rest is 1 and what the splines miss is independent, growing with s²."""
+        """Components in which the noise at rest is 1 and the splines' errors are independent, growing with s²."""
         values, vectors = np.linalg.eigh(steady_covariance(self.components[chosen[~self.touched[chosen]]]))
         rough = (vectors / np.sqrt(np.maximum(values, max(1e-3 * float(np.median(values)), LEAST_VARIANCE)))).T
         left = self._left(chosen, coefficients) @ rough.T
@@ -165,7 +165,7 @@ class Subspace:
 
 @dataclass(frozen=True)
 class _Normal:
-    """Normal equations of the splines' coefficients, and what smoothness adds to them."""
+    """Normal equations of the splines' coefficients, and the penalties added to them."""
 
     square: Float[np.ndarray, 'n n']
     right: Float[np.ndarray, 'n components']
@@ -180,9 +180,9 @@ class _Normal:
 
 
 def steady_covariance(samples: Float[np.ndarray, 'n components']) -> Float[np.ndarray, 'components components']:
-    """Covariance with its off-diagonal part shrunk by components / (components + n): few samples cannot know it.
+    """Covariance with off-diagonals shrunk by components / (components + n), since few samples estimate it badly.
 
-    Of 40 samples of 40 components half of it is left; without that their covariance has no inverse.
+    Of 40 samples of 40 components half of it is left; without shrinkage their covariance has no inverse.
     """
     count, components = samples.shape
     found = np.cov(samples.T)
@@ -191,7 +191,7 @@ def steady_covariance(samples: Float[np.ndarray, 'n components']) -> Float[np.nd
 
 
 def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfig | AxisymmetricConfig) -> InputScaling:
-    """Features about their mean over the untouched gel, in units of their noise there; quiet ones count as the median.
+    """Features minus their mean over the untouched gel, in units of their noise there, which is at least the median.
 
     Regions without markers are silenced.
     """
@@ -204,7 +204,7 @@ def noise_scaling(dataset: Dataset, untouched: np.ndarray, config: ResponseConfi
 def rest_and_gain(
     dataset: Dataset, untouched: np.ndarray, trusted: Float32[np.ndarray, 'rows cols']
 ) -> tuple[Float32[np.ndarray, 'rows cols channels'], Float32[np.ndarray, 'rows cols channels']]:
-    """The mean of the untouched gel's features, and one over their noise, which counts as the median at least."""
+    """The mean of the untouched gel's features, and the inverse of their noise, which is at least the median."""
     values = dataset.features[untouched].astype(np.float32)
     noise = values.std(axis=0)
     least = float(np.median(noise[trusted > 0])) if trusted.any() else 1.0
@@ -225,22 +225,22 @@ def scaled(
 def scores_of(
     dataset: Dataset, scaling: InputScaling, directions: Float32[np.ndarray, 'components inputs']
 ) -> Float[np.ndarray, 'samples components']:
-    """All samples along some directions."""
+    """The scores of all samples along some directions."""
     found = [project(directions, *each).scores for each in zip(*scaled(dataset, scaling), strict=True)]
     return np.stack(found).astype(float)
 
 
 def gram(inputs: Float32[np.ndarray, 'samples inputs'], used: np.ndarray) -> Float[np.ndarray, 'inputs inputs']:
-    """Sums of products over some samples, with double precision.
+    """Sums of products over some samples, in double precision.
 
-    With single precision rounding decides directions of nearly the same variance, so that processors disagree on them.
+    In single precision, rounding decides directions of nearly equal variance, so results would depend on the processor.
     """
     parts = np.array_split(used, max(1, math.ceil(len(used) / SAMPLES_AT_ONCE)))
     return sum((part.T @ part for part in (inputs[each].astype(float) for each in parts)), np.zeros(()))
 
 
 def _places(dataset: Dataset) -> Float[np.ndarray, 'samples 3']:
-    """x, y and force of each sample; the force is 0 where nothing touches."""
+    """x, y and force of each sample; the force is 0 without contact."""
     force = np.maximum(dataset.presses[:, 3].astype(float), 0.0)
     places = np.column_stack([dataset.presses[:, :2].astype(float), force])
     places[dataset.presses[:, 2] <= 0, 2] = 0.0
@@ -248,7 +248,7 @@ def _places(dataset: Dataset) -> Float[np.ndarray, 'samples 3']:
 
 
 def sparse_cubes(axes: tuple[SplineAxis, ...], places: Float[np.ndarray, 'n 3']) -> scipy.sparse.csr_array:
-    """As `tactile_nodes.sensing.explain.splines.cubes`, of which 64 a row are not zero."""
+    """As `tactile_nodes.sensing.explain.splines.cubes`, with 64 nonzeros a row."""
     parts = [scipy.sparse.csr_array(axis.design(places[:, i])) for i, axis in enumerate(axes)]
     product = parts[0]
     for part in parts[1:]:
@@ -257,7 +257,7 @@ def sparse_cubes(axes: tuple[SplineAxis, ...], places: Float[np.ndarray, 'n 3'])
 
 
 def _row_products(left: scipy.sparse.csr_array, right: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
-    """Row by row the products of all entries, those of `left` slowest."""
+    """Row by row the products of all entries; those of `left` vary slowest."""
     many, width = right.shape
     a, b = left.tocoo(), right
     starts, lengths = b.indptr[:-1][a.row], np.diff(b.indptr)[a.row]
@@ -276,7 +276,7 @@ def _axes(touched: Float[np.ndarray, 'n 3'], config: ResponseConfig) -> tuple[Sp
 
 
 def _floor_of(axes: tuple[SplineAxis, ...]) -> Float[np.ndarray, 'n 3']:
-    """Places without force, closely all over the surface."""
+    """A dense grid of places without force, all over the surface."""
     x, y = (np.linspace(axis.low, axis.high, 2 * axis.intervals + 1) for axis in axes[:2])
     return np.stack(np.meshgrid(x, y, [0.0], indexing='ij'), axis=-1).reshape(-1, 3)
 
