@@ -1,4 +1,4 @@
-"""A network under training: its samples, its optimiser, one epoch, and with which settings it is begun anew."""
+"""A network in training: its samples, its optimiser, one epoch, and the settings for a restart."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def restarted(config: TrainConfig, attempt: int) -> TrainConfig:
-    """The configuration of an attempt: as asked at first, then with all that helps off the all-zero answer.
+    """The configuration of an attempt: at first as given, then with settings that help to leave the all-zero answer.
 
-    Features over their own spread and without regions that hold no markers, outputs in units of their size, weights
-    that begin balanced, squared error until there is an answer, another seed; each further attempt halves the step.
+    These are features divided by their spread, no regions without markers, outputs in units of their size, balanced
+    initial weights, squared error until there is an answer, and another seed. Each further attempt halves the step.
     """
     if attempt == 0:
         return config
@@ -48,7 +48,7 @@ def restarted(config: TrainConfig, attempt: int) -> TrainConfig:
 
 @dataclass
 class Attempt:
-    """A network under training, and its samples on the device."""
+    """A network in training, and its samples on the device."""
 
     config: TrainConfig
     scaling: InputScaling
@@ -62,7 +62,7 @@ class Attempt:
 
     @classmethod
     def begin(cls, dataset: Dataset, held_out: np.ndarray, config: TrainConfig, device: torch.device) -> Attempt:
-        """With fresh weights by the configuration's seed."""
+        """Start with new weights from the configuration's seed."""
         import torch
 
         scaling = fit_scaling(dataset, np.flatnonzero(~held_out), config)
@@ -107,7 +107,7 @@ class Attempt:
         yield from torch.split(order, size)
 
     def validate(self) -> Validation:
-        """Scores on what is held out."""
+        """Scores on the held-out samples."""
         import torch
 
         self.network.eval()
@@ -124,5 +124,5 @@ def squared_error(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
 
 def armse(predicted: torch.Tensor, true: torch.Tensor) -> torch.Tensor:
     """The paper's loss over a batch: each bin's root mean squared error, averaged over the bins."""
-    # The addition keeps the root's slope finite where a bin is predicted exactly.
+    # The addition keeps the root's slope finite if a bin is predicted exactly.
     return ((predicted - true).square().mean(dim=0) + 1e-12).sqrt().mean()

@@ -1,4 +1,4 @@
-"""How far a network's total force may be off, and how novel its inputs are."""
+"""The uncertainty of a network's total force, and the novelty of its inputs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def calibrated(
     learned: Int[np.ndarray, ' learned'],
     judges: Int[np.ndarray, ' judges'],
 ) -> NetworkReadout:
-    """The readout with its uncertainty and its limit of likeness, both measured on the samples that judge."""
+    """The readout with its uncertainty and its novelty limit, both measured on the held-out samples."""
     judged = _part(dataset, judges)
     inputs = prepare(judged, readout.scaling)
     predicted_n = np.stack([readout.network(each) for each in inputs]).sum(axis=1) * readout.output_scale_n
@@ -46,9 +46,9 @@ def _inputs(dataset: Dataset, scaling: InputScaling, rows: np.ndarray) -> Float3
 
 
 def fit_spread(total_n: Float[np.ndarray, ' n'], error_n: Float[np.ndarray, ' n']) -> TotalSpread:
-    """Floor and share: the most probable pair of a Laplace distribution, then scaled such that 90 % are covered.
+    """Floor and share: the most probable pair under a Laplace distribution, then scaled to a coverage of 90 %.
 
-    (Errors near the borders of bins are outliers, which a normal distribution would let rule.)
+    (Errors near the borders of bins are outliers, which would dominate a normal distribution.)
     """
     unit = max(float(np.median(np.abs(error_n))), LEAST_FLOOR_N)
     sigmas = {share: np.hypot(unit, share * unit * total_n) for share in SHARES.tolist()}
@@ -66,13 +66,13 @@ def _surprise(error_n: np.ndarray, sigma_n: np.ndarray) -> float:
 def fit_likeness(
     inputs: Float32[np.ndarray, 'samples inputs'], judges: Float32[np.ndarray, 'judges inputs']
 ) -> Likeness:
-    """Principal directions of the inputs, and the limit of what they leave over of the samples that judge."""
+    """Principal directions of the inputs, and the limit on their residuals, measured on the held-out samples."""
     mean = np.asarray(inputs.mean(axis=0), np.float32)
     return fit_limit(Likeness(mean, principal_directions(inputs - mean), 1.0, 0.0), judges)
 
 
 def fit_limit(likeness: Likeness, judges: Float32[np.ndarray, 'judges inputs']) -> Likeness:
-    """The same directions, with the limit of what they leave over of the samples that judge."""
+    """The same directions, with the limit on their residuals measured on the held-out samples."""
     left, size = np.array([likeness.left_over(each) for each in judges]).T
     share = max(float(np.polyfit(size, left, 1)[0]), 0.0) if np.ptp(size) > 0 else 0.0
     floor = float(np.percentile(left - share * size, ONE_OF_A_THOUSAND))
@@ -82,9 +82,9 @@ def fit_limit(likeness: Likeness, judges: Float32[np.ndarray, 'judges inputs']) 
 def principal_directions(
     centred: Float32[np.ndarray, 'samples inputs'], count: int = DIRECTIONS
 ) -> Float32[np.ndarray, 'directions inputs']:
-    """The directions in which samples differ most, by subspace iteration (Halko et al., SIAM Review 53, 2011).
+    """The directions of the largest variance, by subspace iteration (Halko et al., SIAM Review 53, 2011).
 
-    Of samples along (3, 4) and nowhere else the first direction is (0.6, 0.8), or its negative.
+    Of samples along (3, 4) only, the first direction is (0.6, 0.8), or its negative.
     """
     count = min(count, *centred.shape)
     basis = np.random.default_rng(0).normal(size=(centred.shape[1], count)).astype(np.float32)

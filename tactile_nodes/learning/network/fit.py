@@ -1,10 +1,10 @@
-"""Fit a network to presses: the paper's optimiser and stopping rule, and a way off the all-zero answer.
+"""Fit a network to presses: the paper's optimiser and stopping rule, and restarts from the all-zero answer.
 
-A press puts force into one bin of 81, so predicting nothing costs little, and logistic layers may sit on that answer
-for tens of epochs or for ever. Epochs without an answer never count towards stopping; after `plateau_epochs` of them
-the network is begun anew with what is known to help (`restarted`), and the person is told.
+A press puts force into one bin of 81, so predicting zero costs little, and logistic layers may stay at that answer
+for tens of epochs or for ever. Epochs without an answer never count towards stopping. After `plateau_epochs` of them
+training restarts with settings that help (`restarted`), and the person is informed.
 
-The same configuration gives the same weights on the same processor, also when the training was killed in between.
+The same configuration gives the same weights on the same processor, even if the training was killed in between.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ MOST_RESTARTS = 3
 def fit_network(
     dataset: Dataset, held_out: np.ndarray, config: TrainConfig, progress: Progress, run: Run | None = None
 ) -> tuple[NetworkReadout, dict[str, Any]]:
-    """The readout with its novelty check, its uncertainty judged by the samples held out; and what the card says.
+    """The readout with its novelty check and its uncertainty, measured on held-out samples; and the card's entries.
 
     Ctrl-C ends the training and keeps the best network so far.
 
@@ -66,7 +66,7 @@ def fit_network(
 
 
 def prepare_torch(config: TrainConfig) -> torch.device:
-    """The device to train on, with torch set to give the same numbers each time.
+    """The device to train on; torch is set to give reproducible numbers.
 
     Raises:
         ConfigurationError: there is no CUDA though asked for.
@@ -78,7 +78,7 @@ def prepare_torch(config: TrainConfig) -> torch.device:
         raise ConfigurationError(
             'training.device is cuda, but torch finds no CUDA device; use auto or cpu, or install a torch with CUDA'
         )
-    os.environ.setdefault('CUBLAS_WORKSPACE_CONFIG', ':4096:8')  # without it cuBLAS sums in any order
+    os.environ.setdefault('CUBLAS_WORKSPACE_CONFIG', ':4096:8')  # without it the order of cuBLAS sums varies
     torch.set_num_threads(config.training.threads)
     torch.use_deterministic_algorithms(True)
     return torch.device('cuda' if found and wanted != 'cpu' else 'cpu')
@@ -86,7 +86,7 @@ def prepare_torch(config: TrainConfig) -> torch.device:
 
 @dataclass
 class Training:
-    """The optimisation: attempts, epochs, the best weights seen, and when it is over."""
+    """The optimisation: attempts, epochs, the best weights so far, and the stopping rule."""
 
     dataset: Dataset
     held_out: np.ndarray
@@ -108,7 +108,7 @@ class Training:
         run: Run,
         progress: Progress,
     ) -> Training:
-        """As an earlier start of the same run left it, or from the beginning."""
+        """Continue an earlier start of the same run, or start from the beginning."""
         found = run.resume()
         counters = found.counters if found else Counters()
         attempt = Attempt.begin(dataset, held_out, restarted(config, counters.attempt), device)
@@ -130,7 +130,7 @@ class Training:
         self.say(f'the run {what} after epoch {self.counters.epoch}; --fresh trains it again')
 
     def say(self, text: str) -> None:
-        """To the person who waits, and into the run's log."""
+        """Show a line to the person, and write it into the run's log."""
         self.progress.say(text)
         self.run_log.note(text)
 
@@ -154,7 +154,7 @@ class Training:
             self.say('the network predicts only zero: check the data (tactile dataset info), or let it run longer')
 
     def _ended(self) -> str:
-        """Why no epoch follows; empty as long as one does."""
+        """Why training has ended; empty while it goes on."""
         counters, chosen = self.counters, self.config.training
         if counters.epoch >= chosen.epochs:
             return 'most epochs'
@@ -163,7 +163,7 @@ class Training:
         return ''
 
     def _epoch(self) -> str:
-        """One more; what stands under the bar."""
+        """One more epoch; returns the text under the progress bar."""
         counters, begun = self.counters, clock.perf_ns()
         self._leave_plateau()
         loss = self.attempt.epoch(counters.epoch + 1 - counters.attempt_start)
@@ -177,7 +177,7 @@ class Training:
         return f'loss {loss:.4f}  {measured}  best {counters.best_armse_n:.4f} N at epoch {counters.best_epoch}'
 
     def _leave_plateau(self) -> None:
-        """Begin anew if the network has said nothing for too long."""
+        """Restart if the network has given no answer for too long."""
         counters, chosen = self.counters, self.config.training
         silent = counters.epoch - counters.attempt_start
         over = counters.spoke_epoch or silent < chosen.plateau_epochs or counters.attempt >= MOST_RESTARTS
@@ -192,7 +192,7 @@ class Training:
         )
 
     def _remember(self, measured: Validation) -> None:
-        """Keep the best weights: the first that say something, then those with the lowest validation loss."""
+        """Keep the best weights: the first that give an answer, then those with the lowest validation loss."""
         counters = self.counters
         first_word = not measured.silent and not counters.spoke_epoch
         if first_word:
@@ -220,7 +220,7 @@ class Training:
         return NetworkReadout(attempt.scaling, network, self.config.bins, attempt.scale_n)
 
     def report(self) -> dict[str, Any]:
-        """What the card says of the training."""
+        """The card's entries about the training."""
         counters, used = self.counters, self.attempt.config
         return {
             'settings': {**asdict(used.training), **asdict(used.network)},

@@ -1,4 +1,4 @@
-"""Samples as a network takes them: which it is shown, how features are scaled, in which unit forces are learned."""
+"""Samples as a network uses them: which ones are shown, the scaling of features, and the unit of forces."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST_SPREAD = np.float32(1e-6)
 def shown_samples(
     dataset: Dataset, held_out: Bool[np.ndarray, ' samples'], config: TrainConfig
 ) -> Int[np.ndarray, ' shown']:
-    """Indices of the samples that an epoch shows; those without contact as often as the configuration says."""
+    """Indices of the samples in an epoch; those without contact as often as the configuration says."""
     touched = dataset.presses[:, 3] > 0
     untouched = [np.flatnonzero(~held_out & ~touched)] * config.training.rest_repeats
     return np.concatenate([np.flatnonzero(~held_out & touched), *untouched])
@@ -31,7 +31,7 @@ def judging_samples(
 
 
 def fit_scaling(dataset: Dataset, chosen: np.ndarray, config: TrainConfig) -> InputScaling:
-    """How features enter, measured on the samples chosen, and the regions that hold markers.
+    """The scaling of features, measured on the samples chosen, and the regions that hold markers.
 
     Raises:
         ConfigurationError: not one gain for each channel.
@@ -76,5 +76,5 @@ def prepare(dataset: Dataset, scaling: InputScaling) -> Float32[np.ndarray, 'sam
 
 
 def output_scale_n(labels: Float32[np.ndarray, 'samples bins'], config: TrainConfig) -> float:
-    """What an output of 1 means, in N."""
+    """The force (N) of an output of 1."""
     return 1.0 if config.network.output_unit == 'newton' else float(np.sqrt(np.mean(labels**2)))

@@ -1,4 +1,4 @@
-"""The network in torch: its layers, how its weights begin, and as the arrays that the live node uses."""
+"""The network in torch: its layers, its initial weights, and its conversion to arrays for the live node."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def import_torch() -> Any:
-    """torch, or a sentence that says how to get it.
+    """Import torch; if it is missing, the error says how to install it.
 
     Raises:
         ConfigurationError: torch is not installed.
@@ -25,7 +25,7 @@ def import_torch() -> Any:
 
 
 def build_network(config: TrainConfig, inputs: int) -> torch.nn.Sequential:
-    """The paper's network, or a variant of it: hidden layers, each followed by dropout, and plain outputs."""
+    """The paper's network, or a variant of it: hidden layers, each followed by dropout, and linear outputs."""
     import torch
 
     chosen = config.network
@@ -42,9 +42,9 @@ def build_network(config: TrainConfig, inputs: int) -> torch.nn.Sequential:
 
 
 def _initialise(layer: torch.nn.Linear, chosen: NetworkConfig, *, first: bool, last: bool) -> None:
-    """Glorot's spread and no bias; or, before logistic units, four times that, and inputs of a half balanced out.
+    """Glorot's spread and no bias; or, before logistic units, four times that, and biases that cancel inputs of a half.
 
-    A logistic unit's slope is a quarter and its mean a half, so that the second behaves as a layer of tanh at first.
+    A logistic unit's slope is a quarter and its mean a half, so the second initially behaves as a layer of tanh.
     Rectified units get He's spread instead.
     """
     import torch
@@ -59,7 +59,7 @@ def _initialise(layer: torch.nn.Linear, chosen: NetworkConfig, *, first: bool, l
 
 
 def as_mlp(weights: Mapping[str, torch.Tensor], activation: str) -> Mlp:
-    """A network's weights for the live node: numpy arrays."""
+    """A network's weights as numpy arrays, for the live node."""
     state = {name: value.detach().cpu().numpy().copy() for name, value in weights.items()}
     names = sorted({name.split('.')[0] for name in state}, key=int)
     return Mlp(

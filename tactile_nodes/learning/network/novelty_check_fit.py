@@ -1,4 +1,4 @@
-"""Fit the novelty check of a network: the response to one contact, from the presses that the network learns from."""
+"""Fit the novelty check of a network: the response to one contact, from the network's training presses."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from tactile_nodes.sensing.explain.novelty_check import NoveltyCheck
 from tactile_nodes.sensing.features import as_motion
 
 CONFIG = ResponseConfig(components=40, spacing_mm=2.0, levels=6, most_contacts=1)
-"""As the profile `fast` has it."""
+"""As in the profile `fast`."""
 
 PRESSES_PER_PLACE = 8
-"""Least presses per spline interval, as many as in the paper's plan; with fewer ones the splines lie further apart."""
+"""Least presses per spline interval, as many as in the paper's plan; fewer presses give a wider spacing."""
 
 
 def config_for(presses: Float32[np.ndarray, 'samples 4']) -> ResponseConfig:
@@ -42,7 +42,7 @@ def with_novelty_check(
 ) -> NetworkReadout:
     """The readout with a novelty check, fitted to the samples that are not held out.
 
-    Returns it without one, and reports that, if the presses do not suffice or Ctrl-C ended the fit.
+    If the presses do not suffice or Ctrl-C ended the fit, it is returned without one, and this is reported.
     """
     motion = replace(dataset, features=as_motion(encoding, dataset.features).astype(np.float16))
     try:

@@ -1,4 +1,4 @@
-"""How a network does while it is trained, and whether it says anything at all."""
+"""Scores of a network in training, and whether it gives any answer at all."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from tactile_nodes.sensing import metrics
 from tactile_nodes.sensing.geometry import BinGrid
 
 SILENT_SHARE = 0.2
-"""Predicted peaks that average less than this share of the true ones are no answer yet."""
+"""Mean predicted peaks below this share of the true ones count as no answer."""
 
 
 @dataclass(frozen=True)
 class Validation:
-    """Figures of merit on samples that the network does not learn from.
+    """Scores on samples that the network does not learn from.
 
-    `peak_share` is the mean predicted peak over the mean true one, `of_zero` the root mean
-    squared error of all bins over that of predicting nothing.
+    `peak_share` is the mean predicted peak over the mean true one. `of_zero` is the RMS error of all bins over that of
+    predicting zero.
     """
 
     armse_n: float
@@ -42,7 +42,7 @@ class Validation:
         predicted_n: Float32[np.ndarray, 'samples bins'],
         bins: BinGrid,
     ) -> Validation:
-        """Scores; place and peak are asked of samples with a force only."""
+        """Scores; place and peak are evaluated on samples with a force only."""
         touched = np.abs(true_n).max(axis=1) > 0
         chosen = touched if touched.any() else ~touched
         true, predicted = true_n[chosen], predicted_n[chosen]
