@@ -1,6 +1,6 @@
-"""A calibration that grows with the presses: each is measured and read as it comes, and the fit is renewed in between.
+"""An incremental calibration: each press is measured and estimated as it comes, and the fit is renewed in between.
 
-One path for presses from a running rig and from bags. Fed by hand it needs no bus and no clock.
+Presses from a running rig and from bags are treated the same. It needs no bus and no clock.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from tactile_nodes.params import parameter
 from tactile_nodes.sensing.picture.change import PictureComparison
 
 UNTOUCHED = 0.5
-"""An image of the untouched gel for each press: they give the new gel's own mean and noise at rest."""
+"""One image of the untouched gel for each press: they give the new gel's own mean and noise at rest."""
 GROWTH = 1.25
 """The fit is renewed after a quarter more presses, so that its points lie evenly on the curve."""
 
 
 @dataclass(frozen=True)
 class StopRule:
-    """When more presses no longer pay: when twice as many are expected to lower the held-out errors by little."""
+    """When to stop: if twice as many presses are expected to lower the held-out errors by little."""
 
     least: int = parameter(30, 'least number of presses', minimum=5)
     most: int = parameter(100, 'greatest number of presses', minimum=5)
@@ -49,7 +49,7 @@ class StopRule:
     first: int = parameter(5, 'presses after which the first fit is tried', minimum=5)
 
     def reason(self, presses: int, fits: Sequence[Fitted]) -> str:
-        """Why so many presses are enough, by the fits so far; empty where they are not."""
+        """Why this number of presses is enough, by the fits so far; empty if it is not."""
         if presses >= self.most:
             return f'the greatest number of {presses} presses is reached'
         if presses < self.least or len(fits) < self.agree:
@@ -65,7 +65,7 @@ class StopRule:
 
 @dataclass(frozen=True)
 class Fitted:
-    """One renewal of the fit: held-out errors (medians) with so many presses."""
+    """One renewal of the fit: held-out errors (medians) with this number of presses."""
 
     presses: int
     force_n: float
@@ -73,7 +73,7 @@ class Fitted:
 
 
 def curves(fits: Sequence[Fitted]) -> tuple[Curve, Curve] | None:
-    """Error of force (N) and place (mm) over presses; None while the fits are too few."""
+    """Error of force (N) and place (mm) over presses; None while there are too few fits."""
     presses = [point.presses for point in fits]
     force = Curve.fit(presses, [point.force_n for point in fits])
     place = Curve.fit(presses, [point.place_mm for point in fits])
@@ -81,14 +81,14 @@ def curves(fits: Sequence[Fitted]) -> tuple[Curve, Curve] | None:
 
 
 def expected_gain(fits: Sequence[Fitted]) -> float:
-    """The share by which twice as many presses are expected to lower the error of force or place, if more."""
+    """Expected relative decrease of the error with twice as many presses: of force or place, whichever is larger."""
     found = curves(fits)
     return 1.0 if found is None else max(curve.falls(fits[-1].presses) for curve in found)
 
 
 @dataclass(frozen=True)
 class Reading:
-    """How far off one press is read: force in N, place in mm; NaN where it cannot be read."""
+    """The error of one press: force in N, place in mm; NaN if it cannot be estimated."""
 
     off_n: float
     off_mm: float
@@ -96,7 +96,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class PressRead:
-    """A press that came, read before any fit has seen it: without calibration, and with the one so far, if any."""
+    """A press, estimated before any fit has seen it: without calibration, and with the present one, if any."""
 
     number: int
     force_n: float
@@ -107,16 +107,16 @@ class PressRead:
 class Calibrator:
     """Takes presses in their order; `made` is the calibration so far, `objection` says why there is none.
 
-    `live_rest` is what the gel of the running sensor looks like untouched, where there is one.
+    `live_rest` is the rest image of the running sensor, if there is one.
 
     Args:
         loaded: the model to begin with.
         gel: what is known of the gel, at least its id.
         rule: when to stop.
-        progress: shown while a fit is under way.
-        pressed: what pressed, if the model does not say it.
-        forced: whether a calibration counts that reads held-out presses no better than the model, or their mean.
-        curve: whether a fit of the force field alone also says what fewer presses would have told.
+        progress: shown during a fit.
+        pressed: the pressing body, if the model does not name it.
+        forced: accept a calibration that is no better on held-out presses than the model, or than their mean.
+        curve: whether a fit of the force field alone also reports errors with fewer presses.
 
     Raises:
         ModelError: the model is a calibration for this gel already.
@@ -161,20 +161,20 @@ class Calibrator:
 
     @property
     def presses(self) -> int:
-        """How many presses can be used so far."""
+        """The number of usable presses so far."""
         return self._builder.presses
 
     @property
     def left_out(self) -> str:
-        """Why the last press that cannot be used cannot; empty if there is none."""
+        """Why the last unusable press cannot be used; empty if there is none."""
         out = self._builder.left_out
         return f'press {out[-1].press}: {out[-1].reason} ({out[-1].detail})' if out else ''
 
     def take(self, press: RecordedPress, bag: int = 0) -> PressRead | None:
-        """Measure one press and read it with what is known so far; None if it cannot be used (see `left_out`).
+        """Measure and estimate one press with the present fit; None if it cannot be used (see `left_out`).
 
         Raises:
-            DatasetError: it shows another gel than those before.
+            DatasetError: it shows another gel than earlier presses.
             ModelError: its image has another size than the model needs.
         """
         samples = [sample for sample in self._builder.take(bag, press) if sample.contact]
@@ -190,11 +190,11 @@ class Calibrator:
         return self.read[-1]
 
     def require_gel(self, picture: np.ndarray, what: str) -> None:
-        """Refuse presses on another gel than a picture shows.
+        """Refuse an image that shows another gel than the presses.
 
         Raises:
             DatasetError: says so.
-            ImageError: the picture has another size than the rest images of the presses.
+            ImageError: the image has another size than the rest images of the presses.
         """
         if self._rest is not None and not self._rest.of(picture).same:
             raise DatasetError(
@@ -204,16 +204,16 @@ class Calibrator:
 
     @property
     def due(self) -> bool:
-        """Whether the fit is to be renewed now."""
+        """Whether the fit should be renewed now."""
         return self.presses >= self._next
 
     def fit(self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path] = (), command: str = '') -> None:
-        """Renew the calibration, if its presses are others by now; what speaks against it is then in `objection`.
+        """Renew the calibration if its presses have changed; `objection` then says what speaks against it.
 
         Args:
             told: the card's entry for each bag.
-            bags: where they are.
-            command: what was typed.
+            bags: their paths.
+            command: the command line.
         """
         self._next = max(self.presses + 5, math.ceil(GROWTH * self.presses))
         try:
@@ -231,13 +231,13 @@ class Calibrator:
 
     @property
     def enough(self) -> str:
-        """Why more presses do not pay; empty while they do."""
+        """Why no more presses are needed; empty while they are."""
         if self.asked_to_finish:
             return 'asked to finish'
         return self.rule.reason(self.presses, self.fits if self.made else [])
 
     def close(self) -> None:
-        """Keep what was measured."""
+        """Save the measurements."""
         self._measurer.close()
 
     def _reading(self, readout: Any, sample: Sample) -> Reading:
@@ -247,7 +247,7 @@ class Calibrator:
         return Reading(force_n - sample.force_n, math.hypot(x - x_mm - right, y - y_mm - down))
 
     def _require_fitting(self, press: RecordedPress, reference: str) -> None:
-        assert press.reference is not None  # or it could not have been measured
+        assert press.reference is not None  # otherwise it could not have been measured
         came, needed = (f'{width}x{height}' for width, height in (self._measurer.size, self.loaded.image_size))
         if came != needed:
             raise ModelError(
@@ -262,18 +262,18 @@ class Calibrator:
         self._rests.add(reference)
 
     def require_live_gel(self) -> None:
-        """Refuse presses on another gel than the running sensor sees, once its rest image has come.
+        """Refuse presses on another gel than the running sensor sees, once its rest image has arrived.
 
         Raises:
             DatasetError: says so.
         """
-        picture = self.live_rest  # set by another thread, perhaps again while this one is compared
+        picture = self.live_rest  # another thread may replace it during the comparison
         if self._rest is not None and picture is not None and picture is not self._live_rest_seen:
             self.require_gel(picture, 'the running sensor')
             self._live_rest_seen = picture
 
 
 def _attempts(recordings: RecordedPresses) -> bytes:
-    """Which attempts the presses are: another may count later on, and the rig may find one doubtful, at any number."""
+    """A key of the presses' attempts. It can change at the same number of presses: a later attempt may replace one."""
     each = recordings
     return np.column_stack([each.bag, each.plan, each.press, each.attempt, each.window_ns]).tobytes()

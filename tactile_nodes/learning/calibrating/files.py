@@ -38,12 +38,12 @@ class Source:
 
     @classmethod
     def find(cls, name: str) -> Source:
-        """By the name of one that ships, or its file. Raises ModelError."""
+        """Load a model by its name, if it ships, or by its file. Raises ModelError."""
         file = find_model(name)
         return cls(file, load_model(file))
 
     def told(self, output: Path) -> dict[str, str]:
-        """What a card says of it: one that ships by its name, another by its file, as seen from the output's folder."""
+        """The card's entry: a model that ships by its name, another by its path relative to the output's folder."""
         ships = self.file.parent == share_directory() / 'models'
         name = self.file.stem if ships else os.path.relpath(self.file.resolve(), output.resolve().parent)
         return {'model': name, 'model_id': self.loaded.model_id, 'gel': self.loaded.gel}
@@ -61,11 +61,11 @@ def calibrate(
     pressed: Pressed | None = None,
     indenter: str = '',
 ) -> tuple[str, Made]:
-    """Write the model of the gel that was pressed; its id, and how it came about.
+    """Write the model of the pressed gel; its id, and how it was found.
 
-    A response is warped; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`;
-    `pressed` is what a readout of any contact has to know beside that, as its source says unless given;
-    `indenter` names the one whose presses count, where the data set has several; a field takes all without.
+    A response is transferred; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`.
+    `pressed` is the sensor and body for a readout of any contact, by default those of its source.
+    `indenter` names the one whose presses count, if the data set has several; without it a field uses all.
 
     Raises:
         ModelError: the model cannot be transferred, or reads other features than the data set holds.
@@ -107,10 +107,10 @@ def completed(
     forced: bool = False,
     curve: bool = False,
 ) -> tuple[Source, Transfer]:
-    """With the force field, of a source that has one; and the source, its card telling of the sensor that was pressed.
+    """Add the force field if the source has one; also returns the source, with the pressed sensor on its card.
 
     Raises:
-        DatasetError: no press has a force that is known, or by the presses the camera is another than described.
+        DatasetError: no press has a force that is known, or by the presses the camera differs from its description.
         ConfigurationError: the body is wider than the gel.
     """
     pressed = pressed or Pressed()
@@ -148,13 +148,13 @@ def transferred(
 
 
 def require_source(loaded: LoadedModel, gel: str) -> None:
-    """Refuse a model that nothing can be calibrated from, before anything is pressed.
+    """Refuse a model that cannot be calibrated, before anything is pressed.
 
     Raises:
         ModelError: it cannot be transferred, or is a calibration for this very gel; says which model to begin with.
     """
     readout = loaded.model.readout
-    if not (isinstance(readout, FieldReadout) and readout.tips is None):  # which is calibrated alone
+    if not (isinstance(readout, FieldReadout) and readout.tips is None):  # a field alone has its own calibration
         source_readout(loaded)
     if loaded.card.get('data', {}).get('origin') == CALIBRATION and gel and gel == loaded.gel:
         source = loaded.card['source']
@@ -185,7 +185,7 @@ def write(
 def card_of(
     source: Source, recordings: RecordedPresses, made: Made, seconds: float, command: str, output: Path
 ) -> dict[str, Any]:
-    """What a stranger needs to know about the model: that of its source, and what was pressed."""
+    """The model's card: the entries of its source, and of the presses."""
     return {
         **kept(source.loaded.card, made.readout),
         'command': command,

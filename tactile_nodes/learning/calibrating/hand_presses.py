@@ -1,7 +1,7 @@
-"""Presses by hand: pictures of the camera, and a table that says what is known of each. No rig, no bag.
+"""Presses by hand: images of the camera, and a table that describes each. No rig, no bag.
 
-A row of the table names a picture and tells x, y and the force: `a.png,-8,3,50` is a weight of 50 g on a mark,
-`rest.png,,,0` the gel untouched. They become a data set, measured as the model measures that is to be calibrated.
+A row of the table names an image and gives x, y and the force: `a.png,-8,3,50` is a weight of 50 g on a mark,
+`rest.png,,,0` the untouched gel. They become a data set, with the features of the model that is to be calibrated.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ def presses_by_hand(
     forced: bool = False,
     untouched_n: float = 0.0,
 ) -> RecordedPresses:
-    """The data set of a table and of the pictures that it names, to calibrate a model by.
+    """The data set of a table and its images, to calibrate a model with.
 
-    `pressed` is what a readout of any contact has to know, as the model says unless given. Forces up to `untouched_n`,
-    of either sign, are the gel untouched. With `forced` also a table that its pictures contradict.
+    `pressed` is the sensor and body for a readout of any contact, by default those of the model. Forces up to
+    `untouched_n`, of either sign, count as the untouched gel. `forced` also accepts a table that its images contradict.
 
     Raises:
         ModelError: the model cannot be transferred, or is a calibration for this gel already.
-        DatasetError: the table cannot be read or understood, or its pictures cannot be used.
+        DatasetError: the table cannot be read or understood, or its images cannot be used.
         ConfigurationError: a sensor with other bins than the model.
     """
     options, pressed = BuildOptions.of_model(loaded, gel, 'each'), pressed or Pressed()
@@ -83,7 +83,7 @@ def _require_bodies(table: PressTable, loaded: LoadedModel, pressed: Pressed) ->
 
 
 def _untouched(source: Imported) -> Picture:
-    """The first picture of the gel untouched. Raises DatasetError: it cannot be read."""
+    """The first image of the untouched gel. Raises DatasetError: it cannot be read."""
     faults, first = source.table.faults, next(row for row in source.table.rows if not row.touches)
     read = [picture for _, picture in source.pictures.of([first], faults)]
     faults.require_none()
@@ -94,7 +94,7 @@ def _require_pattern(loaded: LoadedModel, untouched: Picture, *, forced: bool) -
     """Refuse printed dots for a model that follows a texture.
 
     Raises:
-        DatasetError: that is so, and nobody forced it.
+        DatasetError: that is so, and it was not forced.
     """
     if loaded.flow[0] != DotsFlow.name and not forced and (dots := find_dots(untouched)) is not None:
         raise DatasetError(
@@ -105,7 +105,7 @@ def _require_pattern(loaded: LoadedModel, untouched: Picture, *, forced: bool) -
 
 
 def _cut_told(loaded: LoadedModel, untouched: Picture, known: Known) -> str:
-    """That not all of the pictures counts, in words; empty where all does, or their model was made of such ones."""
+    """A note that only a part of the images is used; empty if all is, or if the model was made of such images."""
     height, width = untouched.shape
     image = known.sensor.image if known.sensor else None
     if (width, height) in (loaded.image_size, (image.width, image.height) if image else None):
@@ -119,7 +119,7 @@ def _cut_told(loaded: LoadedModel, untouched: Picture, known: Known) -> str:
 
 
 def _tips_told(loaded: LoadedModel, table: PressTable, pressed: Pressed) -> str:
-    """That another tip pressed than the model knows, in words; empty where none did, or nobody tells."""
+    """A note that another tip pressed than in the model's training; empty if none did, or if it is unknown."""
     readout = loaded.model.readout
     names = {pressed.body.told} if pressed.body else {as_ball(row.indenter) for row in table.rows if row.touches}
     if isinstance(readout, FieldReadout) and (readout.tips is None or len(names) > 1):

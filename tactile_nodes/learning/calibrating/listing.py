@@ -1,4 +1,4 @@
-"""A calibration goes onto the list of the lab's gels."""
+"""Add a calibration to the list of the lab's gels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactile_nodes.model_file import load_model
 
 
 def calibration_of(file: Path, *, sensor: str = '', made_ns: int = 0) -> Calibration:
-    """What the card of a model file says of its calibration, or of its training on recorded presses.
+    """The calibration, or the training on recorded presses, as the card of a model file describes it.
 
     Raises:
         ModelError: there is no such file, or it follows from no press on a real gel.
@@ -35,7 +35,7 @@ def calibration_of(file: Path, *, sensor: str = '', made_ns: int = 0) -> Calibra
 
 
 def listed(file: Path, sensor: str = '') -> str:
-    """Put a calibration that was made just now onto the list; what to say of that, also where it cannot be."""
+    """Add a new calibration to the list; returns the message for the person, also on failure."""
     known = GelList()
     try:
         known.add(calibration_of(file, sensor=sensor, made_ns=wall_ns()))

@@ -1,4 +1,4 @@
-"""The model that a running force estimator uses, seen and changed through the bus."""
+"""Read and change the model of a running force estimator through the bus."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class LiveModel:
         return bool(self._bus.graph().services(f'{self._estimator}/set_parameters'))
 
     def in_use(self, output: Path) -> dict[str, str]:
-        """What a calibration's card in `output` says of the model that it takes the place of.
+        """The entry for the replaced model on the card of a calibration in `output`.
 
         Raises:
             BusError: the estimator does not answer.
-            ModelError: its model's file is no more.
+            ModelError: its model's file no longer exists.
         """
         return Source.find(str(self._client().values(['model'])['model'])).told(output)
 
     def use(self, file: Path) -> None:
-        """Let the estimator take over a model.
+        """Let the estimator load a model.
 
         Raises:
             BusError: it does not answer.

@@ -1,6 +1,6 @@
-"""From presses as they come to a calibration: told press by press, ended when more do not pay, written to a file.
+"""From presses as they come to a calibration: reported press by press, until more do not pay, written to a file.
 
-The same for bags (the command, and the node that replays one) and for a running rig (the node).
+The same code serves bags (the command, and the node that replays one) and a running rig (the node).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ Tell = Callable[[str], None]
 
 @runtime_checkable
 class Presses(Protocol):
-    """Where presses come from; `bags` are the files, if there are any.
+    """A source of presses; `bags` are the files, if there are any.
 
-    `waiting` says whether the next one is there already, `rest_counts` whether those after `stop` are to be used: they
-    cost nothing more.
+    `waiting` says whether the next press is available, `rest_counts` whether those after `stop` are used, since they
+    cost nothing.
     """
 
     bags: Sequence[Path]
@@ -38,19 +38,19 @@ class Presses(Protocol):
     def waiting(self) -> bool: ...
 
     def __iter__(self) -> Iterator[tuple[int, RecordedPress]]:
-        """Each with the number of its bag, from 0; asked for again, it goes on with the next one."""
+        """Each press with the number of its bag, from 0; a new iteration continues with the next press."""
         ...
 
     def told(self, gel: str) -> list[dict[str, Any]]:
-        """What the card says of each bag; its id is right once all presses were taken."""
+        """The card's entry for each bag; its id is right once all presses were taken."""
         ...
 
     def stop(self) -> None:
-        """No more are needed; those that are under way still come."""
+        """No more presses are needed; those that are under way still come."""
         ...
 
     def close(self) -> None:
-        """Let go of what is open."""
+        """Close what is open."""
         ...
 
 
@@ -77,24 +77,24 @@ class BagPresses:
 
     @property
     def count(self) -> int:
-        """How many attempts the bags tell of."""
+        """The number of attempts in the bags."""
         return sum(bag.press_count for bag in self._opened)
 
     def told(self, gel: str) -> list[dict[str, Any]]:
         return [told_of(bag, gel) for bag in self._opened]
 
     def stop(self) -> None:
-        """A bag has no rig to stop."""
+        """Does nothing: a bag has no rig to stop."""
 
     def close(self) -> None:
-        """Close their files."""
+        """Close the bags' files."""
         self._closing.close()
 
 
 def take_presses(
     calibrator: Calibrator, presses: Presses, tell: Tell, *, along: bool = True, command: str = ''
 ) -> None:
-    """Take presses until no more come, or, `along`, with the fit renewed in between, until they do not pay.
+    """Take presses until none is left or, with `along`, until more do not pay; the fit is then renewed in between.
 
     Raises:
         DatasetError, ModelError: a press that shows another gel, or whose images the model cannot read.
@@ -109,7 +109,7 @@ def take_presses(
             tell(f'no more presses: {reason}')
             presses.stop()
             break
-    for bag, press in presses:  # all of them, for the id of a bag follows from all that it tells
+    for bag, press in presses:  # all of them, since a bag's id follows from its whole content
         if presses.rest_counts and (read := calibrator.take(press, bag)):
             tell(press_line(read))
 
@@ -125,13 +125,13 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
     calibrator.require_live_gel()
     if calibrator.made is None:
         raise DatasetError(calibrator.objection)
-    if calibrator.made is not before:  # or the last line was this one
+    if calibrator.made is not before:  # otherwise the last line was this one
         tell(fit_line(calibrator))
     return calibrator.made
 
 
 class Written:
-    """Writes what a calibrator found, and says how it went."""
+    """Writes the calibration, and reports how it went."""
 
     def __init__(
         self,
@@ -151,7 +151,7 @@ class Written:
         self._begun_ns = perf_ns()
 
     def to(self, output: Path, replaces: Mapping[str, str] | None = None) -> str:
-        """Write the model file; its id. Raises DatasetError: by the presses the camera is another than described."""
+        """Write the model file; its id. Raises DatasetError: by the presses the camera differs from its description."""
         made, recordings = self._calibrator.made, self._calibrator.recordings
         assert made is not None
         assert recordings is not None
@@ -163,7 +163,7 @@ class Written:
 
 
 def new_file(folder: Path, gel: str) -> Path:
-    """A file that is not there yet (gel-7_01, gel-7_02): every calibration stays, so that undo finds the one before."""
+    """A new file name (gel-7_01, gel-7_02): every calibration is kept, so that undo finds the one before."""
     name = ''.join(letter if letter.isalnum() or letter in '-_' else '-' for letter in gel) or 'gel'
     taken = {each.stem for each in folder.glob(f'{name}_*.safetensors')}
     number = next(number for number in range(1, len(taken) + 2) if f'{name}_{number:02d}' not in taken)

@@ -1,4 +1,4 @@
-"""One calibration from the first press to the model in use: what the calibrator node does beside its messages."""
+"""One calibration from the first press to the model in use: the calibrator node without its messages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tactile_nodes.pipeline.ready_model import Inputs
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """What is calibrated, from what, and when that ends."""
+    """Settings: what is calibrated, from which presses, and when it ends."""
 
     READ_ONLY: ClassVar[bool] = True
 
@@ -43,15 +43,15 @@ class CalibrationSettings:
 
 
 class CalibrationSession:
-    """Takes presses until they do not pay any more, writes the calibration, and has it taken over.
+    """Takes presses until more do not pay, writes the calibration, and lets the estimator load it.
 
     Args:
         settings: as above.
-        tell: what a person reads, a line at a time.
+        tell: receives the text for a person, a line at a time.
 
     Raises:
-        ModelError, ConfigurationError: there is no such model, gel or body, nothing can be calibrated from it, or no
-            file can be written where it is to go: said before anything is pressed.
+        ModelError, ConfigurationError: there is no such model, gel or body, the model cannot be calibrated, or the file
+            cannot be written. This is checked before anything is pressed.
     """
 
     def __init__(self, settings: CalibrationSettings, tell: Callable[[str], None]) -> None:
@@ -63,11 +63,11 @@ class CalibrationSession:
         self._written = Written(self._source, self.calibrator, 'tactile launch calibrate', pressed=pressed)
 
     def run(self, presses: Presses, live: LiveModel | None) -> Path:
-        """The whole of it, once; the file that was written. The rig that presses is asked to end in any case.
+        """Run the session once; returns the file that was written. The rig is asked to end in any case.
 
         Raises:
             DatasetError: no calibration follows from the presses; says why.
-            ModelError: the images or the running sensor's features are none of the model's.
+            ModelError: the images or the running sensor's features do not fit the model.
             BusError: the running force estimator does not answer.
         """
         try:
@@ -93,7 +93,7 @@ class CalibrationSession:
 
     @property
     def values(self) -> dict[str, object]:
-        """How far it is, in numbers for /diagnostics: held-out medians in N and mm, NaN before the first fit."""
+        """Progress in numbers for /diagnostics: held-out medians in N and mm, NaN before the first fit."""
         calibrator = self.calibrator
         last = calibrator.fits[-1] if calibrator.fits else Fitted(0, math.nan, math.nan)
         return {
@@ -115,7 +115,7 @@ class CalibrationSession:
             )
 
     def _replaced(self, live: LiveModel | None, file: Path) -> dict[str, str] | None:
-        """What the card says of the model in use, if that can be known: presses are not lost over it."""
+        """The card's entry for the model in use; None if unknown, because an error would lose the presses."""
         if live is None or not live.present:
             return None
         try:
