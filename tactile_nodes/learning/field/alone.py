@@ -39,7 +39,7 @@ rings up to 2 N it is 0.03 to 0.075."""
 
 
 def presses_tell_tips(loaded: LoadedModel, pressed: Pressed, dataset: Dataset) -> bool:
-    """Whether the readout of tips is calibrated: not of a field without one, and only by presses of a single ball.
+    """Whether tips are calibrated, too: not for a field without them, or pressed by anything but a single ball.
 
     Raises:
         DatasetError: an indenter is no body.

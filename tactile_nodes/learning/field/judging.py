@@ -180,7 +180,7 @@ class Judge:
 
     @cached_property
     def _surface(self) -> Float32[np.ndarray, '2 near near']:
-        """How far the surface of the described gel moves under shear."""
+        """Motion of the described gel's surface under shear."""
         return self.regions.surface_under_shear
 
 

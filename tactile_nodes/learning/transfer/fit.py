@@ -51,7 +51,7 @@ from tactile_nodes.sensing.explain.network import InputScaling
 FORMS = 'whole', 'regions'
 REGION_TURNS = 4
 SHARED_SIGMA = np.array([0.2, 0.03, 0.0, 0.0])
-"""Prior of the logarithms of softness and width in fits of regions. It is narrow, since markers bias them.
+"""Prior of the logarithms of softness and width in fits of regions, around the whole-gel fit: markers bias them.
 Radial smear is that of the known gel."""
 LEAST_DOUBT = 0.02
 """Relative error of a region's motion in fits of regions, because the known gel's profiles are not exact here."""
@@ -276,9 +276,9 @@ class OtherGel:
     def readout(
         self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances'], form: str = 'regions'
     ) -> AxisymmetricReadout:
-        """The source's readout with another response, and a prior for the typical errors of such calibrations.
+        """The source's readout with another response, and a correction of the typical errors of such calibrations.
 
-        Where no such prior was measured, the source's own one serves for places, since their errors are due to the
+        Where none was measured, the source's own one serves for places, since their errors are due to the
         lens. Its effect on forces follows from the source's own markers.
         """
         source, presses = self.source, len(self.presses)

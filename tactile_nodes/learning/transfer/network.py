@@ -27,7 +27,7 @@ from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.network import NetworkReadout
 
 LEAST_PRESSES = 40
-"""Fewer presses determine none of ten million weights; four of them would stop the training, and eight judge."""
+"""Fewer presses do not determine ten million weights; of 40, four stop the training, and eight judge."""
 ENCODING = 'polar_mean'
 
 
