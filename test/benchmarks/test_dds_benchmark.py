@@ -27,4 +27,4 @@ def test_dds_benchmark_reports_what_a_reader_gets_and_what_the_bus_notices(
         for end in ('bus', 'dds'):
             assert case['topics'][topic][end]['received'] + case['topics'][topic][end]['lost'] > 0
             assert case['topics'][topic][end]['p50'] > 0
-    assert '# What DDS costs' in (tmp_path / 'dds.md').read_text()
+    assert '# Cost of DDS' in (tmp_path / 'dds.md').read_text()

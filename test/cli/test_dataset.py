@@ -49,7 +49,7 @@ def test_build_tells_what_it_made_and_what_it_left_out(
     assert main(['dataset', 'build', str(collection.close()), '-o', made, *COARSE]) == 0
     shown = capsys.readouterr().out
     assert '1: 1 of 1 presses' in shown
-    assert '1  lost frames           e.g. press 2: 1 images are in the bag, 3 were taken' in shown
+    assert '1  lost frames           e.g. press 2: 1 images are in the bag, but 3 were taken' in shown
     assert f'tactile dataset info {made} --left-out' in shown
     assert main(['dataset', 'info', made, '--left-out']) == 0
     assert 'odd                           2        1  lost frames' in capsys.readouterr().out

@@ -300,7 +300,7 @@ def test_a_rig_that_was_killed_says_what_to_type_and_moves_when_that_was_typed(
     wait_until(lambda: rig.node.clock.now_ns() > asked_ns + 5 * NS_PER_S)
     assert not drained(states)
     assert "then type: tactile service call /rig/acknowledge std_srvs/srv/Trigger '{}'" in capsys.readouterr().err
-    assert bus.call('/rig/acknowledge', services.TRIGGER, types.Trigger_Request(), 5.0).message == 'going on'
+    assert bus.call('/rig/acknowledge', services.TRIGGER, types.Trigger_Request(), 5.0).message == 'continuing'
     wait_until(lambda: not rig.node.spinning)
     assert rig.node.failure is None
     assert sorted(each.press for each in drained(kept[0])) == [1, 2]

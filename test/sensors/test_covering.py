@@ -91,7 +91,7 @@ def test_a_patch_beyond_the_last_cannot_be_covered() -> None:
         ('{polygons_px: ["0,0 nan,0 319,239"]}', 'polygon 1 of mask.polygons_px'),
         ('{polygons_px: "0,0 3,0 3,3"}', "mine.yaml:3: 'mask.polygons_px' must be a list"),
         ('{file: none.png}', r'cannot read the mask .*none\.png'),
-        ('{file: mine.yaml}', 'is no picture that can be read; name a PNG file'),
+        ('{file: mine.yaml}', 'is not a readable picture; name a PNG file'),
         ('{file: white.png}', 'has 640x480 pixels, but image says 320x240'),
         ('{file: black.png}', 'mask covers the whole image'),
         ('{file: spotted.png}', 'separate parts, at most 100 are allowed'),

@@ -182,7 +182,7 @@ def text(page: Any, place: str) -> Any:
 
 def test_the_force_of_a_known_press_is_shown(page: Any) -> None:
     text(page, '#total').to_have_text('0.730')
-    text(page, '#answer').to_contain_text('Tare with nothing touching')
+    text(page, '#answer').to_contain_text('Tare without contact')
     text(page, '#status').to_have_text('OK')
     row = page.locator('#contacts tr').first
     expect(row.locator('td').nth(1)).to_have_text('4.00, −2.00 ± 0.03')

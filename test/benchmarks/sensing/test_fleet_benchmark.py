@@ -23,7 +23,7 @@ def test_few_presses_tell_where_the_camera_is(
     monkeypatch.setattr(sensors, 'load_sensor', {'simulated': coarse}.get)
     words = ['--gels', '2', '--unseen', '1', '--processes', '1', '-o', str(tmp_path)]
     assert run(fleet.BENCHMARK, parser_of(fleet.BENCHMARK).parse_args(words)) == 0
-    assert '# A fleet of gels' in capsys.readouterr().out
+    assert '# A prior from many gels' in capsys.readouterr().out
     (read,) = json.loads((tmp_path / 'fleet.json').read_text())['read']
     assert read[f'6, {fleet.NONE}']['centre_mm'] < 0.5 * read['description']['centre_mm']
     assert read[f'6, {fleet.NONE}']['centre_mm'] < 0.5 * read[f'6, {fleet.FIXED}']['centre_mm']

@@ -102,7 +102,7 @@ def test_call_of_a_wrong_type_is_refused(start: Start, bus: ZmqBus) -> None:
 
 def test_request_of_a_wrong_type_is_refused_before_it_is_sent(start: Start, bus: ZmqBus) -> None:
     _serving(bus, start(), 'answer')
-    with pytest.raises(MessageError, match='a std_srvs/srv/Trigger_Request is expected'):
+    with pytest.raises(MessageError, match='expected a std_srvs/srv/Trigger_Request'):
         bus.call('/s', services.TRIGGER, types.Int64())
 
 

@@ -91,7 +91,7 @@ def test_a_card_has_a_centre_only_where_it_is_not_the_origin() -> None:
 
 
 def test_a_readout_of_tips_refuses_bins_aside() -> None:
-    with pytest.raises(ModelError, match=r'about \(3.0, -1.0\) mm; set bins.centre_mm to 0'):
+    with pytest.raises(ModelError, match=r'centred at \(3.0, -1.0\) mm; set bins.centre_mm to 0'):
         require_central(BinGrid(4, 6, 15.0, 10.0, (3.0, -1.0)))
 
 

@@ -330,7 +330,7 @@ def test_the_command_exports_a_model_file(tmp_path: Path, capsys: pytest.Capture
     assert main(['model', 'export', str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]) == 0
     out = capsys.readouterr().out
     assert 'response readout' in out
-    assert 'names one contact' in out
+    assert 'reports one contact' in out
     loaded = load_model(tmp_path / 'small.safetensors')
     assert (tmp_path / 's.onnx').read_bytes() == onnx_bytes(loaded)
 

@@ -152,7 +152,7 @@ SPOILED: list[tuple[str, str, dict[str, Any]]] = [
     (exclusions.REJECTED, 'no steady force', {'status': types.Press.STATUS_REJECTED, 'reason': 'no steady force'}),
     (exclusions.NOT_SETTLED, 'changed by +0.5 N/s', {'force_rate': 0.5}),
     (exclusions.NOT_SETTLED, 'spread by 0.3 N', {'wrench_deviation': pushed(0.3)}),
-    (exclusions.LOST_FRAMES, '2 images are in the bag, 3 were taken', {'frames': 2}),
+    (exclusions.LOST_FRAMES, '2 images are in the bag, but 3 were taken', {'frames': 2}),
     (exclusions.LOST_FRAMES, '0 images are in the bag', {'frames': 0}),
     (exclusions.LIMITS, 'force of 0.9 N', {'wrench': pushed(-0.9)}),
     (exclusions.LIMITS, 'away from the gel', {'wrench': pushed(0.2)}),

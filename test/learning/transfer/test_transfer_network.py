@@ -212,7 +212,7 @@ def test_a_model_that_has_a_layer_names_the_one_to_calibrate(made: NetworkTransf
 
 
 def test_few_presses_are_refused_with_what_to_do(source: NetworkReadout, harder: Dataset) -> None:
-    with pytest.raises(DatasetError, match=r'needs 40 presses at least .*record more, or calibrate a response'):
+    with pytest.raises(DatasetError, match=r'needs at least 40 presses .*record more, or calibrate a response'):
         transfer_network(as_model(source), harder.take(np.arange(30)), QUICK)
 
 

@@ -180,7 +180,7 @@ def test_features_for_another_model_are_said_and_do_not_end_the_node(
 
 
 def test_missing_model_names_those_that_ship(bus: InProcessBus, clock: SteppedClock) -> None:
-    with pytest.raises(ModelError, match=r"no model 'none'.*that ship"):
+    with pytest.raises(ModelError, match=r"no model 'none'.*shipped model"):
         node(bus, clock, 'none')
 
 

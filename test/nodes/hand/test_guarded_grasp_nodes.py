@@ -124,7 +124,7 @@ def test_object_is_held_while_it_is_pulled_and_let_go_at_the_end(finger: Finger)
         assert loop.grasp.failure is None
         assert min(loop.commands_mm) < 47.0
         # 0.2 N on each side; with the hand's friction of 0.8 a margin of 0.4 asks for 0.42 N.
-        last_n = float(re.search(r'([0-9.]+) N in the end', loop.said())[1])  # type: ignore[index]
+        last_n = float(re.search(r'([0-9.]+) N at the end', loop.said())[1])  # type: ignore[index]
         assert last_n == pytest.approx(0.42, abs=0.05)
 
 

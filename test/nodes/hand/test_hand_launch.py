@@ -119,7 +119,7 @@ def test_grasp_of_simulated_fingers_holds_what_is_pulled_by_the_pictures_alone(t
     command = [sys.executable, '-m', 'tactile_nodes', 'launch', 'grasp', *words]
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(DOMAIN), 'ROS_LOG_DIR': str(tmp_path)}
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=150, check=False)
-    told = re.search(r'held for 6.\d s .* ([0-9.]+) N at the end', ran.stdout)
+    told = re.search(r'held for 6.\d s, .* ([0-9.]+) N at the end', ran.stdout)
     assert told is not None, ran.stdout + ran.stderr
     # 0.2 N on each side: with the hand's friction of 0.8 a margin of 0.4 asks for 0.42 N and the margin's uncertainty.
     assert float(told[1]) == pytest.approx(0.44, abs=0.06)

@@ -24,7 +24,7 @@ def test_markers_on_black_are_a_picture():
 
 
 def test_a_rest_image_without_markers_is_refused():
-    with pytest.raises(ImageError, match='markers in 0% of its regions'):
+    with pytest.raises(ImageError, match='markers in only 0% of its regions'):
         require_rest_image(np.full((440, 440), 90, np.uint8), np.zeros((40, 40), np.float32))
 
 
