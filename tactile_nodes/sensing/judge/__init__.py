@@ -1,1 +1,1 @@
-"""Whether a force can be believed: freshness, steadiness, drift of the calibration."""
+"""Whether a force can be trusted: freshness, steadiness, drift of the calibration."""

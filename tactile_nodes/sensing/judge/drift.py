@@ -1,9 +1,9 @@
-"""Whether a calibration still holds: what changed since it was made, judged without flapping, and what to do about it.
+"""Drift monitor: whether a calibration still holds, what changed since it was made, and what to do about it.
 
-Two questions with two answers. Did the picture move since the rest image was captured? Then motion is measured against
-a picture that is no more: capture it again. Did the rest image itself change since the calibration? Then the regions
-see other parts of the gel than those that were calibrated: calibrate again. `docs/drift.md` has the measurements that
-the limits follow from.
+It answers two questions. Did the picture move since the rest image was captured? Then the rest image is outdated and
+must be captured again. Did the rest image itself change since the calibration? Then the regions see other parts of the
+gel than those that were calibrated, and the sensor must be calibrated again. The limits follow from the measurements
+in `docs/drift.md`.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from tactile_nodes.sensing.picture.rolling_bands import RollingBands
 
 STANDARD_GRAVITY = 9.80665
 SOONER = 0.25
-"""Of the time between two looks, while something seems wrong."""
+"""While something seems wrong, the time between two checks is multiplied by this."""
 STRAIGHT_PX = 0.1
-"""What is taken out of a picture by less is no reason not to look for dead pixels in it: most often it is chance."""
+"""Dead pixels are searched only while the corrected motion is below this. So small a motion is mostly chance."""
 PLAIN_CONTRAST = 0.3
-"""A picture with less of its contrast is dim or covered; one with more that is not found again shows something else."""
+"""Below this share of its contrast, a picture is dim or covered. Above it, an unmatched picture shows another gel."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """From where on something is ageing and invalid; the force errors that they stand for are in docs/drift.md.
+    """Limits for ageing and invalid; docs/drift.md has the force errors that they correspond to.
 
-    Motion in px (root mean square over the picture), contrast as a share of what it was (or one over it), regions as a
-    share, forces as |ln ratio|.
+    Motion is in px (root mean square over the picture), contrast a ratio to the former one (or its inverse), lost
+    regions a share, forces |ln ratio|.
     """
 
     moved_px: tuple[float, float] = (0.02, 0.1)
@@ -54,20 +54,20 @@ class Limits:
     contrast: tuple[float, float] = (FAR_LIGHT[0], FAINT_LIGHT)
     lost: tuple[float, float] = (0.08, 0.2)
     moved_clearly_px: float = 0.15
-    """A median motion that no touch makes: two 6 mm balls, 1.5 mm deep, make 0.03 px. Less counts if all is quiet."""
+    """A median motion that no touch causes: two 6 mm balls, 1.5 mm deep, cause 0.03 px. Less counts only at rest."""
     quiet_only: bool = False
-    """Whether only quiet pictures tell of motion and lost regions: what touches a gel of a few dozen dots moves most of
-    them, and takes a third out of sight."""
+    """Whether motion and lost regions are judged only in quiet pictures. On a gel of a few dozen dots, a touch moves
+    most of them and hides a third."""
     unlike: float = 0.5
     force: tuple[float, float] = (0.05, 0.15)
 
     @classmethod
     def of_flow(cls, name: str, *, novelty_checked: bool = False) -> Limits:
-        """For a model that measures motion by a flow method.
+        """The limits for a model that measures motion by the flow method `name`.
 
-        Dense inverse search mistakes light for motion: 30 % darker, it reads 0.6 of it. Patches fit light as well.
-        If a network is `novelty_checked`, a force in another light counts only if the check, which light hardly
-        disturbs, agrees.
+        Dense inverse search mistakes light for motion: in a picture 30 % darker it measures 0.6 of the motion. Patches
+        fit the light as well. If a network is `novelty_checked`, a force in another light counts only if the novelty
+        check agrees. Light hardly disturbs that check.
         """
         if name == 'dots':
             return cls(quiet_only=True)
@@ -75,10 +75,10 @@ class Limits:
 
 
 class DriftMonitor:
-    """Fed with pictures and forces, each with its stamp; asked for its verdict at any time.
+    """Takes stamped pictures and forces, and gives its verdict at any time.
 
-    A quiet picture is one in which nothing moved by itself; no force is needed to tell. Of a gel that is never let go
-    only gross changes are seen, and `quiet_ns` says when it last was.
+    In a quiet picture no part moved on its own; this is decided without the force. If the gel is never released, only
+    gross changes are detected. `quiet_ns` is the stamp of the last quiet picture.
     """
 
     def __init__(self, limits: Limits | None = None) -> None:
@@ -107,10 +107,10 @@ class DriftMonitor:
         self._is_calibrated = True
 
     def use_calibration(self, picture: UInt8[np.ndarray, 'h w'] | None, *, calibrated: bool = True) -> None:
-        """Take the rest image of the calibration, and forget what another calibration read.
+        """Take the rest image of the calibration, and forget what was measured with another calibration.
 
-        None: it has none, and the next rest image stands in for it. Not `calibrated`: the model follows from a
-        description alone, which the verdict says while nothing is wrong.
+        If it is None, the next rest image is used instead. If not `calibrated`, the model follows from a description
+        alone, and the verdict says so while nothing is wrong.
         """
         self._is_calibrated = calibrated
         for alarm in (self._calibrated, self._dented, self._other_since_calibration, self._unlike, self._force):
@@ -123,10 +123,10 @@ class DriftMonitor:
             self._compare_rest(self._last_rest)
 
     def rest(self, picture: UInt8[np.ndarray, 'h w']) -> None:
-        """Take a new rest image: what was measured against the one before is forgotten.
+        """Take a new rest image, and forget what was measured against the previous one.
 
         Raises:
-            ImageError: it cannot be compared with the calibration's.
+            ImageError: it cannot be compared with the rest image of the calibration.
         """
         for alarm in (self._moved, self._light, self._lost, self._other):
             alarm.clear()
@@ -139,9 +139,9 @@ class DriftMonitor:
         self._compare_rest(picture)
 
     def is_due(self, stamp_ns: int, every_s: float) -> bool:
-        """Whether to look at a picture again; while something seems wrong four times as often.
+        """Whether to check a picture now. While something seems wrong, pictures are checked four times as often.
 
-        So what is wrong is told soon, and so is that it is over, and a gel that is pressed is seen at rest meanwhile.
+        A fault and its end are then reported early, and a gel that is pressed often is still seen at rest.
         """
         alarms = self._moved, self._light, self._lost, self._other
         share = SOONER if any(each.suspects for each in alarms) else 1.0
@@ -151,10 +151,10 @@ class DriftMonitor:
         return True
 
     def frame(self, stamp_ns: int, picture: UInt8[np.ndarray, 'h w'], taken_out: PictureMotion | None = None) -> None:
-        """Take a picture of the gel, touched or not, now and then; nothing before there is a rest image.
+        """Take a picture of the gel, touched or not. Pictures before the first rest image are ignored.
 
-        Motion of the whole picture that is taken out of the forces is no fault of theirs: what is left of it counts.
-        Nor are bands that roll over it, and dead pixels, which are filled in.
+        Motion of the whole picture (`taken_out`) is corrected in the forces, so only the remaining motion counts.
+        Rolling bands are removed and dead pixels filled in; they do not count either.
         """
         if self._rest is None or self._last_rest is None:
             return
@@ -168,7 +168,7 @@ class DriftMonitor:
     def _without_dead(
         self, picture: UInt8[np.ndarray, 'h w'], rest: PictureComparison, *, straight: bool
     ) -> UInt8[np.ndarray, 'h w']:
-        """The picture with dead pixels filled in; more are looked for in one that is `straight`."""
+        """The picture with dead pixels filled in. New dead pixels are searched only if it is `straight`."""
         mended = self._dead.mended(picture)
         if not straight or self._last_rest is None or picture.shape != self._last_rest.shape:
             return mended
@@ -189,21 +189,21 @@ class DriftMonitor:
         self._other.feed(stamp_ns, float(_shows_another(since_rest)))
 
     def force(self, stamp_ns: int, total_n: float, unlikeness: float, *, in_contact: bool, usable: bool = True) -> None:
-        """Take what the gel reads; frames that are not usable for another reason do not count beside other forces."""
+        """Take the gel's force. Frames that are not `usable` for another reason are not compared with other forces."""
         self._scale.feed(stamp_ns, total_n, in_contact=in_contact and usable)
         ended = self._splitter.feed(stamp_ns, total_n, unlikeness, in_contact=in_contact, usable=usable)
         if ended is not None:
             self._contact(ended)
 
     def independent_force(self, stamp_ns: int, force_n: tuple[float, float, float]) -> None:
-        """Take what another sensor feels of the same contacts, in any axes, tared or not."""
+        """Take the force of another sensor in the same contacts, in any axes, tared or not."""
         self._comparison.independent(stamp_ns, force_n)
 
     def weigh(self, weight_g: float) -> str:
-        """Compare the force of the last seconds with a known weight that rests on the gel; in words what came of it.
+        """Compare the force of the last seconds with a known weight on the gel, and return the result as text.
 
         Raises:
-            ConfigurationError: nothing rests there steadily.
+            ConfigurationError: the load is not steady.
         """
         if (steady := self._scale.steady_n) is None:
             raise ConfigurationError(
@@ -216,7 +216,7 @@ class DriftMonitor:
 
     @property
     def verdict(self) -> Verdict:
-        """What all of it comes to."""
+        """The verdict over all evidence."""
         levels = self._levels()
         reasons = Reason(sum(reason for reason, level in levels.items() if level > Level.VALID))
         known = self._rest is not None or bool(reasons)
@@ -237,7 +237,7 @@ class DriftMonitor:
 
     def _levels(self) -> dict[Reason, Level]:
         other = max(self._other.level, self._other_since_calibration.level)
-        explained = self._other.level > Level.VALID  # then nothing is found again, which is no second fault
+        explained = self._other.level > Level.VALID  # then no region is found again, which is no second fault
         return {
             Reason.PICTURE_MOVED: self._moved.level,
             Reason.MOVED_SINCE_CALIBRATION: self._calibrated.level,
@@ -263,7 +263,7 @@ class DriftMonitor:
 
     def _contact(self, contact: ContactFrames) -> None:
         if self._moved.level > Level.VALID or self._other.level > Level.VALID:
-            return  # explains whatever it would show
+            return  # that already explains any force error
         self._unlike_contacts.contact(contact)
         self._unlike.set(self._unlike_contacts.at_least)
         if (ratio := self._comparison.contact(contact)) is not None:
@@ -275,7 +275,7 @@ class DriftMonitor:
 
 
 def _is_small(motion: PictureMotion) -> bool:
-    """Whether pixels lie where they lay in the rest image, to within what their greys show."""
+    """Whether pixels are where they were in the rest image, as far as grey levels can show it."""
     return max(map(abs, motion.terms)) < STRAIGHT_PX
 
 

@@ -1,4 +1,4 @@
-"""From a number that wavers to a level that does not: the median over seconds, held until it is clearly better."""
+"""From a noisy number to a stable level: the median over seconds, with hysteresis."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ import numpy as np
 
 NS_PER_S = 1_000_000_000
 RELEASE = 0.7
-"""A level ends when the number is below this share of the limit that began it."""
+"""A level ends when the number falls below this share of the limit that raised it."""
 WINDOW_S, LEAST_S, LEAST_VALUES = 6.0, 3.0, 3
-"""The median is over the last seconds of evidence, and says nothing before it spans some of them."""
+"""Window of the median, and the least time span and number of values before it is used."""
 FEWEST, OLDEST_S = 4, 30.0
-"""Where evidence is rare, as of a gel that is pressed again and again, it is over so many values, none older."""
-
+"""If evidence is rare, as on a gel that is pressed often, the window keeps so many values up to this age."""
 
 CLEARED = 0.35
-"""A number below this share of the limit of ageing ends all evidence at once, where chance makes no such number."""
+"""A `plain` number below this share of the ageing limit clears the alarm at once."""
 
 
 class Level(IntEnum):
@@ -31,11 +30,11 @@ class Level(IntEnum):
 
 
 class Alarm:
-    """The level of one number, which is 0 where all is well and grows.
+    """The level of one number that is 0 without a fault and grows with it.
 
-    With limits of 0.03 and 0.1 a median of 0.05 is ageing and becomes valid again below 0.021. A value alone, however
-    large, changes nothing: half of a window of evidence must agree. Without new evidence the level stays. `plain`: the
-    number is small by no chance (a picture that is not there is not found), and one below 0.0105 would do.
+    With limits of 0.03 and 0.1 a median of 0.05 is ageing and becomes valid again below 0.021. A single value, however
+    large, changes nothing: half of the window must agree. Without new evidence the level stays. `plain`: the number is
+    never small by chance (a missing picture is never found), so here one value below 0.0105 clears the alarm.
     """
 
     def __init__(self, ageing: float, invalid: float = math.inf, *, plain: bool = False) -> None:
@@ -46,7 +45,7 @@ class Alarm:
         self._values: deque[tuple[int, float]] = deque()
 
     def feed(self, stamp_ns: int, value: float) -> None:
-        """Take the number at a time; a time before the last one begins anew."""
+        """Take the number at a stamp. A stamp before the last one restarts the window."""
         if self._values and stamp_ns < self._values[-1][0]:
             self._values.clear()
         if self._plain and value < CLEARED * self.limits[0]:
@@ -61,11 +60,11 @@ class Alarm:
 
     @property
     def suspects(self) -> bool:
-        """Whether the last value alone is beyond the limit, or the level says so."""
+        """Whether the last value alone is beyond the ageing limit, or the level is above valid."""
         return self.level > Level.VALID or (bool(self._values) and self._values[-1][1] >= self.limits[0])
 
     def set(self, value: float) -> None:
-        """Take a number that needs no more of its kind, such as the mean of many."""
+        """Take a number that needs no median, such as the mean of many."""
         self.value = value
         held = (0.0, *(RELEASE * limit for limit in self.limits))
         risen = self._level_by((0.0, *self.limits))
@@ -73,12 +72,12 @@ class Alarm:
         self.level = max(risen, kept)
 
     def _outdated(self, stamp_ns: int) -> bool:
-        """Whether the oldest value counts no more."""
+        """Whether the oldest value no longer counts."""
         age_s = (stamp_ns - self._values[0][0]) / NS_PER_S
         return age_s > OLDEST_S or (age_s > WINDOW_S and len(self._values) > FEWEST)
 
     def clear(self) -> None:
-        """Forget everything: what it was measured against is no more."""
+        """Forget everything, as the reference of the number has changed."""
         self._values.clear()
         self.level, self.value = Level.VALID, math.nan
 

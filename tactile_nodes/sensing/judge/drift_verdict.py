@@ -1,4 +1,4 @@
-"""What the drift monitor concludes: a level, its reasons, the numbers behind them, and what to do as sentences."""
+"""The verdict of the drift monitor: a level, its reasons, the numbers behind them, and advice as text."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Reason(IntFlag):
 class Verdict:
     """The level, its reasons and the numbers behind them (None or NaN: not known yet).
 
-    `since_rest` is the last picture against the rest image, `since_calibration` the rest image against that of the
-    calibration; `moved_px` and `lost` are the medians over seconds that were judged. `other_since_calibration`: it is
-    the rest image that shows another gel, not the pictures since. `quiet_ns` is when nothing touched the gel last.
+    `since_rest` compares the last picture with the rest image, `since_calibration` the rest image with that of the
+    calibration. `moved_px` and `lost` are the medians that were judged. `other_since_calibration`: the rest image
+    shows another gel, not the pictures since. `quiet_ns` is the last stamp at which nothing touched the gel.
     """
 
     level: Level
@@ -44,16 +44,16 @@ class Verdict:
     unlike_share: float
     quiet_ns: int | None
     calibrated: bool = True
-    """Whether there is a calibration; else the model follows from a description alone."""
+    """Whether there is a calibration. Without one the model follows from a description alone."""
 
     @property
     def uncalibrated(self) -> bool:
-        """Nothing changed, and nothing was calibrated that could hold."""
+        """Whether there is no calibration and nothing else is wrong."""
         return not self.calibrated and self.level is Level.VALID
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What is wrong and what to do, a sentence a reason."""
+        """What is wrong and what to do, one sentence per reason."""
         told = {
             Reason.PICTURE_MOVED: self._picture_moved,
             Reason.MOVED_SINCE_CALIBRATION: self._moved_since_calibration,

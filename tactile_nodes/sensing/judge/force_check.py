@@ -1,7 +1,7 @@
-"""The gel's force beside an independent one, contact by contact: the only way to see that a gel has stiffened.
+"""Compares the gel's force with an independent one per contact, the only way to detect that a gel has stiffened.
 
-In a soft layer the hardness scales the force and leaves the motion as it is, so no picture shows it. A force/torque
-sensor in the rig or in a robot's wrist does, and so does a known weight.
+The hardness of a soft layer scales the force but not the motion, so no picture shows it. A force/torque sensor in the
+rig or in a robot's wrist shows it, and so does a known weight.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ NS_PER_S = 1_000_000_000
 REMEMBERED_S = 40.0
 LONGEST_CONTACT_S = 30.0
 ENDED_S = 0.2
-"""A contact is over when the gel has felt nothing for so long."""
+"""A contact is over after so long without contact."""
 BEFORE_S = (0.6, 0.1)
-"""The independent sensor's zero is its mean over this time before each contact, so that it needs no tare."""
+"""The zero of the independent sensor is its mean over this time before each contact, so it needs no tare."""
 LEAST_N, LEAST_PEAK_N, LEAST_SAMPLES = 0.1, 0.15, 5
 CONTACTS = 20
 LEAST_CONTACTS = 5
@@ -31,7 +31,7 @@ WEIGHED_S, WEIGHED_LEAST_S, STEADY_SHARE = 2.0, 1.0, 0.05
 
 @dataclass
 class ContactFrames:
-    """What the gel said while something touched it: stamps, total force, unlikeness, and which frames were in order."""
+    """The frames of one contact: stamps, total force, novelty, and which frames were usable."""
 
     stamps_ns: list[int] = field(default_factory=list)
     total_n: list[float] = field(default_factory=list)
@@ -55,7 +55,7 @@ class ContactSplitter:
     def feed(
         self, stamp_ns: int, total_n: float, unlikeness: float, *, in_contact: bool, usable: bool
     ) -> ContactFrames | None:
-        """Take a frame; the contact that it ends, if it ends one."""
+        """Take a frame, and return the contact if this frame ends one."""
         if self._open is not None and stamp_ns < self._open.stamps_ns[-1]:
             self._open = None  # a recording began again
         if in_contact:
@@ -73,9 +73,9 @@ class ContactSplitter:
 
 @dataclass(frozen=True)
 class ForceRatio:
-    """The gel's force over an independent one: 0.8 is a gel that reads a fifth too little, so a stiffened one.
+    """The gel's force divided by an independent one: 0.8 means a fifth too little, so the gel has stiffened.
 
-    `sigma` is the standard error, `contacts` of how many; 1 of a weight.
+    `sigma` is the standard error, `contacts` the number of contacts (1 for a weight).
     """
 
     ratio: float
@@ -84,13 +84,13 @@ class ForceRatio:
 
     @property
     def off(self) -> float:
-        """How far off, as |ln ratio|; 0 while chance explains it."""
+        """The error as |ln ratio|, or 0 while chance explains it."""
         away = abs(math.log(self.ratio)) if self.ratio > 0 else math.inf
         return away if away > STANDARD_ERRORS * self.sigma else 0.0
 
 
 class ForceComparison:
-    """Ratios of the last contacts. Feed it the independent force as it comes, and contacts when they are over."""
+    """Ratios of the last contacts. It takes the independent force as it arrives, and each contact when it is over."""
 
     def __init__(self) -> None:
         self._stamps_ns: deque[int] = deque()
@@ -109,10 +109,10 @@ class ForceComparison:
             self._vectors.popleft()
 
     def contact(self, contact: ContactFrames) -> ForceRatio | None:
-        """The ratio over the last contacts, this one included; None while they are too few or the sensor is silent.
+        """The ratio over the last contacts, this one included. None: too few contacts, or the sensor is silent.
 
-        Of one contact it is that of least squares through the origin, which a delay between the two sensors biases
-        little: what it adds on the way down it takes away on the way up.
+        The ratio of one contact is a least-squares fit through the origin. A delay between the two sensors biases it
+        little, as the errors of loading and unloading cancel.
         """
         ratio = self._ratio_of(contact)
         if ratio is None:
@@ -123,7 +123,7 @@ class ForceComparison:
         return ForceRatio(*_middle(self._ratios), len(self._ratios))
 
     def clear(self) -> None:
-        """Forget the contacts: they were read by another model."""
+        """Forget the contacts, as another model measured them."""
         self._ratios.clear()
 
     def _ratio_of(self, contact: ContactFrames) -> float | None:
@@ -151,7 +151,7 @@ def _at(wanted_ns: np.ndarray, stamps_ns: np.ndarray, vectors: Float[np.ndarray,
 
 
 def _middle(ratios: Iterable[float]) -> tuple[float, float]:
-    """Median and its standard error, from the median deviation: 1.2533 * 1.4826 * MAD / sqrt(n)."""
+    """Median and its relative standard error, from the median deviation: 1.2533 * 1.4826 * MAD / sqrt(n)."""
     values = np.array(list(ratios))
     middle = float(np.median(values))
     spread = 1.2533 * 1.4826 * float(np.median(np.abs(values - middle))) / math.sqrt(len(values))
@@ -174,7 +174,7 @@ class Scale:
 
     @property
     def steady_n(self) -> tuple[float, float] | None:
-        """Mean force and its spread while something rested on the gel; None if nothing did, or not steadily."""
+        """Mean and standard deviation of the force of a steady load, or None without one."""
         if not self._read or not all(touching for *_, touching in self._read):
             return None
         span_s = (self._read[-1][0] - self._read[0][0]) / NS_PER_S
@@ -184,7 +184,7 @@ class Scale:
 
 
 class UnlikeContacts:
-    """The share of contacts that are unlike the training, as a lower bound that chance explains once in 200 times."""
+    """The share of contacts unlike the training data, and a lower bound that chance exceeds once in 200 times."""
 
     KEPT, LEAST, DEVIATIONS = 50, 20, 2.6
 
@@ -192,19 +192,19 @@ class UnlikeContacts:
         self._unlike: deque[bool] = deque(maxlen=self.KEPT)
 
     def contact(self, contact: ContactFrames) -> None:
-        """Take a contact: its median frame decides."""
+        """Take a contact, judged by the median novelty of its frames."""
         known = [each for each in contact.unlikeness if math.isfinite(each)]
         if known:
             self._unlike.append(float(np.median(known)) > 1)
 
     @property
     def share(self) -> float:
-        """Of the last contacts; NaN before the first."""
+        """Share of the last contacts. NaN before the first."""
         return sum(self._unlike) / len(self._unlike) if self._unlike else math.nan
 
     @property
     def at_least(self) -> float:
-        """Wilson's lower bound: of 20 contacts, all of them unlike, 0.75. 0 while there are fewer."""
+        """Wilson's lower bound: 0.75 if all of 20 contacts are unlike, 0 with fewer contacts."""
         count, z = len(self._unlike), self.DEVIATIONS
         if count < self.LEAST:
             return 0.0
@@ -214,5 +214,5 @@ class UnlikeContacts:
         return max(0.0, (middle - width) / (1 + z * z / count))
 
     def clear(self) -> None:
-        """Forget them."""
+        """Forget all contacts."""
         self._unlike.clear()

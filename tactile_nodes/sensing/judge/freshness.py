@@ -1,18 +1,19 @@
-"""Whether a frame is news: by its stamp and its age alone, however many frames came before."""
+"""Whether a frame is fresh, judged by its stamp and its age."""
 
 from __future__ import annotations
 
 EARLY_S = 0.05
-"""How far a stamp may lie in the future before it is none."""
+"""How far a stamp may lie in the future."""
 
 IN_ORDER = 3
-"""Frames in order after which stamps that jumped back are believed: the clock was set."""
+"""After so many frames in order, stamps that jumped back are accepted: the clock was set."""
 
 
 class Freshness:
-    """Tells frames that are too old, that come after a newer one, and that come twice.
+    """Detects frames that are too old, out of order, or duplicates.
 
-    With `stale_after_s` of 0.1 a frame 0.11 s old is stale. Of stamps 1, 3, 2, 4 s the third is, of 1, 1 s the second.
+    With `stale_after_s` of 0.1 a frame 0.11 s old is stale. Of the stamps 1, 3, 2, 4 s the third frame is stale, of
+    1, 1 s the second.
     """
 
     def __init__(self, stale_after_s: float) -> None:
@@ -22,7 +23,7 @@ class Freshness:
         self._in_order = 0
 
     def stale(self, stamp_ns: int, age_s: float) -> bool:
-        """Whether the next frame is no news. An age of NaN is not known, and not judged."""
+        """Whether the next frame is stale. An age of NaN is unknown and not judged."""
         late = age_s > self._stale_after_s or age_s < -EARLY_S
         return self._behind(stamp_ns) or late
 

@@ -1,4 +1,4 @@
-"""Values that hold from a stamp on, so that what a frame is told depends on its stamp and not on who came first."""
+"""Values that hold from a stamp on, so that the value of a frame depends on its stamp, not on the order of arrival."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ KEPT = 100
 
 
 class ByStamp(Generic[Value]):
-    """The value that holds at a stamp: the last one that began at or before it, or the first where none did.
+    """The value that holds at a stamp: the last one that began at or before it, or else the initial one.
 
-    With 1 from stamp 10 on and 2 from 20 on, stamp 19 has 1, stamp 20 has 2, and stamp 9 what it was made with.
+    With 1 from stamp 10 on and 2 from 20 on, stamp 19 has 1, stamp 20 has 2, and stamp 9 the initial value.
     """
 
     def __init__(self, before: Value) -> None:
@@ -22,7 +22,7 @@ class ByStamp(Generic[Value]):
         self._before = before
 
     def add(self, from_ns: int, value: Value) -> None:
-        """Take a value that holds from a stamp on; of two from the same stamp the later one counts."""
+        """Add a value that holds from a stamp on. It replaces earlier values from the same or a later stamp."""
         while self._from_ns and self._from_ns[-1] >= from_ns:  # a recording began again
             self._from_ns.pop()
             self._values.pop()
