@@ -1,1 +1,1 @@
-"""The rest image: captured, prepared, and taken anew."""
+"""The rest image: capture, preparation, and renewal."""

@@ -1,4 +1,4 @@
-"""Which frames become the rest image: those that follow one another, show the same, and show nothing that touches."""
+"""Selects the frames of a rest image: consecutive frames that show the same picture without contact."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from tactile_nodes.sensing.picture.stillness import StillnessCheck
 from tactile_nodes.sensing.rest.reference import RestAccumulator
 
 PATIENCE = 4
-"""A capture waits so many times as long as it takes for frames that show the same."""
+"""A capture waits for frames that show the same up to this many times its own length."""
 
 LEAST_RUN = 4
-"""So many frames in a row that show the same are the gel at rest, unless what follows says that it was released."""
+"""So many equal frames in a row count as the gel at rest, unless later frames show that it was released."""
 
 MOST_RUNS = 8
-"""With so many earlier runs a frame is compared."""
+"""A frame is compared with at most so many earlier runs."""
 
 
 class RestCapture:
     """Collects `wanted` frames for a rest image.
 
-    Frames that show the same make a run. A frame that shows something else begins a new one; of one that shows a touch
-    beside any earlier run nothing is taken. `unsteady`: no run came for too long, and any frames were taken; not while
-    touches come and go, which patience does not wait for.
+    Consecutive frames that show the same form a run. A frame that shows something else begins a new run. A frame that
+    shows a touch, compared with any earlier run, is discarded. `unsteady`: no run was long enough in time, so any
+    frames were used. This never happens while touches come and go.
     """
 
     def __init__(self, wanted: int, skip: int = 0) -> None:
@@ -37,7 +37,7 @@ class RestCapture:
 
     @property
     def waiting(self) -> str:
-        """Why there is no rest image though frames for two have come; empty while it may still be on its way."""
+        """Why there is no rest image although frames for two have arrived; empty before that."""
         if self._offered < 2 * self._wanted:
             return ''
         return (
@@ -55,10 +55,10 @@ class RestCapture:
         return 'the image keeps changing, as when the camera moves'
 
     def offer(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w'] | None:
-        """Take one frame more; the rest image, once it is complete. The capture then begins anew.
+        """Take one more frame. Returns the rest image once it is complete, and then restarts the capture.
 
         Raises:
-            ImageError: the frame is black or overexposed, and was left out.
+            ImageError: the frame is black or overexposed, and was skipped.
         """
         if self._left_to_skip > 0:
             self._left_to_skip -= 1
@@ -77,11 +77,11 @@ class RestCapture:
         return self._finished() if self._frames.count >= self._wanted else None
 
     def _same(self, image: UInt8[np.ndarray, 'h w']) -> bool:
-        """Whether a frame shows what the run shows."""
+        """Whether a frame shows the same as the run."""
         return self._frames.count > 0 and self._first is not None and self._first.same(image)
 
     def _take_another(self, shown: StillnessCheck) -> None:
-        """A frame that shows something else begins a new run; of a picture that never rests it goes on with the old."""
+        """Begin a new run with a frame that differs, or continue the old one if the picture never rests."""
         self._comes_and_goes = self._first is not None and _touched(self._first, shown)
         if self._comes_and_goes:
             self._have_no_patience()
@@ -93,7 +93,7 @@ class RestCapture:
         self._frames, self._first = RestAccumulator(), shown
 
     def _have_no_patience(self) -> None:
-        """No patience makes a touch a rest image."""
+        """Stop the count of frames at the limit of patience, so that a touch never becomes a rest image."""
         self._offered = min(self._offered, PATIENCE * self._wanted)
 
     def _finished(self) -> UInt8[np.ndarray, 'h w']:
@@ -108,6 +108,6 @@ def _about(image: UInt8[np.ndarray, 'h w']) -> StillnessCheck:
 
 
 def _touched(one: StillnessCheck, other: StillnessCheck) -> bool:
-    """Whether something presses in one of two pictures that does not in the other."""
+    """Whether something presses the gel in only one of two pictures."""
     assert one.reference is not None and other.reference is not None
     return one.pressed(other.reference) or other.pressed(one.reference)

@@ -1,4 +1,4 @@
-"""The next rest image, prepared beside the frames, so that none waits for it."""
+"""The next rest image, prepared in a thread, so that no frame waits for it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 
 
 class Coming:
-    """A rest image, made of straightened images, that is being prepared beside the frames; used from a stamp on.
+    """A rest image of straightened images, prepared in a thread and used from the stamp `due_ns` on.
 
-    `offset` is where it lies beside the first rest image, `motion` that of the whole picture when it was taken.
+    `offset` is its motion relative to the first rest image, `motion` that of the whole picture at its capture.
     """
 
     DERIVED: ClassVar = ('_found', '_thread')
@@ -29,16 +29,16 @@ class Coming:
         self._thread: threading.Thread | None = None
 
     def begin(self, measuring: Measuring) -> None:
-        """Prepare it, in a thread of its own."""
-        # Some 0.1 s that a process waits for when it ends: to end within compiled code would abort it.
+        """Start the preparation in a separate thread."""
+        # Not a daemon: the process waits for it (some 0.1 s), as exiting within compiled code would abort.
         self._thread = threading.Thread(target=self._prepare, args=(measuring,), name='rest image')
         self._thread.start()
 
     def prepared(self) -> PreparedRest:
-        """What came of it, once it has begun.
+        """Wait for the result of the preparation. Call `begin` first.
 
         Raises:
-            ImageError: nothing can be measured against it.
+            ImageError: no motion can be measured against this image.
         """
         self.wait()
         if isinstance(self._found, ImageError):
@@ -47,7 +47,7 @@ class Coming:
         return self._found
 
     def wait(self) -> None:
-        """Until it is prepared, once that has begun."""
+        """Wait until the preparation ends. Call `begin` first."""
         assert self._thread is not None
         self._thread.join()
 

@@ -1,4 +1,4 @@
-"""The rest image in use, and how it came to be that."""
+"""The rest image in use and its origin."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tactile_nodes.sensing.rest.prepared import PreparedRest
 
 @dataclass(frozen=True)
 class RestInUse:
-    """What frames are measured against.
+    """The rest image that frames are measured against.
 
-    `likeness` tells whether a picture is like it, `captured` whether it is like the rest image that was captured or
-    given. `renewed`: this one came into use by itself; `another`: it is another than that one. `unsteady`: frames of
-    the capture did not show the same. `added` is how much sharper frames are by their noise than the mean of the
-    capture, `noise_grey` that noise (grey levels), 0 where it is not known. `offset` is where it lies beside the first
-    rest image, if it was made of straightened images, and `motion` that of the whole picture when they were taken.
+    `likeness` compares pictures with it, `captured` with the rest image that was captured or given. `renewed`: it came
+    into use automatically. `another`: it differs from the captured one. `unsteady`: frames of the capture did not show
+    the same. `added` is how much sharper frames are than the mean of the capture because of their noise, `noise_grey`
+    that noise (grey levels; 0: unknown). If it was made of straightened images, `offset` is its motion relative to the
+    first rest image, and `motion` that of the whole picture at its capture.
     """
 
     prepared: PreparedRest
@@ -33,5 +33,5 @@ class RestInUse:
 
     @property
     def dense(self) -> bool:
-        """Whether it is searched densely, by what takes light and other pixels for motion."""
+        """Whether the flow method is dense inverse search, which mistakes light and changed pixels for motion."""
         return self.prepared.flow.name == 'dis'

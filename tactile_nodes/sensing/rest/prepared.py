@@ -1,4 +1,4 @@
-"""A rest image with all that is computed of it before the first frame is measured beside it, and how it is measured."""
+"""A rest image with all that is computed from it before the first frame, and the settings of the measurement."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck, S
 from tactile_nodes.sensing.rest.reference import content_id
 
 LEAST_CONFIDENT = 0.93
-"""Share of the rest image's confidence in itself below which a frame is looked at for bands: presses leave 0.96."""
+"""A frame below this share of the rest image's own confidence is checked for bands. Presses leave 0.96."""
 
 
 @dataclass(frozen=True)
 class PreparedRest:
-    """A rest image with all that is computed of it once; `own` is what the flow finds in itself."""
+    """A rest image with all that is computed from it once. `own` is the flow measured in the rest image itself."""
 
     image: UInt8[np.ndarray, 'h w']
     flow: FlowMethod
@@ -35,39 +35,39 @@ class PreparedRest:
 
     @cached_property
     def reference_id(self) -> str:
-        """The name of the image, by its content."""
+        """The id of the image, a hash of its content."""
         return content_id(self.image)
 
     @cached_property
     def still(self) -> DisplacementField:
-        """No motion, with the confidence that the rest image has in itself."""
+        """Zero motion, with the confidence of the rest image in itself."""
         return DisplacementField(np.zeros_like(self.own.displacement_px), self.own.confidence)
 
     @cached_property
     def still_features(self) -> Features:
-        """The features of no motion."""
+        """The features of zero motion."""
         return self.encoding.encode(self.still)
 
     @cached_property
     def bands(self) -> RollingBands:
-        """What finds bands beside it."""
+        """The detector of rolling bands relative to this image."""
         return RollingBands(self.image)
 
     @cached_property
     def least_sure(self) -> float:
-        """Confidence, summed up, below which a frame is looked at for bands."""
+        """Sum of the confidence below which a frame is checked for bands."""
         sure = self.own.confidence
         return 0.0 if sure is None else LEAST_CONFIDENT * float(sure.sum())
 
     def stillness(self, straight: UInt8[np.ndarray, 'h w']) -> Stillness | None:
-        """How still a straightened frame is; None where nothing is there to tell."""
+        """How still a straightened frame is, or None if no check can tell."""
         return self.check.look(straight) if self.check is not None and self.check.able else None
 
     def features(self, image: UInt8[np.ndarray, 'h w']) -> Features:
-        """The features of all that moved in an image, that of the camera included.
+        """The features of all motion in an image, camera motion included.
 
         Raises:
-            ImageError: it has another size.
+            ImageError: the image has another size.
         """
         require_like(self.image, image)
         return self.encoding.encode(self.flow.displacement(image))
@@ -75,10 +75,10 @@ class PreparedRest:
 
 @dataclass(frozen=True)
 class Measuring:
-    """How motion is measured, and how it is summed up; `compiled`: by compiled loops.
+    """How motion is measured and encoded. `compiled`: by compiled loops.
 
-    `check` says how frames are told in which nothing touches, whose motion is then zero without being measured.
-    `registers`: the motion of the whole picture is taken out. `marked_share` of the regions must show structure in a
+    `check` configures the detection of frames without contact, whose motion is set to zero without a measurement.
+    `registers`: the motion of the whole picture is removed. `marked_share` of the regions must show structure in a
     rest image; sparse patterns need less.
     """
 
@@ -90,10 +90,10 @@ class Measuring:
     marked_share: float = MARKED_SHARE
 
     def beside(self, image: UInt8[np.ndarray, 'h w']) -> PreparedRest:
-        """All that is computed of a rest image beforehand, some 0.1 s; in any thread.
+        """Prepare a rest image. It takes some 0.1 s and can run in any thread.
 
         Raises:
-            ImageError: it shows nothing that can be measured against.
+            ImageError: no motion can be measured against this image.
         """
         encoding = make_encoding(self.encoding.name, self.encoding.options)
         encoding.set_reference(image)

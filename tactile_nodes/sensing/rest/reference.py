@@ -1,4 +1,4 @@
-"""The rest image: several frames of the untouched gel, averaged, and a name for the result."""
+"""The rest image: the mean of several frames of the untouched gel, and its id."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tactile_nodes.errors import ImageError
 def average(frames: Sequence[UInt8[np.ndarray, 'h w']]) -> UInt8[np.ndarray, 'h w']:
     """Mean of several frames at rest, rounded to 8 bit.
 
-    The noise of a single rest frame adds to every displacement measured against it, always in the same way;
-    averaging n frames lowers it by sqrt(n). Frames of 10 and 13 give 12 (11.5, halves up).
+    The noise of a single rest frame biases every displacement measured against it. Averaging n frames lowers the
+    noise by sqrt(n). Frames of 10 and 13 give 12 (11.5, halves up).
 
     Raises:
         ImageError: no frame, or frames of different sizes.
@@ -37,7 +37,7 @@ class RestAccumulator:
         """Take one more frame.
 
         Raises:
-            ImageError: it has another size than the frames before.
+            ImageError: its size differs from the frames before.
         """
         if self._sum is None:
             self._sum = np.zeros(frame.shape, np.uint32)
@@ -62,7 +62,7 @@ class RestAccumulator:
 
 
 def content_id(image: UInt8[np.ndarray, 'h w']) -> str:
-    """The name of a rest image: 12 hexadecimal digits of the SHA-256 of its size and pixels."""
+    """The id of a rest image: 12 hexadecimal digits of the SHA-256 of its size and pixels."""
     digest = hashlib.sha256(repr(image.shape).encode())
     digest.update(np.ascontiguousarray(image).tobytes())
     return digest.hexdigest()[:12]

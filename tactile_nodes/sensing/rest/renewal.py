@@ -1,8 +1,8 @@
-"""When a rest image is taken anew by itself: while nothing touches, once the picture is no longer that of the old one.
+"""Automatic renewal of the rest image: while nothing touches, once the picture differs from the old rest image.
 
-Light that changed, a lens out of focus, markers that are gone and pixels that fall elsewhere since a knock alter how
-far motion is read; a rest image that shows the same mends that. A touch is never taken for rest: motion tells, and slow
-touches are told by an unbroken chain from a frame that was surely at rest. `docs/stability.md` says what it mends.
+Changed light, a lens out of focus, lost markers and a shifted pixel grid after a knock change the scale of measured
+motion. A new rest image corrects that. A touch is never mistaken for rest: motion reveals it, and an unbroken chain of
+frames from one that was surely at rest excludes slow touches. `docs/stability.md` says which faults renewal corrects.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True)
 class RenewalOptions:
-    """`frames` over at least `least_s` seconds are averaged.
+    """Options of the renewal. `frames` over at least `least_s` seconds are averaged.
 
-    After a change of the picture that is no touch a rest image is renewed at once, but `apart_s` after the one before,
-    and twice as long after each that follows, up to `after_s`: light that flickers has no rest image. Slow changes wait
-    for `after_s`. The noise of few frames makes motion seem less, in a picture that lost contrast by a hundredth, so a
-    renewed rest image is taken once more, of the first `refined` frames that are surely at rest beside it, touches
-    between them or not, and again of more of them.
+    After a change of the picture without touch the rest image is renewed at once, but not within `apart_s` of the last
+    renewal. This time doubles with each renewal, up to `after_s`, as flickering light has no rest image. Slow changes
+    wait for `after_s`. The noise of few frames makes motion seem smaller (by a hundredth in a picture that lost
+    contrast). So a renewed rest image is averaged again from the first `refined` frames that are surely at rest, even
+    with touches between them.
     """
 
     frames: int = 4
@@ -38,10 +38,9 @@ class RenewalOptions:
 
 @dataclass(frozen=True)
 class Rested:
-    """What is known of one frame: `surely` (strictly) at rest, or at rest as far as a coarse look tells (`maybe`).
+    """What is known of one frame: at rest by a strict check (`surely`), or only by a coarse one (`maybe`).
 
-    `like`: it is the picture of the rest image in all respects. `changed`: it is another picture, in a way that no
-    touch makes it.
+    `like`: the picture equals the rest image in all respects. `changed`: it differs in a way that no touch causes.
     """
 
     surely: bool
@@ -51,7 +50,7 @@ class Rested:
 
 
 class Renewal:
-    """Collects frames at rest, and gives their mean when a new rest image is due."""
+    """Collects frames at rest, and returns their mean when a new rest image is due."""
 
     def __init__(self, options: RenewalOptions | None = None) -> None:
         self._options = options or RenewalOptions()
@@ -65,7 +64,7 @@ class Renewal:
         self._finer = RestAccumulator()
 
     def taken(self, stamp_ns: int, *, renewed: bool) -> None:
-        """Take that a rest image came into use, whose frames were at rest."""
+        """Record that a rest image came into use, whose frames were at rest."""
         finer = renewed and self._again
         if not finer:
             self._apart_s = self._next_apart_s(stamp_ns) if renewed else 0.0
@@ -80,9 +79,9 @@ class Renewal:
     def offer(
         self, straight: UInt8[np.ndarray, 'h w'], stamp_ns: int, rested: Rested, straightening: object = None
     ) -> UInt8[np.ndarray, 'h w'] | None:
-        """Take a frame; the mean of some when it is time for them to be the rest image.
+        """Take a frame. Returns a new rest image, the mean of some frames, when one is due.
 
-        `straightening` is what straightened it: frames that were straightened by different ones are not averaged.
+        Frames straightened by a different `straightening` are not averaged with each other.
         """
         self._calm = rested.surely or (self._calm and rested.maybe)
         if straightening != self._straightening:
@@ -102,7 +101,7 @@ class Renewal:
         return finished
 
     def _refined(self, straight: UInt8[np.ndarray, 'h w'], rested: Rested) -> UInt8[np.ndarray, 'h w'] | None:
-        """The rest image in use, of more frames; it is asked of frames that are like it."""
+        """The rest image in use, averaged from more frames. Called with frames that are like it."""
         if not self._refining or not rested.surely or rested.changed:
             return None
         self._finer.add(straight)
@@ -112,7 +111,7 @@ class Renewal:
         return self._finished(self._finer)
 
     def _finished(self, frames: RestAccumulator) -> UInt8[np.ndarray, 'h w']:
-        """Their mean."""
+        """The mean of the frames."""
         self._offered = frames.count
         return frames.image()
 
@@ -124,7 +123,7 @@ class Renewal:
         return rested.surely and min(since_ns, stamp_ns - self._taken_ns) >= self._options.after_s * NS_PER_S
 
     def _next_apart_s(self, stamp_ns: int) -> float:
-        """How long until the next renewal but one: twice as long as before, unless all was well for long."""
+        """Least time to the next renewal: twice the last one, unless no renewal was needed for long."""
         options = self._options
         quiet_s = math.inf if self._renewed_ns is None else (stamp_ns - self._renewed_ns) / NS_PER_S
         if not 0 <= quiet_s < 2 * options.after_s:
