@@ -1,1 +1,1 @@
-"""Clocks of several recorders, brought together by the edges of one digital line."""
+"""Synchronisation of the clocks of several recorders by the edges of one digital line."""

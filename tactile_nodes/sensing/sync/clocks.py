@@ -1,8 +1,8 @@
-"""Offset and drift between two recorders, from the edges of one digital line that both have seen.
+"""Offset and drift between two recorders, from the edges of one digital line that both recorded.
 
 ``t_host = a + b * t_device``. Recorders start at different times, miss edges, see some twice (a bouncing contact), and
-are off by some jitter at each; so edges have to be matched before a line can be laid through them (`sync.matching`).
-What cannot be decided is refused, with the reason, because a wrong match is off by a whole press and looks perfect.
+have jitter. So edges must be matched before a line can be fitted (`sync.matching`). An ambiguous match is refused with
+the reason, because a wrong match is off by a whole press and still fits perfectly.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ FINEST_S = 20e-6
 
 @dataclass(frozen=True)
 class SyncLimits:
-    """What is known beforehand, and what is asked of the result.
+    """Prior knowledge about the clocks, and requirements on the result.
 
     Attributes:
-        jitter_s: an edge is off by this much at most, in either recorder: half a frame for a camera.
-        max_drift_ppm: the clocks' rates differ by this much at most.
-        max_offset_s: the clocks differ by this much at most; infinite: nothing is known. With a periodic line, less
-            than half its period makes the match unique.
-        required_s: the error allowed anywhere between the device's first and last edge, at four standard deviations.
-        fewest: matched edges.
-        bounce_s: of edges that follow each other within this time only the first counts; 0: all do.
+        jitter_s: largest error of an edge in either recorder: half a frame for a camera.
+        max_drift_ppm: largest difference of the clocks' rates.
+        max_offset_s: largest difference of the clocks; infinite: unknown. With a periodic line, less than half its
+            period makes the match unique.
+        required_s: largest error allowed between the device's first and last edge, at four standard deviations.
+        fewest: least number of matched edges.
+        bounce_s: of edges that follow each other within this time only the first counts; 0: all count.
     """
 
     jitter_s: float = 0.02
@@ -54,10 +54,10 @@ class ClockFit:
     Attributes:
         device_ref_ns, host_ref_ns: the same instant on both clocks, in the middle of the matched edges.
         rate: seconds of the host per second of the device.
-        device_index, host_index: which edges of the two lists are one edge; outliers left out.
-        edges: how many of the device's and of the host's edges lie where both recorded.
-        residual_median_s, residual_max_s: of the inliers, absolute.
-        bound_s: the error of a time anywhere between the device's first and last edge, at four standard deviations.
+        device_index, host_index: indices of the matched edges in the two lists, without outliers.
+        edges: number of device and of host edges in the time that both recorded.
+        residual_median_s, residual_max_s: absolute residuals of the inliers.
+        bound_s: largest error between the device's first and last edge, at four standard deviations.
     """
 
     device_ref_ns: int
@@ -72,26 +72,26 @@ class ClockFit:
 
     @property
     def inliers(self) -> int:
-        """Edges that the line was laid through."""
+        """Number of edges that the line was fitted to."""
         return len(self.device_index)
 
     @property
     def drift_ppm(self) -> float:
-        """How much the host's clock gains on the device's."""
+        """By how much the host's clock runs faster than the device's."""
         return (self.rate - 1.0) * 1e6
 
     @property
     def offset_s(self) -> float:
-        """Host's time less device's time, at the reference instant."""
+        """Host time minus device time at the reference instant."""
         return (self.host_ref_ns - self.device_ref_ns) / NS_PER_S
 
     def host_ns(self, device_ns: Int64[np.ndarray, '*shape']) -> Int64[np.ndarray, '*shape']:
-        """Times of the device on the host's time base.
+        """Convert device times to host times.
 
-        With a rate of 1.0001, what the device saw 10 s after the reference was 10.001 s after it.
+        With a rate of 1.0001, a device time 10 s after the reference is a host time 10.001 s after it.
         """
         since = device_ns - self.device_ref_ns
-        gained = np.rint(since * (self.rate - 1.0)).astype(np.int64)  # the small part alone, so that no digit is lost
+        gained = np.rint(since * (self.rate - 1.0)).astype(np.int64)  # only the small part, to lose no digit
         return np.asarray(self.host_ref_ns + since + gained)
 
 
@@ -106,7 +106,7 @@ class Reason(Enum):
 
 @dataclass(frozen=True)
 class Refusal:
-    """That there is no fit, and why, in a sentence that says what to do."""
+    """The reason why there is no fit, and a sentence with advice."""
 
     reason: Reason
     text: str
@@ -121,15 +121,15 @@ def fit_clocks(
     device_uncertainty_s: Float64[np.ndarray, ' n'] | None = None,
     host_uncertainty_s: Float64[np.ndarray, ' m'] | None = None,
 ) -> ClockFit | Refusal:
-    """The line between two lists of the same edges.
+    """Fit the clock relation to two lists of the same edges.
 
     Args:
-        device_ns: on the device's clock, in its nominal nanoseconds, not decreasing.
-        host_ns: on the host's clock, not decreasing.
-        limits: what is known beforehand, and what is asked.
+        device_ns: edges on the device's clock, in its nominal nanoseconds, not decreasing.
+        host_ns: edges on the host's clock, not decreasing.
+        limits: prior knowledge and requirements.
         device_levels, host_levels: the line's level after each edge; if both are given, a rise matches only a rise.
-        device_uncertainty_s, host_uncertainty_s: half width of each edge's error, where recorders know it; edges that
-            are known well then count more than those that are not.
+        device_uncertainty_s, host_uncertainty_s: half width of each edge's error, if the recorder knows it; more
+            precise edges then have more weight.
     """
     fewest = max(3, limits.fewest)
     if min(len(device_ns), len(host_ns)) < fewest:
@@ -159,18 +159,19 @@ def _judged(lines: Lines, matches: list[Match], limits: SyncLimits, fewest: int)
 
 
 def _outdone(lines: Lines, best: Match, rival: Match) -> bool:
-    """Whether the rival leaves a stretch unmatched that the best match explains, and never the other way round.
+    """Whether the rival leaves a stretch unmatched that the best match explains, and never the reverse.
 
-    Between presses that are all alike the irregular edges are few, but a match that is shifted by a press misses nearly
-    all of them, one after the other; edges that a recorder missed by chance are scattered.
+    Between equal presses the irregular edges are few. A match shifted by one press misses nearly all of them in a row,
+    while edges that a recorder missed by chance are scattered.
     """
     return _most_missed(lines, best, rival) >= MISSED > 3 * _most_missed(lines, rival, best)
 
 
 def _most_missed(lines: Lines, known: Match, other: Match) -> int:
-    """Of ten edges in a row that have a partner in one match, how many have none in another, at the worst place.
+    """Among any ten consecutive edges matched in `known`, the largest number that is unmatched in `other`.
 
-    Counted where, by the other, both recorded. Of 5 % missing edges seven of ten are never missing by chance: 9e-8.
+    Only edges in the time that both recorded, according to `other`, count. With 5 % missing edges, seven of ten are
+    missing by chance with a probability of 9e-8.
     """
     seen_s = lines.device_s[known.device] * (1 + other.slope) + other.level
     inside = (seen_s >= lines.host_s[0]) & (seen_s <= lines.host_s[-1])

@@ -1,4 +1,4 @@
-"""The line under a cloud of points whose errors are never negative: arrivals over a sender's clock."""
+"""The line below points whose errors are never negative, such as arrival times over a sender's clock."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from jaxtyping import Float64
 
 
 def lower_line(x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], steepest: float) -> tuple[float, float]:
-    """The highest line that no point lies below: (its y at x = 0, its slope).
+    """The highest line with no point below it, as (y at x = 0, slope).
 
-    "Highest" in the sum over the points, so it holds an edge of the lower convex hull: the edge over the mean of x.
-    Of the points (0, 0), (1, 3), (2, 2) with mean 1 it is the line through the first and the last: (0.0, 1.0).
+    "Highest" means the largest sum over the points. It contains the edge of the lower convex hull at the mean of x.
+    For the points (0, 0), (1, 3), (2, 2) with mean 1 it is the line through the first and the last: (0.0, 1.0).
 
     Args:
         x: not decreasing.
-        y: what is to lie above the line.
-        steepest: a steeper slope, up or down, is taken as this one; the line then touches one point.
+        y: the values that lie above the line.
+        steepest: limit of the slope's magnitude. A line with a limited slope touches only one point.
     """
     hull = _lower_hull(x, y)
     right = int(np.clip(np.searchsorted(x[hull], x.mean()), 1, max(1, len(hull) - 1)))

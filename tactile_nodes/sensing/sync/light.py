@@ -1,4 +1,4 @@
-"""Edges of a light in the camera's view, to a part of a frame: the frame in which it goes on is only partly bright."""
+"""Edges of a light in the camera's view, resolved within a frame: the frame of the edge is only partly bright."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from jaxtyping import Bool, Float64, Int64
 
 NS_PER_S = 1_000_000_000
 HISTORY, KEPT, AFTER = 600, 8, 3
-SETTLED = 0.15  # a frame this near to dark or bright counts as that: noise, and the ends of the camera's curve
-LINEARITY = 0.15  # a camera's response is a curve; read as a line it is off by this share of the exposure at most
+SETTLED = 0.15  # a frame this close to dark or bright counts as such: noise, and the ends of the response curve
+LINEARITY = 0.15  # largest error of a linear response model, as a share of the exposure
 
 
 @dataclass(frozen=True)
 class LightEdges:
-    """When a light changed, its level from then on, and the half width of the time in which it may have been."""
+    """When a light changed, its level from then on, and the half width of the interval of its possible times."""
 
     stamp_ns: Int64[np.ndarray, ' k']
     level: Bool[np.ndarray, ' k']
@@ -31,28 +31,28 @@ def light_edges(
 ) -> LightEdges:
     """Edges of a light from its brightness in each frame.
 
-    An exposure of 10 ms that begins at 100 ms and is bright by 0.3 of the way saw the light for its last 3 ms: it went
-    on at 107 ms. If no frame is partly bright, the edge was between two exposures, and is put into the middle. A flash
-    that begins and ends within one frame gives no edge.
+    If an exposure of 10 ms that begins at 100 ms has 0.3 of the brightness, the light was on for its last 3 ms: it
+    went on at 107 ms. If no frame is partly bright, the edge is placed in the middle between two exposures. A flash
+    within one frame gives no edge.
 
     Args:
-        start_ns: when the exposure of each frame began, not decreasing; a constant error shifts all edges alike.
-        brightness: of a region that holds the light and little else.
-        exposure_s: 0: not known; then an edge is only known to lie between two frames.
-        contrast: grey levels between dark and bright; with less than this there is no light, so there are no edges.
+        start_ns: start of each frame's exposure, not decreasing; a constant error shifts all edges equally.
+        brightness: mean grey level of a region that contains the light and little else.
+        exposure_s: 0 if unknown; an edge is then only known to lie between two frames.
+        contrast: least difference of dark and bright in grey levels; with less there are no edges.
     """
     return _edges(start_ns, _share(brightness, _levels(brightness, contrast)), exposure_s)
 
 
 class LightWatch:
-    """The edges of a light as frames come, each told once, three frames later.
+    """Finds the edges of a light as frames arrive. Each edge is reported once, three frames later.
 
-    Dark and bright are those of the last 600 frames, so a light that is seen for the first time shows in its fourth
-    frame. What `light_edges` says of a whole run it says too, but for flashes of less than four frames, which it may
-    date less well.
+    Dark and bright levels come from the last 600 frames, so the first edge is reported in the fourth bright frame. The
+    results equal those of `light_edges` over the whole run, except that flashes shorter than four frames may be timed
+    less accurately.
 
     Args:
-        exposure_s, contrast: as of `light_edges`.
+        exposure_s, contrast: as for `light_edges`.
     """
 
     def __init__(self, exposure_s: float, contrast: float = 20.0) -> None:
@@ -63,7 +63,7 @@ class LightWatch:
         self._brightness: list[float] = []
 
     def take(self, start_ns: int, brightness: float) -> LightEdges:
-        """One frame, not earlier than the last; the edges that are certain now, mostly none."""
+        """Take one frame, not earlier than the last. Returns the edges that are now certain, mostly none."""
         self._history.append(brightness)
         self._start_ns.append(start_ns)
         self._brightness.append(brightness)
@@ -110,7 +110,7 @@ def _edges(start_ns: Int64[np.ndarray, ' n'], share: Float64[np.ndarray, ' n'], 
 
 
 def _levels(brightness: Float64[np.ndarray, ' n'], contrast: float) -> tuple[float, float] | None:
-    """Dark and bright; None if there is no contrast."""
+    """Dark and bright level, or None without enough contrast."""
     if len(brightness) == 0 or float(np.ptp(brightness)) < contrast:
         return None
     middle = (float(brightness.min()) + float(brightness.max())) / 2
@@ -135,7 +135,7 @@ def _edge(
     level: bool,
     exposure_s: float,
 ) -> tuple[int, bool, float]:
-    """Between two settled frames of different brightness."""
+    """The edge between two settled frames of different brightness."""
     exposure_ns = exposure_s * NS_PER_S
     if after - before == 2 and exposure_s > 0:
         lit = float(share[before + 1])

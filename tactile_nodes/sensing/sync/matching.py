@@ -1,8 +1,8 @@
-"""Which edges of two lists are the same edge, when some are missing, doubled or moved, and the clocks differ.
+"""Matches the edges of two lists, when some are missing, doubled or moved, and the clocks differ.
 
-Short runs of the device's edges vote for an offset: for the right one, nearly all of a run find a partner at once. From
-there the match grows in both directions; the line through what is matched so far predicts where the next edges lie, so
-that the drift, which would make the ends of a long run miss each other, is learnt on the way.
+Short runs of the device's edges vote for an offset: at the right one, nearly all edges of a run find a partner. From
+there the match grows in both directions. The line through the edges matched so far predicts the next ones. So the
+drift, which would separate the ends of a long run, is estimated on the way.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ RUN = 48
 RUNS = 5
 PEAKS = 6
 LEAST_VOTES = 0.3
-GATE = 2.5  # times the jitter: two recorders are off by it, and the line by a little
+GATE = 2.5  # times the jitter: both recorders have it, and the line has a small error
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Two lists of edges in seconds, each from its own first edge; their levels, all low if not known.
+    """Two lists of edges in seconds, each relative to its own first edge, and their levels (all low if unknown).
 
-    The half widths are of the edges' errors, None if not known; `device_kept` and `host_kept` are the edges' places in
-    the lists that they were taken from.
+    The half widths are those of the edges' errors, None if unknown. `device_kept` and `host_kept` are the indices of
+    the edges in the original lists.
     """
 
     device_s: Float64[np.ndarray, ' n']
@@ -49,7 +49,7 @@ class Lines:
         host_half_s: Float64[np.ndarray, ' b'] | None,
         bounce_s: float,
     ) -> Lines:
-        """From integer nanoseconds, which seconds as floating-point numbers could not hold; bounces left out."""
+        """From integer nanoseconds, whose precision floating-point seconds cannot hold. Bounces are removed."""
         if device_levels is None or host_levels is None:
             device_levels, host_levels = np.zeros(len(device_ns), bool), np.zeros(len(host_ns), bool)
         device, host = without_bounces(device_ns, bounce_s), without_bounces(host_ns, bounce_s)
@@ -69,7 +69,7 @@ class Lines:
     def uncertainty_s(
         self, device: Int64[np.ndarray, ' k'], host: Int64[np.ndarray, ' k']
     ) -> Float64[np.ndarray, ' k'] | None:
-        """Half widths of the errors of these pairs; None if nothing is known of either list."""
+        """Half widths of the errors of these pairs, or None if unknown for both lists."""
         if self.device_half_s is None and self.host_half_s is None:
             return None
         squares = [np.zeros(len(device))]
@@ -79,23 +79,23 @@ class Lines:
 
     @property
     def middle(self) -> float:
-        """Of the device's run, in its seconds."""
+        """Middle of the device's run, in device seconds."""
         return float(self.device_s[-1]) / 2
 
     @property
     def constant_s(self) -> float:
-        """Host less device of the two zeros: what is to be added to offsets here to have them between the clocks."""
+        """Host zero minus device zero. Add it to offsets of this class to get offsets between the clocks."""
         return (self.zero_ns[1] - self.zero_ns[0]) / NS_PER_S
 
     def instant_ns(self, device_s: float, host_s: float) -> tuple[int, int]:
-        """Back to nanoseconds of each clock."""
+        """Convert back to nanoseconds of each clock."""
         return self.zero_ns[0] + round(device_s * NS_PER_S), self.zero_ns[1] + round(host_s * NS_PER_S)
 
 
 def without_bounces(stamps_ns: Int64[np.ndarray, ' a'], bounce_s: float) -> Int64[np.ndarray, ' k']:
-    """Indices of the edges that do not follow another within `bounce_s`: a bouncing contact is first right, then late.
+    """Indices of the edges that do not follow another within `bounce_s`. Only the first edge of a bounce is on time.
 
-    Of edges at 0, 10, 20 and 200 ms, with 50 ms, the first and the last.
+    For edges at 0, 10, 20 and 200 ms and 50 ms, these are the first and the last.
     """
     apart = np.diff(stamps_ns, prepend=stamps_ns[:1] - 2 * round(bounce_s * NS_PER_S) - 1)
     return np.flatnonzero(apart > bounce_s * NS_PER_S)
@@ -103,7 +103,7 @@ def without_bounces(stamps_ns: Int64[np.ndarray, ' a'], bounce_s: float) -> Int6
 
 @dataclass(frozen=True)
 class Match:
-    """Pairs of indices, and the line that predicts the host's time from the device's: + level + slope * device_s."""
+    """Pairs of indices, and the line that predicts host time: device_s + level + slope * device_s."""
 
     device: Int64[np.ndarray, ' k']
     host: Int64[np.ndarray, ' k']
@@ -111,11 +111,11 @@ class Match:
     slope: float
 
     def offset_at(self, device_s: float) -> float:
-        """Host less device, by the line."""
+        """Host time minus device time, by the line."""
         return self.level + self.slope * device_s
 
     def overlap(self, lines: Lines) -> tuple[int, int]:
-        """How many edges of each list lie in the time that, by the line, both cover."""
+        """Number of edges of each list in the time that both cover according to the line."""
         seen = lines.device_s + self.level + self.slope * lines.device_s
         start, end = max(seen[0], lines.host_s[0]), min(seen[-1], lines.host_s[-1])
         slack = 1e-3
@@ -124,7 +124,7 @@ class Match:
 
 
 def best_matches(lines: Lines, jitter_s: float, max_drift: float, max_offset_s: float) -> list[Match]:
-    """Every way to match that deserves a look, the one with the most pairs first."""
+    """All candidate matches, the one with the most pairs first."""
     found: list[Match] = []
     for start in _starts(len(lines.device_s)):
         run = np.arange(start, min(start + RUN, len(lines.device_s)))
@@ -147,7 +147,7 @@ def _known(match: Match, lines: Lines, run: Int64[np.ndarray, ' r'], offset: flo
 def _voted(
     lines: Lines, run: Int64[np.ndarray, ' r'], jitter_s: float, max_drift: float, max_offset_s: float
 ) -> list[float]:
-    """Offsets that many pairs of a run's edges with any edges of the host agree on, within jitter and drift."""
+    """Offsets on which many pairs of a run's edge and any host edge agree, within jitter and drift."""
     apart = _differences(lines, run)
     slack = max_drift * max(float(lines.device_s[-1]), float(lines.host_s[-1])) + 2 * jitter_s
     apart = np.sort(apart[np.abs(apart + lines.constant_s) <= max_offset_s + slack])
@@ -170,7 +170,7 @@ def _differences(lines: Lines, run: Int64[np.ndarray, ' r']) -> Float64[np.ndarr
 
 
 def _grown(lines: Lines, run: Int64[np.ndarray, ' r'], offset: float, jitter_s: float, max_drift: float) -> Match:
-    """The match from a run's offset outwards, each step twice as long as the last."""
+    """The match grown outwards from a run's offset, with increasing steps."""
     low, high = int(run[0]), int(run[-1]) + 1
     gate = GATE * jitter_s + max_drift * float(np.ptp(lines.device_s[run])) / 2
     match = Match(run[:0], run[:0], offset, 0.0)
@@ -193,14 +193,14 @@ def _rematched(lines: Lines, part: Int64[np.ndarray, ' p'], match: Match, gate: 
     spread = float(((x - centre) ** 2).sum())
     slope = float((x - centre) @ (y - y.mean())) / spread if spread > 0 else 0.0
     slope = min(max(slope, -max_drift), max_drift)
-    level = float(np.median(y - slope * (x - centre)))  # doubled edges all pull to the same side
+    level = float(np.median(y - slope * (x - centre)))  # the mean would be biased, as doubled edges are always late
     return Match(device, host, level - slope * float(centre), slope)
 
 
 def _pairs(
     lines: Lines, part: Int64[np.ndarray, ' p'], match: Match, gate: float
 ) -> tuple[Int64[np.ndarray, ' k'], Int64[np.ndarray, ' k']]:
-    """Edges that are each other's nearest, and no further apart than the gate."""
+    """Edges that are mutual nearest neighbours within the gate."""
     found = [_pairs_of_level(lines, part, match, gate, level) for level in (False, True)]
     device, host = (np.concatenate([pair[side] for pair in found]) for side in (0, 1))
     order = np.argsort(device, kind='stable')
@@ -222,7 +222,7 @@ def _pairs_of_level(
 
 
 def nearest(sorted_s: Float64[np.ndarray, ' a'], wanted_s: Float64[np.ndarray, ' b']) -> Int64[np.ndarray, ' b']:
-    """For each wanted time the index of the nearest in a list: of 1.4 in (0, 1, 2) it is 1."""
+    """Index of the nearest list entry for each wanted time: 1 for the time 1.4 in (0, 1, 2)."""
     right = np.clip(np.searchsorted(sorted_s, wanted_s), 1, max(1, len(sorted_s) - 1))
     if len(sorted_s) == 1:
         return np.zeros(len(wanted_s), np.int64)

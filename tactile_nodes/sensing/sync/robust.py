@@ -1,4 +1,4 @@
-"""A straight line through points of which some are wrong, how well it is known, and whether it is one at all."""
+"""A straight line fitted to points with outliers, its uncertainty, and a test for a bend."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 TUKEY = 4.685
-HONEST = 0.3  # a uniform error has a standard deviation of 0.6 of its half width, and most of a mixture has less
-MOST, USUAL = 0.75, 0.4  # mean square of errors by their half width: a third if uniform, and what wrong points add
-FARTHEST = 2.0  # half widths: what is further off counts as that, there
+HONEST = 0.3  # a uniform error has a standard deviation of 0.6 half widths, and most of a mixture has less
+MOST, USUAL = 0.75, 0.4  # mean square of errors over half widths: 1/3 if uniform, plus the share of wrong points
+FARTHEST = 2.0  # in half widths: larger errors are clipped to this in that mean
 ROUNDS = 3
 SIGMAS = 4.0  # with three, 2 of 3000 simulated runs were accepted and off by more than required
 
 
 @dataclass(frozen=True)
 class RobustLine:
-    """A line y = level + slope (x - centre), and which of the points it was laid through."""
+    """A line y = level + slope (x - centre), and the points that it was fitted to."""
 
     centre: float
     level: float
@@ -27,13 +27,13 @@ class RobustLine:
     weight: Float64[np.ndarray, ' n']
 
     def residual(self, x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n']) -> Float64[np.ndarray, ' n']:
-        """How far the points lie above it."""
+        """How far the points lie above the line."""
         return y - self.level - self.slope * (x - self.centre)
 
     def bound(
         self, x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], ends: Float64[np.ndarray, ' e'], finest: float
     ) -> float:
-        """Four standard errors at the worst of some places: s sqrt(1 / W + (x - mean)^2 / S), with weighted sums."""
+        """Four standard errors at the worst of `ends`: s sqrt(1 / W + (x - mean)^2 / S), with weighted sums."""
         k, weight, here = int(self.inlier.sum()), self.weight, x - self.centre
         total = float(weight.sum())
         mean = float(weight @ here) / total
@@ -53,14 +53,14 @@ def robust_line(
 ) -> RobustLine:
     """The line that most points lie on, by Tukey's biweight.
 
-    Points further off than 4.685 robust standard deviations have no weight; of 20 points on y = 2 x with one moved
-    away by 1, the line is y = 2 x and the moved point does not count.
+    Points further off than 4.685 robust standard deviations have no weight. For 20 points on y = 2 x with one moved
+    by 1, the line is y = 2 x and the moved point has no weight.
 
     Args:
         x, y: the points.
-        uncertainty: half width of each point's error, where it is known. Points count by its inverse square, and one
-            that is off by less than 1.4 times of it always counts.
-        finest: errors smaller than this are not told apart.
+        uncertainty: half width of each point's error, if known. Its inverse square is the weight, and a point with a
+            residual below 1.4 times of it always counts.
+        finest: errors smaller than this are not distinguished.
     """
     if uncertainty is None:
         return _laid(x, y, np.ones_like(x), finest)
@@ -74,10 +74,10 @@ def robust_line(
 
 
 def overlooked(off: Float64[np.ndarray, ' n'], known: Float64[np.ndarray, ' n']) -> float:
-    """An error common to all points beyond what is known of each, that makes the two agree; 0 where they do.
+    """Half width of an extra error of all points that explains residuals above the known errors; else 0.
 
-    A camera that stamps its images as a network brings them knows how far into the exposure an edge was, and not how
-    late the image came. Errors of 3, -3, 3 and -3 that should be of 1 are explained by 4.6 more: (1 + 4.6²) 0.4 = 9.
+    A camera whose images are stamped on arrival knows where in the exposure an edge was, but not the delay of the
+    image. Errors of 3, -3, 3 and -3 with known half widths of 1 need an extra 4.6: (1 + 4.6²) 0.4 = 9.
     """
     low, high = 0.0, 2 * float(np.abs(off).max())
     if _share(off, known) <= MOST:
@@ -113,7 +113,7 @@ def _laid(
 def weighted_line(
     x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], weight: Float64[np.ndarray, ' n']
 ) -> tuple[float, float]:
-    """(y at 0, slope) by least squares; the slope is 0 if all x are one."""
+    """(y at 0, slope) by weighted least squares. The slope is 0 if all x are equal."""
     total = weight.sum()
     mean_x, mean_y = (weight @ x) / total, (weight @ y) / total
     spread = float(weight @ (x - mean_x) ** 2)
@@ -122,9 +122,9 @@ def weighted_line(
 
 
 def bend(x: Float64[np.ndarray, ' k'], residual: Float64[np.ndarray, ' k']) -> float:
-    """How far parts of the run lie off the line, less what chance explains.
+    """Largest mean residual of any part of the run, minus what chance explains.
 
-    Chance is measured on the differences of neighbours, which a bend or a step leaves as they are.
+    Chance is estimated from the differences of neighbours, which a bend or a step hardly changes.
     """
     ordered = residual[np.argsort(x, kind='stable')]
     chance = 4 * float(np.std(np.diff(ordered))) / math.sqrt(2)
