@@ -1,7 +1,7 @@
-"""Frames, bins, the fisheye camera, and the cut from the camera's image to the image that is processed.
+"""Frames, bins, camera models, and the crop of the camera's image that is processed.
 
 The surface frame has its origin at the centre of the gel's surface, x to the right in the image, y down in
-the image, z out of the gel, away from the camera; so its axes are parallel to the camera's optical frame.
+the image, z out of the gel, away from the camera. Its axes are parallel to the camera's optical frame.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tactile_nodes.sensors import Sensor
 
 @dataclass(frozen=True)
 class BinGrid:
-    """The bins that grid the surface; index k = row * cols + col, rows along +y, columns along +x.
+    """The grid of bins on the surface. Index k = row * cols + col, rows along +y, columns along +x.
 
     The paper's 9x9 bins over the whole 32 mm surface are 3.556 mm wide; the centre of bin 0 lies at
     (-14.222, -14.222) mm and that of bin 40 at the origin.
@@ -30,24 +30,24 @@ class BinGrid:
     width_mm: float = 32.0
     height_mm: float = 32.0
     centre_mm: tuple[float, float] = (0.0, 0.0)
-    """Of all of them, in the surface frame."""
+    """Centre of the grid in the surface frame."""
 
     @classmethod
     def of_sensor(cls, sensor: Sensor) -> BinGrid:
-        """Those that a description says: over the rectangle of the gel, or over one of their own."""
+        """The grid of a sensor description, over the gel's rectangle or over a separate one."""
         told, gel = sensor.bins, sensor.gel
         x, y = told.centre_mm
         return cls(told.rows, told.cols, told.width_mm or gel.width_mm, told.height_mm or gel.height_mm, (x, y))
 
     @classmethod
     def of_card(cls, card: Mapping[str, Any]) -> BinGrid:
-        """As `card` writes them. Raises KeyError, TypeError, ValueError: something is missing, or is none."""
+        """The inverse of `card`. Raises KeyError, TypeError, ValueError: an entry is missing or invalid."""
         x, y = card.get('centre_mm', (0.0, 0.0))
         return cls(card['rows'], card['cols'], card['width_mm'], card['height_mm'], (float(x), float(y)))
 
     @property
     def card(self) -> dict[str, Any]:
-        """As model files and data sets write them: no word of a centre at the origin."""
+        """The entries in model files and data sets. A centre at the origin is left out."""
         told = asdict(self)
         if self.centre_mm == (0.0, 0.0):
             del told['centre_mm']
@@ -77,7 +77,7 @@ class BinGrid:
         return np.stack(np.meshgrid(x, y), axis=-1)
 
     def bin_of(self, x_mm: float, y_mm: float) -> int:
-        """Index of the bin that holds a point; a point outside the surface belongs to the nearest bin.
+        """Index of the bin that contains a point. A point outside the surface belongs to the nearest bin.
 
         For the paper's grid (0, 0) lies in bin 40, (-16, -16) in bin 0 and (15.9, -16) in bin 8.
         """
@@ -94,7 +94,7 @@ class BinGrid:
 
 
 UNDISTORTING = 20
-"""Steps of Newton's method: lenses converge in about five."""
+"""Steps of Newton's method, which converges in about five for real lenses."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class FisheyeCamera:
 
     Points are (x, y, z) in the optical frame (z forward), pixels (u, v) with the centre of the first pixel
     at (0, 0). With 300 px/rad a point at 45 degrees to the right lands 300 * pi/4 = 235.62 px from the centre.
-    With `distortion` (k1 to k4 of OpenCV's fisheye and ROS's `equidistant`) theta counts as
+    With `distortion` (k1 to k4 of OpenCV's fisheye and ROS's `equidistant`) theta is replaced by
     theta (1 + k1 theta² + k2 theta⁴ + k3 theta⁶ + k4 theta⁸): with k1 of 0.1 the same point lands 250.15 px away.
     `focal_ratio` is the focal length along v over that along u. Source: OpenCV, Fisheye camera model.
     """
@@ -142,7 +142,7 @@ class FisheyeCamera:
         return np.column_stack([sideways, np.cos(theta)])
 
     def _stretch(self, theta: Float[np.ndarray, ' n']) -> tuple[Float[np.ndarray, ' n'], Float[np.ndarray, ' n']]:
-        """How much further out the lens makes an angle appear, and the slope of what appears along the angle."""
+        """Ratio of the distorted angle to theta, and the derivative of the distorted angle."""
         square = theta * theta
         stretch, slope = np.zeros_like(theta), np.zeros_like(theta)
         for order in range(len(self.distortion), 0, -1):
@@ -151,7 +151,7 @@ class FisheyeCamera:
         return 1 + stretch, 1 + slope
 
     def _angle(self, seen: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
-        """The angle that appears as one, by Newton's method."""
+        """The angle whose distorted angle is `seen`, by Newton's method."""
         theta = seen
         for _ in range(UNDISTORTING):
             stretch, slope = self._stretch(theta)
@@ -163,8 +163,8 @@ class FisheyeCamera:
 class PinholeCamera:
     """A pinhole with the lens distortion of OpenCV and of ROS's `plumb_bob`: k1, k2, p1, p2, k3 (none: all 0).
 
-    A point (x, y, z) lands at centre + focal * (x / z, y / z) after the lens has moved x / z and y / z: with 300 px a
-    point at 45 degrees to the right lands 300 px from the centre, and with k1 of 0.1 beside it 330 px.
+    A point (x, y, z) lands at centre + focal * (x / z, y / z), with x / z and y / z distorted by the lens. With 300 px
+    a point at 45 degrees to the right lands 300 px from the centre, and with k1 of 0.1 as well 330 px.
     Source: OpenCV, Camera Calibration and 3D Reconstruction; Brown (1966).
     """
 
@@ -208,8 +208,8 @@ Camera = FisheyeCamera | PinholeCamera
 
 
 def camera_motions(rows: int, cols: int) -> Float[np.ndarray, 'cells 2 ways']:
-    """How the cells of a picture move, along x and along y, as the camera moves right, moves down, rolls, and comes
-    nearer, each by 1 at the edge of the picture; row by row."""
+    """Motion of the cells of a picture along x and y, row by row, as the camera moves right, moves down, rolls, or
+    comes nearer. Each motion is 1 at the edge of the picture."""
     row, col = np.divmod(np.arange(rows * cols), cols)
     x, y = (2 * col + 1) / cols - 1, (2 * row + 1) / rows - 1
     one, none = np.ones_like(x), np.zeros_like(x)
@@ -218,7 +218,7 @@ def camera_motions(rows: int, cols: int) -> Float[np.ndarray, 'cells 2 ways']:
 
 
 def rotation(angles: Float[np.ndarray, ' 3']) -> Float[np.ndarray, '3 3']:
-    """About x, then y, then z (rad); the columns are the turned axes: (0, 0, pi / 2) turns x (1, 0, 0) to (0, 1, 0)."""
+    """Rotation Rx Ry Rz (rad). The columns are the turned axes: (0, 0, pi / 2) turns x (1, 0, 0) to (0, 1, 0)."""
     (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)
     about_x = np.array([[1, 0, 0], [0, a, -sa], [0, sa, a]])
     about_y = np.array([[b, 0, sb], [0, 1, 0], [-sb, 0, b]])
@@ -238,10 +238,10 @@ class Crop:
 
     @classmethod
     def centred(cls, image_width: int, image_height: int, width: int = 440, height: int = 440) -> Crop:
-        """The paper's cut: 440x440 from the middle of 640x480, that is Crop(x=100, y=20, ...).
+        """The paper's crop: 440x440 from the middle of 640x480, that is Crop(x=100, y=20, ...).
 
         Raises:
-            ImageError: the image is smaller than the cut.
+            ImageError: the image is smaller than the crop.
         """
         if width > image_width or height > image_height:
             raise ImageError(
@@ -254,7 +254,7 @@ class Crop:
         """The rectangle as a view into the image.
 
         Raises:
-            ImageError: the rectangle does not lie within the image.
+            ImageError: the rectangle is not within the image.
         """
         height, width = image.shape[:2]
         if min(self.x, self.y) < 0 or self.x + self.width > width or self.y + self.height > height:
@@ -266,7 +266,7 @@ class Crop:
 
 
 def largest_side(width: int, height: int, wanted: int, step: int = 40) -> int:
-    """The side in pixels of the square to cut: `wanted` where it fits, else the largest that `step` regions divide.
+    """Side of the square to crop, in px: `wanted` if it fits, else the largest multiple of `step` that does.
 
     With 440 wanted, 640x480 gives 440, 320x240 gives 240 and 300x230 gives 200.
 
@@ -283,12 +283,12 @@ def largest_side(width: int, height: int, wanted: int, step: int = 40) -> int:
 def middle_part(
     image: UInt8[np.ndarray, 'h w'], side: int = 0, size: tuple[int, int] | None = None
 ) -> UInt8[np.ndarray, 'ch cw']:
-    """The middle of a picture: a square of `side` pixels, or as large as it can be.
+    """The middle of a picture: a square of `side` pixels, or the largest that fits.
 
-    With a side of 0 it is the rectangle of a `size` (width, height), if one is given that is no square.
+    With a side of 0 it is the rectangle of `size` (width, height), if that is given and not a square.
 
-    With neither a picture that is square has been cut already and stays as it is, and of any other the paper's 440 are
-    taken: 640x480 gives what `Crop.centred` gives, 320x240 gives 240x240.
+    Without both, a square picture counts as cropped already and is returned unchanged. From any other picture the
+    paper's 440 px are cropped: 640x480 gives the same as `Crop.centred`, 320x240 gives 240x240.
 
     Raises:
         ImageError: the picture is too small.
@@ -303,12 +303,12 @@ def middle_part(
 
 
 def grey(image: np.ndarray, order: str = 'bgr') -> UInt8[np.ndarray, 'h w']:
-    """Luma 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) of a colour image; a grey one returns unchanged.
+    """Luma 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601) of a colour image. A grey image is returned unchanged.
 
     A pure green pixel of 255 becomes 150. `order` is 'bgr' or 'rgb'.
 
     Raises:
-        ImageError: neither one, three nor four channels, or not 8 bit.
+        ImageError: the image does not have one, three or four channels, or is not 8 bit.
     """
     if image.dtype != np.uint8 or image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (1, 3, 4)):
         raise ImageError(
@@ -325,7 +325,7 @@ def grey(image: np.ndarray, order: str = 'bgr') -> UInt8[np.ndarray, 'h w']:
 def centre_crop(
     image: UInt8[np.ndarray, 'h w *channels'], width: int = 440, height: int = 440
 ) -> UInt8[np.ndarray, 'ch cw *channels']:
-    """The middle of an image, as `Crop.centred` cuts it."""
+    """The middle of an image, cropped by `Crop.centred`."""
     return Crop.centred(image.shape[1], image.shape[0], width, height).apply(image)
 
 

@@ -1,4 +1,4 @@
-"""Figures of merit: the paper's three for force maps, how true stated uncertainties are, summaries of latencies."""
+"""Metrics: the paper's three for force maps, and the calibration of stated uncertainties."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tactile_nodes.sensing.geometry import BinGrid
 def armse(true_n: Float[np.ndarray, 'samples bins'], predicted_n: Float[np.ndarray, 'samples bins']) -> float:
     """Root mean squared error of each bin over the samples, averaged over the bins (the paper's aRMSE), in N.
 
-    Two bins and two samples, errors (3, 0) and (4, 0): sqrt((9 + 16) / 2) = 3.536 and 0 give 1.768.
+    For two bins and two samples with errors (3, 0) and (4, 0), sqrt((9 + 16) / 2) = 3.536 and 0 give 1.768.
     """
     return float(np.sqrt(np.mean((true_n - predicted_n) ** 2, axis=0)).mean())
 
@@ -25,7 +25,7 @@ def location_error_mm(
 ) -> float:
     """Mean distance between the centres of the strongest true and the strongest predicted bin (d_loc), in mm.
 
-    One bin to the right in every sample is 3.556 mm on the paper's grid.
+    A prediction one bin to the right in every sample gives 3.556 mm on the paper's grid.
     """
     centres = bins.centres_mm.reshape(-1, 2)
     apart = centres[strongest(true_n)] - centres[strongest(predicted_n)]
@@ -33,7 +33,7 @@ def location_error_mm(
 
 
 def peak_rmse_n(true_n: Float[np.ndarray, 'samples bins'], predicted_n: Float[np.ndarray, 'samples bins']) -> float:
-    """Root mean squared difference of the strongest bins' values, each at its own place (RMSE_mc), in N."""
+    """Root mean squared difference of the strongest true and the strongest predicted bin's force (RMSE_mc), in N."""
     rows = np.arange(len(true_n))
     difference = true_n[rows, strongest(true_n)] - predicted_n[rows, strongest(predicted_n)]
     return float(np.sqrt(np.mean(difference**2)))
@@ -59,20 +59,20 @@ def total_errors_n(
 
 
 INTERVAL = 0.9
-"""The interval that stated uncertainties are judged by."""
+"""The confidence level at which stated uncertainties are checked."""
 
 
 def interval_factor(level: float = INTERVAL) -> float:
-    """Standard deviations to either side that hold a share of a normal distribution: 1.645 for 90 %."""
+    """Half width, in standard deviations, of the central interval of a normal distribution: 1.645 for 90 %."""
     return NormalDist().inv_cdf((1 + level) / 2)
 
 
 def coverage(
     errors: Float[np.ndarray, '*samples'], sigma: Float[np.ndarray, '*samples'], level: float = INTERVAL
 ) -> float:
-    """Share of errors within the interval that their standard deviations state; NaN where one states none.
+    """Share of errors within the interval of their standard deviations. NaN if any of those is NaN.
 
-    Errors 1 and 2 with a standard deviation of 1 each: the 90 % interval of 1.645 holds one of the two, so 0.5.
+    For errors 1 and 2 with a standard deviation of 1 each, the 90 % interval of 1.645 contains one of two, so 0.5.
     """
     if not errors.size or np.isnan(sigma).any():
         return float('nan')
@@ -81,7 +81,7 @@ def coverage(
 
 @dataclass(frozen=True)
 class UncertaintyBin:
-    """Samples of like stated uncertainty: root mean square of what was stated, and of the errors."""
+    """Samples of similar stated uncertainty: root mean square of the stated and of the actual errors."""
 
     count: int
     stated: float
@@ -91,22 +91,22 @@ class UncertaintyBin:
 def binned_uncertainty(
     errors: Float[np.ndarray, ' samples'], sigma: Float[np.ndarray, ' samples'], bins: int = 10
 ) -> list[UncertaintyBin]:
-    """Stated against actual error, over equally many samples a bin, from the surest to the least sure."""
+    """Stated and actual errors in bins of equally many samples, from the smallest to the largest uncertainty."""
     order = np.argsort(sigma, kind='stable')
     parts = [part for part in np.array_split(order, bins) if len(part)]
     return [UncertaintyBin(len(part), root_mean_square(sigma[part]), root_mean_square(errors[part])) for part in parts]
 
 
 def root_mean_square(values: Float[np.ndarray, '*samples']) -> float:
-    """3.536 of 3 and 4; NaN of nothing."""
+    """Root mean square: 3.536 for 3 and 4. NaN without values."""
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else float('nan')
 
 
 def pareto_front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Which of several no other beats in cost without losing in error, from the cheapest to the best.
+    """Indices of the Pareto front of cost and error, from the cheapest to the most accurate.
 
-    Costs 1, 2, 3 with errors 5, 6, 4: the second costs more than the first and is worse, so 0 and 2 remain. Of equals
-    the first one remains; what is not a number is never on the front.
+    For costs 1, 2, 3 and errors 5, 6, 4 the second is dearer and worse than the first, so 0 and 2 remain. Of equal
+    entries the first remains. NaN is never on the front.
     """
     front: list[int] = []
     least = float('inf')

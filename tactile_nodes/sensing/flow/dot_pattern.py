@@ -1,4 +1,4 @@
-"""Printed dots in a picture: where they are, how wide, and how far apart in rows and columns."""
+"""Finds printed dots in a picture: centres, diameter, and pitch along rows and columns."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from jaxtyping import Bool, Float, Float32, UInt8
 
 LEAST_DOTS = 8
 LEAST_CONTRAST = 8.0
-"""Grey levels by which a dot differs from what is around it."""
+"""Least difference of a dot from its surroundings, in grey levels."""
 
 COARSE = 4
-"""Surroundings are found at a quarter of the resolution."""
+"""The grey of the surroundings is computed at a quarter of the resolution."""
 
 DIMMEST = 0.2
-"""Of the usual light: where there is less, differences of grey levels are not taken for more."""
+"""Share of the median grey below which the contrast is no longer divided by the darker surroundings."""
 
 OF_CONTRAST = 0.5
-"""Of what the strongest differ by: where a dot ends."""
+"""Share of the strongest difference at which a dot ends."""
 
 LEAST_PX = 3.0
-"""Diameter of the smallest dot: what is smaller is texture."""
+"""Diameter of the smallest dot. Smaller spots are texture."""
 
 ROUND = 0.55
-"""Share of its surrounding square that a dot fills at least (a disc: pi/4), and its narrow side over its wide one."""
+"""Least share of its bounding box that a dot fills (a disc: pi/4), and least ratio of the box's short to long side."""
 
 ALIKE = 2.0
-"""Times the usual area, and over it, that a dot may have."""
+"""Largest ratio of a dot's area to the median area, or of the median to it."""
 
 IN_ROW, REGULAR = 0.2, 0.6
-"""Of the pitch: how far a dot may lie beside its place next to another. Of the dots: how many must lie so."""
+"""Largest distance of a dot from its place in the grid, over the pitch, and the share of the dots that must keep it."""
 
 
 @dataclass(frozen=True)
 class Dots:
     """Dots of a picture, without those at its rim.
 
-    `across_px` and `down_px` are the ways (x, y) from a dot to the next one right of it and below it. `edge_px` is the
-    standard deviation of the blur of their edges.
+    `across_px` and `down_px` are the vectors (x, y) from a dot to the next one right of it and below it. `edge_px` is
+    the standard deviation of the blur of the dots' edges.
     """
 
     centres_px: Float[np.ndarray, 'dots 2']
@@ -52,12 +52,12 @@ class Dots:
 
     @property
     def pitch_px(self) -> float:
-        """From one dot to the next, mean of both ways."""
+        """Distance of neighbouring dots, mean of both directions."""
         return float((np.hypot(*self.across_px) + np.hypot(*self.down_px)) / 2)
 
     @property
     def turn_deg(self) -> float:
-        """By how much rows are turned from left to right towards down."""
+        """Angle of the rows, positive if they go down from left to right."""
         return math.degrees(math.atan2(self.across_px[1], self.across_px[0]))
 
     def __len__(self) -> int:
@@ -65,14 +65,14 @@ class Dots:
 
 
 def find_dots(picture: UInt8[np.ndarray, 'h w']) -> Dots | None:
-    """The dots of a picture, dark or bright ones, whichever are more; None if it shows none in rows and columns."""
+    """The dark or bright dots of a picture, whichever are more. None without dots in rows and columns."""
     above = contrast(picture) * np.float32(max(np.median(picture), 1))
     found = [each for each in (_found(-above, dark=True), _found(above, dark=False)) if each is not None]
     return max(found, key=len, default=None)
 
 
 def contrast(picture: UInt8[np.ndarray, 'h w'], *, dark: bool = False) -> Float32[np.ndarray, 'h w']:
-    """How much brighter, or darker, each pixel is than what is around it, as a share of that."""
+    """How much brighter, or darker, each pixel is than its surroundings, relative to them."""
     height, width = picture.shape
     small = cv2.resize(picture, (width // COARSE, height // COARSE), interpolation=cv2.INTER_AREA)
     usual = cv2.medianBlur(small, min(small.shape) // 4 | 1)
@@ -82,7 +82,7 @@ def contrast(picture: UInt8[np.ndarray, 'h w'], *, dark: bool = False) -> Float3
 
 
 def _found(above: Float32[np.ndarray, 'h w'], *, dark: bool) -> Dots | None:
-    """Dots that are higher than what is around them."""
+    """Dots with a positive contrast."""
     contrast = float(np.percentile(above, 99.5))
     if contrast < LEAST_CONTRAST:
         return None
@@ -97,7 +97,7 @@ def _found(above: Float32[np.ndarray, 'h w'], *, dark: bool) -> Dots | None:
 
 
 def _discs(on: Bool[np.ndarray, 'h w']) -> tuple[Float[np.ndarray, 'n 2'], Float[np.ndarray, ' n']]:
-    """Centres and areas of round parts of one size, away from the rim."""
+    """Centres and areas of round spots of one size, away from the rim."""
     height, width = on.shape
     _, _, boxes, centres = cv2.connectedComponentsWithStats(on.astype(np.uint8), connectivity=4)
     left, top, wide, high, area = boxes[1:].T.astype(float)
@@ -112,7 +112,7 @@ def _discs(on: Bool[np.ndarray, 'h w']) -> tuple[Float[np.ndarray, 'n 2'], Float
 
 
 def _next(centres: Float[np.ndarray, 'n 2'], axis: int) -> Float[np.ndarray, ' 2'] | None:
-    """The usual way from a dot to the next along x (0) or y (1); None where hardly any lies so."""
+    """Median vector from a dot to the next along x (0) or y (1). None if the dots are not regular."""
     ways = centres[None] - centres[:, None]
     along, beside = ways[..., axis], np.abs(ways[..., 1 - axis])
     away = np.where((along > 0) & (beside < along / 2), np.hypot(along, beside), np.inf)
@@ -127,7 +127,7 @@ def _next(centres: Float[np.ndarray, 'n 2'], axis: int) -> Float[np.ndarray, ' 2
 
 
 def _edge_px(above: Float32[np.ndarray, 'h w'], centres: Float[np.ndarray, 'n 2'], diameter_px: float) -> float:
-    """Blur of edges: a step of height a, blurred by s, is a / (s sqrt(2 pi)) steep at most."""
+    """Blur of the edges. A step of height a, blurred by s, has a maximum slope of a / (s sqrt(2 pi))."""
     smooth = cv2.GaussianBlur(above, (0, 0), 1.0)
     steep = np.hypot(*(cv2.Sobel(smooth, cv2.CV_32F, *order, scale=0.125) for order in ((1, 0), (0, 1))))
     reach, blurs = round(0.9 * diameter_px), []
