@@ -1,1 +1,1 @@
-"""What pictures show of a sensor, judged beside its description: pattern, covered parts, light, focus, noise."""
+"""Checks pictures of a sensor against its description: pattern, covered parts, light, focus, noise."""

@@ -1,4 +1,4 @@
-"""From a picture of an untouched gel, and what no picture shows, to the description of a sensor."""
+"""Makes the description of a sensor from a picture of its untouched gel and a few answers."""
 
 from __future__ import annotations
 
@@ -25,36 +25,36 @@ from tactile_nodes.sensors import (
 from tactile_nodes.sensors.covering import polygons_of
 
 REGION_STEP = 40
-"""Sides of what is cut from a picture are multiples of it, so that regions of many sizes divide them."""
+"""The sides of the crop are multiples of this, so that regions of many sizes divide them."""
 
 BEYOND = 1.05
-"""Times the width that is seen that the gel is taken to be wide: regions at the rim look a little beyond it."""
+"""Assumed ratio of the gel's width to the visible width: regions at the rim look a little beyond it."""
 
 BIN_MM = 2.7
-"""Width of a bin, about as on the simulated sensors."""
+"""Width of a bin, similar to the simulated sensors."""
 
 LENS_PX = 0.6
 LEAST_RADIUS_PX = 0.5
 SAME = 0.1
-"""Share by which two ways to the same length may differ."""
+"""Allowed relative difference of two estimates of one length."""
 
 LEAST_COVERED = 0.01
 
 
 @dataclass(frozen=True)
 class Answers:
-    """What a person says. 0 or empty: unknown.
+    """The user's answers. 0 or empty: unknown.
 
     Attributes:
-        name: of the sensor.
-        width_mm: that the picture shows of the gel from left to right, as far as it is cut.
-        pitch_mm: of printed dots, instead of that.
-        thickness_mm: of the gel.
-        modulus_mpa: its shear modulus.
-        modulus_off: share by which that may be off, as a standard deviation.
-        markers_mm: depths between which the pattern lies.
-        distance_mm: from the entrance pupil of the lens to the surface of the gel.
-        camera: a calibrated camera, whose place is not known.
+        name: name of the sensor.
+        width_mm: width of the gel visible in the cropped picture.
+        pitch_mm: pitch of printed dots, an alternative to the width.
+        thickness_mm: thickness of the gel.
+        modulus_mpa: shear modulus of the gel.
+        modulus_off: relative standard deviation of the modulus.
+        markers_mm: range of depths of the pattern.
+        distance_mm: distance from the entrance pupil of the lens to the surface of the gel.
+        camera: a calibrated camera, whose position is unknown.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class Understood:
-    """A picture cut as the sensor's will be, and what is seen in it."""
+    """A picture, cropped as the sensor's pictures will be, with its dots and covered parts."""
 
     picture: UInt8[np.ndarray, 'h w']
     dots: Dots | None
@@ -78,7 +78,7 @@ class Understood:
 
     @property
     def told(self) -> str:
-        """In words."""
+        """A summary as text."""
         share = f'{100 * self.covered.mean():.0f} % of the image look covered'
         if self.dots is None:
             return f'texture, no dots in rows and columns; {share}'
@@ -90,10 +90,10 @@ class Understood:
 
 
 def understood(picture: UInt8[np.ndarray, 'h w'], pattern: str = 'auto') -> Understood:
-    """The pattern of a picture, and what covers it.
+    """Find the pattern and the covered parts of a picture.
 
     Raises:
-        ConfigurationError: dots are wanted and none are there, or everything looks covered.
+        ConfigurationError: dots are required but not found, or everything looks covered.
     """
     dots = None if pattern == 'spheres' else find_dots(picture)
     if pattern == 'dots' and dots is None:
@@ -109,12 +109,12 @@ def understood(picture: UInt8[np.ndarray, 'h w'], pattern: str = 'auto') -> Unde
 
 
 def usual_crop(width: int, height: int) -> tuple[int, int]:
-    """The largest part of a picture whose sides many regions divide: all of 640x480, 1920x1080, 400x280 of 410x308."""
+    """Largest crop with sides that many regions divide: all of 640x480 and 1920x1080, 400x280 of 410x308."""
     return max(REGION_STEP, width // REGION_STEP * REGION_STEP), max(REGION_STEP, height // REGION_STEP * REGION_STEP)
 
 
 def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Sensor:
-    """The sensor that cuts such a picture from its camera's, which are `size_px` wide and high.
+    """The sensor description for such a cropped picture of a camera with images of `size_px` (width, height).
 
     Raises:
         ConfigurationError: answers contradict each other or the picture.
@@ -129,7 +129,7 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
         focal = px_per_mm * (away_mm - middle_mm)
         camera = CameraDescription('pinhole', focal_px=(focal, focal), centre_px=tuple((n - 1) / 2 for n in size_px))
     low, high = _seen_mm(seen, camera, size_px, px_per_mm, away_mm - middle_mm)
-    # Rays spread: what is seen at the middle of the pattern is less than what is seen at its top.
+    # Rays diverge: the visible area is smaller at the middle of the pattern than at its top.
     top = (away_mm - answers.markers_mm[0]) / (away_mm - middle_mm)
     wide_mm, high_mm = (math.ceil(10 * top * side) / 10 for side in (high - low).tolist())
     x_mm, y_mm = (-np.round(top * (low + high) / 2, 1) + 0.0).tolist()
@@ -155,7 +155,7 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
 
 
 def _scale(seen: Understood, answers: Answers) -> float:
-    """Pixels a millimetre at the pattern."""
+    """Pixels per millimetre at the pattern."""
     by_width = seen.picture.shape[1] / answers.width_mm if answers.width_mm else 0.0
     by_pitch = seen.dots.pitch_px / answers.pitch_mm if seen.dots and answers.pitch_mm else 0.0
     if answers.pitch_mm and not by_pitch:
@@ -173,9 +173,9 @@ def _scale(seen: Understood, answers: Answers) -> float:
 def _seen_mm(
     seen: Understood, camera: CameraDescription, size_px: tuple[int, int], px_per_mm: float, away_mm: float
 ) -> tuple[Float[np.ndarray, ' 2'], Float[np.ndarray, ' 2']]:
-    """Left upper and right lower corner (mm from the optical axis) of what is uncovered, `away_mm` from the pupil.
+    """Upper left and lower right corner (mm from the optical axis) of the uncovered part, `away_mm` from the pupil.
 
-    At the rim of the picture the gel is taken to go on, a little.
+    At the rim of the picture the gel is assumed to extend a little further.
     """
     height, width = seen.covered.shape
     free = np.argwhere(~seen.covered)[:, ::-1]
@@ -192,7 +192,7 @@ def _seen_mm(
 
 
 def _distance(answers: Answers, px_per_mm: float, middle_mm: float, width_px: int) -> float:
-    """From the pupil to the surface (mm): by the calibration, or as a person says."""
+    """Distance from the pupil to the surface (mm), from the camera calibration or else from the answers."""
     if answers.camera is None:
         return answers.distance_mm
     focal_px = answers.camera.focal_lengths_px[0]
@@ -209,7 +209,7 @@ def _distance(answers: Answers, px_per_mm: float, middle_mm: float, width_px: in
 
 
 def _pattern(seen: Understood, px_per_mm: float, area_mm2: float) -> PatternDescription:
-    """What is visible, in millimetres."""
+    """The visible pattern, in millimetres."""
     if seen.dots is not None:
         wide = round(seen.dots.diameter_px / px_per_mm, 3)
         pitch = round(seen.dots.pitch_px / px_per_mm, 3)
@@ -223,7 +223,7 @@ def _pattern(seen: Understood, px_per_mm: float, area_mm2: float) -> PatternDesc
 
 
 def _mask(seen: Understood, size_px: tuple[int, int]) -> MaskSettings:
-    """In the camera's whole picture, of which the one that was looked at is the middle."""
+    """The mask in the camera's full picture. The cropped picture is its middle."""
     if not seen.covered.any():
         return MaskSettings()
     whole = np.zeros(size_px[::-1], bool)

@@ -1,4 +1,4 @@
-"""Printed dots of a picture judged beside those described: how many, in which rows and columns, and where."""
+"""Checks the printed dots of a picture against the description: number, rows and columns, and position."""
 
 from __future__ import annotations
 
@@ -14,19 +14,18 @@ from tactile_nodes.sensing.flow.dot_pattern import Dots
 from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK, Finding, tone
 
 PITCH_OFF, TURNED_DEG, DOTS_FOUND, MORE = 0.05, 3.0, 0.8, 1.8
-"""Share by which dots may be further apart than described; angle by which their rows may be turned; share of the
-described ones that should be found, and of the found ones that should be described; times as many as described of which
-no use can be made."""
+"""Allowed relative error of the pitch; allowed rotation of the rows; least ratio of found to described dots, and of
+described to found ones; ratio of found to described dots above which the finding is bad."""
 
 ASIDE = 0.1
-"""Of their pitch: how far dots may lie beside those described."""
+"""Allowed offset of the dots from the described positions, over the pitch."""
 
 ASKEW_DEG, UNLIKE, BETWEEN = 15.0, 0.2, 0.5
-"""Beyond these no grid is one of rows and columns at right angles with one pitch: angle by which columns lean beside
-rows, share by which one pitch is longer than the other, share of the dots that have one amid four others."""
+"""Limits for a grid with right angles and one pitch: deviation of the columns from a right angle to the rows, relative
+difference of the two pitches, share of the dots with another dot in the middle of four."""
 
 NEAR = 0.2
-"""Of the pitch: how far a dot may lie beside the middle of four others."""
+"""How far a dot may be from the middle of four others, over the pitch."""
 
 PITCH_HELP = 'check pattern.pitch_mm, camera.position_mm and its focal length'
 NO_GRID = (
@@ -36,7 +35,7 @@ NO_GRID = (
 
 
 def dot_findings(view: View, dots: Dots | None, wanted: int) -> Sequence[Finding]:
-    """What is to be said of dots, of which so many are described within the picture."""
+    """Findings about the dots, of which `wanted` are described within the picture."""
     pattern = view.sensor.pattern
     if dots is None:
         told = (
@@ -61,7 +60,7 @@ def _count(found: str, count: int, wanted: int) -> Finding:
 
 
 def _no_grid(view: View, dots: Dots) -> str:
-    """Why dots are in no rows and columns at right angles with one pitch; empty if they are."""
+    """Why the dots do not form a grid with right angles and one pitch; empty if they do."""
     between = _between(dots)
     if between > BETWEEN:
         return f'{100 * between:.0f} % of them lie in the middle of four others: they are staggered or in diagonal rows'
@@ -76,7 +75,7 @@ def _no_grid(view: View, dots: Dots) -> str:
 
 
 def _between(dots: Dots) -> float:
-    """Share of the dots, of those that have two others a row and a column on, that have one in the middle of these."""
+    """Among dots with a neighbour in the next row and the next column, the share with a dot in the middle of these."""
     centres, near = dots.centres_px, NEAR * dots.pitch_px
 
     def there(step: Float[np.ndarray, ' 2']) -> Float[np.ndarray, ' dots']:
@@ -89,7 +88,7 @@ def _between(dots: Dots) -> float:
 
 
 def _steps_mm(view: View, dots: Dots) -> Float[np.ndarray, '2 2']:
-    """The ways from a dot to the next of its row and of its column, on the gel in the middle of the picture."""
+    """The vectors from a dot to the next in its row and in its column, on the gel in the middle of the picture."""
     middle = (np.array(view.sensor.image.crop_px)[None] - 1) / 2
     px_per_mm = view.moves_at(view.met_at(middle, view.middle_mm))[0, :, :2]
     return np.asarray(np.linalg.solve(px_per_mm, np.column_stack([dots.across_px, dots.down_px])).T)
@@ -105,7 +104,7 @@ def _pitch(view: View, dots: Dots) -> Finding:
 
 
 def _place(view: View, dots: Dots) -> Finding:
-    """Whether dots are where the description has them."""
+    """Whether the dots are at the described positions."""
     pattern = view.sensor.pattern
     x, y = dot_place_mm(view, dots.centres_px)
     aside = np.array([x, y]) - pattern.dot_mm

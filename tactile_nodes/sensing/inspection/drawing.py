@@ -1,4 +1,4 @@
-"""What was understood of a sensor, drawn over its picture."""
+"""Draws the result of an inspection over the sensor's picture."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LEGEND = (
 
 
 def figure(inspection: Inspection) -> Canvas:
-    """The picture with the gel's outline, regions, dots and covered parts, and what was found below it."""
+    """The picture with the gel's outline, regions, dots and covered parts, and the findings below it."""
     height, width = inspection.rest.shape
     scale = max(1, round(WIDTH_PX / width))
     size = width * scale, height * scale
@@ -48,7 +48,7 @@ def _tint(canvas: Canvas, on: Bool[np.ndarray, 'h w'], colour: Colour) -> None:
 
 
 def _regions(canvas: Canvas, inspection: Inspection) -> None:
-    """A small square in the middle of each region that is used."""
+    """Draw a small square in the middle of each usable region."""
     regions, (height, width) = inspection.regions, canvas.shape[:2]
     half = max(2, round(min(width / regions.cols, height / regions.rows) / 12))
     for number in np.flatnonzero(regions.usable).tolist():
@@ -74,7 +74,7 @@ def _at(places: Float[np.ndarray, 'places 2'], scale: int) -> list[list[int]]:
 
 
 def _words(inspection: Inspection, width: int) -> Canvas:
-    """Findings and what colours mean, on black."""
+    """The findings and the legend, on black."""
     lines = [('', GREY, LEGEND)]
     for each in inspection.findings:
         tag, colour = TAGS[each.level]

@@ -1,16 +1,16 @@
-"""What was found of a picture beside a description, in words."""
+"""Findings of an inspection, as text."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 OK, LOOK, BAD = 'ok', 'look', 'bad'
-"""Fine; works, but look at it; nothing useful can be measured like this."""
+"""Fine; works, but check it; no useful measurement is possible."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What was looked at, how it is (`OK`, `LOOK`, `BAD`), and that in a sentence."""
+    """What was checked, its level (`OK`, `LOOK`, `BAD`), and a sentence about it."""
 
     what: str
     level: str
@@ -23,5 +23,5 @@ def percent(share: float) -> str:
 
 
 def tone(dark: bool) -> str:
-    """Of dots and markers beside what is around them."""
+    """Tone of dots and markers relative to their surroundings."""
     return 'dark' if dark else 'bright'

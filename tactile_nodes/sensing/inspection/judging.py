@@ -1,4 +1,4 @@
-"""Pictures of an untouched sensor judged beside its description, finding by finding, in words."""
+"""Checks pictures of an untouched sensor against its description, with findings as text."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ from tactile_nodes.sensing.picture.quality import picture_faults, require_rest_i
 from tactile_nodes.sensors import Sensor
 
 DIM_GREY, BURNT_SHARE, FLICKER = 60, 0.01, 0.02
-"""Brightest parts of a picture that are too dim; share of burnt pixels that is too much; change of light."""
+"""Least grey level of the brightest parts; largest share of overexposed pixels; largest change of light."""
 
 LEAST_EDGE_PX = 2.5
-"""Blur of edges of dots that speaks of bad focus."""
+"""Blur of dot edges from which the focus counts as bad."""
 
 LITTLE_SEEN, HARDLY_SEEN, PLACES = 0.5, 0.1, 200
-"""Shares of the described gel that a picture may show, and has to; places along its longer side that are asked."""
+"""Shares of the described gel that a picture should show, and must show; sampled places along its longer side."""
 
 MEASURED, MARKED, MOST_MARKED = 0.1, 0.5, 0.9
-"""Confidence in a region's motion from which models of described sensors use it; share of the usable regions that must
+"""Least confidence at which models of described sensors use a region's motion; share of the usable regions that must
 reach it, and that should."""
 
 UNSTEADY_PX, UNEVEN_PX = 0.3, 0.1
-"""Motion of all regions at rest, and of single ones beside them, beyond which something moved, or light does."""
+"""Motion at rest of all regions, and of single regions relative to them, from which something moves or flickers."""
 
 UNMASKED = 0.01
-"""Share of the picture that may look covered and not be in the mask."""
+"""Share of the picture that may look covered without being in the mask."""
 
 
 class Inspection:
-    """What pictures show of a sensor that nothing touches.
+    """Inspects pictures of a sensor that nothing touches.
 
     Args:
         sensor: its description.
-        pictures: whole grey pictures of the camera by their names, at least one.
+        pictures: full grey pictures of the camera by name, at least one.
 
     Raises:
-        ConfigurationError: a picture has another size than the description says.
+        ConfigurationError: the size of a picture differs from the description.
     """
 
     def __init__(self, sensor: Sensor, pictures: Mapping[str, UInt8[np.ndarray, 'h w']]) -> None:
@@ -74,17 +74,17 @@ class Inspection:
 
     @cached_property
     def rest(self) -> UInt8[np.ndarray, 'h w']:
-        """The mean of all pictures, cut as the sensor's are."""
+        """The mean of all pictures, cropped as the sensor's are."""
         return np.asarray(np.rint(np.mean(self.pictures, axis=0)), np.uint8)
 
     @cached_property
     def gel(self) -> Bool[np.ndarray, 'h w']:
-        """Where the picture should show the gel, and nothing that the mask covers."""
+        """Where the picture should show the gel, without the masked parts."""
         return np.asarray(self._within & ~self.sensor.covered)
 
     @cached_property
     def _within(self) -> Bool[np.ndarray, 'h w']:
-        """Where the gel's outline is, covered or not."""
+        """The area within the gel's outline, covered or not."""
         drawn = np.zeros(self.rest.shape, np.uint8)
         cv2.fillPoly(drawn, [np.rint(outline_px(self.regions)).astype(np.int32)], 1)
         return np.asarray(drawn > 0)
@@ -96,17 +96,17 @@ class Inspection:
 
     @cached_property
     def unmasked(self) -> Bool[np.ndarray, 'h w']:
-        """What should be gel and looks covered."""
+        """Parts that should be gel but look covered."""
         return np.asarray(looks_covered(self.rest, self.dots) & self.gel)
 
     @cached_property
     def marked(self) -> Bool[np.ndarray, ' regions']:
-        """Which regions show a pattern that motion can be measured by."""
+        """Regions with a pattern that allows motion to be measured."""
         return np.asarray(self._confidence >= MEASURED)
 
     @cached_property
     def _confidence(self) -> Float[np.ndarray, ' regions']:
-        """In the motion of each region, as the rest image has it; none where no dots are found to be followed."""
+        """Confidence in each region's motion, measured in the rest image; 0 if there are no dots to track."""
         try:
             flow = self._flow(self.rest)
         except ImageError:
@@ -115,14 +115,14 @@ class Inspection:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """All that was looked at, in the order in which it is to be mended."""
+        """All findings, in the order in which to correct them."""
         pattern = *self._pattern(), self._focus(), self._shown()
         told = self._size(), self._frame(), self._light(), *pattern, self._seen(), self._mask(), self._rest()
         return tuple(each for each in told if each is not None)
 
     @property
     def usable(self) -> bool:
-        """Whether nothing is bad."""
+        """Whether no finding is bad."""
         return all(each.level != BAD for each in self.findings)
 
     def _size(self) -> Finding:
@@ -169,7 +169,7 @@ class Inspection:
 
     @cached_property
     def expected_dots(self) -> Float[np.ndarray, 'dots 2']:
-        """Where described dots are in the picture, those whose whole disc is in it and uncovered."""
+        """Positions of the described dots whose whole disc is in the picture and uncovered."""
         return described_dots(self.regions.view)
 
     def _focus(self) -> Finding | None:
@@ -183,7 +183,7 @@ class Inspection:
         return Finding('focus', LOOK, f'{told}; turn the lens until the edges are sharpest')
 
     def _shown(self) -> Finding:
-        """How much of the gel the picture shows, and whether it goes on beyond its rim."""
+        """How much of the gel is visible, and whether the pattern extends beyond the gel's rim."""
         share = self._shown_share
         told = f'{percent(share)} of the described gel are visible'
         if self.sensor.pattern.kind == 'spheres' and self.dots is None and (more := self._markers.beyond()):
@@ -195,7 +195,7 @@ class Inspection:
 
     @property
     def _shown_share(self) -> float:
-        """Of places all over the described gel, those that the picture shows and nothing covers."""
+        """Share of the described gel that is in the picture and uncovered."""
         gel = self.sensor.gel
         places = gel.outline.lattice_mm(max(gel.width_mm, gel.height_mm) / PLACES, (0.0, 0.0))
         u, v = np.rint(self.regions.view.below_seen_at(places, gel.markers_mm[0])).T
@@ -225,7 +225,7 @@ class Inspection:
         return Finding('regions', OK, told)
 
     def _refused(self) -> str:
-        """Why a live node would not take this as a rest image; empty if it would."""
+        """Why a live node would refuse this rest image; empty if it would accept it."""
         try:
             options = RegionOptions(self.regions.rows, self.regions.cols)
             require_rest_image(self.rest, texture_confidence(self.rest, options))
@@ -259,7 +259,7 @@ class Inspection:
         return Finding('noise', LOOK, f'{told}: something touches or moves, or the light flickers')
 
     def _touched(self, still: Bool[np.ndarray, ' pictures']) -> str:
-        """What to do about pictures that differ; which of the two kinds is untouched no picture says."""
+        """Advice about pictures that differ. The pictures cannot show which of the two kinds is untouched."""
         others = np.flatnonzero(~still)
         return (
             f'{len(others)} of {len(still)} images, such as {self._names[others[0]]}, differ from the others by more '
@@ -268,14 +268,14 @@ class Inspection:
 
     @cached_property
     def noise_px(self) -> Float[np.ndarray, ' regions']:
-        """Motion (root mean square) of each region in single pictures beside one, of those that are alike."""
+        """Root mean square motion of each region between one picture and the others that are like it."""
         first, still = self._alike
         moved = self._motion_px[still & (np.arange(len(still)) != first)] - self._motion_px[first]
         return np.asarray(np.sqrt(np.square(moved).sum(axis=-1).mean(axis=0)), float)
 
     @cached_property
     def _motion_px(self) -> Float[np.ndarray, 'pictures regions 2']:
-        """Beside the first picture."""
+        """Motion relative to the first picture."""
         flow = self._flow(self.pictures[0])
         moved = [flow.displacement(each).displacement_px for each in self.pictures]
         return np.asarray(moved, float).reshape(len(moved), -1, 2)
@@ -294,14 +294,14 @@ class Inspection:
         return np.asarray(self.regions.usable & self.marked)
 
     def _flow(self, rest: UInt8[np.ndarray, 'h w']) -> FlowMethod:
-        """As models of described sensors measure motion."""
+        """The flow method that models of described sensors use."""
         method = DotsFlow.name if self.sensor.pattern.kind == 'dots' else InverseCompositionalFlow.name
         flow = make_flow(method, {'rows': self.regions.rows, 'cols': self.regions.cols})
         flow.set_reference(rest)
         return flow
 
     def _per_region(self, on: Bool[np.ndarray, 'h w']) -> Float[np.ndarray, ' regions']:
-        """How many pixels of each region are on."""
+        """Number of set pixels in each region."""
         rows, cols = self.regions.rows, self.regions.cols
         height, width = on.shape
         counted: np.ndarray = on.reshape(rows, height // rows, cols, width // cols).sum(axis=(1, 3))
@@ -309,6 +309,6 @@ class Inspection:
 
 
 def outline_px(regions: Regions) -> Float[np.ndarray, 'corners 2']:
-    """The rim of the gel as the picture has it, where its pattern begins."""
+    """The gel's rim in the picture, at the depth where the pattern begins."""
     gel = regions.sensor.gel
     return regions.view.below_seen_at(gel.outline.rim_mm(), gel.markers_mm[0])

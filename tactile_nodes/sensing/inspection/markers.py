@@ -1,4 +1,4 @@
-"""Markers at random in a picture judged beside those described: tone, number, width, and where they end."""
+"""Checks random markers in a picture against the description: tone, number, width, and extent."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK, Finding, pe
 from tactile_nodes.sensing.inspection.texture import mark_px, marks, peaks
 
 CLEAR = 0.5
-"""Skewness of the light of marks from which they are surely bright, or below minus that dark: simulated, 1.3 to 1.7."""
+"""Skewness above which markers are surely bright, or below its negative dark. Simulated markers have 1.3 to 1.7."""
 
 MOST_PEAKS = 0.03
-"""Peaks a pixel that are told apart however many markers there are: 0.028 to 0.031 on the three that are simulated."""
+"""Largest number of distinct peaks per pixel, for any number of markers: 0.028 to 0.031 on the three simulated."""
 
 OTHER, WHOLLY_OTHER = 2.5, 8.0
-"""Times as many markers as described, or as few, that call for a look; and that are another pattern."""
+"""Ratio of found to described markers, or its inverse, that needs a check, and that means another pattern."""
 
 BLURRED, NARROW = 1.6, 0.7
-"""Times as wide as described ones are in a sharp picture: marks out of focus, and marks of something smaller."""
+"""Ratio to the described width in a sharp picture: above it marks are out of focus, below the other too small."""
 
 LENS_PX = 0.6
-"""Blur of a good lens and its pixels beside their size (standard deviation)."""
+"""Blur of a good lens, in addition to the pixel size (standard deviation)."""
 
 BESIDE, AS_MANY, MUCH = 0.03, 0.5, 0.5
-"""Of the picture's width: how far the rim may be off. Of the markers on the gel: how many beside it are a pattern that
-goes on. Of the picture: how much of that shows something else than is described."""
+"""Allowed error of the rim, over the picture's width; relative density of markers outside the gel from which the
+pattern extends there; share of the picture outside the gel from which the description is wrong."""
 
 LEAST_BESIDE = 0.05
-"""Of the picture: what is judged beside the gel."""
+"""Least share of the picture outside the gel for a judgement."""
 
 CHECK = 'check camera.position_mm, its focal length, gel.width_mm and the pattern'
 
@@ -50,11 +50,11 @@ class Markers:
 
     @cached_property
     def peaks(self) -> Bool[np.ndarray, 'h w']:
-        """Single markers, of the tone that is described."""
+        """Single markers of the described tone."""
         return peaks(self.rest, dark=self.view.sensor.pattern.dark)
 
     def pattern(self, in_region: int) -> Finding:
-        """Whether tone and number are as described, and enough for regions that have so many each."""
+        """Whether tone and number are as described, and `in_region` markers per region are enough."""
         pattern = self.view.sensor.pattern
         if not self.gel.any():
             return Finding('pattern', BAD, f'no gel is visible: {CHECK}')
@@ -76,7 +76,7 @@ class Markers:
         return Finding('pattern', LOOK if in_region < 2 else OK, told)
 
     def focus(self) -> Finding:
-        """Whether marks are as wide as those described are where they are sharp."""
+        """Whether marks are as wide as the described ones in a sharp picture."""
         wide, sharp = mark_px(self.rest, self.gel), self._sharp_px
         told = f'marks are {wide:.1f} px wide (standard deviation), {sharp:.1f} where they are sharp'
         if wide < NARROW * sharp:
@@ -86,7 +86,7 @@ class Markers:
         return Finding('focus', OK, told)
 
     def beyond(self) -> str:
-        """That the pattern goes on where the gel should have ended; empty: it does not, or nothing is seen there."""
+        """A message if the pattern extends beyond the described gel; empty if not, or if nothing is visible there."""
         share = float(self.beside.mean())
         if share < LEAST_BESIDE or not self.gel.any():
             return ''
@@ -96,7 +96,7 @@ class Markers:
 
     @property
     def much_beyond(self) -> bool:
-        """Whether most of the picture shows what is not described."""
+        """Whether most of the picture shows pattern outside the described gel."""
         return bool(self.beyond()) and bool(self.beside.mean() > MUCH)
 
     @property
@@ -106,18 +106,18 @@ class Markers:
 
     @property
     def _expected(self) -> float:
-        """Peaks a pixel: of many markers, those near each other are one."""
+        """Expected peaks per pixel. Close markers merge into one peak."""
         gel, pattern = self.view.sensor.gel, self.view.sensor.pattern
         markers = pattern.count / (gel.width_mm * gel.height_mm) / self.view.px_per_mm**2
         return markers / (1 + markers / MOST_PEAKS)
 
     @property
     def _sharp_px(self) -> float:
-        """Width of described markers under a good lens: a disc's variance is a quarter of its squared radius."""
+        """Width of described markers with a good lens. The variance of a disc is a quarter of its squared radius."""
         return math.sqrt(self.view.marker_radius_px**2 / 4 + 1 / 12 + LENS_PX**2)
 
 
 def beside(within: Bool[np.ndarray, 'h w']) -> Bool[np.ndarray, 'h w']:
-    """What is surely beside a part of a picture."""
+    """The area that is surely outside a part of a picture."""
     reach = 2 * math.ceil(BESIDE * within.shape[1]) + 1
     return np.asarray(cv2.dilate(within.astype(np.uint8), np.ones((reach, reach), np.uint8)) == 0)

@@ -1,4 +1,4 @@
-"""Pictures in which nothing moves, told from those in which something does in places."""
+"""Separates pictures without motion from those with local motion."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 NEAREST, TIMES, LEAST_PX = 3, 2.5, 0.02
-"""How many others have to be alike; times their distance from which a picture is not; a distance that nobody minds.
-Untouched pictures, simulated and of a compressed video, differed by at most 1.8 times, clearly pressed ones by 4."""
+"""Number of other pictures that must be alike; multiple of their distance above which a picture differs; a distance
+always accepted. Untouched pictures (simulated, compressed video) differed by at most 1.8 times, clearly pressed ones
+by 4."""
 
 
 def apart_px(motion: Float[np.ndarray, 'pictures regions 2']) -> Float[np.ndarray, 'pictures pictures']:
-    """How far pictures differ: motion between them beyond that of all regions, by its fourth power's mean.
+    """Distance of pictures: fourth root of the mean fourth power of the motion relative to the median motion.
 
-    Noise is alike everywhere; a contact is large in few regions, and the fourth power heeds those: of 1 px in one
-    region of 81, and nothing else, it makes 0.33 px, where the root mean square is 0.11 px.
+    Noise is equal everywhere, while a contact is large in few regions, which the fourth power emphasises: 1 px in one
+    of 81 regions gives 0.33 px, where the root mean square is 0.11 px.
     """
     return np.array([_uneven_px(motion - each) for each in motion])
 
@@ -25,7 +26,7 @@ def _uneven_px(motion: Float[np.ndarray, 'pictures regions 2']) -> Float[np.ndar
 
 
 def alike(apart: Float[np.ndarray, 'pictures pictures']) -> tuple[int, Bool[np.ndarray, ' pictures']]:
-    """The picture that has the nearest others, and which ones differ from it by no more than those do (two or more)."""
+    """The picture with the nearest neighbours, and which pictures (two or more) differ no more from it than those."""
     nearest = np.sort(apart, axis=1)[:, min(NEAREST, len(apart) - 1)]
     middle = int(np.argmin(nearest))
     return middle, apart[middle] <= max(TIMES * nearest[middle], LEAST_PX)

@@ -1,4 +1,4 @@
-"""Random patterns in a picture: how wide and how many their marks are, and which parts show none."""
+"""Random patterns in a picture: width and number of their marks, and parts without marks."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from jaxtyping import Bool, Float32, UInt8
 from tactile_nodes.sensing.flow.dot_pattern import Dots
 
 SMOOTH_PX, AROUND_PX = 1.0, 6.0
-"""Standard deviations of blurs: of what pixels differ by noise, and of light that changes slowly."""
+"""Standard deviations of two blurs: one removes pixel noise, the other estimates the slowly varying light."""
 
 NOISE = 5.0
-"""Times its noise a mark stands out by."""
+"""Least contrast of a mark, as a multiple of the noise."""
 
 DARK_SHARE = 0.25
-"""Of the usual light or texture: what has less is covered."""
+"""Share of the usual light or texture below which a part is covered."""
 
 LEAST_PART, NEAR_PX = 0.004, 12.0
-"""Of the picture: the smallest part that counts as covered. Pixels over which texture and light are averaged."""
+"""Smallest covered part, as a share of the picture; pixels over which texture and light are averaged."""
 
 BURNT = 250
-"""Grey level from which a part shows a light and no gel."""
+"""Grey level from which a part shows a light instead of the gel."""
 
 
 def marks(picture: UInt8[np.ndarray, 'h w'], *, dark: bool = False) -> Float32[np.ndarray, 'h w']:
-    """Light beside what is around it, without most of the noise; of dark marks turned about."""
+    """Light relative to its surroundings, with most noise removed; inverted for dark marks."""
     light = picture.astype(np.float32)
     found = cv2.GaussianBlur(light, (0, 0), SMOOTH_PX) - cv2.GaussianBlur(light, (0, 0), AROUND_PX)
     return np.asarray(-found if dark else found, np.float32)
 
 
 def noise_grey(picture: UInt8[np.ndarray, 'h w']) -> float:
-    """Noise of a pixel (standard deviation), by second differences of the smoothest quarter of blocks of 8x8."""
+    """Standard deviation of pixel noise, from second differences in the smoothest quarter of 8x8 blocks."""
     light = picture.astype(np.float32)
     height, width = (side // 8 * 8 for side in picture.shape)
     bent = cv2.filter2D(light, -1, np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6)[:height, :width]
@@ -44,10 +44,10 @@ def noise_grey(picture: UInt8[np.ndarray, 'h w']) -> float:
 
 
 def mark_px(picture: UInt8[np.ndarray, 'h w'], seen: Bool[np.ndarray, 'h w']) -> float:
-    """Width (standard deviation) of marks in the part that is seen, by how steep a sum of Gaussians is.
+    """Width (standard deviation) of marks in the part `seen`, from the slope of a sum of Gaussians.
 
-    Of marks s wide the mean square is s² times that of the gradient; the blur of 1 px by which noise is quieted is
-    taken off. Marks of less than 1.5 px are told a fifth wider, since slopes are differences of pixels.
+    For marks of width s the mean square is s² times that of the gradient. The blur of 1 px against noise is
+    subtracted. Widths below 1.5 px are overestimated by a fifth, since slopes are differences of pixels.
     """
     shown = marks(picture)
     steep = sum(np.square(cv2.Sobel(shown, cv2.CV_32F, *order, scale=0.125)) for order in ((1, 0), (0, 1)))
@@ -58,7 +58,7 @@ def mark_px(picture: UInt8[np.ndarray, 'h w'], seen: Bool[np.ndarray, 'h w']) ->
 
 
 def peaks(picture: UInt8[np.ndarray, 'h w'], *, dark: bool = False) -> Bool[np.ndarray, 'h w']:
-    """Where single marks are: higher than all within 2 px, and than noise."""
+    """Peaks of single marks: the maximum within 2 px, and above noise."""
     shown = marks(picture, dark=dark)
     highest = cv2.dilate(shown, np.ones((5, 5), np.uint8))
     least = max(NOISE * noise_grey(picture) / math.sqrt(4 * math.pi) / SMOOTH_PX, 2.0)
@@ -67,7 +67,7 @@ def peaks(picture: UInt8[np.ndarray, 'h w'], *, dark: bool = False) -> Bool[np.n
 
 
 def looks_covered(picture: UInt8[np.ndarray, 'h w'], dots: Dots | None) -> Bool[np.ndarray, 'h w']:
-    """Parts that show no gel: burnt out, or between dots dark, or without the texture that the rest has."""
+    """Parts that show no gel: overexposed, or dark between dots, or without the usual texture."""
     light = picture.astype(np.float32)
     if dots is None:
         near_px, shown = NEAR_PX, cv2.GaussianBlur(np.square(marks(picture)), (0, 0), NEAR_PX)
@@ -84,18 +84,18 @@ def looks_covered(picture: UInt8[np.ndarray, 'h w'], dots: Dots | None) -> Bool[
 
 
 def _normal(share: float) -> float:
-    """How many standard deviations beyond an edge its blur has fallen to a share: 0.67 for a quarter."""
+    """Distance beyond a blurred edge, in standard deviations, at which it has fallen to a share: 0.67 for 0.25."""
     return -NormalDist().inv_cdf(share)
 
 
 def _wider(on: Bool[np.ndarray, 'h w'], by_px: float) -> Bool[np.ndarray, 'h w']:
-    """What blur took from the covered side of an edge is given back."""
+    """Widen covered parts by what the blur removed at their edges."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * round(by_px) + 1,) * 2)
     return cv2.dilate(on.astype(np.uint8), disc) > 0
 
 
 def _large(on: Bool[np.ndarray, 'h w']) -> Bool[np.ndarray, 'h w']:
-    """Connected parts that are no specks, their small holes filled."""
+    """Connected parts without specks, with small holes filled."""
     least = LEAST_PART * on.size
     for value in (True, False):
         _, parts, boxes, _ = cv2.connectedComponentsWithStats((on == value).astype(np.uint8), connectivity=4)
