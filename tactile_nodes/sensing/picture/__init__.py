@@ -1,1 +1,1 @@
-"""What is wrong with a picture, and whether its camera or anything on the gel moved."""
+"""Picture faults, motion of the camera, and contact on the gel."""

@@ -1,7 +1,7 @@
-"""How the picture of an untouched gel differs from an earlier one: moved, turned, scaled, dimmed, or another.
+"""Compares the picture of an untouched gel with an earlier one: moved, turned, scaled, dimmed, or different.
 
-Motion is measured by 10x10 patches at half size, the least noisy grid there is (0.003 px a patch at rest); it takes
-about a millisecond of a processor while the pictures are alike, and up to 80 ms where they are not.
+Motion is measured by 10x10 patches at half size, the least noisy grid (0.003 px per patch at rest). It takes about a
+millisecond of CPU time while the pictures are alike, and up to 80 ms if they differ.
 """
 
 from __future__ import annotations
@@ -20,39 +20,39 @@ from tactile_nodes.sensing.picture.motion import MotionFit
 
 PATCHES = 10
 FOUND = 0.4
-"""Confidence from which a patch counts as found: at rest 0.99, knocked by 2 px 0.8, of another gel 0.00."""
+"""Least confidence of a found patch: 0.99 at rest, 0.8 after a knock by 2 px, 0.00 on another gel."""
 
 LEAST_FOUND = 0.3
-"""Share of the patches that must be found before the rest of the numbers mean anything."""
+"""Share of the patches that must be found for the other numbers to be valid."""
 
 ROUNDS = 4
 FAR_PX = 0.05
-"""Patches further than this from the common motion count for less than a quarter: those that a touch moves."""
+"""Patches further than this from the common motion, as in a touch, have less than a quarter of the weight."""
 
 QUIET_PX, QUIET_SHARE = 0.025, 0.25
-"""A picture is quiet when 19 of 20 patches follow the common motion to within this many pixels plus this share of it.
+"""A picture is quiet if 19 of 20 patches follow the common motion to within this many pixels plus this share of it.
 
 Noise leaves 0.006 px (0.02 px in a fifth of the light), a touch 0.3 mm deep 0.045 px. A camera that tilts moves the
-rim by a seventh less than the middle, which no common motion says.
+rim by a seventh less than the middle, which the common motion does not model.
 """
 
 
 ANOTHER_PX = 0.32
-"""What 19 of 20 patches seem to move by where nothing moved and none of the pattern is left, in proportion: 0.06 px
-with a tenth of the markers gone (0.81 of the pattern is left), 0.10 with a fifth (0.66), 0.05 blurred by 1 px (0.78). A
-touch of 0.3 mm leaves 0.99 and a dent of 0.04 px, one of 1 mm 0.99 and 0.25 px."""
+"""Apparent motion of 19 of 20 patches without real motion, per share of the pattern lost: 0.06 px with a tenth of the
+markers gone (0.81 of the pattern is left), 0.10 with a fifth (0.66), 0.05 blurred by 1 px (0.78). A touch of 0.3 mm
+leaves 0.99 and a dent of 0.04 px, one of 1 mm 0.99 and 0.25 px."""
 
 
 @dataclass(frozen=True)
 class PictureChange:
-    """One picture against an earlier one.
+    """One picture compared with an earlier one.
 
     The common motion is shift + turn + growth about the middle of the picture: `shift_px` (right, down), `turn_deg`
     (clockwise as seen), `growth` (0.001: a thousandth larger). `size_px` is its root mean square over the patches,
-    `middle_px` the length of the median motion, `left_px` what 19 of 20 patches move at most beside it and beside how a
-    tilted camera bends a picture. `found` is the share of the patches that were found again, `alike` how much of its
-    pattern the middle one still shows, `contrast` and `brightness` are now over then. What cannot be said of a picture
-    that is another altogether is NaN.
+    `middle_px` the length of the median motion. `left_px` is the largest residual motion of 19 of 20 patches, after
+    the common motion and the bends of a tilted camera. `found` is the share of the patches found again, `alike` how
+    much of its pattern the median patch still shows. `contrast` and `brightness` are ratios of now to then. Numbers
+    that a completely different picture cannot give are NaN.
     """
 
     found: float
@@ -68,30 +68,30 @@ class PictureChange:
 
     @property
     def same(self) -> bool:
-        """Whether it is a picture of the same pattern at all."""
+        """Whether the picture shows the same pattern."""
         return self.found >= LEAST_FOUND
 
     @property
     def quiet(self) -> bool:
-        """Whether all of it moved alike, as where nothing touches the gel."""
+        """Whether the whole picture moved uniformly, as without a touch."""
         return self.same and self.apart_px <= QUIET_PX
 
     @property
     def apart_px(self) -> float:
-        """How far some patches move by themselves: `left_px` without what a common motion leaves over anyway."""
+        """Independent motion of some patches: `left_px` minus the residual that any common motion leaves."""
         return max(0.0, self.left_px - QUIET_SHARE * self.size_px)
 
     @property
     def dented_px(self) -> float:
-        """The same without what patches seem to move by where they show another pattern, as where markers are gone."""
+        """`apart_px` minus the apparent motion of patches whose pattern changed, as when markers are gone."""
         return max(0.0, self.apart_px - ANOTHER_PX * (1 - self.alike))
 
 
 class PictureComparison:
-    """Compares pictures with one that was taken earlier.
+    """Compares pictures with an earlier one.
 
     Raises:
-        ImageError: there is no pattern in it to compare by, or it is too small.
+        ImageError: the earlier picture has too little pattern, or is too small.
     """
 
     def __init__(self, earlier: UInt8[np.ndarray, 'h w']) -> None:
@@ -110,10 +110,10 @@ class PictureComparison:
         self._fit = MotionFit(earlier.shape, PATCHES, PATCHES)
 
     def of(self, picture: UInt8[np.ndarray, 'h w']) -> PictureChange:
-        """What changed from the earlier picture to this one.
+        """The change from the earlier picture to this one.
 
         Raises:
-            ImageError: it has another size.
+            ImageError: the picture has another size.
         """
         if picture.shape != self._shape:
             raise ImageError(
@@ -135,7 +135,7 @@ class PictureComparison:
     def _left_px(
         self, motion: Float32[np.ndarray, 'rows cols 2'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> float:
-        """What 19 of 20 patches move beside all that a camera does to a picture, the bends of a tilt included."""
+        """Largest residual motion of 19 of 20 patches after all camera motion, the bends of a tilt included."""
         found = (self._known & (confidence >= FOUND)).reshape(-1)
         moved = motion.reshape(-1, 2).astype(float)
         away = np.hypot(*(moved - self._fit.carried(self._fit.common(moved, found.astype(float)))).T)
@@ -166,9 +166,9 @@ def _change(
 
 
 def common_motion(motion: Float[np.ndarray, 'n 2'], places: Float[np.ndarray, 'n 2']) -> Float[np.ndarray, ' 4']:
-    """Shift right and down (px), growth and turn (rad) that most patches follow; those that do not count for little.
+    """Shift right and down (px), growth and turn (rad) that most patches follow. Other patches have little weight.
 
-    Least squares, weighted anew a few times by 1 / (1 + (r / 0.05 px)²)², about the median motion at first.
+    Iteratively reweighted least squares with weights 1 / (1 + (r / 0.05 px)²)², starting at the median motion.
     """
     x, y = places.T
     zero, one = np.zeros_like(x), np.ones_like(x)
@@ -191,13 +191,13 @@ def _carried(common: Float[np.ndarray, ' 4'], places: Float[np.ndarray, 'n 2']) 
 
 
 def _places(shape: tuple[int, ...]) -> Float[np.ndarray, 'rows cols 2']:
-    """Middle of each patch, px from the middle of the picture."""
+    """Centre of each patch in px, relative to the middle of the picture."""
     down, right = ((np.arange(PATCHES) + 0.5) * side / PATCHES - side / 2 for side in shape)
     return np.stack(np.meshgrid(right, down), axis=-1)
 
 
 def _contrast(picture: UInt8[np.ndarray, 'h w']) -> Float32[np.ndarray, 'rows cols']:
-    """Standard deviation of each patch's grey, with noise of single pixels smoothed away."""
+    """Standard deviation of each patch's grey, after smoothing of the pixel noise."""
     smooth = cv2.GaussianBlur(picture, (0, 0), 1.0).astype(np.float32)
     size = (PATCHES, PATCHES)
     mean = cv2.resize(smooth, size, interpolation=cv2.INTER_AREA)

@@ -1,7 +1,7 @@
-"""Pixels of the camera that show one grey whatever falls in: found at rest, filled in from those around them.
+"""Dead pixels, which always show one grey: they are found at rest and filled in from the pixels around them.
 
-A picture of markers through a lens is smooth: what a pixel shows follows from the 24 around it to within a few grey
-levels, by the covariance of the rest image (kriging). Motion is measured as before in a picture that is filled in so.
+A picture of markers through a lens is smooth. The covariance of the rest image predicts a pixel from the 24 around it
+to within a few grey levels (kriging). The motion measured in such a filled picture is as without dead pixels.
 """
 
 from __future__ import annotations
@@ -13,45 +13,45 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
 REACH_PX = 2
-"""How far to either side lie the pixels that one is filled in from."""
+"""Reach to either side of the pixels that are used to fill one in."""
 
 LEAST_OFF_GREY, OFF_SIGMAS = 16.0, 8.0
-"""A pixel is off where it shows so much more or less than the rest image, and so many times what is usual of others."""
+"""A pixel is off if it differs from the rest image by so many grey levels, and so many times the usual difference."""
 
 MIDDLING, MOST_MIDDLING, SOME = 0.6, 0.5, 1e-4
-"""Pixels that are nearly off, by more than this share of what the others are, must be fewer than half of those and a
-ten thousandth of all. Dead pixels are off altogether or not at all; blur and JPEG leave more middling ones."""
+"""Pixels beyond this share of the limit but not off must be fewer than half of the off pixels plus a ten thousandth of
+all. Dead pixels are either clearly off or not at all; blur and JPEG leave more in between."""
 
 END_GREY, END_SHARE = 6, 0.3
-"""Pixels that show 0 or 255 are off where the rest image is so far from there, if this share of them is off anyway."""
+"""Pixels at 0 or 255 are off if the rest image differs by so much, and if this share of them is off anyway."""
 
 SEEN = 3
-"""A pixel is dead when so many frames were still but for it and others, touches between them or not."""
+"""A pixel is dead after so many frames that were still except for such pixels, even with touches between them."""
 
 MOST_SHARE = 0.1
-"""Share of the pixels above which a picture is not one with dead pixels."""
+"""Largest share of dead pixels in a picture."""
 
 LEAST_AROUND = 0.5
-"""Share of the pixels around that must be good to fill one in by: a speck of dirt is none."""
+"""Least share of good pixels around a dead one. This excludes specks of dirt."""
 
 ALIVE_GREY = 8.0
-"""A pixel that shows another grey, by more, than when it was found is alive again."""
+"""A dead pixel whose grey changed by more than this since it was found is alive again."""
 
 CHECK_EVERY, IN_VAIN, SELDOM = 32, 8, 16
-"""Frames from one look for living ones to the next; looks in vain after which one is taken in so many frames."""
+"""Frames between checks for living pixels; vain searches after which only one in so many frames is searched."""
 
 AT_CAPTURE_GREY = 6.0, 120.0
-"""In a rest image that is captured pixels at 0 and at 255 are dead which those around say are so much off: 120 grey
-levels below 255 lies no marker, whose light falls on pixels beside it, too."""
+"""In a captured rest image, pixels at 0 and at 255 are dead if their prediction differs by so much. No marker stands
+out by 120 grey levels, as its light also falls on the pixels beside it."""
 
 MOST_ENDS = 0.25
-"""Of the pixels around, at 0 or 255: of more it is a picture with a black ground, or too much light."""
+"""Largest share of 0 or 255 in the pixels around. More means a black background or too much light."""
 
 NEARLY_ALL = 0.9
-"""Where so many of the pixels at 0, or at 255, are dead, all of them are."""
+"""If so many of the pixels at 0, or at 255, are dead, all of them count as dead."""
 
 NUGGET = 2e-3
-"""Share of the variance that is the noise of a pixel."""
+"""Pixel noise as a share of the variance."""
 
 _BESIDE = np.array(
     [(y, x) for y in range(-REACH_PX, REACH_PX + 1) for x in range(-REACH_PX, REACH_PX + 1) if (y, x) != (0, 0)]
@@ -59,7 +59,7 @@ _BESIDE = np.array(
 
 
 class Filling:
-    """Fills in some pixels of pictures that are like one picture in how neighbours go together."""
+    """Fills in dead pixels of pictures with the same pixel covariance as the picture `like`."""
 
     def __init__(self, like: UInt8[np.ndarray, 'h w'], dead: Bool[np.ndarray, 'h w']) -> None:
         self._mean = float(like.mean())
@@ -73,7 +73,7 @@ class Filling:
         self._around, self._weights = around, _weights(covariance(like), good).astype(np.float32)
 
     def __call__(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """The picture with those pixels filled in."""
+        """The picture with the dead pixels filled in."""
         filled: np.ndarray = image.copy()
         mean = np.float32(self._mean)
         told = np.einsum('pn,pn->p', image.reshape(-1)[self._around] - mean, self._weights) + mean
@@ -81,16 +81,16 @@ class Filling:
         return filled
 
     def without(self, alive: Bool[np.ndarray, ' pixels']) -> None:
-        """Leave some as they are from now on."""
+        """Stop filling in the pixels that are `alive`."""
         dead = ~alive
         self.pixels = self.pixels[dead]
         self._around, self._weights = self._around[dead], self._weights[dead]
 
 
 class DeadPixels:
-    """Keeps which pixels are dead beside one rest image, and fills them in; `looks` tell that they are.
+    """Finds dead pixels relative to one rest image, and fills them in. `looks` frames must agree on them.
 
-    After looks in vain one in `seldom` frames is looked at.
+    After vain searches only one in `seldom` frames is searched.
     """
 
     def __init__(self, looks: int = SEEN, seldom: int = SELDOM) -> None:
@@ -103,19 +103,19 @@ class DeadPixels:
 
     @property
     def count(self) -> int:
-        """How many are filled in."""
+        """Number of pixels that are filled in."""
         return 0 if self._filling is None else len(self._filling.pixels)
 
     def captured(self, rest: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """Take a rest image as it was captured, of frames as they came; it is returned with its dead pixels filled in.
+        """Take a rest image captured from raw frames. Returns it with its dead pixels filled in.
 
-        They are those at 0 or 255 that their neighbours say are something else altogether.
+        These are pixels at 0 or 255 that differ clearly from the prediction of their neighbours.
         """
         self._filling = None
         return self.renewed(rest)
 
     def renewed(self, rest: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """The same of one that was made of mended frames; what was dead stays so."""
+        """As `captured`, for a rest image made of mended frames. Known dead pixels stay dead."""
         dead = _impossible(rest)
         if dead.any():
             roughly = np.where(dead, cv2.medianBlur(rest, 2 * REACH_PX + 1), rest)
@@ -125,12 +125,12 @@ class DeadPixels:
         return mended
 
     def beside(self, rest: UInt8[np.ndarray, 'h w']) -> None:
-        """Take that frames, mended, are compared with this rest image from now on."""
+        """Compare mended frames with this rest image from now on."""
         self._rest = rest
         self._forget()
 
     def mended(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """The image with dead pixels filled in; the image itself where there are none, or it has another size."""
+        """The image with dead pixels filled in, or the image itself if there are none or its size differs."""
         if self._filling is None or (self._rest is not None and image.shape != self._rest.shape):
             return image
         self._frames += 1
@@ -139,10 +139,10 @@ class DeadPixels:
         return self._filling(image) if self.count else image
 
     def look(self, image: UInt8[np.ndarray, 'h w'], still: Callable[[np.ndarray], bool]) -> bool:
-        """Look at a mended frame that shows more than motion; whether more pixels were found dead.
+        """Search a mended frame that shows more than motion. Returns whether new dead pixels were found.
 
-        `still`: whether a picture shows what the rest image shows, and nothing touches. Only if it is that but for
-        the pixels that are off, in some frames, are they dead.
+        `still` says whether a picture shows the same as the rest image, without a touch. Pixels are dead only if some
+        frames are still except for the pixels that are off.
         """
         self._looks += 1
         if self._rest is None or (self._looks > IN_VAIN and self._looks % self._seldom):
@@ -166,7 +166,7 @@ class DeadPixels:
         self._suspects, self._seen, self._looks = None, 0, 0
 
     def _take(self, like: np.ndarray, image: np.ndarray, more: np.ndarray) -> None:
-        """Fill in these pixels, too, from now on."""
+        """Fill in these pixels as well from now on."""
         dead, greys = more.copy(), image.copy()
         if self._filling is not None:
             dead.reshape(-1)[self._filling.pixels] = True
@@ -184,7 +184,7 @@ class DeadPixels:
 
 
 def around(dead: Bool[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
-    """Share of the pixels around each that are good."""
+    """Share of good pixels around each pixel."""
     side = 2 * REACH_PX + 1
     sums = cv2.boxFilter((~dead).astype(np.float32), -1, (side, side), normalize=False, borderType=cv2.BORDER_REFLECT)
     share: np.ndarray = (sums - ~dead) / np.float32(side * side - 1)
@@ -192,7 +192,7 @@ def around(dead: Bool[np.ndarray, 'h w']) -> Float32[np.ndarray, 'h w']:
 
 
 def covariance(picture: UInt8[np.ndarray, 'h w']) -> Float[np.ndarray, 'side side']:
-    """Of a pixel with those up to twice `REACH_PX` rows and columns away; that with itself is in the middle."""
+    """Covariance of a pixel with those up to twice `REACH_PX` rows and columns away. Its variance is in the middle."""
     reach = 2 * REACH_PX
     about: np.ndarray = picture.astype(np.float32) - np.float32(picture.mean())
     height, width = about.shape
@@ -207,7 +207,7 @@ def covariance(picture: UInt8[np.ndarray, 'h w']) -> Float[np.ndarray, 'side sid
 
 
 def _weights(covariance: Float[np.ndarray, 'side side'], good: Bool[np.ndarray, 'pixels 24']) -> np.ndarray:
-    """What each good one of the pixels around counts for: the best linear guess."""
+    """Weight of each good pixel around, for the best linear prediction."""
     middle = 2 * REACH_PX
     apart = middle + _BESIDE[:, None] - _BESIDE[None]
     among, with_it = covariance[apart[:, :, 0], apart[:, :, 1]], covariance[tuple((middle + _BESIDE).T)]
@@ -220,7 +220,7 @@ def _weights(covariance: Float[np.ndarray, 'side side'], good: Bool[np.ndarray, 
 
 
 def _off(image: UInt8[np.ndarray, 'h w'], rest: UInt8[np.ndarray, 'h w']) -> Bool[np.ndarray, 'h w']:
-    """Pixels that show another grey than at rest, by far more than the others; none where many do so by less."""
+    """Pixels that differ from the rest image far more than the others. None if too many pixels differ by less."""
     apart = cv2.absdiff(image, rest)
     limit = max(LEAST_OFF_GREY, OFF_SIGMAS * 1.5 * float(np.median(apart[::4, ::4])))
     off: np.ndarray = apart > limit
@@ -235,7 +235,7 @@ def _off(image: UInt8[np.ndarray, 'h w'], rest: UInt8[np.ndarray, 'h w']) -> Boo
 
 
 def _impossible(rest: UInt8[np.ndarray, 'h w']) -> Bool[np.ndarray, 'h w']:
-    """Pixels at 0 or 255 far from what those around say, of which the ones beside are lit or not at their limit."""
+    """Pixels at 0 or 255 that are far from their prediction and have few other such pixels around them."""
     ends = (rest == 0) | (rest == 255)
     found = np.zeros(rest.shape, bool)
     if not ends.any() or ends.mean() > MOST_SHARE:

@@ -1,12 +1,12 @@
-"""Motion of a whole picture, as when its camera is knocked: eight numbers, found from patches that mostly move alike.
+"""Motion of a whole picture, as after a knock of the camera: eight numbers, estimated from the motion of patches.
 
-Shift, growth and turn about the middle are not enough. A camera that tilts moves the rim by another amount than the
-middle, and how depends on its lens: in a picture at focal length f (px) the point at r moves by
+Shift, growth and turn about the middle are not enough. A tilt of the camera moves the rim by another amount than the
+middle, depending on the lens: in a picture at focal length f (px) the point at r moves by
 
     s + (s . r) r / f²                     if the lens keeps straight lines straight,
     s - (r² s - (s . r) r) / (3 f²)        if it keeps angles (to the second order),
 
-and so does a camera that is pushed aside. So both kinds of bend, along x and y, have a number of their own.
+and likewise if the camera is pushed aside. So each kind of bend has its own number along x and along y.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from tactile_nodes.sensing.picture.quietness import median
 TERMS = 8
 ROUNDS = 5
 FAR_PX = 0.05
-"""Patches further than this from the common motion count for less than a quarter: those that a touch moves."""
+"""Patches further than this from the common motion, as in a touch, have less than a quarter of the weight."""
 
 
 @dataclass(frozen=True)
 class PictureMotion:
-    """Where a picture's content went, as numbers in px at the distance of half the longer side from the middle.
+    """Motion of a picture's content, as numbers in px at a distance of half the longer side from the middle.
 
     In order: shift right, shift down, growth, turn (clockwise as seen); bend with angles kept, right and down; bend
     with lines kept, right and down.
@@ -50,20 +50,20 @@ class PictureMotion:
         return PictureMotion(tuple(a - b for a, b in zip(self.terms, other.terms, strict=True)))
 
     def scaled(self, share: float) -> PictureMotion:
-        """A share of it."""
+        """The motion times `share`."""
         return PictureMotion(tuple(share * each for each in self.terms))
 
     @property
     def shift_px(self) -> tuple[float, float]:
-        """Of the middle of the picture, right and down."""
+        """Shift of the middle of the picture, right and down."""
         return self.terms[0], self.terms[1]
 
     def turn_rad(self, shape: tuple[int, ...]) -> float:
-        """Clockwise as seen, of a picture of `shape`."""
+        """Turn of a picture of `shape`, clockwise as seen."""
         return self.terms[3] / _half(shape)
 
     def growth(self, shape: tuple[int, ...]) -> float:
-        """0.001: a thousandth larger."""
+        """Growth of a picture of `shape`. 0.001: a thousandth larger."""
         return self.terms[2] / _half(shape)
 
     def field_px(self, shape: tuple[int, ...], rows: int, cols: int) -> Float32[np.ndarray, 'rows cols 2']:
@@ -81,20 +81,20 @@ class PictureMotion:
 
 
 LANCZOS = 4
-"""Pixels to either side that `Straightening` takes into account."""
+"""Pixels to either side in the kernel of `Straightening`."""
 
 PARTS = 32
-"""So many parts of a pixel are told apart."""
+"""Resolution of the interpolation, in parts of a pixel."""
 
 _WAVES = np.linspace(0, 0.9 * np.pi, 128)
 _SEEN = np.cos(_WAVES / 2) ** 2
-"""Waves, in rad/px, and how much each counts: pictures of markers hold the less of them the shorter they are."""
+"""Spatial frequencies in rad/px, and their weights. Pictures of markers contain less of the higher ones."""
 
 
 def _passed() -> Float[np.ndarray, 'parts waves']:
-    """The share of waves that Lanczos' kernel lets through, by the part of a pixel from one to the next.
+    """Gain of Lanczos' kernel for each spatial frequency and each part of a pixel.
 
-    A kernel w that looks f further on passes waves of k rad/px with the real part of sum w_n exp(i k (n - f)).
+    A kernel w for a shift by f has the gain Re(sum w_n exp(i k (n - f))) at k rad/px.
     """
     away = np.arange(-LANCZOS, LANCZOS + 1) - (np.arange(PARTS) / PARTS - 0.5)[:, None]
     weights = np.where(np.abs(away) < LANCZOS, np.sinc(away) * np.sinc(away / LANCZOS), 0.0)
@@ -105,11 +105,11 @@ def _passed() -> Float[np.ndarray, 'parts waves']:
 
 _PASSED = _passed()
 _SIDES = np.linalg.pinv(_SEEN[:, None] * (2 * np.cos(_WAVES[:, None] * np.arange(1, LANCZOS + 1)) - 2))
-"""Least squares of a filter's weights beside the middle one, all of which add up to one."""
+"""Least-squares solution for the side weights of a filter whose weights add up to one."""
 
 
 def sharpening(moved_px: Float32[np.ndarray, ' pixels']) -> Float32[np.ndarray, ' taps']:
-    """Nine weights that undo what Lanczos' kernel takes away on average where pixels are moved by so much."""
+    """Nine weights that undo the mean blur of Lanczos' kernel for pixels moved by `moved_px`."""
     parts = np.rint((moved_px + 0.5) * PARTS).astype(int) % PARTS
     passed = np.bincount(parts, minlength=PARTS) @ _PASSED / len(parts)
     side = _SIDES @ (_SEEN * (1 / passed - 1))
@@ -119,14 +119,14 @@ def sharpening(moved_px: Float32[np.ndarray, ' pixels']) -> Float32[np.ndarray, 
 
 @dataclass(frozen=True)
 class Straightening:
-    """Undoes a motion of the whole picture, image after image, in pictures of one shape."""
+    """Undoes a motion of the whole picture in images of one shape."""
 
     motion: PictureMotion
     shape: tuple[int, ...]
 
     @cached_property
     def _undoing(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-        """The kernels that sharpen along x and y, and the maps of where each pixel is found."""
+        """The sharpening kernels along x and y, and the maps of the source of each pixel."""
         field = self.motion.field_px(self.shape, *self.shape)
         sharp = sharpening(field[::8, ::8, 0].ravel()), sharpening(field[::8, ::8, 1].ravel())
         field[:, :, 0] += np.arange(self.shape[1], dtype=np.float32)
@@ -135,11 +135,10 @@ class Straightening:
         return sharp, (whole, part)
 
     def __call__(self, image: UInt8[np.ndarray, 'h w'], beyond: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """The image with its content where it was; what the camera no longer sees is taken from `beyond`.
+        """The image with its content moved back. Parts that the camera no longer sees come from `beyond`.
 
-        By Lanczos' kernel of 8x8 pixels: bicubic interpolation takes a third of the time and blurs, which models at
-        full size read as less force. What this kernel blurs on average over the picture the image is sharpened by,
-        before.
+        It uses Lanczos' kernel of 8x8 pixels. Bicubic interpolation takes a third of the time, but its blur makes
+        full-size models underestimate the force. The image is sharpened first by the mean blur of the kernel.
         """
         sharpen, (whole, part) = self._undoing
         sharp = cv2.sepFilter2D(image, -1, *sharpen, borderType=cv2.BORDER_REPLICATE)
@@ -151,9 +150,9 @@ class Straightening:
 
 @dataclass(frozen=True)
 class Shift:
-    """Undoes a shift: whole pixels by copying, the rest by a sinc under a Kaiser window along rows and columns.
+    """Undoes a shift: whole pixels by copying, the rest by a Kaiser-windowed sinc along rows and columns.
 
-    Copying blurs nothing and costs next to nothing; the kernel takes a fraction of what `Straightening` takes.
+    Copying causes no blur and takes almost no time. The kernel takes a fraction of the time of `Straightening`.
     """
 
     right_px: float
@@ -161,7 +160,7 @@ class Shift:
 
     @cached_property
     def motion(self) -> PictureMotion:
-        """What it undoes."""
+        """The motion that it undoes."""
         return PictureMotion((self.right_px, self.down_px, *((0.0,) * (TERMS - 2))))
 
     @cached_property
@@ -181,11 +180,11 @@ class Shift:
 
 
 KAISER_BETA = 4.0
-"""Of the window over a shift's kernel, sharper than the one for moving templates: what is blurred is read short."""
+"""Window of a shift's kernel, sharper than that for templates: blur makes models underestimate."""
 
 
 def _sinc(part: float) -> Float32[np.ndarray, ' taps']:
-    """What to weigh pixels to either side with to see the image `part` of a pixel further on; one if it is none."""
+    """Weights of the pixels to either side for a shift by `part` of a pixel; a single 1 without shift."""
     if abs(part) < 1e-9:
         return np.ones(1, np.float32)
     taps: np.ndarray = windowed_sinc(-part, KAISER_BETA).astype(np.float32)
@@ -193,7 +192,7 @@ def _sinc(part: float) -> Float32[np.ndarray, ' taps']:
 
 
 class MotionFit:
-    """Finds the common motion of rows x cols patches over a picture of `shape`."""
+    """Estimates the common motion of rows x cols patches over a picture of `shape`."""
 
     def __init__(self, shape: tuple[int, ...], rows: int, cols: int, *, compiled: bool = False) -> None:
         self.compiled = compiled
@@ -207,12 +206,12 @@ class MotionFit:
         self._mean_product = self._products.mean(axis=0).reshape(TERMS, TERMS)
 
     def carried(self, terms: Float[np.ndarray, ' terms']) -> Float[np.ndarray, 'patches 2']:
-        """How each patch moves with the picture (px)."""
+        """Motion of each patch by these terms (px)."""
         carried: np.ndarray = (self._along @ terms).reshape(-1, 2)
         return carried
 
     def size_px(self, terms: Float[np.ndarray, ' terms']) -> float:
-        """Root mean square over the patches."""
+        """Root mean square motion over the patches (px)."""
         return math.sqrt(float(terms @ (self._mean_product @ terms)))
 
     def common(
@@ -223,10 +222,10 @@ class MotionFit:
         rounds: int = ROUNDS,
         about_none: bool = False,
     ) -> Float[np.ndarray, ' terms']:
-        """The terms of the motion that most patches follow; those that do not count for little.
+        """The terms of the motion that most patches follow. Other patches have little weight.
 
-        Least squares, weighted anew a few times by `weight` / (1 + (r / 0.05 px)²)², about the median motion at first,
-        or about none.
+        Iteratively reweighted least squares with weights `weight` / (1 + (r / 0.05 px)²)², starting at the median
+        motion, or at zero if `about_none`.
         """
         terms, scale = np.zeros(TERMS), FAR_PX**2
         if not about_none:
@@ -245,7 +244,7 @@ class MotionFit:
         return terms
 
     def _away(self, motion: Float[np.ndarray, 'patches 2'], terms: Float[np.ndarray, ' terms']) -> np.ndarray:
-        """Squared distance of each patch from where the terms carry it."""
+        """Squared distance of each patch's motion from that of the terms."""
         away: np.ndarray = np.square(motion[:, 0] - self._along_x @ terms)
         away += np.square(motion[:, 1] - self._along_y @ terms)
         return away
@@ -254,14 +253,14 @@ class MotionFit:
         self, motion: Float[np.ndarray, 'patches 2'], weight: Float[np.ndarray, ' patches']
     ) -> Float[np.ndarray, ' terms']:
         normal = (weight @ self._products).reshape(TERMS, TERMS)
-        normal.flat[:: TERMS + 1] += 1e-6 * normal[0, 0] + 1e-30  # where the patches left do not say all
+        normal.flat[:: TERMS + 1] += 1e-6 * normal[0, 0] + 1e-30  # if the remaining patches do not determine all
         seen = (weight * motion[:, 0]) @ self._along_x + (weight * motion[:, 1]) @ self._along_y
         terms: np.ndarray = np.linalg.solve(normal, seen)
         return terms
 
 
 def places(shape: tuple[int, ...], rows: int, cols: int) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of the columns and of the rows, from the middle of the picture, half the longer side being 1."""
+    """Centres of the columns and of the rows, relative to the picture's middle, in units of half the longer side."""
     height, width = shape
     half = _half(shape)
     right = ((np.arange(cols) + 0.5) * width / cols - width / 2) / half

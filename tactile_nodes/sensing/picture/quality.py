@@ -1,4 +1,4 @@
-"""When not to trust the number: no picture, no rest image worth the name, no contact."""
+"""Quality checks: black or overexposed pictures, unusable rest images, changed light or sharpness, contact."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.compiling import compiled_loops
 
 DARK_GREY = 8
-"""An image whose 99th percentile stays below this shows nothing: markers under light reach 60 and more."""
+"""An image with a 99th percentile below this is black. Lit markers reach 60 and more."""
 
 SATURATED_SHARE = 0.25
-"""A picture with a larger share of pixels at 255 has lost its markers in the light."""
+"""A picture with a larger share of pixels at 255 is overexposed."""
 
 
 @dataclass(frozen=True)
 class PictureFaults:
-    """What is wrong with an image as a picture: its mean grey level, and whether it is black or burnt out."""
+    """Mean grey level of an image, and whether it is black or overexposed."""
 
     level: float
     dark: bool
@@ -29,14 +29,14 @@ class PictureFaults:
 
 
 def picture_faults(image: UInt8[np.ndarray, 'h w'], *, compiled: bool = False) -> PictureFaults:
-    """Judge an image by every fourth pixel of every fourth row; one without pixels is dark."""
+    """Check every fourth pixel of every fourth row. An image without pixels is dark."""
     if not image.size:
         return PictureFaults(0.0, True, False)
     if compiled and image.flags.c_contiguous:
         total, bright, burnt = compiled_loops().counted(image, 4, DARK_GREY)
         size = -(-image.shape[0] // 4) * -(-image.shape[1] // 4)
         return PictureFaults(total / size, bright <= 0.01 * size, burnt > SATURATED_SHARE * size)
-    sample = np.ascontiguousarray(image[::4, ::4])  # in one piece it is counted three times as fast
+    sample = np.ascontiguousarray(image[::4, ::4])  # contiguous memory is counted three times as fast
     # A percentile by counting: sorting would cost ten times as much, for each frame.
     bright = np.count_nonzero(sample >= DARK_GREY) > 0.01 * sample.size
     saturated = np.count_nonzero(sample == 255) > SATURATED_SHARE * sample.size
@@ -44,10 +44,10 @@ def picture_faults(image: UInt8[np.ndarray, 'h w'], *, compiled: bool = False) -
 
 
 def require_picture(image: UInt8[np.ndarray, 'h w']) -> None:
-    """Refuse an image without a picture in it.
+    """Refuse an image that shows nothing.
 
     Raises:
-        ImageError: it is black or overexposed.
+        ImageError: the image is black or overexposed.
     """
     faults = picture_faults(image)
     if faults.dark:
@@ -57,18 +57,18 @@ def require_picture(image: UInt8[np.ndarray, 'h w']) -> None:
 
 
 MARKED_SHARE = 0.1
-"""Share of the regions that must hold markers before a rest image is taken."""
+"""Share of the regions of a rest image that must contain markers."""
 
 
 def require_rest_image(
     image: UInt8[np.ndarray, 'h w'], confidence: Float32[np.ndarray, 'rows cols'], marked_share: float = MARKED_SHARE
 ) -> None:
-    """Refuse an image that displacement cannot be measured against.
+    """Refuse a rest image that displacement cannot be measured against.
 
-    `confidence` is the texture of its regions, as `texture_confidence` measures it.
+    `confidence` is the texture of its regions from `texture_confidence`.
 
     Raises:
-        ImageError: it is black, overexposed or shows too few markers.
+        ImageError: the image is black, overexposed or shows too few markers.
     """
     require_picture(image)
     if (share := float((confidence >= 0.5).mean())) < marked_share:
@@ -79,36 +79,37 @@ def require_rest_image(
 
 
 SHARPNESS_ROWS = 4
-"""Every so many rows are looked at: 0.05 ms for 440x440 pixels."""
+"""Only one in so many rows is used: 0.05 ms for 440x440 pixels."""
 
 
 FAR_LIGHT = (0.4, 1.4)
-"""Beyond these no rest image helps enough: too dark, too bright."""
+"""Ratios of light, too dark and too bright, beyond which a new rest image does not help enough."""
 
 FAINT_LIGHT = 0.15
-"""In less of the light forces are no forces any more (docs/results/drift.md, the light fades)."""
+"""Ratio of light below which forces are meaningless (docs/results/drift.md, the light fades)."""
 
 SHARPNESS_OFF = (-0.018, 0.05)
-"""A blur of 0.4 px takes so much of it, noise of three times as much adds the other; no rest image helps either."""
+"""Changes of sharpness that no rest image corrects: a blur of 0.4 px causes the first, three times the noise the
+second."""
 
 BLURRED_OFF, RENEWED_OFF = -0.007, -0.014
-"""Beside the sharpness of single frames of a capture, where that is known: a blur of a quarter of a pixel takes the
-first, light of 1.3 times as much 0.006 and a press 0.0015. Renewed rest images are of fewer frames, and of another
-light, so that what noise adds to a frame is known less well; a blur of 0.35 px takes the second."""
+"""Changes relative to the sharpness of single frames of a capture, if that is known: a blur of a quarter of a pixel
+lowers it by the first, 1.3 times the light by 0.006 and a press by 0.0015. Renewed rest images have fewer frames and
+another light, so the effect of noise is less certain; the second is a blur of 0.35 px."""
 
 REST_BLURRED_OFF = -0.005
-"""A rest image that has so much less sharpness than another is blurred; its noise makes 0.002 of it."""
+"""A rest image with so much less sharpness than another is blurred. Its noise causes 0.002."""
 
 NEAR_LIGHT = {'dis': (0.98, 1.02)}
-"""Dense inverse search takes light for motion: 30 % darker it reads 0.6 of it. Presses change it by 0.6 % at most, a
-camera shifted by 5 px by 0.8 %."""
+"""Dense inverse search mistakes light for motion: in a picture 30 % darker it measures 0.6 of the motion. Presses
+change the light by 0.6 % at most, a camera shifted by 5 px by 0.8 %."""
 
 NEAR_LIGHT_OF_PATCHES = (0.8, 1.2)
-"""Patches know light apart, but not that markers are brighter than the camera can tell."""
+"""Patches separate light from motion, but fail if markers saturate the camera."""
 
 
 class Unlike(NamedTuple):
-    """In what a picture is unlike another."""
+    """In which respects a picture differs from another."""
 
     light: bool
     blurred: bool
@@ -123,10 +124,10 @@ class Unlike(NamedTuple):
 
 @dataclass(frozen=True)
 class PictureLikeness:
-    """Tells by little of each picture whether its light and its sharpness are those of a rest image.
+    """Compares the light and the sharpness of pictures with those of a rest image.
 
-    `near_light` is the least and the most light, as a share, in which motion is measured as well; `least_off` how much
-    less sharpness.
+    `near_light` is the range of relative light in which motion is measured equally well, `least_off` the lowest change
+    of sharpness.
     """
 
     level: float
@@ -138,32 +139,32 @@ class PictureLikeness:
     def of(
         cls, rest_image: UInt8[np.ndarray, 'h w'], flow: str, added: float | None = None, *, renewed: bool = False
     ) -> PictureLikeness:
-        """To a rest image.
+        """The comparison with a rest image.
 
         Args:
-            rest_image: what pictures are compared with.
-            flow: the name of what measures motion.
-            added: how much sharper frames are by their noise than the mean of a capture, where that is known.
-            renewed: it was taken by itself.
+            rest_image: the image that pictures are compared with.
+            flow: name of the flow method.
+            added: how much sharper frames are than the mean of a capture because of their noise, if known.
+            renewed: the rest image was renewed automatically.
         """
         least_off = SHARPNESS_OFF[0] if added is None else added + (RENEWED_OFF if renewed else BLURRED_OFF)
         level = max(picture_faults(rest_image).level, 1.0)
         return cls(level, sharpness(rest_image), NEAR_LIGHT.get(flow, NEAR_LIGHT_OF_PATCHES), least_off)
 
     def near(self, level: float, sharp: float) -> Unlike:
-        """In what a picture of this mean grey and `sharpness` is so unlike that motion is measured less well."""
+        """How a picture of this mean grey and `sharpness` differs so much that motion is measured less well."""
         return self._beyond(level, sharp, self.near_light)
 
     def far(self, level: float, sharp: float) -> Unlike:
-        """In what it is so unlike that no other rest image helps."""
+        """How a picture differs so much that no other rest image helps."""
         return self._beyond(level, sharp, FAR_LIGHT)
 
     def faint(self, level: float) -> bool:
-        """Whether a picture of this mean grey is so dark that nothing can be measured in it."""
+        """Whether a picture of this mean grey is too dark for any measurement."""
         return level < FAINT_LIGHT * self.level
 
     def as_sharp(self, sharp: float, of: float) -> bool:
-        """Whether a picture is surely as sharp as those of this rest image, and the rest image in use, `of`, is not."""
+        """Whether a picture is surely as sharp as this rest image, while the rest image in use (`of`) is not."""
         return of < self.sharpness + REST_BLURRED_OFF and sharp - self.sharpness >= self.least_off - BLURRED_OFF / 2
 
     def _beyond(self, level: float, sharp: float, light: tuple[float, float]) -> Unlike:
@@ -173,10 +174,10 @@ class PictureLikeness:
 
 
 def sharpness(image: UInt8[np.ndarray, 'h w'], *, compiled: bool = False) -> float:
-    """Mean difference of pixels side by side over that of pixels three apart.
+    """Ratio of the mean difference of adjacent pixels to that of pixels three apart.
 
-    Light cancels out and a press changes nothing (0.534 to 0.536 on the simulated gel, rest image 0.525); a blur of
-    1 px more leaves 0.44, noise of four times as much 0.59, and of nothing but noise it is 1.
+    Light cancels out, and a press changes little (0.534 to 0.536 on the simulated gel, rest image 0.525). It is 0.44
+    with 1 px more blur, 0.59 with four times the noise, and 1 for noise alone.
     """
     if compiled and image.flags.c_contiguous:
         near, far = compiled_loops().differences(image, SHARPNESS_ROWS // 2, SHARPNESS_ROWS)
@@ -188,7 +189,7 @@ def sharpness(image: UInt8[np.ndarray, 'h w'], *, compiled: bool = False) -> flo
 
 @dataclass
 class ContactDetector:
-    """Contact yes or no from the total force, with a lower threshold for letting go, so that noise does not chatter.
+    """Detects contact from the total force, with hysteresis against noise.
 
     With 0.05 N and a share of 0.6 contact begins at 0.05 N and ends below 0.03 N.
     """
@@ -198,7 +199,7 @@ class ContactDetector:
     in_contact: bool = False
 
     def update(self, total_n: float) -> bool:
-        """Whether something touches, after one more force sample."""
+        """Take one more force sample, and return whether something touches."""
         limit = self.threshold_n * (self.release_share if self.in_contact else 1.0)
         self.in_contact = total_n >= limit
         return self.in_contact

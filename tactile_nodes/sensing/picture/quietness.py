@@ -1,4 +1,4 @@
-"""Does anything touch? By the motion of patches all over a picture, beside that of the whole of it: loosely, surely."""
+"""Decides whether anything touches, from the patches' motion relative to the whole picture: loosely and strictly."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ from tactile_nodes.sensing.picture.touch_places import TouchPlaces
 
 PATCHES = 10
 LOOSE_PX, LOOSE_SHARE, LOOSE_MEDIANS = 0.025, 0.05, 1.5
-"""A picture is at rest, as far as a coarse look tells, when 19 of 20 patches follow it to within this.
+"""By the coarse check a picture is at rest if 19 of 20 patches follow its motion to within this.
 
-To it are added a share of the knock's size and of the middle patch's distance: blur and light move patches all over the
-picture, a touch those around it.
+A share of the knock's size and a multiple of the median distance are added: blur and light move patches all over the
+picture, a touch only those around it.
 """
 
 EXPLAINED, UNEXPLAINED_PX = 0.9, 0.25
-"""Of a picture of which the middle patch is explained by less than this share of what it was, something is gone that no
-press takes away (presses to 2 mm leave 0.97): patches then seem to move by a share of what is missing, each its way."""
+"""If the median patch is explained by less than this share of its former value, part of the pattern is gone, which no
+press causes (presses to 2 mm leave 0.97). Patches then seem to move in random directions by a share of the loss."""
 
 QUIET_PX = 0.03
-"""More than 1 of 20 patches further than this from the common motion were touched, without a closer look."""
+"""If more than 1 of 20 patches are further than this from the common motion, something touches."""
 
 QUIET_NOISE = 7.5
-"""Motion away from any place, in units of the middle patch's noise, up to which nothing touches.
+"""Largest motion away from any place without a touch, in units of the median patch's noise.
 
-Noise, which is larger at the rim, reaches 7 in eleven of twelve frames; 20 mN make 10.8 to 19.
+Noise, which is larger at the rim, reaches 7 in eleven of twelve frames; 20 mN cause 10.8 to 19.
 """
 TOUCHED_NOISE = 10.0
-"""The same from which something of 20 mN may touch: noise reaches it in less than one frame of a hundred."""
+"""The same limit above which 20 mN may touch. Noise reaches it in less than one frame of a hundred."""
 
 KNOCKED_NOISE = 12.0
-"""The same of frames after a knock, from which is learned what patches are off by as pixels fell elsewhere. At rest it
-reaches 8; a touch of 50 mN or more, which would be learned with it and read as none from then on, makes 18 to 62. A gel
-seated anew by 0.1 mm, whose near markers move otherwise than far ones, leaves every patch off by some 0.014 px and is
-at 5 to 9 of that, so how large noise is must not count here."""
+"""The same limit for frames after a knock, from which the patch offsets of the shifted pixel grid are learnt. At rest
+the motion reaches 8. A touch of 50 mN or more, which would be learnt as an offset and then hidden, causes 18 to 62. A
+gel reseated by 0.1 mm, whose near and far markers move differently, leaves each patch off by some 0.014 px and reaches
+5 to 9 of that, so the size of the noise must not count here."""
 
 MEDIAN_OF_NOISE, LEAST_NOISE_PX = 0.6745, 0.0015
 
 OUTLIERS = 0.05
-"""Share of the patches that may go further at rest."""
+"""Share of the patches that may move further at rest."""
 
 PLACES = TouchPlaces(PATCHES, np.ones((PATCHES * PATCHES, 2)))
 
@@ -49,13 +49,13 @@ PLACES = TouchPlaces(PATCHES, np.ones((PATCHES * PATCHES, 2)))
 def loosely_quiet(
     left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], moved_px: float, explained: float
 ) -> bool:
-    """Whether no more than a light touch moves patches, as far as a picture tells that is not that of the rest image.
+    """Whether at most a light touch moves the patches, for a picture that may differ from the rest image.
 
     Args:
-        left: motion of each patch beside the picture's, px.
+        left: motion of each patch relative to the whole picture, px.
         found: which patches were found.
-        moved_px: how far the whole picture moved.
-        explained: how well the middle patch is explained, beside the rest image itself.
+        moved_px: motion of the whole picture.
+        explained: how well the median patch is explained, relative to the rest image itself.
     """
     squared = _squared(left[found])
     limit = LOOSE_PX + LOOSE_SHARE * moved_px + LOOSE_MEDIANS * math.sqrt(median(squared))
@@ -71,7 +71,7 @@ def quiet(
     *,
     compiled: bool = False,
 ) -> bool:
-    """Whether what is left of the patches' motion is noise: no more points away from anywhere than noise makes."""
+    """Whether the patches' residual motion is noise: not more of it points away from any place than noise causes."""
     few = _share_beyond(_squared(left[found]), QUIET_PX) <= OUTLIERS
     return few and none_away(left, found, limit, compiled=compiled)
 
@@ -79,18 +79,18 @@ def quiet(
 def none_away(
     left: Float[np.ndarray, 'patches 2'], found: Bool[np.ndarray, ' patches'], limit: float, *, compiled: bool = False
 ) -> bool:
-    """Whether no more goes away from any place than `limit` times the noise, however large that is."""
+    """Whether the motion away from any place is at most `limit` times the noise, however large the noise is."""
     most = PLACES.most(np.where(found[:, None], left, 0.0).astype(np.float32), compiled=compiled)
     return most <= limit * noise_of(left[found])
 
 
 def noise_of(left: Float[np.ndarray, 'n 2'], least_px: float = LEAST_NOISE_PX) -> float:
-    """Standard deviation of a patch's motion along an axis, by the middle one, px."""
+    """Standard deviation of a patch's motion along an axis, from the median, px."""
     return max(median(np.abs(left).reshape(-1)) / MEDIAN_OF_NOISE, least_px)
 
 
 def median(values: Float[np.ndarray, ' n']) -> float:
-    """As numpy's, of some finite numbers, in a sixth of the time."""
+    """As `numpy.median` for finite numbers, in a sixth of the time."""
     half, ordered = len(values) // 2, values.copy()
     ordered.partition(half)
     above = float(ordered[half])

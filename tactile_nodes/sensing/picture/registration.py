@@ -1,8 +1,8 @@
-"""A knocked camera is no force: the motion of the whole picture since the rest image is kept, and taken out.
+"""Registration: tracks the motion of the whole picture since the rest image, and removes it from measured motion.
 
-It is found from the patches of the flow itself. While nothing touches, whatever they move by together is followed,
-slowly. A press moves no patch far from it, so most patches never move alike under one; where they do, by more than any
-press makes them, the camera was knocked, and that is taken out at once. `docs/stability.md` has the measurements.
+It is estimated from the patches of the flow itself. While nothing touches, their common motion is followed slowly. A
+press hardly moves patches far from it, so most patches never move alike under a press. If they do, by more than any
+press causes, the camera was knocked, and the motion is removed at once. `docs/stability.md` has the measurements.
 """
 
 from __future__ import annotations
@@ -32,47 +32,47 @@ from tactile_nodes.sensing.picture.quietness import (
 )
 
 FOUND = 0.4
-"""Confidence from which a patch counts as found again."""
+"""Least confidence of a patch that is found again."""
 
 LEAST_SIDE_PX = 160
-"""Side of the smallest picture that patches of our own are laid over."""
+"""Side of the smallest picture on which separate patches are used."""
 
 FEW_FOUND = 0.95
-"""Share of the patches known at rest below which a part of the picture is lost: presses to 2 mm leave 0.98."""
+"""Below this share of the patches known at rest, a part of the picture is lost. Presses to 2 mm leave 0.98."""
 
 LEAST_FOUND = 0.3
-"""Share of the patches that must be found before their common motion means anything."""
+"""Share of the patches that must be found for their common motion to be valid."""
 
 NEGLIGIBLE_PX = 0.004
-"""Smaller motion is not taken out: it is the noise of the rest image."""
+"""Smaller motion is not removed, as it is the noise of the rest image."""
 
 SUBTRACTED_PX, SHIFTED_PX = 0.03, 0.1
-"""Motion up to which it is subtracted from what the flow finds, alone and beside a shift of the image.
+"""Largest motion that is only subtracted from the measured flow, alone and after a shift of the image.
 
-Models know their regions to a fraction of a pixel: what other pixels of a region show of the same motion differs by up
-to a hundredth. So a shift is undone in the image before, which takes 1 ms for an image of 440x440, and where that
-leaves more, as of a turn, all of the motion, which takes 8 ms.
+Models depend on the position of their regions to a fraction of a pixel: other pixels of a region show the same motion
+with a difference of up to a hundredth. So a shift is first undone in the image (1 ms at 440x440). If more remains, as
+after a turn, the whole motion is undone (8 ms).
 """
 
 SETTLE_FRAMES = 8
-"""Frames at rest that a knock's motion is averaged over before it is only followed slowly."""
+"""Frames at rest over which the motion of a knock is averaged before it is followed slowly."""
 
 EVEN_PX = 0.02
-"""A picture beside whose growth patches are off by less than this (standard deviation) was magnified by its camera.
+"""Growth of a picture is due to the camera if it leaves patch residuals below this (standard deviation).
 
-Magnified by 0.2 to 2 % it leaves 0.002 px, of a camera 0.03 mm nearer 0.015. A gel that swells moves markers more the
-higher they lie in it: by 0.1 mm it changes the rim by 0.3 px and leaves 0.09.
+A magnification by 0.2 to 2 % leaves 0.002 px, a camera 0.03 mm nearer 0.015. A gel that swells moves markers more the
+higher they are in it: 0.1 mm changes the rim by 0.3 px and leaves 0.09.
 """
 
 SURE_FRAMES = 3
-"""Frames at rest, as far as a coarse look tells, after which the first that is surely at rest settles a knock."""
+"""After so many frames at rest by the coarse check, the first frame surely at rest settles a knock."""
 
 NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class RegistrationOptions:
-    """How far the picture may have moved (root mean square, px; turn in degrees), and how slowly it is followed (s)."""
+    """Largest motion of the picture (root mean square, px; turn in degrees), and time constant of following (s)."""
 
     most_px: float = 8.0
     most_turn_deg: float = 2.5
@@ -80,10 +80,10 @@ class RegistrationOptions:
 
 
 class Registered:
-    """A rest image with what is computed of it once.
+    """A rest image with all that is computed from it once.
 
-    `own` is what the flow finds in the rest image itself. Where it has fewer patches or does not say how sure it is,
-    patches of our own are measured in every frame that is looked at.
+    `own` is the flow measured in the rest image itself. If it has fewer patches or no confidence, separate patches are
+    measured in every frame that is checked.
     """
 
     def __init__(self, image: UInt8[np.ndarray, 'h w'], own: DisplacementField, *, compiled: bool = False) -> None:
@@ -101,14 +101,14 @@ class Registered:
 
 
 class Registration:
-    """Keeps the motion of the whole picture since the rest image, and takes it out of images and of motion found.
+    """Tracks the motion of the whole picture since the rest image, and removes it from images and measured motion.
 
     `settled`: the motion was confirmed with nothing on the gel since the last knock. `lost`: the picture is not found
     again, moved too far, or has another shape. `found` is the share of the known patches that were found again,
-    `explained` how well the middle one is, beside the rest image itself. `surely`: nothing touched in the last frame;
-    `maybe`: not much did; `free`: less than 20 mN, as patches beside a flow without any tell. All follows from the
-    images and their stamps since the rest image; `dent` is what they say of that. `apart_px` is how far the picture has
-    moved since the rest image was taken.
+    `explained` how well the median one is, relative to the rest image. `surely`: nothing touched in the last frame;
+    `maybe`: at most a light touch; `free`: less than 20 mN, by separate patches if the flow has none. The state follows
+    only from the images and their stamps since the rest image. `dent` judges the rest image. `apart_px` is the motion
+    of the picture since the rest image was captured.
     """
 
     DERIVED: ClassVar = ('_rest', '_reference', '_fit')
@@ -131,41 +131,41 @@ class Registration:
 
     @property
     def since_rest(self) -> PictureMotion:
-        """The motion since the rest image in use, which is taken out; `motion` is that since the first one."""
+        """The motion since the rest image in use, which is removed. `motion` is that since the first rest image."""
         return self.motion - self._base
 
     @property
     def size_px(self) -> float:
-        """Of the motion that is taken out: root mean square over the picture."""
+        """Root mean square, over the picture, of the motion that is removed."""
         return self._moved_px
 
     @property
     def watches(self) -> bool:
-        """Whether patches of our own are measured beside a flow that has none."""
+        """Whether separate patches are measured, because the flow has none."""
         return self._rest.watch is not None
 
     @property
     def grown_px(self) -> float:
-        """By how much the rim moved since the first rest image, out or in, but for what its camera magnified."""
+        """Motion of the rim since the first rest image, out or in, without magnification by the camera."""
         return min(abs(self.motion.terms[2]), abs(self.motion.terms[2] - self._magnified_px))
 
     @property
     def straightening(self) -> Straightening | Shift | None:
-        """What straightens images; another one falls on other pixels."""
+        """The correction applied to images. A different one uses other pixels."""
         return self._straightening
 
     @property
     def beside_frame(self) -> PictureMotion:
-        """Where straightened images lie beside the first rest image."""
+        """Motion of straightened images relative to the first rest image."""
         return self.motion - self._straightening.motion if self._straightening else self.motion
 
     def set_reference(
         self, rest: Registered, offset: PictureMotion | None = None, motion: PictureMotion | None = None
     ) -> None:
-        """Take a gel at rest; of straightened images `offset` says where it lies beside the first rest image.
+        """Take a rest image. If made of straightened images, `offset` is its motion relative to the first rest image.
 
-        So the regions of a model stay where the first one had them, to within the half pixel that is subtracted.
-        `motion` is that of the picture when it was taken: what was learned of it since is noise, up to a knock.
+        The regions of a model then stay at their places in the first one, to within the subtracted motion. `motion` is
+        that of the picture at the capture; smaller changes since then are noise, unless there was a knock.
         """
         self.look_beside(rest)
         self.lost, self.found = False, 1.0
@@ -184,20 +184,20 @@ class Registration:
         self._last_ns: int | None = None
 
     def look_beside(self, rest: Registered) -> None:
-        """Take what is computed of the rest image; all that was found beside it stays."""
+        """Take the data computed from the rest image, and keep all tracked motion."""
         self._rest, self._reference, self._fit = rest, rest.image, rest.fit
 
-    def begin_anew(self) -> None:  # what was found since the rest image came is forgotten
+    def begin_anew(self) -> None:  # forget all motion since the rest image
         self.set_reference(self._rest, self._base, self._resting)
 
     def straightened(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """The image as it would be had the camera stayed where it was; the image itself where that is near enough."""
+        """The image as if the camera had not moved, or the image itself if the motion is small enough."""
         if self._straightening is None or self._reference is None:
             return image
         return self._straightening(image, self._reference)
 
     def without(self, field: DisplacementField) -> DisplacementField:
-        """Motion found in a straightened image, without what was left of the whole picture's."""
+        """Motion measured in a straightened image, without the remaining motion of the whole picture."""
         motion = field.displacement_px
         if self._remainder is not None and self._reference is not None:
             motion = motion - self._remainder.field_px(self._reference.shape, *motion.shape[:2])
@@ -206,21 +206,21 @@ class Registration:
         return DisplacementField(motion, field.confidence)
 
     def at_rest(self, stamp_ns: int) -> None:
-        """Take that nothing touches in a frame, and nothing moved."""
+        """Record a frame in which nothing touches and nothing moved."""
         self._rested = max(self._rested, 1) + 1
-        if not self.settled:  # what is found where it was moved alike
+        if not self.settled:  # a picture that is where it was moved as a whole
             self._magnified_px = self.motion.terms[2] - self._grown_before_px
         self.settled, self.lost, self.found, self._last_ns = True, False, 1.0, stamp_ns
         self.surely = self.maybe = self.free = True
         self.dent.rested(surely=True)
 
     def look(self, straight: UInt8[np.ndarray, 'h w'], field: DisplacementField, stamp_ns: int) -> bool:
-        """Take what the flow found in a frame; whether the frame is to be measured again, for the camera was knocked.
+        """Take the flow of a frame. Returns whether to measure the frame again, because the camera was knocked.
 
         Args:
             straight: the straightened image.
             field: motion in it without that of the whole picture.
-            stamp_ns: when it was taken.
+            stamp_ns: stamp of the frame.
         """
         self.surely = self.maybe = self.free = False
         if self._rest.known_count < LEAST_FOUND * PATCHES**2:
@@ -242,7 +242,7 @@ class Registration:
         return False
 
     def _begin_anew(self) -> bool:
-        """The gel has another shape and cannot be measured, unless only what is taken out makes it look so."""
+        """Mark the gel as misshapen and lost. If a correction was applied, drop it and measure again."""
         self.lost = True
         if self._straightening is None:
             return False
@@ -260,7 +260,7 @@ class Registration:
         return True
 
     def _straighten_anew(self, motion: PictureMotion) -> None:
-        """After a knock: by this motion, or by none where it is none, as when the camera is back where it was."""
+        """Set the correction after a knock: this motion, or none if the camera is back in its place."""
         self._forget_offset()
         self._straightening = None
         self._take(motion, settled=False)
@@ -274,11 +274,11 @@ class Registration:
         field: DisplacementField,
         stamp_ns: int,
     ) -> None:
-        """Where nothing touches: take on what is left of the whole picture's motion, quickly after a knock."""
+        """Follow the remaining motion of the whole picture while nothing touches, quickly after a knock."""
         left = motion - self._fit.carried(terms)
         early = self._rested < SETTLE_FRAMES
         beside = self.dent.without(left - self._still, found, settled=self.settled)
-        knocked_px = 0.0 if self.settled else self.size_px  # what a knock leaves is known once it is settled
+        knocked_px = 0.0 if self.settled else self.size_px  # the residual of a knock is known once it is settled
         self.maybe = loosely_quiet(beside, found, knocked_px, self.explained)
         if self.maybe:
             self._noise_px = noise_of(beside[found])
@@ -289,7 +289,7 @@ class Registration:
         learning = early and self.maybe and not self.settled
         learning = learning and none_away(beside, found, KNOCKED_NOISE, compiled=self._fit.compiled)
         if not (self.surely or learning):
-            if self.maybe and not self.settled:  # something touched in those frames: begin anew
+            if self.maybe and not self.settled:  # something touched in those frames: restart
                 self._rested = 0
                 self._forget_offset()
             return
@@ -306,9 +306,9 @@ class Registration:
             self._magnified_px = self.motion.terms[2] - self._grown_before_px
 
     def _take_offset(self, left: Float[np.ndarray, 'n 2'], common: PictureMotion, field: DisplacementField) -> None:
-        """What each patch is off by once a knock was undone, as pixels fell elsewhere: the mean of the first frames."""
+        """Learn the offset of each patch after a corrected knock (other pixels): the mean of the first frames."""
         share = np.float32(1 / self._rested)
-        if self._rest.watch is not None:  # a dense search is off at rest as well, and its models learned that
+        if self._rest.watch is not None:  # dense search has offsets at rest too, which its models learned
             self._still += share * (left - self._still)
             return
         assert self._reference is not None
@@ -316,7 +316,7 @@ class Registration:
         self._offset = share * rest if self._offset is None else self._offset + share * rest
 
     def _off(self, field: DisplacementField) -> Float[np.ndarray, 'n 2']:
-        """What each patch is off by once a knock was undone, as far as that is known."""
+        """Offset of each patch after a corrected knock, as far as known."""
         if self._offset is None:
             return self._still
         return coarse(DisplacementField(self._offset, field.confidence))[0]
@@ -326,12 +326,12 @@ class Registration:
         self._still = np.zeros((PATCHES * PATCHES, 2))
 
     def _share(self, stamp_ns: int) -> float:
-        """How much of what is seen is taken on, by the time since the last frame at rest."""
+        """Gain of the filter that follows motion, from the time since the last frame at rest."""
         passed_s = 0.0 if self._last_ns is None else (stamp_ns - self._last_ns) / NS_PER_S
         return 1 - math.exp(-min(max(passed_s, 0.0), 1.0) / self.options.follow_s)
 
     def _take(self, motion: PictureMotion, *, settled: bool) -> None:
-        """From now on with this motion; images are straightened by it, or by one near enough."""
+        """Use this motion from now on. Images are straightened by it, or by one close enough."""
         assert self._reference is not None
         self.motion, self.settled = motion, settled
         if self._straightening is None or self._off_px(self._straightening) > NEGLIGIBLE_PX:
@@ -353,7 +353,7 @@ class Registration:
         return self._fit.size_px(np.array(motion.terms))
 
     def _off_px(self, straightening: Straightening | Shift) -> float:
-        """How far a straightening is from what it should be; shifts are near enough up to a limit."""
+        """Error of a straightening. Shifts are accepted up to a limit."""
         near_px = SHIFTED_PX if isinstance(straightening, Shift) else 0.0
         return max(0.0, self._size_px(self.motion - straightening.motion) - near_px)
 
@@ -370,7 +370,7 @@ class Registration:
 
 
 def _watch(image: UInt8[np.ndarray, 'h w'], compiled: bool) -> InverseCompositionalFlow | None:
-    """Patches of our own at half size; None of a picture too small for them."""
+    """Separate patches at half size, or None if the picture is too small."""
     if min(image.shape) < LEAST_SIDE_PX:
         return None
     options = InverseCompositionalOptions(rows=PATCHES, cols=PATCHES, finest_scale=1)
@@ -380,14 +380,14 @@ def _watch(image: UInt8[np.ndarray, 'h w'], compiled: bool) -> InverseCompositio
 
 
 def believed(confidence: Float[np.ndarray, 'rows cols']) -> Bool[np.ndarray, ' patches']:
-    """Which of 10x10 patches lie where a method believes anything at all: it does not where the gel is covered."""
+    """Which of 10x10 patches lie where a method has confidence above 0. It has none where the gel is covered."""
     rows, cols = (np.arange(PATCHES) * count // PATCHES for count in confidence.shape)
     found: np.ndarray = (confidence > 0)[np.ix_(rows, cols)]
     return found.ravel()
 
 
 def coarse(field: DisplacementField) -> tuple[Float[np.ndarray, 'patches 2'], Float[np.ndarray, ' patches']]:
-    """Motion of 10x10 patches and the confidence in it."""
+    """Motion of 10x10 patches and its confidence."""
     assert field.confidence is not None
     motion, confidence = field.displacement_px, field.confidence
     if confidence.shape != (PATCHES, PATCHES):

@@ -1,8 +1,7 @@
-"""Bands that roll over the picture, as of a light that is pulsed while rows are read one after another: taken out.
+"""Removes rolling bands, as from a pulsed light with a rolling shutter.
 
-They are common to all columns, and nothing else that comes between two pictures of a gel is: a press, a knock, a hot
-spot and markers that are gone change each part of a row otherwise. Patches know light apart that is even within them,
-but not bands as narrow as they are.
+Bands are equal in all columns. No other change of a gel's picture is: a press, a knock, a hot spot and lost markers
+change each part of a row differently. Patches separate even light from motion, but not bands as narrow as a patch.
 """
 
 from __future__ import annotations
@@ -12,23 +11,23 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 COLUMNS, ROWS_PX = 8, 8
-"""A look compares means of so many parts of each row, over so many rows."""
+"""The check compares the means of so many parts of each row, over so many rows."""
 
 LEAST_GREY = 2.5
-"""Root mean square of what is common to a row from which it is a band: presses make 0.6, bands of 3 grey levels 1.7."""
+"""Least root mean square of the common change of rows in bands. Presses cause 0.6, bands of 3 grey levels 1.7."""
 
 COMMON = 1.0
-"""Bands are at least so many times as much as what is left of the parts without them; chance makes 0.4 of it."""
+"""Least ratio of the bands to the residual of the parts without them. Chance causes 0.4."""
 
 LEAST_LIGHT = 0.5
-"""Of the rest image's, on average: in a darker picture there is little to see bands by."""
+"""Least light, relative to the rest image. In a darker picture bands are hard to see."""
 
 SMOOTHED_ROWS = 2.0
-"""Standard deviation (rows) of what a row's brightness is averaged over: rows differ by their markers, too."""
+"""Standard deviation (rows) of the smoothing of row brightness, as markers also make rows differ."""
 
 
 class RollingBands:
-    """Finds bands beside one rest image and takes them out."""
+    """Finds bands relative to one rest image and removes them."""
 
     def __init__(self, image: UInt8[np.ndarray, 'h w']) -> None:
         self._rest = image
@@ -38,10 +37,10 @@ class RollingBands:
         self._parts = parts - parts.mean()
 
     def without(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'h w']:
-        """The image as it is between bands; the image itself where there are none."""
+        """The image without bands, or the image itself if there are none."""
         change = cv2.subtract(image, self._rest, dtype=cv2.CV_32F)
         parts = parted(change)
-        # Another light changes bright parts by more, of rows and of columns.
+        # A change of light changes bright parts more, in rows and in columns.
         brighter = float((parts * self._parts).sum() / max(float(np.square(self._parts).sum()), 1e-6))
         dark = parts.mean() < (LEAST_LIGHT - 1) * self._level
         if dark or not banded(parts - np.float32(brighter) * self._parts):
@@ -53,13 +52,13 @@ class RollingBands:
 
 
 def parted(picture: Float32[np.ndarray, 'h w']) -> Float32[np.ndarray, 'some parts']:
-    """Means of parts of rows, over several rows."""
+    """Means over parts of several rows."""
     parts: np.ndarray = cv2.resize(picture, (COLUMNS, max(1, len(picture) // ROWS_PX)), interpolation=cv2.INTER_AREA)
     return parts
 
 
 def banded(parts: Float32[np.ndarray, 'some parts']) -> bool:
-    """Whether what changed in a picture is bands: alike in all parts of a row."""
+    """Whether the change of a picture is bands, equal in all parts of a row."""
     common = np.median(parts, axis=1)
     left = parts - common[:, None]
     common -= common.mean()
