@@ -1,4 +1,4 @@
-"""Inner loops compiled by numba: the arithmetic of the numpy code beside which they stand, several times as fast.
+"""Inner loops compiled by numba: the same arithmetic as the corresponding numpy code, several times as fast.
 
-Importing this package compiles nothing; its parts do, each by itself, and `every` has them all.
+Importing this package compiles nothing. Each of its modules compiles its own loops, and `every` imports them all.
 """

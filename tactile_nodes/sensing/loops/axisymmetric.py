@@ -1,4 +1,4 @@
-"""What a press does around it, and how regions see it, compiled: see `axisymmetric.AxisymmetricResponse`."""
+"""Response around a press, and what regions see of it, compiled: see `axisymmetric.AxisymmetricResponse`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -10,7 +10,7 @@ from tactile_nodes.sensing.loops.common import compiled, spline_weights
 
 @compiled()
 def _along(force, k, weights, profiles, result):
-    """Profiles over distance at a force: fills in (2, profiles, distances), values and slopes along the force."""
+    """Profiles over distance at a force: fills in (2, profiles, distances), values and slopes by force."""
     for p in range(profiles.shape[0]):
         for d in range(profiles.shape[1]):
             value, slope = 0.0, 0.0
@@ -23,7 +23,7 @@ def _along(force, k, weights, profiles, result):
 
 @compiled()
 def _seen_along(couplings, columns, slopes, made, made_slopes):
-    """What one region shows of its columns and of their three slopes."""
+    """The motion of one region and its three slopes, from the region's columns and their slopes."""
     for channel in range(2):
         total, by_x, by_y, by_force = 0.0, 0.0, 0.0, 0.0
         for c in range(columns.shape[0]):
@@ -61,7 +61,7 @@ def _columns(value, outward, by_force, toward, core, distance, numbers, columns,
 
 @compiled()
 def _shown(x, y, aslant_x, aslant_y, numbers, away, bend):
-    """Where a region's smear shows a press, and its slopes; as `axisymmetric.radial_smear.RadialSmear`."""
+    """Place of a press as the region's smear shows it, and its slopes; as `axisymmetric.radial_smear.RadialSmear`."""
     square, along = x * x + y * y, x * aslant_x + y * aslant_y
     near, wide = 1 / (1 + square / numbers[8] ** 2), 1 / (1 + square / numbers[9] ** 2)
     shift, squeeze = numbers[10] * near, numbers[11] * wide
@@ -77,8 +77,8 @@ def _shown(x, y, aslant_x, aslant_y, numbers, away, bend):
 def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made, slopes, columns):
     """As `AxisymmetricResponse.motion_slopes_and_columns`: fills in (n, regions, 2), (3, n, regions, 2) and columns.
 
-    `numbers` are how many profiles are lateral, the hardest force, width, softness, bend, core and the least distance,
-    then the numbers of the radial smear; `axes` low, high and intervals of the splines over distance and force.
+    `numbers` are the number of lateral profiles, the hardest force, width, softness, bend, core and least distance,
+    then the numbers of the radial smear. `axes` are low, high and intervals of the splines over distance and force.
     """
     hardest, width, softness, bend, least = numbers[1], numbers[2], numbers[3], numbers[4], numbers[6]
     count = profiles.shape[0]

@@ -1,7 +1,7 @@
-"""What compiled loops have in common: how they are compiled, splines at a value, and small systems of equations.
+"""Shared parts of the compiled loops: compilation, splines at a value, and small systems of equations.
 
-numba keeps what it compiled by the file that a loop with a signature stands in, and looks at no other file that was
-compiled into it. So what was kept before the newest file of this folder came is forgotten.
+numba caches compiled code by the file of the loop with a signature, and does not check other files compiled into it.
+So cache entries older than the newest file of this folder are removed.
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
@@ -16,11 +16,11 @@ import numpy as np
 from numba import njit
 
 _MATH = {'reassoc', 'contract', 'nsz', 'arcp'}
-"""Sums may be reordered; NaN and infinity keep their meaning."""
+"""Sums may be reordered. NaN and infinity keep their meaning."""
 
 
 def forget_older(folder: Path) -> None:
-    """Remove numba's indices of what it compiled before the newest source in a folder; it compiles that again."""
+    """Remove numba's cache indices older than the newest source in a folder, so that it compiles again."""
     newest = max(each.stat().st_mtime_ns for each in folder.glob('*.py'))
     for index in (folder / '__pycache__').glob('*.nbi'):
         with contextlib.suppress(OSError):  # another process was first, or the folder is somebody else's
@@ -32,9 +32,10 @@ forget_older(Path(__file__).parent)
 
 
 def compiled(signature: str | None = None):
-    """With a signature compiled here, or loaded; the parts without one are compiled into these.
+    """Decorator: compile or load a function with a signature. Functions without one are compiled into their callers.
 
-    Tests wrap every function of this package to check its arguments, which numba cannot read: it gets the inner one.
+    Tests wrap every function of this package to check its arguments. numba cannot read the wrapper, so it gets the
+    inner function.
     """
     compiler = njit(signature, cache=signature is not None, fastmath=_MATH, error_model='numpy', nogil=True)
     return lambda function: compiler(inspect.unwrap(function))
@@ -42,7 +43,7 @@ def compiled(signature: str | None = None):
 
 @compiled()
 def spline_weights(value, axis, both):
-    """Number of the first of four cubic splines at a value, and their values and slopes; see `SplineAxis.weights`."""
+    """Index of the first of four cubic splines at a value, and their values and slopes; see `SplineAxis.weights`."""
     low, high, intervals = axis[0], axis[1], axis[2]
     per_unit = intervals / (high - low)
     along = (min(max(value, low), high) - low) * per_unit
@@ -58,7 +59,7 @@ def spline_weights(value, axis, both):
 
 @compiled()
 def copy(source, target):
-    """Of two dimensions. Assigned as a whole arrays take numba seconds to compile, as most that is not a loop."""
+    """Copy a two-dimensional array. numba would take seconds to compile an assignment of whole arrays."""
     for i in range(target.shape[0]):
         for j in range(target.shape[1]):
             target[i, j] = source[i, j]
@@ -66,7 +67,7 @@ def copy(source, target):
 
 @compiled()
 def finite(number, numbers):
-    """Whether all are numbers."""
+    """Whether all are finite numbers."""
     known = math.isfinite(number)
     for i in range(numbers.shape[0]):
         known = known and math.isfinite(numbers[i])
@@ -75,7 +76,7 @@ def finite(number, numbers):
 
 @compiled()
 def middle(values):
-    """The value that half of them are not above, as the partition of a copy would give it."""
+    """The upper median of the values, as a partition of a copy would give it."""
     ordered = np.empty(values.shape[0], values.dtype)
     for i in range(values.shape[0]):
         value, at = values[i], i
@@ -88,7 +89,7 @@ def middle(values):
 
 @compiled()
 def factorise(matrix):
-    """A small positive definite matrix, in place: Cholesky without the roots."""
+    """Factorise a small positive definite matrix in place: Cholesky without square roots."""
     n = matrix.shape[0]
     for j in range(n):
         for k in range(j):
@@ -101,7 +102,7 @@ def factorise(matrix):
 
 @compiled()
 def substitute(matrix, right):
-    """Solve for `right`, in place, by what `factorise` left of a matrix."""
+    """Solve for `right` in place, with a matrix factorised by `factorise`."""
     n = right.shape[0]
     for j in range(n):
         for k in range(j):
@@ -114,7 +115,7 @@ def substitute(matrix, right):
 
 @compiled()
 def _factorise_row(matrix, i, first):
-    """A row of a Cholesky factor from a column on, by the rows above it and what is before; whether there is one."""
+    """Compute a row of a Cholesky factor from a column on, from the rows above. Returns whether it exists."""
     row = matrix[i]
     for j in range(first, i + 1):
         other, total = matrix[j], row[j]
@@ -131,7 +132,7 @@ def _factorise_row(matrix, i, first):
 
 @compiled()
 def _factorise_rows(matrix):
-    """A Cholesky factor in place of the lower half: four rows and two columns at a time, as sums in registers."""
+    """Replace the lower half by a Cholesky factor: four rows and two columns at a time, with sums in registers."""
     n, none = matrix.shape[0], matrix.dtype.type(0)
     whole = n - n % 4
     for i in range(0, whole, 4):
@@ -157,7 +158,7 @@ def _factorise_rows(matrix):
 
 @compiled()
 def _invert_row(factor, root, i, first):
-    """A row of the inverse of a factor, of which what the rows before `first` add is there already."""
+    """Compute a row of the inverse of a factor. The sums over rows before `first` are already present."""
     row, own = root[i], 1 / factor[i, i]
     for j in range(first, i):
         other, share = root[j], own * factor[i, j]
@@ -168,7 +169,7 @@ def _invert_row(factor, root, i, first):
 
 @compiled()
 def inverse_root(matrix, root):
-    """As `cone.inverse_root`, of a matrix whose lower half becomes its factor; `root` begins with 0. False: none."""
+    """As `cone.inverse_root`. The matrix's lower half becomes its factor, `root` must be 0 at first. False: none."""
     n = matrix.shape[0]
     if not _factorise_rows(matrix):
         return False
@@ -232,7 +233,7 @@ def _shares(at, sigma, count, size, shares):
 
 @compiled()
 def spread_over_bins(contacts, count, size_mm, forces):
-    """As `reading.spread_over_bins`, of `count` rows of contacts: x, y, force, sigma of place and force."""
+    """As `reading.spread_over_bins`, for `count` rows of contacts: x, y, force, sigma of place and force."""
     rows, cols = forces.shape
     along_x, along_y = np.empty(cols), np.empty(rows)
     total = np.zeros((rows, cols))

@@ -1,7 +1,7 @@
-"""All compiled loops that others call.
+"""All compiled loops that other modules call.
 
-Signatures are given, so importing this module compiles everything, or loads what an earlier process compiled; nothing
-is compiled while frames come. Sums are made in another order than numpy's, so last digits differ.
+The loops have signatures, so importing this module compiles them, or loads them from the cache. Nothing is compiled
+while frames arrive. Sums are in another order than in numpy, so last digits differ.
 """
 
 from tactile_nodes.sensing.loops.axisymmetric import motion_and_slopes, motion_variance

@@ -16,7 +16,7 @@ _NONE = np.float32(0)
 
 @compiled()
 def _products(rows, products):
-    """Rows with each other, the lower half: four with two at a time, whose sums stay in registers."""
+    """Lower half of the products of rows with each other, four by two rows at a time with sums in registers."""
     count = rows.shape[0]
     for i in range(0, count, 4):
         places = i, min(i + 1, count - 1), min(i + 2, count - 1), min(i + 3, count - 1)
@@ -35,7 +35,7 @@ def _products(rows, products):
 
 @compiled()
 def _times_inverse(root, vector, product):
-    """`product` becomes R'R times a vector, R lower triangular."""
+    """Set `product` to R'R times a vector, with R lower triangular."""
     n = vector.shape[0]
     for i in range(n):
         total = _NONE
@@ -49,7 +49,7 @@ def _times_inverse(root, vector, product):
 
 @compiled()
 def _least_squares(information, evidence, steps, forces):
-    """As `cone.least_squares`, which tells of the steps: fills in the forces; whether they can be told apart."""
+    """As `cone.least_squares`, which explains the steps. Fills in the forces, returns whether they are separable."""
     n = evidence.shape[0]
     count, friction = n // 3, solver.FRICTION
     stepped, root = np.empty((n, n), np.float32), np.zeros((n, n), np.float32)
@@ -87,9 +87,9 @@ def _least_squares(information, evidence, steps, forces):
 
 @compiled()
 def _evidence(by_force, on, weights, motion, granted, information, evidence):
-    """As `FieldSolver._evidence`, of what forces on some patches or bins cause.
+    """As `FieldSolver._evidence`, for the motion that forces on some patches or bins cause.
 
-    Returns what each of them causes, what the camera shares, and the motion, all weighted: a row each.
+    Returns the motion caused by each force, the camera's share, and the measured motion, all weighted, as rows.
     """
     single, shared = weights
     regions, ways, n, count = single.shape[0], shared.shape[1], evidence.shape[0], by_force.shape[0] // 3
@@ -138,7 +138,7 @@ def _nearby(pressed, cols, near):
 
 @compiled()
 def _hold(pressed, cols, told, near, held):
-    """As `FieldSolver._held`; fills in what is nearby, too."""
+    """As `FieldSolver._held`. Also fills in the nearby patches."""
     _nearby(pressed, cols, near)
     total, above, squared = 0.0, 0.0, 0.0
     for k in range(pressed.shape[0]):
@@ -152,7 +152,7 @@ def _hold(pressed, cols, told, near, held):
 
 @compiled()
 def _squared(rows, forces):
-    """As `Weights.squared`, of the motion that forces leave: the weighted one of each, the camera's, and the whole."""
+    """As `Weights.squared`, for the residual motion. `rows`: weighted motion per force, of the camera, and measured."""
     n, last = forces.shape[0], rows.shape[0] - 1
     left = np.empty(rows.shape[1])
     for r in range(rows.shape[1]):
@@ -174,7 +174,7 @@ def _squared(rows, forces):
 
 @compiled()
 def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, told, pressed):
-    """As `FieldSolver._on_bins`: fills in the normal force as each patch has its share."""
+    """As `FieldSolver._on_bins`: fills in each patch's share of the normal force."""
     patches, bins, n = pressed.shape[0], on.shape[0], 3 * on.shape[0]
     near, held, by_place = np.empty(patches), np.empty(patches), np.zeros(around.shape[0])
     for k in range(patches):
@@ -198,7 +198,7 @@ def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, told, pressed):
 
 @compiled()
 def _chosen(values, limit, allowed, which):
-    """Where values are above a limit and it is allowed: fills in which, and returns how many."""
+    """Fill in the indices of allowed values above a limit, and return their number."""
     count = 0
     for k in range(values.shape[0]):
         if values[k] > limit and allowed[k]:
@@ -221,20 +221,20 @@ def _moves(caused):
     'Tuple((f4[::1], f4[:, ::1])), i8, f8)'
 )
 def field(by_force, bin_of, around, motion, weights, cols, told):
-    """As `FieldSolver.field`, where some bins are to be solved on: those above the limit, or all of one value.
+    """As `FieldSolver.field`, if there are bins to solve on: those above the limit, or all of one value.
 
     Args:
-        by_force: what 1 N of each force on bins moves, and on patches.
+        by_force: motion caused by 1 N of each force on bins, and on patches.
         bin_of: the bin of each patch.
         around: normal forces on bins, none below 0.
-        motion: of the regions, along x and y.
-        weights: of them, and what the camera shares.
-        cols: of the patches.
-        told: share of the weight that holds forces and patches down.
+        motion: motion of the regions along x and y.
+        weights: weights of the regions, and the camera's share.
+        cols: number of patch columns.
+        told: share of the weight that regularizes forces and patches.
 
     Returns:
-        Whether the forces can be told apart; they; which patches were solved on; the root of their covariance; and the
-        squares of the motion and of what is left of it.
+        Whether the forces are separable, the forces, the patches that were solved on, the root of the forces'
+        covariance, and the squares of the motion and of its residual.
     """
     patches, limit = bin_of.shape[0], 0.0
     for value in around:

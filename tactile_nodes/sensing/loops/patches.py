@@ -8,12 +8,12 @@ import numpy as np
 from tactile_nodes.sensing.loops.common import compiled
 
 _GREY = np.float32(128)
-"""Taken from each pixel, so that sums stay small: templates have no mean, and what they see does not change."""
+"""Subtracted from each pixel to keep sums small. Templates have zero mean, so the result does not change."""
 
 
 @compiled()
 def _read(image, left, top, side, pixels):
-    """A window's pixels in a row, which are summed up in half the time that the window itself would take."""
+    """Read a window's pixels into contiguous memory, where sums take half the time."""
     rows, first_row, first_column = pixels.reshape(side, side), np.uintp(top), np.uintp(left)
     for row in range(np.uintp(side)):
         for column in range(np.uintp(side)):
@@ -36,7 +36,7 @@ def _parts(pixels, one, two, three):
 
 @compiled()
 def _find(image, left, top, side, templates, p, limits, pixels):
-    """Motion of patch `p` beside the window that is read, and the share of the window that is explained."""
+    """Motion of patch `p` relative to the window, and the explained share of the window."""
     basis, unit, unmix, mend = templates
     least_gain, largest = np.float32(limits[0]), np.float32(limits[1])
     _read(image, left, top, side, pixels)
@@ -58,9 +58,9 @@ _TEMPLATES = 'Tuple((i2[:, :, ::1], f4[:, ::1], f4[:, :, ::1], f4[:, :, ::1]))'
 
 @compiled(f"void(Array(u1, 2, 'C', True), i4[:, ::1], i8[::1], i8, {_TEMPLATES}, UniTuple(f8, 4), f4[:, ::1], f4[::1])")
 def match(image, corner, numbers, side, templates, limits, motion, explained):
-    """Patches `numbers` read at `corner`: fills in their motion (2, some) and the share of them that is explained.
+    """Measure the patches `numbers` at `corner`: fills in their motion (2, some) and their explained share.
 
-    As `Templates.find`, whose templates these are.
+    As `Templates.find`, with the same templates.
     """
     pixels = np.empty(side * side, np.float32)
     for i in range(numbers.shape[0]):
@@ -70,7 +70,7 @@ def match(image, corner, numbers, side, templates, limits, motion, explained):
 
 @compiled()
 def _settle(image, home, p, side, templates, limits, readings, pixels):
-    """A patch found at home, and read again where it turned out to lie."""
+    """Find a patch at home, and read it again at the place found."""
     height, width = image.shape
     again = np.float32(limits[2])
     x, y, explained = _find(image, home[0, p], home[1, p], side, templates, p, limits, pixels)
@@ -89,7 +89,7 @@ def _settle(image, home, p, side, templates, limits, readings, pixels):
 
 @compiled()
 def _neighbours(count):
-    """Five places about each of some, those beyond the rim mirrored at the outermost place, which is not doubled."""
+    """Five places around each place. Those beyond the rim are mirrored at the outermost place without doubling it."""
     found = np.empty((count, 5), np.uintp)
     for at in range(count):
         for step in range(5):
@@ -148,16 +148,16 @@ def _fill(motion, explained, known, weights, numbers, field, confidence):
 def displacement(
     image, home, side, templates, limits, readings, known, weights, numbers, motion, explained, field, confidence
 ):
-    """All patches found: fills in motion (2, patches), the share of them that is explained, and what is told of both.
+    """Find all patches: fills in motion (2, patches), their explained share, and the field and confidence from both.
 
-    As `InverseCompositionalFlow.displacement`, but for patches that are lost: returns how many that are known are.
+    As `InverseCompositionalFlow.displacement`, except for lost patches: returns how many known patches are lost.
 
     Args:
-        limits: least gain, largest answer, how far off a patch is read again, and the share explained below which it is
-            lost; it is read `readings` times at most.
-        known: by texture, how far each patch can be found at all.
-        weights, numbers: of the blur; what a patch's own measurement counts, the least confidence about it, and how
-            many pixels one at the patches' resolution is.
+        limits: least gain, largest motion, distance from which a patch is read again, and explained share below which
+            it is lost. A patch is read at most `readings` times.
+        known: how well each patch can be found, from its texture.
+        weights, numbers: weights of the blur; weight of a patch's own measurement, least confidence around it, and
+            image pixels per pixel at the patches' resolution.
         field, confidence: (rows, cols, 2) and (rows, cols).
     """
     pixels = np.empty(side * side, np.float32)

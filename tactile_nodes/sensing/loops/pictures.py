@@ -1,4 +1,4 @@
-"""Looks at whole pictures, compiled: see `picture.motion.MotionFit` and `quality`."""
+"""Checks of whole pictures, compiled: see `picture.motion.MotionFit` and `quality`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _weighted(motion, weight, along_x, along_y, normal, terms):
 
 @compiled('void(f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], i8, f8, f8, f8[::1])')
 def common(motion, weight, along_x, along_y, rounds, least, scale, terms):
-    """As the rounds of `MotionFit.common`, from `terms` and the squared distance `scale` on."""
+    """As the rounds of `MotionFit.common`, starting at `terms` and the squared distance `scale`."""
     normal, now = np.empty((TERMS, TERMS)), np.empty(weight.shape[0])
     for _ in range(rounds):
         for p in range(weight.shape[0]):
@@ -58,7 +58,7 @@ def halved(image, small):
 
 @compiled(f'UniTuple(i8, 3)({_PICTURE}, i8, i8)')
 def counted(image, every, dark):
-    """Of every so many pixels of every so many rows: their sum, how many are at least `dark`, and how many 255."""
+    """Sum of every n-th pixel of every n-th row, and how many of these are at least `dark`, and 255."""
     total, bright, burnt = 0, 0, 0
     for row in range(0, image.shape[0], every):
         for column in range(0, image.shape[1], every):
@@ -71,7 +71,7 @@ def counted(image, every, dark):
 
 @compiled(f'UniTuple(f8, 2)({_PICTURE}, i8, i8)')
 def differences(image, first, every):
-    """Of every so many rows: mean difference of pixels side by side, and of those three apart."""
+    """Mean difference of adjacent pixels, and of pixels three apart, in every n-th row."""
     width, rows, near, far = image.shape[1], 0, 0, 0
     for row in range(first, image.shape[0], every):
         line = image[row]

@@ -1,6 +1,6 @@
-"""A frame's features to contacts and forces by a measured response, in one compiled call.
+"""From a frame's features to contacts and forces by a measured response, in one compiled call.
 
-The arithmetic of `measured.readout.ResponseReadout.read` and of what it uses, which says why; here is how, in loops.
+The arithmetic is that of `measured.readout.ResponseReadout.read`, which explains it. Here it is written in loops.
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
@@ -26,7 +26,7 @@ from tactile_nodes.sensing.loops.shape import noise_without, shapes, value_and_s
 
 @compiled()
 def _compare(components, contacts, axes, coefficients, growth, information, down):
-    """How well contacts explain the components (mean squared misfit); fills in information and the way down."""
+    """Mean squared misfit of the components for given contacts. Fills in information and the descent direction."""
     count, outputs = contacts.shape[0], components.shape[0]
     made = np.empty((count, 4, outputs), np.float32)
     left = np.empty(outputs)
@@ -76,8 +76,8 @@ def _gained(components, growth, contacts, misfit, highest):
 def _locate(components, begin, axes, coefficients, growth, limits, ends, contacts, information):
     """As `response.locate`: fills in contacts (n, 3) and information (3 n, 3 n), and returns the misfit.
 
-    `axes` are low, high and intervals of x, y and s; `limits` the damping, largest step, lowest and highest value along
-    each; `ends` the step at which steps end, how many they may be, the gain that is worth a step, and the least gain.
+    `axes` are low, high and intervals of x, y and s. `limits` are the damping, largest step, lowest and highest value
+    along each. `ends` are the final step size, most steps, the gain that is worth a step, and the least gain.
     """
     n, outputs = begin.shape[0], components.shape[0]
     here, down = np.empty((n, 3)), np.empty(3 * n)
@@ -113,9 +113,9 @@ def _locate(components, begin, axes, coefficients, growth, limits, ends, contact
 
 @compiled()
 def _start(components, table, levels, begin):
-    """As `Response.start`: fills in the entry of the table that comes closest.
+    """As `Response.start`: fills in the closest entry of the table.
 
-    The table is contacts (starts, 3), what they cause (components, starts) in units, and its squares.
+    The table holds contacts (starts, 3), the components that they cause (components, starts) in units, and the squares.
     """
     starts, fields, unit, norms = table
     along = np.zeros(norms.shape[0], np.float32)
@@ -136,7 +136,7 @@ def _start(components, table, levels, begin):
 
 @compiled()
 def _one_more(components, contacts, response, table, ends, levels, more, told):
-    """Contacts, and one more where they leave most over: fills in contacts and information, and returns the misfit."""
+    """Add one contact where the residual is largest. Fills in contacts and information, and returns the misfit."""
     axes, coefficients, growth, limits = response
     count = contacts.shape[0]
     begin, left = np.empty((count + 1, 3)), np.empty_like(components)
@@ -170,7 +170,7 @@ def _fit(components, response, table, ends, levels, limit, most):
 
 @compiled()
 def _stay_at_ends(contacts, limits, converged, moved):
-    """As `response.at_an_end`: whether any contact lies at an end; those that do stay there."""
+    """As `response.at_an_end`: whether any contact is at an end. Such contacts stay there."""
     any_does = False
     for n in range(contacts.shape[0]):
         does = False
@@ -185,7 +185,7 @@ def _stay_at_ends(contacts, limits, converged, moved):
 
 @compiled()
 def _near_ends(contacts, axes, hard):
-    """As `Response.near_ends`: whether any contact is."""
+    """As `Response.near_ends`: whether any contact is near an end."""
     for n in range(contacts.shape[0]):
         rim = 0.0
         for axis in range(2):
@@ -241,8 +241,8 @@ def read(
 ):
     """As `ResponseReadout.read`: fills in contacts (most, 5) and forces on bins.
 
-    Returns how many contacts, the standard deviation of the total, and the unlikeness; no contact where too little was
-    seen. A contact is a row of x, y, force, and the standard deviations of place and force.
+    Returns the number of contacts, the standard deviation of the total, and the novelty. Without enough regions there
+    is no contact. A contact is a row of x, y, force, and the standard deviations of place and force.
     """
     floor, sure, levels, limit, likeness, share, place_floor, force_floor, nowhere, beyond = numbers[:10]
     axes, growth, limits = response[0], response[2], response[3]

@@ -1,4 +1,4 @@
-"""A frame's features to scores along principal directions, some regions missing: see `measured.readout.project`."""
+"""Scores of a frame's features along principal directions, with missing regions: see `measured.readout.project`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -12,7 +12,7 @@ from tactile_nodes.sensing.loops.common import compiled, factorise, substitute
 
 @compiled()
 def _inputs(values, confidence, scaling, floor, inputs, missing):
-    """As `InputScaling`: fills in inputs and which of them are missing; returns how many are, and how many are left."""
+    """As `InputScaling`: fills in the inputs and the missing ones. Returns how many are missing, and how many left."""
     mean, gain, trusted = scaling
     lost, left = 0, 0
     channels = values.shape[0] // confidence.shape[0]
@@ -31,9 +31,9 @@ def _inputs(values, confidence, scaling, floor, inputs, missing):
 
 @compiled()
 def _fill_missing(directions, missing, sure, scores):
-    """Least squares scores, in place, from those of inputs in which some are missing: as in `measured.readout.project`.
+    """Correct scores in place for missing inputs by least squares, as in `measured.readout.project`.
 
-    They solve (1 + sure) I - L L', where L are the directions' columns of the missing inputs.
+    They solve a system with (1 + sure) I - L L', where L is the directions' columns of the missing inputs.
     """
     n = directions.shape[0]
     square, right = np.zeros((n, n)), np.empty(n)
@@ -51,7 +51,7 @@ def _fill_missing(directions, missing, sure, scores):
 
 @compiled()
 def seen(values, confidence, scaling, directions, floor, sure, scores):
-    """As `ResponseReadout.seen`: fills in scores; returns what they leave over and the whole, NaN of too few."""
+    """As `ResponseReadout.seen`: fills in scores. Returns the residual and the total, NaN with too few inputs."""
     inputs, missing = np.empty(values.shape[0], np.float32), np.empty(values.shape[0], np.int64)
     lost, left = _inputs(values, confidence, scaling, floor, inputs, missing)
     along = np.empty(scores.shape[0], np.float32)
@@ -76,7 +76,7 @@ def seen(values, confidence, scaling, directions, floor, sure, scores):
 
 @compiled()
 def whitened(whitening, scores, components):
-    """Scores as components whose noise is 1."""
+    """Convert scores to components with a noise of 1."""
     for n in range(components.shape[0]):
         total = np.float32(0)
         for i in range(scores.shape[0]):

@@ -65,7 +65,7 @@ def laplacian(at, axes, coefficients, result):
 
 @compiled()
 def _width(made, left, certainty, granted, column, step):
-    """As `contact_shape._width`: fills in a step by x, y, s and width, and the last column of its covariance."""
+    """As `contact_shape._width`: fills in a step in x, y, s and width, and the last column of its covariance."""
     information = np.empty((4, 4))
     for i in range(4):
         one = made[i + 1]
@@ -87,7 +87,7 @@ def _width(made, left, certainty, granted, column, step):
 
 @compiled()
 def _step(step, column, contact, limits, usual, moved):
-    """Fills in a contact as it is with a usual width, within the splines."""
+    """Fill in a contact corrected to the usual width, within the range of the splines."""
     share = step[3] / (column[3] + usual * usual)
     for i in range(3):
         by = min(max(step[i] - column[i] * share, -limits[1, i]), limits[1, i])
@@ -96,7 +96,7 @@ def _step(step, column, contact, limits, usual, moved):
 
 @compiled()
 def _dot(one, other, certainty):
-    """Sum of products, weighted."""
+    """Weighted sum of products."""
     total = 0.0
     for c in range(certainty.shape[0]):
         total += one[c] * certainty[c] * other[c]
@@ -105,7 +105,7 @@ def _dot(one, other, certainty):
 
 @compiled()
 def _shifted(made, shifts, left, certainty, information, limits, granted, by_shift):
-    """As `contact_shape._shifted`: fills in what a shift makes of x, y and s (n, 3), and returns its gain.
+    """As `contact_shape._shifted`: fills in the effect of a shift on x, y and s (n, 3), and returns its gain.
 
     `information` is that of all contacts.
     """
@@ -149,9 +149,9 @@ def noise_without(explained, misfit, usual, count):
 
 @compiled()
 def shapes(components, contacts, information, misfit, response, shifts, numbers, moved, doubt):
-    """Fills in contacts as they are with a usual width (n, 3), and as `contact_shape.in_doubt` variances (n, 3).
+    """Fill in contacts corrected to the usual width (n, 3), and variances (n, 3) as `contact_shape.in_doubt`.
 
-    `numbers` are the limits, and how much is in doubt.
+    `numbers` are the limits, and the share in doubt.
     """
     axes, coefficients, growth, limits = response
     most_gain, wide, sure, usual, granted, usual_misfit, per_mm2, of_shift = numbers

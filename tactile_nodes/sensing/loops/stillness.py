@@ -1,4 +1,4 @@
-"""A look at a frame beside its rest image, compiled: see `stillness` and `touch_places`."""
+"""Comparison of a frame with its rest image, compiled: see `stillness` and `touch_places`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -14,7 +14,7 @@ _PICTURE = "Array(u1, 2, 'C', True)"
 
 @compiled()
 def _energies(image, rest, blocks, energy):
-    """Sum of squared differences of each of blocks x blocks blocks of two pictures of one size."""
+    """Sum of squared differences in each of blocks x blocks blocks of two pictures of equal size."""
     high, wide = image.shape[0] // blocks, image.shape[1] // blocks
     sums = np.empty(blocks * wide, np.int32)
     for i in range(blocks):
@@ -34,7 +34,7 @@ def _energies(image, rest, blocks, energy):
 
 @compiled()
 def _change(image, rest, blocks, block, change):
-    """Fills in how the pixels of one block differ."""
+    """Fill in the pixel differences of one block."""
     high, wide = image.shape[0] // blocks, image.shape[1] // blocks
     rows = change.reshape(high, wide)
     top, left = np.uintp(block // blocks * high), np.uintp(block % blocks * wide)
@@ -46,7 +46,7 @@ def _change(image, rest, blocks, block, change):
 
 @compiled()
 def _parts(change, known, unit):
-    """How much of each of four known parts is in a change."""
+    """Components of a change along four known parts."""
     a, b, c, d = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
     one, two, three, four = known[0], known[1], known[2], known[3]
     for i in range(change.shape[0]):
@@ -63,10 +63,11 @@ def _parts(change, known, unit):
     'UniTuple(f8, 2), f4[:, ::1])'
 )
 def looked(image, rest, parts, light, plain, motion):
-    """As `StillnessCheck._seen`: whether a closer look was worth it, and what it showed.
+    """As `StillnessCheck._seen`: whether a closer check was needed, and its result.
 
-    That is the variance left over in the middle block, the largest share of light (squared), and the most left over
-    over that of the middle block; fills in the motion of each block. `plain` are the limits beyond which it is not.
+    The result is the residual variance of the median block, the largest share of light (squared), and the largest
+    residual variance over that of the median block. Fills in the motion of each block. Beyond the limits `plain` no
+    closer check is needed.
     """
     known, unit = parts
     count = light.shape[0]

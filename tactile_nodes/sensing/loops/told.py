@@ -1,4 +1,4 @@
-"""What is told of a force field, compiled: see `explain.field.told`."""
+"""The reported quantities of a force field, compiled: see `explain.field.told`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -13,7 +13,7 @@ from tactile_nodes.sensing.loops.common import compiled
 
 @compiled()
 def _further(surface, shear, row, col, shape):
-    """How far the surface is taken along an axis under all shear along it, as `cv2.filter2D` sums it up."""
+    """Displacement of the surface along an axis under all shear along it, as summed by `cv2.filter2D`."""
     reach, total = surface.shape[0] // 2, 0.0
     for y in range(max(row - reach, 0), min(row + reach + 1, shape[0])):
         for x in range(max(col - reach, 0), min(col + reach + 1, shape[1])):
@@ -23,7 +23,7 @@ def _further(surface, shear, row, col, shape):
 
 @compiled()
 def _between(place, count):
-    """The first of two lines that a place lies between, and how far beyond it; as `where_now._between`."""
+    """The first of the two lines around a place, and the distance beyond it; as `where_now._between`."""
     place = min(max(place, 0.0), count - 1.0)
     low = min(int(place), count - 2)
     return low, place - low
@@ -50,7 +50,7 @@ def _move(forces, surface, shape, size_mm, moved):
 
 @compiled()
 def _wrench(forces, root, active, centres, wrench, fitted):
-    """Force and torque of the patches' forces, and their covariance by the fit alone; see `PatchGrid.levers`."""
+    """Total force and torque of the patches, and their covariance from the fit alone; see `PatchGrid.levers`."""
     for k in range(forces.shape[1]):
         _pull(forces[0, k], forces[1, k], forces[2, k], centres[k], wrench)
     n, each = active.shape[0], np.empty(6)
@@ -65,7 +65,7 @@ def _wrench(forces, root, active, centres, wrench, fitted):
 
 @compiled()
 def _pull(normal, along_x, along_y, at, wrench):
-    """Add a force into the gel, along x and along y, at a place."""
+    """Add a force at a place to the wrench: into the gel, along x and along y."""
     wrench[0] += along_x
     wrench[1] += along_y
     wrench[2] -= normal
@@ -76,7 +76,7 @@ def _pull(normal, along_x, along_y, at, wrench):
 
 @compiled()
 def _on_bins(forces, root, active, bin_of, bins, fitted):
-    """Sums over bins, and how far those of normal forces are off by the fit alone."""
+    """Sums over bins, and the errors of the normal forces from the fit alone."""
     for part in range(3):
         for k in range(forces.shape[1]):
             bins[part, bin_of[k]] += forces[part, k]
@@ -93,7 +93,7 @@ def _on_bins(forces, root, active, bin_of, bins, fitted):
 
 @compiled()
 def _parts(pressed, shape, part):
-    """As `contacts.parts_of`: fills in the number of each part; how many numbers there are, some of no patch."""
+    """As `contacts.parts_of`: fills in the part number of each patch. Returns the count of numbers, some unused."""
     most, whole, count = 0.0, 0.0, 0
     for value in pressed:
         most, whole = max(most, value), whole + value
@@ -128,7 +128,7 @@ def _parts(pressed, shape, part):
 
 @compiled()
 def _slip_share(forces, inside, most, numbers):
-    """As `contacts.slip_share`, of some patches, of which the strongest presses by `most`, and of their numbers."""
+    """As `contacts.slip_share`, for the patches inside; `most` is the largest normal force."""
     friction, pressed, touched, count = np.empty(inside.shape[0]), np.empty(inside.shape[0]), 0.0, 0
     for k in inside:
         normal = forces[0, k]
@@ -170,7 +170,7 @@ def _extent(forces, inside, centres, size_mm, most, numbers):
 
 @compiled()
 def _contact(forces, root, active, inside, centres, size_mm, numbers):
-    """As `contacts.numbers_of`, of patches inside."""
+    """As `contacts.numbers_of`, for the patches inside."""
     total, x, y, shear_x, shear_y, torsion, spread, most = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in inside:
         total, most = total + forces[0, k], max(most, forces[0, k])
@@ -228,7 +228,7 @@ def _contacts(forces, root, active, centres, shape, size_mm):
     'f4[:, :, ::1], f8[:, ::1], i8[::1], UniTuple(i8, 2), UniTuple(f8, 2), i8)'
 )
 def told(forces, active, root, surface, centres, bin_of, shape, size_mm, bins):
-    """As `explain.field.told.sums`, with a field, the surface's motion, and the patches: middles, bins, shape, size."""
+    """As `explain.field.told.sums`, from a field, the surface's motion, and the patches' centres, bins, shape, size."""
     moved, on_bins, off_bins = np.zeros_like(forces), np.zeros((3, bins)), np.zeros(bins)
     wrench, covariance = np.zeros(6), np.zeros((6, 6))
     _move(forces, surface, shape, size_mm, moved)

@@ -1,4 +1,4 @@
-"""What the regions of a frame show and how much each counts, compiled: see `FieldReadout.seen` and `field.weights`."""
+"""Motion of the regions of a frame and their weights, compiled: see `FieldReadout.seen` and `field.weights`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -14,7 +14,7 @@ from tactile_nodes.sensing.loops.common import compiled, finite, inverse_root
 
 @compiled()
 def _ordered(values, place):
-    """The value at a place in the order of all, as a partition gives it (Hoare's find); changes their order."""
+    """The value at a place in sorted order, as a partition gives it (Hoare's find). Reorders the values."""
     low, high = 0, values.shape[0] - 1
     while low < high:
         pivot, i, j = values[place], low, high
@@ -55,7 +55,7 @@ def _noise(moved, inside):
 
 @compiled()
 def _certainties(motion, sure, noise_px, doubt, single):
-    """As `weights.region_weights`, of both axes: the middle of those of each region."""
+    """As `weights.region_weights`: both axes of a region get the same weight."""
     regions = sure.shape[0]
     explained = np.empty(regions, np.float32)
     for r in range(regions):
@@ -94,15 +94,15 @@ def _share(camera, single, shared):
     'f8[:, ::1], UniTuple(f8, 3), f8[:, ::1], f4[::1], f4[:, ::1])'
 )
 def weighed(values, confidence, mean, known, inside, camera, numbers, motion, single, shared):
-    """As `FieldReadout.seen`: how many regions are followed (0 of motion that is none), and the noise (px).
+    """As `FieldReadout.seen`: the number of followed regions (0 if motion is not finite), and the noise (px).
 
     Args:
-        values, confidence: of all regions.
-        mean: what they show at rest.
-        known, inside: which are known, and which with all their neighbours.
-        camera: motion of the known ones as the camera moves.
-        numbers: confidence from which a region is followed, least noise (px), share that the response is off by.
-        motion, single, shared: filled in, of the known ones.
+        values, confidence: values and confidence of all regions.
+        mean: values at rest.
+        known, inside: regions that are known, and those with all their neighbours known.
+        camera: motion of the known regions as the camera moves.
+        numbers: least confidence of a followed region, least noise (px), relative error of the response.
+        motion, single, shared: outputs for the known regions.
     """
     floor, usual_px, doubt = numbers
     rows, cols = confidence.shape
