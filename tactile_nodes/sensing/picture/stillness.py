@@ -1,12 +1,12 @@
-"""Does anything touch the gel at all? A look at one frame that costs a fraction of measuring its motion.
+"""Decides from one frame whether anything touches the gel, at a fraction of the cost of measuring motion.
 
-The image at half size is cut into blocks, and what differs from the rest image is split, in each, into four parts that
-are known beforehand (brightness, contrast, and motion along x and y: the first step of inverse compositional
-Lucas-Kanade) and what is left over. Of noise alone each part is as large as one pixel's noise, which what is left over
-tells. A touch moves markers away from it or towards it, all around: so motion is asked how much of it points away from
-each of many places, and how much is alike in blocks side by side, as when a camera is knocked. A frame is still when
-neither is more than noise makes, and when nothing else has changed: neither light, nor sharpness, nor a part of the
-picture. The answer follows from the two images and the options alone.
+The image at half size is divided into blocks. In each, the difference from the rest image is split into four known
+parts (brightness, contrast, and motion along x and y: the first step of inverse compositional Lucas-Kanade) and a
+residual. With noise alone each part is as large as one pixel's noise, which the residual estimates. A touch moves
+markers away from it or towards it, all around. So the check computes how much motion points away from each of many
+places, and how much is alike in neighbouring blocks, as after a knock of the camera. A frame is still if neither
+exceeds noise, and if light, sharpness and all parts of the picture are unchanged. The result depends only on the two
+images and the options.
 """
 
 from __future__ import annotations
@@ -26,38 +26,38 @@ from tactile_nodes.sensing.geometry import camera_motions
 from tactile_nodes.sensing.picture.touch_places import TouchPlaces
 
 LARGEST_LIGHT_SHARE = 0.03
-"""Blocks whose brightness or contrast changed by more than this show another light."""
+"""If a block's brightness or contrast changed by more than this, the light changed."""
 
 LARGEST_UNEVENNESS = 2.0
-"""Left over in one block, at most so many times the variance left over in the middle one."""
+"""Largest residual variance of a block, over that of the median block."""
 
 TOUCH_UNEVENNESS = 1.3, 64.0
-"""A touch that moves by m times what noise makes leaves an unevenness of 1.3 + (m / 64)²: 4 of 74 mN, 95 of 0.4 N."""
+"""A touch with a motion of m times the noise leaves an unevenness of 1.3 + (m / 64)²: 4 at 74 mN, 95 at 0.4 N."""
 
 UNEXPLAINED = 4.0
-"""Times what a touch leaves from which a part of the picture is another: dirt leaves 500, a hot spot 13 to 2500."""
+"""Multiple of a touch's unevenness from which a part of the picture changed: dirt leaves 500, a hot spot 13 to 2500."""
 
 PLAIN_UNEVENNESS = 2.4
-"""The same of all that changed, motion and light included: what is beyond needs no closer look."""
+"""Unevenness of the whole change, motion and light included, beyond which no closer check is needed."""
 
 SPREAD_BLOCKS = 1.0
 """Standard deviation of the Gaussian that averages motion over neighbouring blocks."""
 
 FREEDOM = 1.15
-"""Noise makes motion in any direction larger by this than motion away from a place: it has two numbers to vary in."""
+"""Noise makes motion in any direction larger by this than motion away from a place, as it varies in two numbers."""
 
 SMALLEST_BLOCK_PX = 6
-"""Side of a block at half size under which four parts leave too little over to tell the noise by."""
+"""Smallest side of a block at half size. Smaller blocks leave too little residual to estimate the noise."""
 
 
 @dataclass(frozen=True)
 class StillnessOptions:
     """When a frame counts as still.
 
-    Motion is told in units of what noise makes of it; `limit` is the most of any place (noise exceeds 3.8 in one frame
-    of five). `most_noise_grey` is the most noise of a pixel (standard deviation, grey levels) under which a
-    frame is called still at all. Of the frames that are still, one in `full_every` is measured all the same, so that
-    whatever watches motion for slow changes goes on seeing some; 1 measures all. `blocks` x `blocks` cover the image.
+    Motion is in units of its noise. `limit` is the largest at any place (noise exceeds 3.8 in one frame of five).
+    `most_noise_grey` is the largest pixel noise (standard deviation, grey levels) of a still frame. Of the still
+    frames, one in `full_every` is measured all the same, so that monitors of slow changes still get some motion; 1
+    measures all. `blocks` x `blocks` cover the image.
     """
 
     limit: float = 3.8
@@ -68,10 +68,10 @@ class StillnessOptions:
 
 @dataclass(frozen=True)
 class Stillness:
-    """How still one frame is: motion in units of what noise makes of it, and what else changed.
+    """How still one frame is: motion in units of its noise, and other changes.
 
-    `noise_grey` is that of a pixel of the image, `light_share` the largest change of light of any block, and
-    `unevenness` the most left over in any block, over what is left in the middle one (variances).
+    `noise_grey` is the pixel noise of the image, `light_share` the largest change of light of any block, and
+    `unevenness` the largest residual variance of any block over that of the median block.
     """
 
     motion: float
@@ -80,7 +80,7 @@ class Stillness:
     unevenness: float
 
     def within(self, options: StillnessOptions) -> bool:
-        """Whether nothing touches and nothing has changed; never for numbers that are none."""
+        """Whether nothing touches and nothing has changed. False for NaN."""
         return (
             self.motion <= options.limit
             and self.noise_grey <= options.most_noise_grey
@@ -90,34 +90,34 @@ class Stillness:
 
     @property
     def unexplained(self) -> bool:
-        """Whether a part of the picture changed as no touch changes it."""
+        """Whether a part of the picture changed in a way that no touch causes."""
         least, scale = TOUCH_UNEVENNESS
         return not self.unevenness <= UNEXPLAINED * (least + (self.motion / scale) ** 2)
 
 
 STEADY_MOTION, STEADY_LIGHT_SHARE = 8.0, 0.08
-"""Motion, in units of what noise makes of it, and light from one frame to another of a rest image: 5 mN make 8.5; noise
-of single frames 4.7, and changes the light of the darkest block by 0.04."""
+"""Largest motion, in units of its noise, and change of light between frames of a rest image. 5 mN cause a motion of
+8.5; noise of single frames causes 4.7, and changes the light of the darkest block by 0.04."""
 
 
 PRESSED = 1.7
-"""Times as much motion goes away from a place as goes towards any where something wide presses. Of ninety contacts of
-ten families (0.06 to 3 N) it is 2.1 and more, of their release 0.5 and less; of a knocked, turned or slightly nearer
-camera 1.4 and less."""
+"""Least ratio of motion away from a place to motion towards any, under a wide press. It is 2.1 and more for ninety
+contacts of ten families (0.06 to 3 N), 0.5 and less for their release, and 1.4 and less for a knocked, turned or
+slightly nearer camera."""
 
 
 REMAINS = 0.25
-"""Of what blocks side by side move alike as a camera moves, 0.16 at most remains when that is taken out; of contacts it
-is 0.36 and more. What moves farther than a look can follow is lost in what it leaves over."""
+"""Share of the motion alike in neighbouring blocks that remains after camera motion is removed: at most 0.16 for camera
+motion, 0.36 and more for contacts. Motion too large for this check ends up in the residual."""
 
 
 def steady(seen: Stillness) -> bool:
-    """Whether a frame shows what a mean of many does, as frames must in which only dead pixels are odd."""
+    """Whether a frame shows the same as a mean of many, as required of frames that differ only in dead pixels."""
     return seen.motion <= STEADY_MOTION and seen.light_share <= STEADY_LIGHT_SHARE
 
 
 class StillnessCheck:
-    """Compares images with one rest image, `reference`, about which all is computed beforehand."""
+    """Compares images with one rest image, `reference`, for which everything is precomputed."""
 
     def __init__(self, options: StillnessOptions | None = None, *, compiled: bool = False) -> None:
         self.options, self._compiled = options or StillnessOptions(), compiled
@@ -134,10 +134,10 @@ class StillnessCheck:
         self._average = _averaging(self.options.blocks)
 
     def set_reference(self, image: UInt8[np.ndarray, 'h w']) -> None:
-        """Take `image` as the gel at rest. Of images that are too small for the blocks none is called still.
+        """Take `image` as the rest image. Images that are too small for the blocks never count as still.
 
         Raises:
-            ImageError: not an 8 bit grey image, or too small for any motion.
+            ImageError: the image is not 8 bit grey, or too small for any motion.
         """
         require_grey(image)
         self.reference = image.copy()
@@ -147,7 +147,7 @@ class StillnessCheck:
         model = self._model(image.astype(np.float32))
         basis, triangle = np.linalg.qr(model)
         size = np.einsum('bkk->bk', triangle)
-        # As it comes an axis may point either way; neighbours are compared, so right must be right everywhere.
+        # The sign of an axis is arbitrary, but neighbours are compared, so it must be the same everywhere.
         basis *= np.where(size < 0, -1.0, 1.0)[:, None]
         self._places = TouchPlaces(self.options.blocks, np.abs(size[:, 2:]))
         motions = camera_motions(self.options.blocks, self.options.blocks) * np.abs(size[:, 2:, None])
@@ -162,12 +162,12 @@ class StillnessCheck:
         """Whether a frame is still and need not be measured.
 
         Raises:
-            ImageError: another size or type than the rest image, or no rest image yet.
+            ImageError: size or type differ from the rest image, or there is no rest image yet.
         """
         return self.judged(image)[0]
 
     def judged(self, image: UInt8[np.ndarray, 'h w']) -> tuple[bool, Stillness | None]:
-        """The same, and how still the frame is; None where that did not need a closer look.
+        """As a call, and how still the frame is, or None if no closer check was needed.
 
         Raises:
             ImageError: as above.
@@ -179,7 +179,7 @@ class StillnessCheck:
         seen = self._seen(small, closely=False)
         if seen is None or not seen.within(self.options):
             return False, seen
-        # Noise makes the sum of the pixels as good as a dice, and a replay throws the same.
+        # Noise makes the sum of the pixels a random number, and a replay gives the same one.
         return int(cv2.sumElems(small)[0]) % self.options.full_every > 0, seen
 
     @property
@@ -188,7 +188,7 @@ class StillnessCheck:
         return self._able
 
     def look(self, image: UInt8[np.ndarray, 'h w']) -> Stillness:
-        """How still a frame is; the rest image must not be too small.
+        """How still a frame is. The rest image must not be too small.
 
         Raises:
             ImageError: as above.
@@ -200,12 +200,11 @@ class StillnessCheck:
         return seen
 
     def same(self, image: UInt8[np.ndarray, 'h w']) -> bool:
-        """Whether a frame shows what the image given does, a frame as well, but for the noise of both.
+        """Whether a frame shows the same as the reference, also a single frame, except for the noise of both.
 
-        Some of the given one's contrast c is its noise, which no other frame has: n s² / c of n pixels with a noise of
-        s, which in a block without markers is more than light ever changes. Without that the two noises leave
-        s² (2 - n s² / c²) in a pixel; so `pattern` is how much of the contrast is none. Of images that are too small
-        for the blocks all are the same.
+        Part of the reference's contrast c is its own noise: n s² / c for n pixels with a noise of s. In a block without
+        markers that exceeds any change of light. Without that part the two noises leave s² (2 - n s² / c²) in a pixel.
+        `pattern` is the share of the contrast that is not noise. Images too small for the blocks all count as the same.
 
         Raises:
             ImageError: as above.
@@ -222,10 +221,10 @@ class StillnessCheck:
         return self._largest(part[:, 2:]) <= STEADY_MOTION * math.sqrt(_middle(left))
 
     def pressed(self, image: UInt8[np.ndarray, 'h w']) -> bool:
-        """Whether something presses that did not in the image given, from which motion goes away more than towards.
+        """Whether something presses that did not in the reference: more motion points away from it than towards it.
 
-        What the camera explains is no touch, nor is a touch that has ended. Around a small body blocks side by side
-        move less alike than away from it; around a wide one they move away above all.
+        Motion explained by the camera does not count, nor does the end of a touch. Around a small body motion away from
+        it exceeds the motion alike in neighbouring blocks. Around a wide one, motion away exceeds motion towards.
 
         Raises:
             ImageError: as above.
@@ -241,22 +240,22 @@ class StillnessCheck:
         return float(away.max()) > max(least, towards, min(self._alike(motion), PRESSED * towards))
 
     def _without_camera(self, motion: Float32[np.ndarray, 'blocks 2']) -> Float32[np.ndarray, 'blocks 2']:
-        """Motion less what a camera explains that moves right, down, rolls and comes nearer, by least squares."""
+        """Motion minus the least-squares fit of a camera that moves right, down, rolls and comes nearer."""
         seen = motion.reshape(-1)
         own: np.ndarray = (seen - self._camera @ (self._camera.T @ seen)).reshape(motion.shape).astype(np.float32)
         return own
 
     def _split(self, image: UInt8[np.ndarray, 'h w']) -> tuple[np.ndarray, np.ndarray]:
-        """The four parts of each block's change, and the variance that they leave."""
+        """The four parts of each block's change, and the residual variance."""
         change = self._blocks(cv2.subtract(shrunk(image), self._rest, dtype=cv2.CV_32F))
         part = np.matmul(self._parts, change[:, :, None])[:, :, 0].astype(np.float32)
         left = np.maximum(np.square(change).sum(axis=1) - np.square(part).sum(axis=1), 1e-6)
         return part, (left / (change.shape[1] - part.shape[1])).astype(np.float32)
 
     def _seen(self, small: UInt8[np.ndarray, 'h w'], *, closely: bool) -> Stillness | None:
-        """How still a frame is; None where blocks changed by so much, as under most presses, that no look need tell.
+        """How still a frame is, or None if blocks changed so much, as under most presses, that no check is needed.
 
-        No split into parts could make those even. `closely`: look all the same.
+        No split into parts could make such blocks even. `closely`: check all the same.
         """
         plain = (math.inf, 0.0) if closely else (PLAIN_UNEVENNESS, LARGEST_LIGHT_SHARE**2)
         if self._compiled:
@@ -277,12 +276,12 @@ class StillnessCheck:
     def _told(
         self, motion: Float32[np.ndarray, 'blocks 2'], variance: float, light: float, unevenness: float
     ) -> Stillness:
-        """In units of what noise makes of it; a pixel at half size is the mean of four."""
+        """The result in units of noise. A pixel at half size is the mean of four."""
         noise = math.sqrt(variance)
         return Stillness(self._largest(motion) / noise, 2 * noise, math.sqrt(light), unevenness)
 
     def _largest(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
-        """The largest motion away from a place, or alike of neighbours, of which noise of 1 makes 1 along each axis."""
+        """The largest motion away from a place or alike in neighbours. Noise of 1 gives 1 per axis."""
         return max(self._places.most(motion, compiled=self._compiled), self._alike(motion))
 
     def _alike(self, motion: Float32[np.ndarray, 'blocks 2']) -> float:
@@ -302,7 +301,7 @@ class StillnessCheck:
         return np.stack([self._blocks(each) for each in (np.ones_like(still), still, along_x, along_y)], axis=-1)
 
     def _blocks(self, small: np.ndarray) -> np.ndarray:
-        """The pixels of each block; what is left at the right and lower rim, fewer than blocks, belongs to none."""
+        """The pixels of each block. Leftover pixels at the right and lower rim, fewer than blocks, are ignored."""
         count = self.options.blocks
         height, width = (side // count for side in small.shape)
         cut = small[: height * count, : width * count].reshape(count, height, count, width)
