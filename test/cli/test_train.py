@@ -136,7 +136,10 @@ def few(folder: Path, presses: int, untouched: int) -> str:
             'readout: axisymmetric\n', 64, 0,
             'there are 0 and 45: 12 images of the untouched gel and 55 presses are missing; record more',
         ),
-        ('readout: response\n', 2, 0, '2 presses or positions are too few for a test share of 0.2 and'),
+        (
+            'readout: response\n', 2, 0,
+            '2 presses or positions are too few for a test share of 0.2 and a validation share of 0.1; record more',
+        ),
     ],
 )  # fmt: skip
 def test_what_is_missing_to_train_is_told_and_that_a_calibration_needs_less(

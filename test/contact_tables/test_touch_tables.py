@@ -94,7 +94,7 @@ def test_a_description_that_says_nonsense_is_refused(tmp_path: Path, text: str, 
         ('missing.stl', r'cannot read the body missing.stl \(No such file or directory\)'),
         ('text.npy', 'holds no array of heights'),
         ('text.obj', 'holds no triangles'),
-        ('text.stl', 'it is not text, and its length is not the'),
+        ('text.stl', r'it is not text, and its length is not the \d+ bytes that its header gives'),
     ],
 )
 def test_bodies_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, said: str):

@@ -252,7 +252,7 @@ class MarlinDialogue:
         request.answered_ns = stamp_ns
         if request.text == PLACE:
             # An answer is not late because the computer stood still before it was read.
-            quick = stamp_ns - request.sent_ns < SILENT_S * NS_PER_S or not self._silence.is_over(SILENT_S)
+            quick = not self._silence.is_over(SILENT_S)
             if request.in_motion and quick == self._moving() and not self.answers_in_motion:
                 self.answers_in_motion = quick  # late, and at rest by then: it waited for the end of motion
             self._placed(request.lines, stamp_ns)

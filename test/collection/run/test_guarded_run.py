@@ -58,6 +58,21 @@ def truth(run: GuardedRun, now_ns: int) -> Felt:
     return Felt(now_ns, run.station.world.wrench_at(now_ns)[2])
 
 
+def slipping() -> Callable[[GuardedRun, int], Felt]:
+    """The truth; z slips while the force is held, so the motor goes up alone, and the machine reports that it is up."""
+    slipped: list[int] = []
+
+    def feel(run: GuardedRun, now_ns: int) -> Felt:
+        felt = truth(run, now_ns)
+        if not slipped and abs(felt.force_n - SETTINGS.guard.target_n) <= SETTINGS.guard.band_n:
+            assert run.station.world is not None
+            run.station.world.stick(2, now_ns)
+            slipped.append(now_ns)
+        return felt
+
+    return feel
+
+
 def height_mm(run: GuardedRun) -> float:
     return run.station.cnc.status().position_mm[2]
 
@@ -137,18 +152,7 @@ def test_a_report_that_is_lost_at_the_end_leaves_no_tip_down(monkeypatch: pytest
 
 
 def test_a_tip_that_is_still_felt_is_not_believed_to_be_up() -> None:
-    """z slips while the force is held, so the motor goes up alone, and the machine says that it is there."""
-    slipped: list[int] = []
-
-    def slipping(run: GuardedRun, now_ns: int) -> Felt:
-        felt = truth(run, now_ns)
-        if not slipped and abs(felt.force_n - SETTINGS.guard.target_n) <= SETTINGS.guard.band_n:
-            assert run.station.world is not None
-            run.station.world.stick(2, now_ns)
-            slipped.append(now_ns)
-        return felt
-
-    with opened(slipping) as run, pytest.raises(DeviceFaultError) as caught:
+    with opened(slipping()) as run, pytest.raises(DeviceFaultError) as caught:
         run.run()
     # 0.2 N within the band of 0.005 N and the noise of the sensor.
     assert re.match(r'0\.(19|20|21) N remain although the machine reports the tip up', str(caught.value))
@@ -156,18 +160,8 @@ def test_a_tip_that_is_still_felt_is_not_believed_to_be_up() -> None:
 
 def test_a_tip_is_not_believed_to_be_up_because_forces_come_late(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy computer none may come in the tenth of a second after the way up."""
-    slipped: list[int] = []
     looks = count()
-
-    def slipping(run: GuardedRun, now_ns: int) -> Felt:
-        felt = truth(run, now_ns)
-        if not slipped and abs(felt.force_n - SETTINGS.guard.target_n) <= SETTINGS.guard.band_n:
-            assert run.station.world is not None
-            run.station.world.stick(2, now_ns)
-            slipped.append(now_ns)
-        return felt
-
-    with opened(slipping) as run:
+    with opened(slipping()) as run:
         hands = run.station.hands
         come, retreat = hands.readings.samples, hands.retreat
 
