@@ -8,12 +8,10 @@ create NAME`` on each side, then copy each public key to the other side. Needs t
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NoReturn
 
 from tactile_nodes.bus.bridge.bridge import Bridge
 from tactile_nodes.bus.bridge.finding import AGAIN_WITHIN, Finder, Group
@@ -150,15 +148,10 @@ def _security(chosen: BridgeParams) -> Security:
     return Security(read_pair(chosen.key), tuple(map(read_public, chosen.peers)))
 
 
-def main() -> NoReturn:
+def main() -> int:
     """The program ``bridge_node``."""
-    status = run_node(BridgeNode)
-    # A session whose other end is silent may still be closing, and a thread of Zenoh's that comes back into an
-    # interpreter that is being taken down aborts the process.
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(status)
+    return run_node(BridgeNode)
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())
