@@ -82,7 +82,8 @@ def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> 
     """Results in order of completion, with the job's number, from the cluster or `processes` processes here.
 
     Raises:
-        ConfigurationError: the cluster cannot be used; the message says why.
+        ConfigurationError: the cluster cannot be used, and the message says why; or processes here are killed again
+            and again.
     """
     if scheduler := _SCHEDULER.get():
         yield from _done_on(scheduler, make, jobs)
@@ -98,8 +99,8 @@ def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> 
         if not waiting:
             return
     raise ConfigurationError(
-        f'the processes that work on it were killed {1 + RETRIES} times, as happens where memory runs out; use fewer '
-        f'of them at a time; {_GOES_ON}'
+        f'worker processes were killed {1 + RETRIES} times, probably because memory ran out; use fewer processes; '
+        f'{_GOES_ON}'
     )
 
 

@@ -122,7 +122,9 @@ def test_a_process_of_this_machine_that_is_killed_costs_nothing_but_its_task_onc
 
 def test_processes_that_are_killed_again_and_again_are_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('tactile_nodes.learning.tasks.RETRIES', 1)
-    with pytest.raises(ConfigurationError, match='were killed 2 times, as happens where memory runs out; use fewer'):
+    with pytest.raises(
+        ConfigurationError, match='worker processes were killed 2 times, probably because memory ran out; use fewer'
+    ):
         list(done(killed, JOBS, 2))
 
 
