@@ -28,11 +28,11 @@ WAYS = {
 """Marks of flow methods, by what their names begin with."""
 TIPS, CONTACTS = 'tips', 'any contact'
 TITLES = {
-    TIPS: 'One ball tip (flow and readout, without the chain around them)',
+    TIPS: 'One ball tip (flow and readout only)',
     CONTACTS: 'Any contact (the whole chain of a launch)',
 }
-TIMES = {TIPS: 'CPU time of a frame, image to force [ms]', CONTACTS: 'CPU time of a frame, image to message [ms]'}
-ERRORS = {TIPS: 'error of a bin, aRMSE [mN]', CONTACTS: 'force told in the wrong bins [%]'}
+TIMES = {TIPS: 'CPU time per frame, image to force [ms]', CONTACTS: 'CPU time per frame, image to message [ms]'}
+ERRORS = {TIPS: 'error per bin, aRMSE [mN]', CONTACTS: 'force in the wrong bins [%]'}
 Place = tuple[float, float]
 PLACES = [
     (round(away * math.cos(angle), 3), round(away * math.sin(angle), 3))
@@ -135,7 +135,7 @@ def _models(axis: Any, marks: Sequence[Mark], points: Sequence[Place]) -> list[A
     """Models with their names, and the front through all that is drawn; the labels."""
     front = [points[i] for i in pareto_front(*zip(*points, strict=True))]
     if len(front) > 1:
-        axis.step(*zip(*front, strict=True), 'k-', where='post', linewidth=0.8, zorder=1, label='front of all drawn')
+        axis.step(*zip(*front, strict=True), 'k-', where='post', linewidth=0.8, zorder=1, label='Pareto front')
     for each in marks:
         filled = each.colour if 'compiled' not in each.name else 'white'
         kind = {'marker': '*', 's': 190} if each.shipped else {'marker': 'o', 's': 70}
@@ -211,18 +211,18 @@ def _legend(axis: Any, marks: Sequence[Mark]) -> None:
     """What the marks are."""
     tips = all(each.shipped for each in marks)
     if tips:
-        kinds = {'as it ships, trained on more': ('*', 13, 'black'), 'the same, compiled': ('*', 13, 'white')}
+        kinds = {'shipped model, trained on more presses': ('*', 13, 'black'), 'the same, compiled': ('*', 13, 'white')}
     else:
         kinds = {
-            'model as it ships': ('*', 13, 'black'),
+            'shipped model': ('*', 13, 'black'),
             'calibrated on this gel, or described': ('o', 8, 'black'),
             'the same, compiled': ('o', 8, 'white'),
         }
-        axis.plot([], [], 'k-', linewidth=1, label='to the 95th percentile of its frames')
+        axis.plot([], [], 'k-', linewidth=1, label='up to the 95th percentile')
     for label, (marker, size, colour) in kinds.items():
         axis.plot([], [], marker, markersize=size, markerfacecolor=colour, markeredgecolor='black', label=label)
     if tips:
-        title = 'grey: motion measured by …, all trained alike'
+        title = 'grey: flow methods, same training'
         axis.legend(fontsize=9, title=title, title_fontsize=9, ncols=2, loc='center right', bbox_to_anchor=(1.0, 0.48))
     else:
         axis.legend(fontsize=9, loc='center left', bbox_to_anchor=(0.0, 0.38))
