@@ -98,8 +98,9 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
 
 
 def test_what_is_printed_at_the_end_calibrates_a_described_sensor(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr('tactile_nodes.clock.SystemClock', JumpingClock)
     words = ['press', str(tmp_path / 'by hand'), '--sensor', 'printed_dots', '--indenter', 'ball:5', '--presses', '12']
     assert main(words) == 0
     told = capsys.readouterr().out
