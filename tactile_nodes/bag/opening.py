@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
@@ -25,15 +26,17 @@ class Arrival(NamedTuple):
 class Opening:
     """Holds messages until one has come on every awaited topic, or for `PATIENCE_S`.
 
-    With `begins_with`, a full name or a shell pattern, it always waits for a message on that topic.
+    With `begins_with`, a full name or a shell pattern, it always waits for a message on that topic. It never holds more
+    than `most_bytes`.
 
     The bag begins when the last topic that was already running has been heard. Earlier messages of awaited topics are
     dropped, because other topics have no counterpart. Earlier messages of other topics are dropped too, unless they
     were received from their publisher's first message on, such as the first press of a plan. Latched messages are kept.
     """
 
-    def __init__(self, now_ns: int, begins_with: str = '') -> None:
+    def __init__(self, now_ns: int, begins_with: str = '', most_bytes: float = math.inf) -> None:
         self._begins_with = begins_with
+        self._most_bytes, self._bytes = most_bytes, 0
         self._awaited: set[str] = set()
         self._latched: set[str] = set()
         self._begun_ns = now_ns
@@ -47,9 +50,10 @@ class Opening:
         if awaited:
             self._awaited.add(topic)
 
-    def hold(self, arrival: Arrival) -> None:
-        """Hold a message."""
+    def hold(self, arrival: Arrival, size: int = 0) -> None:
+        """Hold a message of this size [bytes]."""
         self._held.append(arrival)
+        self._bytes += size
         self._first.setdefault((arrival.topic, arrival.publisher), arrival)
 
     @property
@@ -62,9 +66,15 @@ class Opening:
         """Whether a message has come on the topic with which the recording starts."""
         return not self._begins_with or any(fnmatchcase(topic, self._begins_with) for topic, _ in self._first)
 
+    @property
+    def is_full(self) -> bool:
+        """Whether no more messages can be held."""
+        return self._bytes > self._most_bytes
+
     def is_over(self, now_ns: int) -> bool:
         """Whether to stop waiting."""
-        return self.has_begun and (not self.silent or now_ns - self._begun_ns >= PATIENCE_S * NS_PER_S)
+        waited = not self.silent or now_ns - self._begun_ns >= PATIENCE_S * NS_PER_S
+        return self.is_full or (self.has_begun and waited)
 
     @property
     def begin_ns(self) -> int:

@@ -35,6 +35,8 @@ ABSENT_AFTER_S = 5.0
 """How long a named topic may take to be published."""
 AWAITED_HZ = 5.0
 """Recording starts when a message has come on every topic of at least this rate, and on each latched topic."""
+HELD = 0.5
+"""Share of the buffer for a slow disk that messages may fill before recording starts: then they fit into it."""
 _RECORDING = 'recording'
 _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 
@@ -54,7 +56,8 @@ class RecorderParams(NodeParams):
     max_file_s: float = parameter(0.0, 'start a new file after this time [s]; 0: never', minimum=0.0)
     begins_with: str = parameter(
         '',
-        "topic, or '*/' and its name, with whose first message recording starts; if none comes, no bag is written",
+        "topic, or '*/' and its name, with whose first message recording starts; if none comes, no bag is written (but "
+        'recording starts without it if messages fill half of queue_mb)',
         read_only=True,
     )
     autostart: bool = parameter(True, 'record from the start; otherwise wait for ~/start', read_only=True)
@@ -103,7 +106,7 @@ class RecorderNode(Node):
         self.failure, self.tally, self._begun_ns, self._ended = None, Tally(), self.clock.now_ns(), {}
         self.tally.begin_ns = self._begun_ns
         self.post(lambda: self.kept.put(_RECORDING, os.fsencode(folder)))
-        self._opening = Opening(self._begun_ns, begins_with)
+        self._opening = Opening(self._begun_ns, begins_with, HELD * params.queue_mb * MB)
         self._look()
         return folder
 
@@ -116,7 +119,12 @@ class RecorderNode(Node):
         opening, writer = self._opening, self.writer
         if opening is None or writer is None or not opening.is_over(self.clock.now_ns()):
             return
-        if opening.silent:
+        if not opening.has_begun:
+            self.log.warn(
+                f'recording starts without a message on {self._begins_with}, because messages of more than '
+                f'{HELD * self.params.queue_mb:g} MB wait for it (half of queue_mb)'
+            )
+        elif opening.silent:
             self.log.info(f'recording starts; no message yet on {", ".join(opening.silent)}')
         self._write_what_was_held(opening, writer)
 
@@ -228,7 +236,7 @@ class RecorderNode(Node):
         if self._opening is None:
             self._write(arrival, log_ns, writer)
         elif received.publisher not in self._own:  # messages of this node about connecting are not recorded
-            self._opening.hold(arrival)
+            self._opening.hold(arrival, len(received.data))
             self._begin_when_connected()
 
     def _write(self, arrival: Arrival, log_ns: int, writer: BagWriter) -> None:

@@ -83,6 +83,17 @@ def test_what_came_before_the_topic_that_a_recording_begins_with_is_recorded_too
     assert content(tmp_path / 'bag') == [('/chatter', 'before'), ('/left/pictures', 'picture')]
 
 
+def test_messages_that_wait_for_the_first_picture_do_not_fill_the_memory(bus, start: Start, tmp_path: Path) -> None:
+    talker, _ = advertise(bus, '/chatter'), advertise(bus, '/pictures')
+    node = start(topics=['chatter', 'pictures'], begins_with='/pictures', queue_mb=2)
+    sent = [f'{number} ' + 'x' * 300_000 for number in range(5)]
+    for each in sent:
+        talker.publish(types.String(data=each))
+    run(node)
+    assert 'wrote 5 messages' in node.stop_recording()
+    assert content(tmp_path / 'bag') == [('/chatter', each) for each in sent]
+
+
 def test_records_every_message_of_the_topics_it_is_given(bus, start: Start, tmp_path: Path) -> None:
     talker, other = advertise(bus, '/chatter'), advertise(bus, '/other')
     node = start(topics=['chatter'])
