@@ -129,8 +129,11 @@ class ForceEstimatorNode(Node):
         self._calibrated_on.publish(
             conversions.image_message(now.loaded.rest_image, conversions.header(0, now.loaded.model_id))
         )
-        text = f'{now.file.stem} ({now.loaded.model_id})'
-        self.report('model', Level.OK, text, gel=now.loaded.gel, layout=now.inputs.layout)
+        text, outdated = f'{now.file.stem} ({now.loaded.model_id})', self._estimating.outdated()
+        level = Level.WARN if outdated else Level.OK
+        self.report(
+            'model', level, f'{text}: {outdated}' if outdated else text, gel=now.loaded.gel, layout=now.inputs.layout
+        )
 
 
 def _found(asked: Ready | ModelError) -> Ready:

@@ -10,7 +10,7 @@ from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import ModelError
 from tactile_nodes.messages import types
 from tactile_nodes.paths import is_file
-from tactile_nodes.pipeline.described_model import require_of_sensor
+from tactile_nodes.pipeline.described_model import changed_since, require_of_sensor
 from tactile_nodes.pipeline.judge_force import ForceMemory, judge_force
 from tactile_nodes.pipeline.ready_model import Inputs, Ready
 from tactile_nodes.pipeline.tell import tell_force
@@ -58,6 +58,10 @@ class Estimating:
             )
         require_of_sensor(ready, self._sensor)
         return ready
+
+    def outdated(self) -> str:
+        """How the description of the sensor has changed since the model in use was made; empty if it has not."""
+        return changed_since(self.now, self._sensor)
 
     def misfit(self) -> str:
         """Why the images received give no force, and what to do; empty if they do, or if none was received yet."""

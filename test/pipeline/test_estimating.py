@@ -15,6 +15,7 @@ from tactile_nodes import conversions
 from tactile_nodes.errors import ModelError
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import find_model, load_model, save_model
+from tactile_nodes.paths import share_directory
 from tactile_nodes.pipeline.estimating import MOST_EARLIER, Estimating
 from tactile_nodes.pipeline.judge_force import Judged, judged
 from tactile_nodes.pipeline.ready_model import Ready
@@ -207,3 +208,12 @@ def test_a_force_names_the_file_in_use_also_where_another_holds_the_same_model(t
     estimating.take(Ready.read(str(same)))
     names.append(estimating.answer(features(estimating, 0.5), '', 0.85, 0.0).provenance.model)
     assert names == ['fast', 'copy']
+
+
+def test_a_description_that_changed_after_its_model_was_made_is_named(tmp_path: Path) -> None:
+    (mine := tmp_path / 'mine.yaml').write_text((share_directory() / 'config/sensors/simulated.yaml').read_text())
+    assert Estimating('field', sensor=str(mine)).outdated() == ''
+    mine.write_text(mine.read_text().replace('focal_px_per_rad: 290.0', 'focal_px_per_rad: 280.0'))
+    told = Estimating('field', sensor=str(mine)).outdated()
+    assert 'camera.focal_px_per_rad was 290.0, is 280.0' in told
+    assert f'tactile calibrate --sensor {mine} --model field -o mine.safetensors' in told
