@@ -51,10 +51,22 @@ class Forger:
         outlet = Outlet(self.gid, topic, type_name, address)
         participant = Participant(self.uid, 1, 'here', ('/forger',), ends)
         self.meeting.announce(Record(participant, (outlet,), self.meeting.socket_address(0)))
-        assert self._socket.poll(5000)
-        assert self._socket.recv() == b'\x01'
         self._key = wire.type_key(type_name)
         self._number = 0
+
+    def __enter__(self) -> Forger:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+        self._context.term()
+        self.meeting.leave()
+
+    def wait(self) -> Forger:
+        """Until somebody has subscribed."""
+        assert self._socket.poll(5000)
+        assert self._socket.recv() == b'\x01'
+        return self
 
     def send(self, frames: list[bytes]) -> None:
         self._socket.send_multipart(frames)
@@ -64,11 +76,6 @@ class Forger:
         self._number += 1
         self.send([wire.pack_header(self.gid.encode(), self._key, self._number, 1), payload])
 
-    def close(self) -> None:
-        self._socket.close()
-        self._context.term()
-        self.meeting.leave()
-
 
 @pytest.fixture
 def subscription(join: Callable[..., ZmqBus]) -> Subscription:
@@ -77,9 +84,8 @@ def subscription(join: Callable[..., ZmqBus]) -> Subscription:
 
 @pytest.fixture
 def forger(folder: Path, subscription: Subscription) -> Iterator[Forger]:
-    made = Forger(folder, '/n', NUMBER)
-    yield made
-    made.close()
+    with Forger(folder, '/n', NUMBER) as made:
+        yield made.wait()
 
 
 def _still_hears(subscription: Subscription, forger: Forger) -> None:
@@ -156,16 +162,20 @@ def looker(join: Callable[..., ZmqBus]) -> Iterator[Looker]:
     node.close()
 
 
-def test_truncated_images_are_counted_and_do_not_end_a_node(folder: Path, looker: Looker) -> None:
-    forger = Forger(folder, '/image_raw', IMAGE)
+@pytest.fixture
+def photographer(folder: Path, looker: Looker) -> Iterator[Forger]:
+    with Forger(folder, '/image_raw', IMAGE) as made:
+        yield made.wait()
+
+
+def test_truncated_images_are_counted_and_do_not_end_a_node(photographer: Forger, looker: Looker) -> None:
     whole = messages.encode(image(1))
     for size in (0, 2, 17, 1000, len(whole) // 2, len(whole) - 4):
         before = looker.input.malformed
-        forger.send_payload(whole[:size])
+        photographer.send_payload(whole[:size])
         until(lambda: looker.input.malformed == before + 1)  # noqa: B023
     seen = looker.seen
-    until(lambda: forger.send_payload(whole) or looker.seen > seen)
-    forger.close()
+    until(lambda: photographer.send_payload(whole) or looker.seen > seen)
 
 
 @RELAXED
@@ -173,16 +183,13 @@ def test_truncated_images_are_counted_and_do_not_end_a_node(folder: Path, looker
     flips=st.lists(st.tuples(st.integers(0, 80), st.integers(1, 255)), min_size=1, max_size=8), cut=st.integers(0, 90)
 )
 def test_altered_messages_never_end_a_node(
-    folder: Path, looker: Looker, flips: list[tuple[int, int]], cut: int
+    photographer: Forger, looker: Looker, flips: list[tuple[int, int]], cut: int
 ) -> None:
     data = bytearray(messages.encode(image(1)))
     for position, change in flips:
         data[position] ^= change
-    if not hasattr(looker, 'forger'):
-        looker.forger = Forger(folder, '/image_raw', IMAGE)  # type: ignore[attr-defined]
-        looker._ends.append(looker.forger)  # type: ignore[attr-defined]
     handled = looker.input.received
-    looker.forger.send_payload(bytes(data[: len(data) - cut]))  # type: ignore[attr-defined]
+    photographer.send_payload(bytes(data[: len(data) - cut]))
     until(lambda: looker.input.received > handled and not looker.input.waiting)
     assert looker.spinning
 
