@@ -96,6 +96,10 @@ class BridgeNode(Node):
             self._finder.close()
         self._bridge.close()
 
+    @property
+    def outlived(self) -> bool:
+        return not self._bridge.closed or (self._finder is not None and self._finder.trying)
+
     def _find(self) -> None:
         """Also connect to bridges that were found and are older than this one."""
         if self._finder is not None and not self._reopens:

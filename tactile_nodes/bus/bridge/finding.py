@@ -89,6 +89,11 @@ class Finder:
     def close(self) -> None:
         self._scout.stop()
 
+    @property
+    def trying(self) -> bool:
+        """Whether a thread tries an address at the moment."""
+        return self._trying is not None and self._trying.is_alive()
+
     def missing(self, connected: Iterable[str]) -> list[Address]:
         """Where those are who are older, and not `connected` (their identities) though they are there for a while.
 
@@ -96,7 +101,7 @@ class Finder:
         """
         for known in connected:
             self._found.pop(known, None)
-        if self._trying is not None and self._trying.is_alive():
+        if self.trying:
             return []
         answering, self._answering = self._answering, []
         late_s = monotonic_s() - PATIENCE_S

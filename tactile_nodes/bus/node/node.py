@@ -154,6 +154,15 @@ class Node:
         self.report(part, Level.ERROR, str(error))
         self.stop()
 
+    @property
+    def outlived(self) -> bool:
+        """Whether a thread is still inside a library after `close`.
+
+        Then the process ends without Python's own shutdown, which would end such a thread when it returns, through
+        frames of C++ or Rust, and so abort the process ("exception not rethrown").
+        """
+        return False
+
     def run_beside(self, part: str, work: Callable[[], None]) -> threading.Thread:
         """Start `work` in a thread of its own. What it raises ends this node with `fail`: else nobody would know."""
 

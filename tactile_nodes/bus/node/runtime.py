@@ -100,7 +100,12 @@ def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
             opened.callback(_close, nodes[-1])
         opened.callback(ending.begin)
         settle()
-        return run_until(nodes, ending.done)
+        status = run_until(nodes, ending.done)
+    if any(node.outlived for node in nodes):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    return status
 
 
 def settle() -> None:

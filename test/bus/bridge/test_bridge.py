@@ -6,6 +6,8 @@ import os
 import re
 import signal
 import socket
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -466,3 +468,36 @@ def test_addresses_that_a_stranger_tells_are_taken_only_where_they_are_in_a_netw
         'tls/robot:7460', 'unixpipe/a', 'tls/10.0.0.9:99999', '',
     ]  # fmt: skip
     assert list(near(told, ends)) == [Address('10.0.0.9', 7460)]
+
+
+SLOW_SHUTDOWN = """
+import sys, time, types
+from tactile_nodes.nodes.bridge import main
+
+class Slow:
+    def __del__(self, sleep=time.sleep):
+        sleep(4.0)
+
+sys.modules['slow'] = slow = types.ModuleType('slow')
+slow.object = Slow()
+sys.exit(main())
+"""
+
+
+def test_bridge_that_still_connects_ends_in_order_while_python_takes_long_to_shut_down(
+    tmp_path: Path, port: int
+) -> None:
+    """An attempt to connect takes 3 s and returned during the shutdown of Python, which aborted the process."""
+    with socket.socket() as silent, tempfile.TemporaryDirectory(prefix='tb') as folder:
+        silent.bind((HERE, port))
+        silent.listen()  # the kernel accepts the connection, and nobody answers
+        words = ['--ros-args', '-p', f'connect:={HERE}:{port}']
+        program = subprocess.Popen(
+            [sys.executable, '-c', SLOW_SHUTDOWN, *words], stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+            env={**os.environ, 'TACTILE_RUN_DIR': folder},
+        )  # fmt: skip
+        assert program.stderr is not None
+        assert any('connects to' in line for line in program.stderr)
+        program.send_signal(signal.SIGINT)
+        _, told = program.communicate(timeout=20.0)
+    assert (program.returncode, told) == (0, '')
