@@ -1,6 +1,6 @@
 """The protocol between Foxglove and a server: JSON in both directions, and messages in binary.
 
-Of `foxglove.sdk.v1` and of the older `foxglove.websocket.v1` only what a viewer needs, in which they are alike
+Only what a viewer needs, which is the same in `foxglove.sdk.v1` and the older `foxglove.websocket.v1`
 (github.com/foxglove/foxglove-sdk, ``rust/foxglove/src/protocol``).
 """
 
@@ -25,7 +25,7 @@ _NUMBERS = range(1 << 32)
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic, with the definition of its messages; a topic that is offered again has another number."""
+    """A topic with its message definition; if it is offered again, it gets another number."""
 
     number: int
     topic: str
@@ -34,7 +34,7 @@ class Channel:
 
     @classmethod
     def of(cls, number: int, topic: str, type_name: str) -> Channel:
-        """Raises MessageError where there is no such type."""
+        """Raises MessageError if there is no such type."""
         return cls(number, topic, type_name, messages.definition(type_name))
 
     def told(self) -> dict[str, object]:
@@ -50,14 +50,14 @@ class Channel:
 
 @dataclass(frozen=True)
 class Order:
-    """A channel that a viewer wants from now on, under a number of its own; or no longer, without a channel."""
+    """A viewer subscribes to a channel, under its own number; without a channel it unsubscribes."""
 
     subscription: int
     channel: int | None = None
 
 
 def greeting(name: str, session: str) -> str:
-    """Who serves; with no capability, so that nothing can be changed from there."""
+    """The server's name, without capabilities, so that viewers cannot change anything."""
     return json.dumps({'op': 'serverInfo', 'name': name, 'capabilities': [], 'sessionId': session})
 
 
@@ -78,10 +78,10 @@ def message(subscription: int, at_ns: int, data: bytes | memoryview) -> bytes:
 
 
 def orders(text: str) -> list[Order]:
-    """What a viewer asks for.
+    """The requests in a text from a viewer.
 
     Raises:
-        MessageError: it is nothing that this server does.
+        MessageError: not a request that this server supports.
     """
     try:
         said = json.loads(text)
@@ -95,7 +95,7 @@ def orders(text: str) -> list[Order]:
 
 
 def link(address: str) -> str:
-    """What opens Foxglove in a browser on the server at `address`."""
+    """The link that opens Foxglove in a browser, connected to the server at `address`."""
     return f'https://app.foxglove.dev?ds=foxglove-websocket&ds.url={quote(address, safe="")}'
 
 

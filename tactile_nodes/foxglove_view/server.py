@@ -26,18 +26,18 @@ from tactile_nodes.web.door import Door
 from tactile_nodes.web.serving import Serving
 
 QUEUE = 32
-"""Messages that wait for one viewer: 6 MB of images, of which a viewer that keeps up never sees more than a few."""
+"""Most messages that wait for one viewer: 6 MB of images. A viewer that keeps up has only a few waiting."""
 MOST_VIEWERS = 16
 HEARTBEAT_S = 10.0
 LONGEST_ORDER = 1 << 20
 
 
 class FoxgloveServer:
-    """Serves on `listening`; `on_interest` is called, from any thread, with a topic that is watched from or until now.
+    """Serves on `listening`. Calls `on_interest`, in its own thread, with a topic that gains or loses a viewer.
 
     Args:
-        origins: where pages in a browser may have been loaded from.
-        names: hosts to be known by besides addresses.
+        origins: origins from which pages in a browser may connect.
+        names: host names of this server, besides its addresses.
     """
 
     def __init__(
@@ -67,16 +67,16 @@ class FoxgloveServer:
 
     @property
     def address(self) -> str:
-        """What Foxglove connects to."""
+        """The address that Foxglove connects to."""
         return self._serving.url.replace('http', 'ws', 1).rstrip('/')
 
     @property
     def link(self) -> str:
-        """What opens Foxglove on this data."""
+        """The link that opens Foxglove on this data."""
         return protocol.link(self.address)
 
     def offer(self, topic: str, type_name: str) -> None:
-        """Show a topic.
+        """Offer a topic to the viewers.
 
         Raises:
             MessageError: no such type.
@@ -84,18 +84,18 @@ class FoxgloveServer:
         self._serving.post(self._add, Channel.of(next(self._numbers), topic, type_name))
 
     def withdraw(self, topic: str) -> None:
-        """Show it no more."""
+        """No longer offer a topic."""
         self._serving.post(self._remove, topic)
 
     def is_watched(self, topic: str) -> bool:
         return self._watched[topic] > 0
 
     def show(self, topic: str, data: bytes | memoryview, at_ns: int) -> None:
-        """Give one message to all who watch; waits for nobody."""
+        """Send one message to all viewers of the topic; does not block."""
         self._serving.post(self._deliver, topic, data, at_ns)
 
     def close(self) -> None:
-        """End, and disconnect those who watch."""
+        """Stop, and disconnect the viewers."""
         self._serving.close()
 
     # --- in the server's thread ---------------------------------------------------------------------------------
@@ -130,7 +130,7 @@ class FoxgloveServer:
             protocols=protocol.SUBPROTOCOLS, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_ORDER
         )
         viewer = _Viewer()
-        self._viewers.add(viewer)  # before anybody waits: there is room for one now
+        self._viewers.add(viewer)  # before the first await, so that the limit holds
         try:
             await self._serving.open_channel(request, channel)
             viewer.tell(protocol.greeting(PACKAGE, self._session))
@@ -143,9 +143,9 @@ class FoxgloveServer:
         return channel
 
     def _check(self, request: web.Request) -> None:
-        """Raises what aiohttp answers with where somebody may not look, or speaks another language."""
+        """Raises the HTTP error to answer with if the request is not allowed or has the wrong protocol."""
         origin = request.headers.get('Origin')
-        if origin is not None and origin not in self._origins:  # only a browser says one
+        if origin is not None and origin not in self._origins:  # only browsers send it
             self.complaints.count(f'a page of {origin!a}, which is not in the parameter "origins"')
             raise web.HTTPForbidden(text='Pages from this origin may not connect; see the parameter "origins".')
         offered = {each.strip() for each in request.headers.get('Sec-WebSocket-Protocol', '').split(',')}
@@ -173,7 +173,7 @@ class FoxgloveServer:
             viewer.complain(str(error))
 
     def _follow(self, viewer: _Viewer, order: Order) -> None:
-        """Count who watches what; what is watched already, or was withdrawn meanwhile, cannot be ordered."""
+        """Subscribe or unsubscribe a viewer; ignores channels that it has already or that were withdrawn."""
         if order.channel is None:
             self._forget(viewer, [each for each, given in viewer.subscriptions.items() if given == order.subscription])
         for channel in [each for each in self._channels.values() if each.number == order.channel]:
@@ -192,7 +192,7 @@ class FoxgloveServer:
 
 
 class _Viewer:
-    """What waits for one viewer: all words in their order, of the messages the newest."""
+    """The queues of one viewer: all texts, in order, and the newest messages."""
 
     def __init__(self) -> None:
         self.subscriptions: dict[Channel, int] = {}
@@ -205,7 +205,7 @@ class _Viewer:
         self._news.set()
 
     def complain(self, text: str) -> None:
-        """Say it, unless it reads nothing of what is said."""
+        """Send it, unless the viewer does not read what it gets."""
         if len(self._words) < QUEUE:
             self.tell(protocol.complaint(text))
 
@@ -223,5 +223,5 @@ class _Viewer:
                         await channel.send_str(self._words.popleft())
                     else:
                         await channel.send_bytes(self._messages.popleft())
-        except ConnectionError:  # it has gone; whoever hears it ends this
+        except ConnectionError:  # it has gone; the receiving loop ends the connection
             return

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 class Showing:
-    """Shows what fits `topics`. What was latched is shown again to everybody when somebody comes later.
+    """Shows the topics that match `topics`. When a viewer comes, all viewers get the latched messages again.
 
     Args:
         post: runs work in the thread that calls `look`.
-        refuse: told of each topic that cannot be shown, once.
+        refuse: called once for each topic that cannot be shown.
     """
 
     def __init__(
@@ -44,21 +44,21 @@ class Showing:
 
     @property
     def offered(self) -> int:
-        """Topics that can be watched."""
+        """The number of topics that can be watched."""
         return len(self._types)
 
     @property
     def watched(self) -> int:
-        """Topics that somebody watches."""
+        """The number of topics that have viewers."""
         return len(self._tap.topics)
 
     @property
     def dropped(self) -> int:
-        """Messages that waited here for too long."""
+        """The number of messages dropped because they waited here for too long."""
         return self._tap.dropped
 
     def look(self) -> None:
-        """Follow who publishes what, and who watches."""
+        """Update to the present publishers and viewers."""
         ends = [end for end in self._bus.graph().publishers() if fits(end.name, self._topics)]
         found = {end.name: end.type_name for end in ends if end.name not in self._refused}
         self._latched = {end.name for end in ends if end.latched}
@@ -72,13 +72,13 @@ class Showing:
         self._tap.keep(watched)
 
     def welcome(self, topic: str) -> None:
-        """Somebody has begun, or ceased, to watch `topic`."""
+        """Call when a topic has gained or lost a viewer."""
         for received in list(self._last.get(topic, {}).values()):
             self._show(topic, received)
         self.look()
 
     def close(self) -> None:
-        """Receive no more."""
+        """Stop receiving."""
         self._tap.close()
 
     def _offer(self, topic: str, type_name: str) -> None:

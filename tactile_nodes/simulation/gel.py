@@ -31,27 +31,26 @@ class Gel:
     """The paper's sensor: a stiff layer, a soft gel full of markers and a black skin, over a fisheye camera.
 
     The elastic layer of the mechanics is the soft gel with its skin, 6 mm thick, bonded to the stiff layer,
-    which counts as rigid. The modulus is chosen so that 2 mm of the paper's tip take about 1 N.
-    `pupil_below_markers_mm` is the distance from the camera's entrance pupil to the lowest markers; refraction
-    at the lens is part of it. With `focal_px_per_rad` 88 % of the 40x40 regions of the 440x440 crop hold markers.
+    which counts as rigid. The modulus is chosen so that the paper's tip needs about 1 N for 2 mm.
+    `pupil_below_markers_mm` is the distance from the camera's entrance pupil to the lowest markers, including
+    refraction at the lens. With `focal_px_per_rad` 88 % of the 40x40 regions of the 440x440 crop hold markers.
 
     `mechanics` is 'linear' (Hankel transform) or 'finite_strain' (finite elements); in the latter the `contact` is
-    'sticking' or 'smooth'. `settling_share` is how much larger than the settled force a sudden one is, and
-    `settling_s` in which time it settles. `exposure_s` blurs what moves. `jpeg_quality` 1 to 100 is as a camera
-    sends it, 0 is raw. The camera is shifted, then tilted about x and y, then rolled about its axis. `light_slope`
-    is how much brighter (as a share) it is half an image right of and below the middle than there.
+    'sticking' or 'smooth'. `settling_share` is the excess of a sudden force over the settled one, as a share, and
+    `settling_s` its time constant. `exposure_s` blurs what moves. `jpeg_quality` is that of the camera, 1 to 100, or 0
+    for raw images. The camera is shifted, then tilted about x and y, then rolled about its axis. `light_slope` is the
+    relative increase of brightness from the middle to half an image right of it, and below it.
 
     The gel is `size_mm` wide and `height_mm` high (0: as wide). A 'pinhole' camera has `focal_px_per_rad` pixels in the
     middle, and OpenCV's `distortion` (k1, k2, p1, p2, k3; of a fisheye k1 to k4, 0); `focal_ratio` is the focal length
-    along v over that along u; `centre_shift_px` is where the optical axis is beside the
-    middle of the picture. The markers lie in the upper `markers_thickness_mm` of the soft gel (0: in all of it): as
-    many 'spheres' as `marker_count`, at random, or 'dots', printed `pitch_mm` apart in rows and columns, one of them at
+    along v over that along u; `centre_shift_px` is the offset of the optical axis from the
+    middle of the picture. The markers lie in the upper `markers_thickness_mm` of the soft gel (0: in all of it). They
+    are `marker_count` random 'spheres', or 'dots' printed `pitch_mm` apart in rows and columns, one of them at
     `dot_mm`. A `marker_grey` below 0 makes them darker than the background.
 
-    With an `outline`, as a description has it, only what lies within has markers and is pressed; the gel yields there
-    as if it went on. With a `dome_radius_mm` the surface and all markers lie lower towards the rim, and tips press
-    along the surface's normal; the gel yields as if it were as thick as in the middle, and what moves leans with the
-    surface.
+    With an `outline`, as in a description, markers and presses lie only within it; the gel deforms as if it continued
+    beyond. With a `dome_radius_mm` the surface and all markers lie lower towards the rim, and tips press along the
+    surface's normal. The gel then deforms as if it had the thickness of the middle, and motion tilts with the surface.
     """
 
     seed: int = 1
@@ -109,12 +108,12 @@ class Gel:
 
     @property
     def rim(self) -> Outline:
-        """Of its surface."""
+        """The outline of the surface."""
         return Outline(*self.sides_mm, self.outline)
 
     @property
     def dome(self) -> Dome:
-        """How high its surface is."""
+        """The height of the surface."""
         return Dome(self.dome_radius_mm)
 
     @property
@@ -124,12 +123,12 @@ class Gel:
 
     @property
     def layer_mm(self) -> float:
-        """Thickness of what deforms: 6 mm."""
+        """Thickness of the part that deforms: 6 mm."""
         return self.soft_mm + self.skin_mm
 
     @property
     def pupil_z_mm(self) -> float:
-        """Where the camera's pupil is in the surface frame: -23 mm."""
+        """z of the camera's pupil in the surface frame: -23 mm."""
         return -(self.layer_mm + self.pupil_below_markers_mm)
 
     @property
@@ -140,17 +139,17 @@ class Gel:
 
     @property
     def card(self) -> dict[str, object]:
-        """What data sets and models say of it."""
+        """The description of the gel in data sets and models."""
         return {'id': self.gel_id, **self._told(UNSAID)}
 
     def _told(self, unless_set: tuple[str, ...]) -> dict[str, object]:
-        """All properties, but for those that are as they are by default."""
+        """All properties, except those of `unless_set` that have their default value."""
         first = {each.name: each.default for each in fields(self) if each.name in unless_set}
         return {name: value for name, value in asdict(self).items() if name not in first or value != first[name]}
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, object], source: str = 'gel') -> Gel:
-        """A gel with some of its properties given, the others as above.
+        """A gel with these properties, and the defaults for all others.
 
         Raises:
             ConfigurationError: an unknown property or one of the wrong type.
