@@ -1,1 +1,1 @@
-"""From an untouched gel to labelled presses: plan, order, journal, surface, press cycle, safety, the whole run."""
+"""Collects labelled presses: plan, order, journal, surface search, press cycle, safety, the whole run."""

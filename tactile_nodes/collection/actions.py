@@ -35,7 +35,7 @@ class Go:
 class Look:
     """Wait, and return what was measured since `since_ns`, or since the wait began (None).
 
-    Measurements arrive later. To collect over several looks, use the same `since_ns` each time.
+    Measurements arrive with a delay. To collect them over several looks, use the same `since_ns` each time.
     """
 
     seconds: float
@@ -67,9 +67,9 @@ class Seen:
         now_ns: the time when it was done.
         since_ns: when the action began; the machine was at rest then.
         place_mm: position of the tip that the machine reported.
-        samples: of a `Look`: the requested force samples.
-        frames: of a `Look`: the requested images.
-        switched: of a `Switch`: when the line changed its level.
+        samples: after a `Look`: the requested force samples.
+        frames: after a `Look`: the requested images.
+        switched: after a `Switch`: when the line changed its level.
     """
 
     now_ns: int

@@ -1,4 +1,4 @@
-"""Performs the actions of procedures with the devices, and never without permission of the safety.
+"""Performs the actions of procedures with the devices, and only while `Safety` has not stopped the machine.
 
 Motion is split into jogs of at most `jog_s`, which are sent as the machine completes them, so that no more than two are
 ever queued. If the process that commands the machine ends, the machine comes to rest within that time (a dead man's
@@ -43,7 +43,7 @@ class InterruptedRunError(Exception):
 
 
 class Hands:
-    """One machine, monitored by one safety.
+    """One machine, monitored by one `Safety`.
 
     Args:
         cnc: connected.
@@ -137,7 +137,7 @@ class Hands:
             raise InterruptedRunError
 
     def home(self) -> None:
-        """Find the end switches. Raises as `run`."""
+        """Home the machine at its end switches. Raises as `run`."""
         self._await_stopped()
         try:
             self.cnc.home()
@@ -176,9 +176,7 @@ class Hands:
             try:
                 self.cnc.retract()
                 break
-            except (
-                DeviceError
-            ):  # the guard stopped the motion up, or the machine became silent: a second try may succeed
+            except DeviceError:  # the guard stopped the retract, or the machine became silent: a retry may succeed
                 if attempt == MOST_RETRACTS or (self.safety.trip is before and not self.cnc.health.silent):
                     raise
         if self._line:
@@ -187,7 +185,7 @@ class Hands:
             raise DeviceFaultError('the machine has lost its position, so it is unknown whether the tip is up')
 
     def overlook(self, seconds: float, times: int = 1) -> Sequence[Sample]:
-        """Usable samples that the sensor measures from now on, ignoring other faults; retries until some have come.
+        """Usable samples measured from now on, even after a trip; waits up to `times` times until some have come.
 
         Samples arrive late, on a busy computer much later.
         """
@@ -275,7 +273,7 @@ class Hands:
 
 
 class Guard:
-    """The thread that stops the machine: at once when the safety requests it. It also checks for silent devices.
+    """The thread that stops the machine as soon as the safety requests it. It also checks for silent devices.
 
     Args:
         cnc: the machine to stop.
@@ -292,7 +290,7 @@ class Guard:
         self._thread: threading.Thread | None = None
 
     def start(self, safety: Safety) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread = threading.Thread(target=self._run, args=(safety,), name='rig guard', daemon=True)
         self._thread.start()
 
@@ -324,7 +322,7 @@ class Guard:
     def _stop(self) -> None:
         try:
             if not self.stopped.is_set():
-                with contextlib.suppress(DeviceError):  # the motion up meets the same fault and reports it
+                with contextlib.suppress(DeviceError):  # the retract meets the same fault and reports it
                     self._cnc.stop()
         finally:
             self.stopped.set()

@@ -23,7 +23,7 @@ from tactile_nodes.files import read_plain
 from tactile_nodes.paths import state_directory
 
 BEGUN, HALTED, ACKNOWLEDGED, ENDED = 'begun', 'halted', 'acknowledged', 'ended'
-"""The machine moves from now on; the force was too large, and a person must check; a person has; the tip is up."""
+"""The machine moves from now on; the force was too large, a person must check; a person has checked; the tip is up."""
 _LARGEST_BYTES = 64 << 20  # some 100 000 runs
 
 
@@ -45,7 +45,7 @@ class MachineRecord:
                 found = json.loads(line)
                 self._take(str(found['step']), str(found['reason']))
             except (ValueError, TypeError, KeyError):
-                self._take(BEGUN, '')  # an incomplete line: it was about to move, or moved
+                self._take(BEGUN, '')  # an incomplete line: the machine was about to move, or moved
 
     @property
     def halted(self) -> bool:
@@ -56,7 +56,7 @@ class MachineRecord:
         """The question to a person before anything moves; empty: none.
 
         Args:
-            unasked: whether a person has allowed in advance to continue after a run that was cut off. Not after a halt.
+            unasked: whether a person has allowed in advance to continue after a run that was cut off, not after a halt.
         """
         if self.halted:
             return f'the run was halted: {self._halt}'
@@ -77,7 +77,7 @@ class MachineRecord:
         self._take(step, reason)
 
     def _take(self, step: str, reason: str) -> None:
-        """Only an answer ends a halt. A lifted tip or an incomplete line does not."""
+        """Only a person's acknowledgement ends a halt. A lifted tip or an incomplete line does not."""
         if self.halted and step != ACKNOWLEDGED:
             return
         self._step = step
@@ -103,8 +103,8 @@ class MachineRecord:
 def record_file(source: str, folder: Path | None) -> Path | None:
     """Where the record of a machine is stored: below `state_directory`, by the persistent name of its port.
 
-    A simulated machine is new in each process. Its record is in the folder of the collection, so that it asks the same
-    questions as a real one, or it has none.
+    A simulated machine is new in each process. It has a record only if there is a folder of a collection, so that it
+    asks the same questions there as a real machine.
     """
     if source == SIMULATED:
         return folder / 'simulated_machine.record' if folder else None

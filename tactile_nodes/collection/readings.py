@@ -75,7 +75,7 @@ def _block_means(image: npt.NDArray[np.unsignedinteger]) -> npt.NDArray[np.float
 
 
 def pattern_change(a: Frame, b: Frame) -> float:
-    """The largest root mean square, over a block, of the change of its pixels: it sees markers that move in a block.
+    """The largest root mean square, over a block, of the change of its pixels: markers that move in a block count.
 
     Noise of 3 grey levels in both gives a little more than 4.2; a tip 0.8 mm deep in the paper's gel gives 16.
 

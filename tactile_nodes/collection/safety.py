@@ -21,7 +21,7 @@ from tactile_nodes.drivers.health import Health, Level
 FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'
 SILENT_MACHINE = 'silent machine'
 PASSING = frozenset({SENSOR, CAMERA, SILENT_MACHINE})
-"""Faults that may pass, so that a run waits for recovery."""
+"""Faults that may pass: the run waits for recovery."""
 UNTIMED = 'the clock of the force/torque sensor does not keep its rate, so the age of its samples is unknown'
 OVERLOAD = 'overload'
 NS_PER_S = 1_000_000_000
@@ -73,7 +73,7 @@ class Safety:
         self.machine_tripped = False
         """Whether the machine was ever at fault; a larger force may have replaced that reason."""
         self.fell_silent = False
-        """Whether any device was ever at fault."""
+        """Whether sensor or camera was ever at fault, or the machine was ever silent."""
         self._late = False
 
     def tare(self, zero: Wrench) -> None:
@@ -88,7 +88,7 @@ class Safety:
         self.watching, self.watching_camera = True, camera
 
     def reset(self, now_ns: int) -> None:
-        """Clear the reason: it was handled."""
+        """Clear the reason after it was handled."""
         with self._lock:
             self._recent.clear()
             self.trip = None

@@ -153,7 +153,7 @@ class CollectionSettings:
 
     @property
     def watched(self) -> LimitSettings:
-        """The limits, with a limit of the torque: if none is set, that of the largest force at the end of the tool.
+        """The limits with a torque limit; if none is set, it is the torque of `force_n` at the end of the tool.
 
         3 N and 60 mm give 0.18 N m.
         """

@@ -45,7 +45,7 @@ class Tare:
 
 
 def tare_of(samples: Sequence[Sample]) -> Tare:
-    """The mean; an axis that is not measured stays NaN.
+    """The tare from the samples; an axis that is not measured stays NaN.
 
     Raises:
         DeviceTimeoutError: there is no sample.
@@ -76,7 +76,7 @@ def machine_from_sensor(mounting: MountingSettings) -> Array:
 
 
 def _rotated(rotation: Array, vectors: Array) -> Array:
-    """Like `vectors @ rotation.T`, but a NaN of an axis that is not measured affects only components that need it."""
+    """Like `vectors @ rotation.T`, but the NaN of an axis that is not measured affects only components that need it."""
     terms = np.where(rotation == 0.0, 0.0, vectors[:, None, :] * rotation)
     return np.asarray(np.where(rotation == 0.0, 0.0, terms).sum(axis=2))
 
@@ -85,7 +85,7 @@ def on_gel(table: Array, tare: Tare, mounting: MountingSettings, tip_mm: tuple[f
     """The wrench on the gel, in its surface frame, about the centre of its surface.
 
     Args:
-        table: (n, 6) as read.
+        table: (n, 6), readings of the sensor.
         tare: to subtract.
         mounting: of the sensor.
         tip_mm: the tip in the surface frame; below the surface z is negative.

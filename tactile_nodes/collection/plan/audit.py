@@ -1,10 +1,10 @@
-"""The bag is the truth: finds the attempts of a plan that bags hold complete, with message and images.
+"""Finds the attempts of a plan that the bags hold completely, with message and images.
 
 The journal holds what the rig sent to the recorder, but a power cut may come before it is on disk. So before a run
-continues, every press that no bag has confirmed yet is searched for. If it is found complete, it is verified, even if
-the journal was cut off before that entry. If it is not found, it is done again, with a new attempt number. So no press
-is lost or counted twice. An attempt that a later message marks as suspect does not count as found. The same check runs
-after the last press of a plan: presses that fell between a killed recorder and the next one are done again.
+continues, every press that no bag has confirmed yet is searched for. If it is found complete, it is noted as verified,
+even if the journal was cut off before that entry. If it is not found, it is done again, with a new attempt number. So
+no press is lost or counted twice. An attempt that a later message marks as suspect does not count as found. The same
+check runs after the last press of a plan: presses that fell between a killed recorder and the next one are done again.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[in
 
 
 def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]:
-    """As `audit`, with the attempts that bags are known to hold."""
+    """As `audit`; `held` are the attempts that the bags hold."""
     found = missing = 0
     for entry in journal.unverified():
         if (entry.press, entry.attempt) in held:

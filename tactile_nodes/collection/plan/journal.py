@@ -46,7 +46,7 @@ class Entry:
     - `recorded`: sent to the recorder;
     - `verified`: found in the bag;
     - `rejected`: not usable, for the `reason`;
-    - `missing`: not found in the bag, or of a run before the plan was started anew; to be done again;
+    - `missing`: not found in the bag, or made before the plan was started anew; to be done again;
     - `suspect`: a later anchor was displaced from the one before it; to be done again;
     - `aside`: set aside because the force was too large; not tried again until a run has ended normally;
     - `broken_off`: rejected because a device became silent; tried again.
@@ -65,7 +65,7 @@ class Journal:
     """The journal of a plan in a file, which is created if it does not exist.
 
     Raises:
-        ConfigurationError: it belongs to another plan, is damaged elsewhere than at its end, or is in use.
+        ConfigurationError: it belongs to another plan, is damaged before its end, or is in use.
     """
 
     def __init__(self, path: Path, plan: Plan) -> None:
@@ -146,7 +146,7 @@ class Journal:
         return [point for point in left if self.rejects(point.press) < most_attempts]
 
     def unverified(self) -> list[Entry]:
-        """The last step of each press that was started and that no bag has confirmed, done or broken off."""
+        """The last step of each press that was started or recorded, and that no bag has confirmed."""
         return [entry for entry in self._last.values() if entry.step in {STARTED, RECORDED}]
 
     def unconfirmed(self) -> list[Entry]:
@@ -235,7 +235,7 @@ class Journal:
         if entry.step in _OF_THE_MACHINE:
             return
         if entry.step == STARTED:
-            self._last.pop(entry.press, None)  # moves it to the end
+            self._last.pop(entry.press, None)  # so that it is the latest
         self._last[entry.press] = entry
         self._attempts[entry.press] = max(entry.attempt, self._attempts.get(entry.press, 0))
         if entry.step == ASIDE:
@@ -253,6 +253,6 @@ class Journal:
                 written += os.write(self._file, line[written:])
             os.fsync(self._file)
         except OSError as error:
-            with contextlib.suppress(OSError):  # else the next start removes the incomplete line
+            with contextlib.suppress(OSError):  # if this fails, the next start removes the incomplete line
                 os.ftruncate(self._file, size)
             raise TactileError(f'cannot write the journal {self.path}: {error.strerror}; the run ends') from error

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from tactile_nodes.collection.plan.plan import Plan, PlanSettings, Point
 
 FAR_MM = 1e6
-AHEAD = 2.0  # penalty for each press that a place is ahead of the others, in units of the resting distance
+AHEAD = 2.0  # penalty for each press that a place had already, in units of `rest_mm`
 
 
 def ordered(plan: Plan, settings: PlanSettings) -> tuple[Point, ...]:

@@ -168,7 +168,7 @@ def read_points(path: str | Path) -> list[Triple]:
     """(x, y, depth) in mm from a CSV with these columns.
 
     Raises:
-        ConfigurationError: naming file and row.
+        ConfigurationError: names the file and the row.
     """
     file = Path(path)
     try:

@@ -61,7 +61,7 @@ class Progress:
         return ', '.join(parts)
 
     def summary(self, journal: Journal) -> str:
-        """'10952 of 10952 presses recorded, 10952 of them now; 2 attempts rejected (2 times the camera …)'"""
+        """'10952 of 10952 presses recorded, 10952 of them now; 2 attempts rejected (2 x the camera …)'"""
         text = f'{self.done} of {self.presses} presses recorded, {self.done - self.before} of them now'
         if aside := journal.aside:
             text += f'; {len(aside)} set aside until the next run ({_listed(aside)})'

@@ -60,7 +60,7 @@ class Record:
     depth_reported_mm: float = math.nan
     reason: str = ''
     aside: bool = False
-    """The force was too large: not to be tried again unattended."""
+    """The force was too large: this run does not try the press again."""
 
 
 @dataclass(frozen=True)

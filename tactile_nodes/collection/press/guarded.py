@@ -1,8 +1,8 @@
 """Move until a force is measured, and hold it: a control loop on the force topic that accounts for latency.
 
 It takes one small step, then waits for a force whose image was taken after the machine came to rest, and only then
-decides on the next step. So a long latency makes the loop slow, but never unstable. The step size is the other half of
-its safety: on the stiffest expected object, a step raises the force by step_mm * stiffness_n_mm.
+decides on the next step. So a long latency makes the loop slow, but never unstable. The step size limits the
+overload: on the stiffest expected object, a step raises the force by step_mm * stiffness_n_mm.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def await_recovery(hands: Hands, limits: LimitSettings, reason: str) -> None:
 
 
 def _is_well(hands: Hands, limits: LimitSettings, now_ns: int) -> bool:
-    """Judged by recent data; the safety is reset each time, and only a fault of the machine counts."""
+    """Whether recent data is fine. Resets the safety each time; raises for a fault of the machine."""
     if hands.asked_to_stop:
         raise InterruptedRunError
     trip = hands.safety.trip

@@ -100,9 +100,8 @@ def feel_corner(
         safe_z_mm: height for sideways motion.
         at: the corner.
         felt: the corners before it.
-        found: its loading lines, the coarse search before the repeats; appended to. If this is restarted because a
-            device
-                became silent, lines already in it are not measured again.
+        found: its loading lines, first of the coarse search, then of the repeats. New lines are appended. After a
+            restart because a device became silent, lines already in it are not measured again.
 
     Raises:
         DeviceFaultError: no surface between top and bottom, or contradictory measurements.
@@ -131,7 +130,7 @@ def surface_through(felt: Sequence[Corner], settings: CollectionSettings) -> Sur
 
 
 def _elsewhere(felt: Sequence[Corner], at: tuple[float, float], tilt: float) -> Loading | None:
-    """A lower bound of the force at a place: as soft as the softest corner, from as low as a tilted gel may lie."""
+    """A lower bound of the force at a place: the softest line, at the lowest height that `tilt` allows."""
     if not felt:
         return None
     lowest_mm = max(corner.z_mm - tilt * math.dist(corner[:2], at) for corner in felt)
@@ -199,7 +198,7 @@ def _search_again(
 def _search(
     settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float, known: Loading | None = None
 ) -> Procedure[Loading]:
-    """From `start_mm` down to contact and some steps further; returns how the force grew, and where it would begin.
+    """From `start_mm` down to contact and some steps further; returns the loading line.
 
     If the loading line there is already `known`, a force that stays too small ends the search.
     """

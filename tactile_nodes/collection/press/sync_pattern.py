@@ -13,13 +13,13 @@ from tactile_nodes.collection.actions import Go, Look, Procedure, Switch
 from tactile_nodes.collection.settings import CollectionSettings
 
 SHORTEST_S, LONGEST_S = 0.4, 2.5
-"""Long enough for a camera to see both levels, and short; no whole frames, no usual periods."""
+"""Range of the gaps: long enough for a camera to see both levels."""
 
 
 def pattern_gaps(plan_id: str, number: int, edges: int) -> tuple[float, ...]:
     """Seconds before each edge of a pattern, to the millisecond, from 0.4 to 2.5 s.
 
-    For a SHA-256 over "a1b2c3d4e5f6 1 0", whose first 32 bits are a share s of 2^32, the first is 0.4 + 2.1 s.
+    The first is 0.4 + 2.1 * s, with s = the first 32 bits of SHA-256("a1b2c3d4e5f6 1 0") / 2^32.
     """
     return tuple(
         round(SHORTEST_S + (LONGEST_S - SHORTEST_S) * _share(plan_id, number, edge), 3) for edge in range(edges)
@@ -30,9 +30,8 @@ def sync_pattern(gaps: list[float], settings: CollectionSettings, safe_z_mm: flo
     """Switch the line with the tip above the gel: high, low, high, ...; it ends low.
 
     Args:
-        gaps: seconds before each edge. The gaps of a pulse are removed when it starts, so that a pattern that is
-            restarted
-                because a device became silent continues with the next pulse.
+        gaps: seconds before each edge. The gaps of a pulse are removed when it starts. So a pattern that is restarted
+            because a device became silent continues with the next pulse.
         settings: the feed for going up.
         safe_z_mm: the height to go to.
     """

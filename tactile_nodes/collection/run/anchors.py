@@ -26,7 +26,7 @@ from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.sensing.rest.reference import average
 
 FRAMES = 5
-WIDEST_VIEW_MM = 100.0  # upper bound of the visible width: moving the tip moves the image by at least its share of this
+WIDEST_VIEW_MM = 100.0  # upper bound of the visible width: 1 mm of tip motion is at least 1/100 of the image's side
 SKEWED = 0.4  # an axis is stuck if it moves the image by less than this fraction of the other axis
 HERTZ = 2 / 3
 AXES = 'xy'
@@ -148,7 +148,7 @@ def _imprint(record: Record) -> Imprint:
 
 
 def _deeper_mm(earlier: Record, later: Record) -> float:
-    """How much higher the later press was: by Hertz F^(2/3) grows as depth; 0 if z is not measured in either."""
+    """How much higher the later press was. By Hertz, F^(2/3) is proportional to depth. 0 if either has no force z."""
     before, after = -earlier.wrench[2], -later.wrench[2]
     if math.isnan(before) or math.isnan(after):
         return 0.0

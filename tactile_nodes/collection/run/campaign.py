@@ -177,7 +177,7 @@ class Campaign:
             self._up_then_tell(record, begun_ns, tripped.trip.reason)
             self._recovery.go_on_after(tripped)
         except DeviceError as error:
-            with contextlib.suppress(DeviceError):  # the last motion up meets it again, and reports it
+            with contextlib.suppress(DeviceError):  # the final retract meets the same error and reports it
                 self._up_then_tell(record, begun_ns, str(error), doubted=True)
             raise
         else:
@@ -220,13 +220,13 @@ class Campaign:
             self._outlet.say(f'press {record.point.press} {done}: {record.reason}')
 
     def _reference(self) -> None:
-        """A new rest image."""
+        """Take and publish a new rest image."""
         frames = self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm))
         self._outlet.rest_image(average([frame.image for frame in frames]), frames[-1].stamp_ns)
         self._since_reference = 0
 
     def _pattern(self) -> None:
-        """Edges at irregular times, with which the clocks of other recorders are fitted."""
+        """Make edges at irregular times, to which the clocks of other recorders are fitted."""
         number = self.progress.done + self._patterns  # increases within a run, and differs in a run that resumes it
         gaps = list(pattern_gaps(self._plan_id, number, 2 * self._settings.sync.pulses))
         self._recovery.patiently(lambda: sync_pattern(gaps, self._settings, self._safe_z_mm))
@@ -245,7 +245,7 @@ class Campaign:
         return self._recovery.patiently(lambda: anchor_press(point, ground, self._settings))
 
     def _leave(self) -> None:
-        """Up, unless nothing has moved."""
+        """Bring the tip up, unless nothing has moved."""
         moved = self._ground is not None or self._hands.safety.watching
         if moved and self._recovery.end():
             self._journal.note_run(ENDED, self._hands.clock.now_ns())
@@ -287,7 +287,7 @@ class Campaign:
         self.progress.done = self._journal.done
 
     def _feel_for_surface(self) -> Surface:
-        """Corner by corner."""
+        """Measure the surface, corner by corner."""
         felt: list[Corner] = []
         for at in corners(self._settings):
             feel = partial(feel_corner, self._settings, self._safe_z_mm, at, felt, [])
@@ -302,7 +302,7 @@ class Campaign:
             self._hands.safety.watching_machine = True
 
     def _home_patiently(self) -> None:
-        """Again if sensor or camera failed meanwhile: the machine is then locked until it is homed."""
+        """Home; retry if sensor or camera failed meanwhile, because the machine is then locked until it is homed."""
         for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
                 return self._hands.home()

@@ -162,7 +162,7 @@ class GuardedRun:
 
 
 def _is_homed(cnc: Cnc, before: bool) -> bool:
-    """Whether the machine knows its position; as before if it does not respond: one lost report leaves no tip down."""
+    """Whether the machine knows its position; `before` if it does not respond: a lost report leaves no tip down."""
     try:
         return cnc.status().homed
     except DeviceError:

@@ -17,10 +17,10 @@ class Outlet:
 
     Attributes:
         record: an attempt has ended; returns when it was sent to the recorder.
-        rest_image: a new one, and the stamp of its last frame.
+        rest_image: a new rest image, and the stamp of its last frame.
         say: a line for a person.
         require_recorder: whether a recorder is running; raises if there was none for too long.
-        person: who must check the rig when only a person can.
+        person: asks a person to check the rig.
         missing: checks the bags for recorded presses, and returns how many it has marked as to be done again.
         suspect: a recorded attempt was perhaps not at its place, and why.
         recall: the recorded attempt of an entry, with its images; None if they no longer exist.

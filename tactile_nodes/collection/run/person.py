@@ -25,7 +25,7 @@ def require_looked(why: str, person: Person, record: MachineRecord, hands: Hands
 
 
 class Person:
-    """Asked by the thread of the run, answered from any other thread.
+    """Holds a question to a person. The thread of the run asks it; any other thread may answer it.
 
     Args:
         how: what to type for an answer.
@@ -45,7 +45,7 @@ class Person:
         return f'{self._why}; check machine, tip and gel, then type: {self._how}' if self._why else ''
 
     def ask(self, why: str, is_over: Callable[[], bool]) -> bool:
-        """Wait for an answer; false: it was over before an answer came."""
+        """Wait for an answer; false: `is_over` became true before an answer came."""
         self._why = why
         self._tell(self.question)
         try:
@@ -56,10 +56,10 @@ class Person:
             self._why = ''
 
     def acknowledge(self) -> str:
-        """Continue; returns a reply for the person."""
+        """Answer the question, so that the run continues; returns a reply for the person."""
         return 'continuing' if self.answer() else 'there is no open question'
 
     def answer(self) -> bool:
-        """Continue; false: there was no question."""
+        """Answer the question; false: there was none."""
         asked, self._why = bool(self._why), ''
         return asked

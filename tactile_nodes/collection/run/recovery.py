@@ -48,11 +48,11 @@ class Recovery:
         self.tare: Tare | None = None
 
     def begin(self, what: str) -> None:
-        """The machine moves from now on, for a run of this name."""
+        """Note that the machine moves from now on, for a run of this name."""
         self._note(BEGUN, what)
 
     def end(self) -> bool:
-        """Finally go up; returns whether the tip is up. An error counts only if all else was fine."""
+        """Go up at the end of the run; returns whether the tip is up. Reports an error instead of raising it."""
         try:
             self.up()
         except DeviceError as error:
@@ -62,7 +62,7 @@ class Recovery:
         return True
 
     def ask_first(self, unasked: bool) -> None:
-        """Ask a person, after a run that was cut off; after a halted run always.
+        """Ask a person after a halted run, and, if not `unasked`, after a run that was cut off.
 
         Raises:
             InterruptedRunError: the run was asked to end.
@@ -133,7 +133,7 @@ class Recovery:
             self._hands.run(check_free(self.tare, self._settings))
 
     def _worst(self, tripped: TrippedError) -> Trip:
-        """The force still grows while the machine stops."""
+        """The current trip, which may be worse than `tripped`: the force still grows while the machine stops."""
         return self._hands.safety.trip or tripped.trip
 
     def _ask(self, why: str) -> None:

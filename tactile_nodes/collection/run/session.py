@@ -36,7 +36,7 @@ from tactile_nodes.simulation.indenter import indenter_name
 
 LEAVE_S = 1.5
 NOT_THERE_YET = (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError)
-"""Why a rig that was just switched on may not open; a persistent fault would be reported again."""
+"""Errors of a rig that was just switched on: opening it is retried."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,9 @@ class RigSettings(CollectionSettings):
 
 
 def with_indenter(settings: RigSettings) -> RigSettings:
-    """The settings with the name of the indenter. For a simulated machine it is the world's. Otherwise it is
-    `press.indenter`, or, if that is empty as with an emulated rig, the world's.
+    """The settings with the name of the indenter.
+
+    It is `press.indenter`, or the indenter of `world` if the machine is simulated or the name is empty.
 
     Raises:
         ConfigurationError: a gel that cannot be read.
@@ -83,7 +84,7 @@ class Session:
         publishers: one for each of `voice.TOPICS`.
         clock: the host's.
         log: for a person.
-        answer: what a person types to answer a question of the run.
+        answer: the command with which a person answers a question of the run.
 
     Raises:
         ConfigurationError: an invalid plan, journal or limit.
@@ -189,13 +190,13 @@ class Session:
         return self._is_recorded
 
     def _record(self, record: Record) -> None:
-        """Publish it; an attempt without a running recorder is to be made again."""
+        """Publish an attempt. One without a running recorder is rejected, so that it is made again."""
         if self._settings.require_recorder and not record.reason and self._voice.unheard_ns >= record.start_ns:
             record.reason = 'no recorder was running during the press'
         self._voice.record(record)
 
     def _missing(self) -> int:
-        """See `Outlet.missing`. If no bag of the folder holds any press, they are all recorded elsewhere."""
+        """See `Outlet.missing`. 0 if no bag of the folder holds any press: then all are recorded elsewhere."""
         if not self._settings.require_recorder:
             return 0
         held = await_recorded(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock)

@@ -44,7 +44,7 @@ def imprint(rest: Picture, pressed: Picture) -> Imprint:
 
 
 def shift_px(first: Imprint, second: Imprint) -> tuple[float, float]:
-    """Displacement of the second press from the first, right and down; (0, 0) if either has no image.
+    """Displacement of the second press from the first, right and down; (0, 0) if either field is zero.
 
     A field that is the first one moved by 1 pixel to the right gives (1, 0).
     """
@@ -59,7 +59,7 @@ def shift_px(first: Imprint, second: Imprint) -> tuple[float, float]:
 
 
 def _middle_px(rest: Picture, pressed: Picture) -> tuple[float, float]:
-    """Centre of the change; that of the image if nothing changed."""
+    """Centre of the change; centre of the image if nothing changed."""
     blocks = np.abs(frame_of(0, pressed).blocks - frame_of(0, rest).blocks)
     weights = np.maximum(blocks - NOISE * np.median(blocks), 0.0)
     if not weights.sum() > 0:

@@ -1,4 +1,4 @@
-"""Whether presses were at the positions that the machine reports: they count once a later anchor was right.
+"""Whether presses were at the positions that the machine reports. A later anchor that is not displaced confirms them.
 
 Presses that no anchor has confirmed are suspect if the next anchor is displaced, and are done again. The same holds for
 presses left by an interrupted run, unless the last of them, pressed again after homing, gives the recorded image: lost
@@ -29,7 +29,7 @@ class Trust:
         order: the points of the plan.
         journal: of the plan.
         clock: for the journal.
-        outlet: is told of suspect presses, and asked for recorded presses of earlier runs.
+        outlet: receives suspect presses, and returns recorded presses of earlier runs.
         press: makes a press.
 
     Raises:
@@ -78,7 +78,7 @@ class Trust:
         self._since += 1
 
     def shaken(self) -> None:
-        """After a collision, which may have cost steps, the next action is an anchor."""
+        """Press an anchor next: steps may be lost, for example in a collision."""
         self._since = self._every
 
     def check(self, at_end: bool = False) -> None:
@@ -103,7 +103,7 @@ class Trust:
         )
 
     def _look_back(self) -> None:
-        """Only a press that is deep enough shows its position; presses after it remain unknown."""
+        """Repeat the last press that is deep enough to show its position; presses after it become suspect."""
         unconfirmed = self._journal.unconfirmed()
         points = {point.press: point for point in self._order}
         telling = [entry for entry in unconfirmed if points[entry.press].depth_mm >= self._tells_mm]

@@ -42,8 +42,7 @@ Piece = tuple[str, int, bytes]
 
 @dataclass(frozen=True)
 class Names:
-    """Names in messages: frames, plan, indenter, the source of the force samples, the
-    port of the machine."""
+    """Names in messages: frames, plan, indenter, the source of the force samples, the port of the machine."""
 
     sensor_frame: str
     machine_frame: str
@@ -94,7 +93,7 @@ class Voice:
 
     Args:
         publishers: one for each of `TOPICS`.
-        names: as above.
+        names: frames and names in the messages.
         clock: the host's.
         gel_mm: the gel's centre in machine coordinates.
         warn: receives warnings for a person about data that was not recorded.
@@ -126,7 +125,7 @@ class Voice:
         return all(self._publishers[topic].listeners for topic in (PRESS, PRESS_IMAGE, FORCE_TORQUE))
 
     def sample(self, sample: Sample) -> None:
-        """A force sample."""
+        """Publish a force sample."""
         publisher = self._publishers[FORCE_TORQUE]
         if not publisher.listeners:
             self.unheard_ns = sample.stamp_ns
@@ -139,7 +138,7 @@ class Voice:
         self._traffic.put((way, stamp_ns, data))
 
     def the_rest(self) -> None:
-        """The devices are closed: publish the remaining samples and bytes."""
+        """Publish the remaining samples and bytes, after the devices were closed."""
         self._count(self._batch.rest())
         self._tell_traffic()
         self._warn_of_dropped()
@@ -153,7 +152,7 @@ class Voice:
         self._tell_traffic()
 
     def switched(self, switched: Switched) -> None:
-        """An edge of the digital line."""
+        """Publish an edge of the digital line."""
         self._edges += 1
         edge = telling.edge_message(switched, self._edges, self._names.machine_frame, LINE)
         self._publishers[SYNC_EDGE].publish(edge)
@@ -168,13 +167,13 @@ class Voice:
         )
 
     def suspect(self, entry: Entry, reason: str) -> None:
-        """An attempt no longer counts."""
+        """Publish that an attempt no longer counts."""
         names, now_ns = self._names, self._clock.now_ns()
         told = telling.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
         self._publishers[PRESS].publish(told)
 
     def rest_image(self, image: Picture, at_ns: int) -> None:
-        """A new rest image."""
+        """Publish a new rest image."""
         self._image(REFERENCE_IMAGE, image, at_ns)
 
     def _count(self, samples: Sequence[Sample]) -> None:
@@ -183,7 +182,7 @@ class Voice:
             self._publishers[FORCE_TORQUE_COUNTS].publish(told)
 
     def _tell_traffic(self) -> None:
-        """When there is a subscriber, also publish earlier bytes, such as those of opening the machine."""
+        """Publish the stored bytes once there is a subscriber, also those of opening the machine."""
         publisher, names = self._publishers[SERIAL_TRAFFIC], self._names
         with self._telling_traffic:
             if publisher.listeners:
@@ -193,7 +192,7 @@ class Voice:
                 publisher.publish(telling.traffic_message(way == '>', stamp_ns, data, names.port, names.machine_frame))
 
     def _warn_of_dropped(self) -> None:
-        """When the number is known: there is a subscriber again, or the run is over."""
+        """Warn of dropped bytes; called when there is a subscriber again, or when the run is over."""
         if dropped := self._traffic.take_dropped():
             self._warn(
                 f'{dropped} bytes to or from the machine were not recorded: {SERIAL_TRAFFIC.name} had no subscriber, '
