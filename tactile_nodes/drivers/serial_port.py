@@ -3,12 +3,12 @@
 Many controllers have their reset wired to DTR, some so that an open port keeps them in reset. So there is a setting
 for that line:
 
-============  ======================================================================================
-``default``   raised on opening, as usual: Arduino-like boards restart
-``pulse``     lowered for 0.1 s after opening, then raised: these boards certainly restart
-``low``       lowered right after opening and kept low: for boards that are in reset while it is high
-``untouched`` not changed, not even on closing: the controller keeps its position if the system allows it
-============  ======================================================================================
+=============  =====================================================================================
+``default``    raised on opening, as usual: Arduino-like boards restart
+``pulse``      lowered for 0.1 s after opening, then raised: these boards certainly restart
+``low``        lowered right after opening and kept low: for boards that are in reset while it is high
+``untouched``  not changed, not even on closing: the controller keeps its position if the system allows it
+=============  =====================================================================================
 """
 
 from __future__ import annotations

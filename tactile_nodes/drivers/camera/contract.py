@@ -153,7 +153,7 @@ class KnowsTruth(Protocol):
 
 @runtime_checkable
 class IsTold(Protocol):
-    """A camera of a simulated world that another node moves, and that receives the contact from it."""
+    """A camera of a simulated world that another node moves. That node sends the contact."""
 
     @property
     def told(self) -> ToldWorld | None:

@@ -1,7 +1,7 @@
 """Recorded pictures as a camera: a video file, or a folder of images.
 
-Neither contains capture times. An AVI file holds a frame rate and no time stamps, and a folder not even that. So frame
-k is stamped ``start + k / fps``, which is nominal and not measured.
+Neither contains capture times. An AVI file holds only a frame rate, and a folder not even that. So frame k is stamped
+``start + k / fps``, which is nominal and not measured.
 
 At a `rate` above 0, frame k is delivered no earlier than ``start + k / (fps * rate)``; a reader that falls behind
 catches up, and no frame is skipped. At a rate of 0, frames come as fast as they are read and are stamped when they are

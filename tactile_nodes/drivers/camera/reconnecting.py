@@ -42,7 +42,7 @@ class _Attempt:
         raise self._error or DeviceLostError('reopening the camera was cancelled')
 
     def abandon(self) -> None:
-        """The camera is no longer wanted: it is closed as soon as it is open."""
+        """Give up this attempt: the camera is closed as soon as it is open."""
         with self._lock:
             self._abandoned = True
             if self._camera is not None:
@@ -67,8 +67,8 @@ class Reconnecting:
 
     The first `open` fails if the camera fails: a camera that was never there should be reported at once. After that, a
     lost camera is reopened repeatedly, with delays that double from 0.25 s to 5 s until a good frame arrives. Meanwhile
-    `read` raises `DeviceTimeoutError`, never `DeviceLostError`, and keeps its timeout. The camera counts as alive by
-    the time of its last good frame: OpenCV's ``isOpened()`` stays true after the cable is pulled.
+    `read` raises `DeviceTimeoutError`, never `DeviceLostError`, and keeps its timeout. The time of the
+    last good frame decides whether it is alive, because OpenCV's ``isOpened()`` stays true after the cable is pulled.
 
     Args:
         connect: makes a camera that is not open yet.
@@ -167,7 +167,7 @@ class Reconnecting:
         self._connected_ns = self._clock.now_ns()
 
     def _try_again(self, deadline_ns: int) -> Camera:
-        """The camera, if it is available by then."""
+        """The camera, if it is available before the deadline."""
         if self._attempt is None:
             self._clock.sleep_until(min(self._next_try_ns, deadline_ns))
             if self._next_try_ns > deadline_ns:

@@ -58,7 +58,7 @@ class RtspCamera(LiveCamera):
         self._size = f'{frame.image.shape[1]}x{frame.image.shape[0]}'
 
     def _knock(self) -> None:
-        """FFmpeg gives no reason for a failure; a plain connection does."""
+        """Open a plain connection first, because FFmpeg gives no reason for a failure."""
         try:
             address = (self._url.hostname or '', self._url.port or PORTS[self._url.scheme.lower()])
             socket.create_connection(address, timeout=CONNECT_S).close()

@@ -37,10 +37,10 @@ Told = Callable[[str], None]
 
 
 class Untouched:
-    """The view before the shared world exists."""
+    """The schedule before the shared world exists: no contact."""
 
     def press_at(self, time_ns: int) -> Press:  # noqa: ARG002
-        """Above the centre."""
+        """The tip above the centre."""
         return Press(0.0, 0.0, -1.0)
 
 
@@ -157,7 +157,7 @@ def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str =
 
 
 def _held(scene: Scene) -> tuple[worlds.ToldWorld, WorldScene]:
-    """A world moved by a gripper. The shear response is solved now, not at the first pull."""
+    """A world that a gripper moves. The shear response is solved now, not at the first pull."""
     world = worlds.ToldWorld(scene.gel, contact_table(scene.gel))
     made = WorldScene(world, scene.bins)
     world.put(1, Press(0.0, 0.0, 0.1, shift_mm=(0.1, 0.0)))

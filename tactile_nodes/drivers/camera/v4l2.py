@@ -46,7 +46,7 @@ class Capture(Protocol):
 
 
 def open_capture(path: str) -> Capture:
-    """OpenCV's capture of a device, with the V4L2 back-end only: other back-ends would guess."""
+    """OpenCV's capture of a device, with the V4L2 back-end only: other back-ends may open another device."""
     cv2 = opencv.load()
     capture: Capture = cv2.VideoCapture(path, cv2.CAP_V4L2)
     return capture
@@ -203,7 +203,7 @@ class _Device:
             self._raw = self._capture.get(convert) == 0
 
     def _picture(self) -> Picture | None:
-        """None: it did not arrive complete, or OpenCV cannot decode it."""
+        """The picture; None: it did not arrive complete, or OpenCV cannot decode it."""
         try:
             good, image = self._capture.retrieve()
         except opencv.load().error:
@@ -219,7 +219,7 @@ class _Device:
         self._format['size'] = f'{image.shape[1]}x{image.shape[0]} (requested {asked})'
 
     def _set_controls(self) -> None:
-        """With the first frame, and again after a second, because some cameras reset them."""
+        """Set the controls with the first frame, and again after a second, because some cameras reset them."""
         self._first_good_ns = self._first_good_ns or self._good_ns
         settled = self._good_ns - self._first_good_ns >= SETTLED_S * clocks.NS_PER_S
         if self._readbacks and (self._settled or not settled):

@@ -1,4 +1,4 @@
-"""The V4L2 devices, finding one by its serial number, and the reason why one cannot be opened."""
+"""Lists V4L2 devices, finds one by its serial number, and tells why one cannot be opened."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _FAREWELL = b'farewell'
 _OWN_MARK = 'TACTILE_LAUNCH'  # the mark of processes that a launch ends; this one must outlive it by seconds
 
 ALONE_S, ALONE_TIMES = 0.4, 6
-"""Between two attempts. One is enough for a controller at rest; jogs that were sent before end within 0.5 s."""
+"""Time between attempts, and their number. One is enough at rest; jogs that were sent before end within 0.5 s."""
 
 Step = tuple[float, bytes]
 """How long to wait, and what to send then."""
@@ -33,7 +33,7 @@ class DeadMan:
 
     Args:
         descriptor: of the open port.
-        steps: sent to the controller when the commanding process has gone.
+        steps: sent to the controller when the commanding process has ended.
     """
 
     def __init__(self, descriptor: int, steps: Sequence[Step]) -> None:

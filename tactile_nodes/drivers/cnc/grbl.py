@@ -82,7 +82,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         """As `Cnc.home`."""
         dialogue = self._talk()
         if dialogue.fault or dialogue.busy:
-            dialogue.reset(RESET_S)  # clears what only a reset clears; later responses belong to later requests
+            dialogue.reset(RESET_S)  # some faults need it, and later responses then belong to later requests
         dialogue.forgive()
         self._at_rest()
         self._motion.forget()
@@ -173,7 +173,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         try:
             lines = dialogue.ask('$I', self._settings.answer_s).lines
         except DeviceFaultError:
-            if dialogue.restarts == restarts:  # refused: Grbl answers that only at rest
+            if dialogue.restarts == restarts:  # refused: Grbl answers $I only at rest
                 self._report_at_rest(dialogue)
             raise
         self._identity = identity_of(lines, dialogue.banner)
@@ -220,7 +220,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._send(f'G21 G90 G53 G1 {words} F{feed:.1f}')
 
     def _send_jog(self, target: Place, feed: float) -> None:
-        """To a position, not by a distance: an error of a damaged line is corrected by the next one."""
+        """Jog to a position, not by a distance, so that the next line corrects the error of a damaged one."""
         words = ' '.join(f'{axis.upper()}{value:.3f}' for axis, value in zip(AXES, target, strict=True))
         self._talk().ask(f'$J=G21 G90 G53 {words} F{feed:.1f}', self._patience_s(), self._generation)
 
@@ -246,7 +246,7 @@ class GrblCnc(SerialCnc[GrblDialogue]):
     def _cancel_jog(self, dialogue: GrblDialogue) -> bool:
         """Cancel until it is idle: a jog may still have been in its buffer at the first cancel.
 
-        Waits for a silent controller no longer than for one that moves.
+        A silent controller gets no more time than a moving one.
         """
         deadline_ns = self._clock.now_ns() + round(REST_S * NS_PER_S)
         while self._clock.now_ns() < deadline_ns:

@@ -17,12 +17,12 @@ from tactile_nodes.errors import DeviceFaultError
 KEEP_MOTORS_ON = 255
 GUARDS = ((20, 'soft limits', NO_SOFT_LIMITS), (21, 'hard limits', NO_HARD_LIMITS), (22, 'homing', NO_HOMING))
 FLUIDNC_GUARDS = {20: 'soft_limits', 21: 'motor0/hard_limits', 22: 'homing/cycle'}
-"""Settings of FluidNC that correspond to these, below ``$/axes/x/`` (its Axis.cpp, Motor.cpp, Homing.h)."""
+"""Settings of FluidNC that correspond to `GUARDS`, below ``$/axes/x/`` (its Axis.cpp, Motor.cpp, Homing.h)."""
 FLUIDNC_IDLE = '$/stepping/idle_ms'
 
 
 def identity_of(lines: list[str], banner: str) -> Identity:
-    """The firmware by its answer to ``$I``, because banners can be changed."""
+    """The firmware from its answer to ``$I``, because banners can be changed."""
     fields = [line.strip('[]') for line in lines]
     version = next((field[4:].rstrip(':') for field in fields if field.startswith('VER:')), '')
     text = ' '.join([*fields, banner])
@@ -70,7 +70,7 @@ def of_fluidnc(read: Callable[[str], str]) -> dict[int, str]:
 
 
 def _is_set(value: str) -> bool:
-    """A switch that is on, or a homing cycle: 0 means none, and with -1 the axis does not home."""
+    """Whether a switch is on, or a homing cycle is set: 0 means none, and with -1 the axis does not home."""
     return value == 'true' or (value.isdigit() and int(value) > 0)
 
 
@@ -100,7 +100,7 @@ def check(name: str, identity: Identity, memory: Mapping[int, str], settings: Cn
 
 
 def _is_on(memory: Mapping[int, str], number: int) -> bool:
-    """By the lowest bit: on grblHAL $22 has more bits, which have no effect without it."""
+    """Whether the lowest bit is set. On grblHAL, $22 has more bits, which have no effect without it."""
     return bool(int(_number(memory, number)) & 1)
 
 

@@ -24,7 +24,7 @@ class GrblDialogue(GrblHearing):
         Args:
             line: without its end.
             timeout_s: for the response.
-            generation: when the content of the line was decided; a line decided before a stop is not sent.
+            generation: of the dialogue, when the line was decided; a line decided before a stop is not sent.
 
         Raises:
             DeviceFaultError: it was refused, or an alarm, a stop or a restart came instead.
@@ -46,7 +46,7 @@ class GrblDialogue(GrblHearing):
         return request
 
     def reset(self, timeout_s: float) -> None:
-        """A soft reset; returns after the banner, or, as FluidNC's banner can be anything, after the next line.
+        """Soft reset. Returns after the banner, or after a status report, because FluidNC's banner can be any text.
 
         Raises:
             DeviceTimeoutError: neither came.

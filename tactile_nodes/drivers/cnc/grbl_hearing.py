@@ -64,9 +64,9 @@ class GrblHearing:
         self.homing = False
         self.polling = False
         self.alarm: int | None = None
-        self.fault = ''  # until it is homed by a person
-        self.refusal = ''  # until it is stopped
-        self.braking = False  # motion has to stop, until a new command is sent
+        self.fault = ''  # kept until a person homes it
+        self.refusal = ''  # kept until it is stopped
+        self.braking = False  # motion has to stop; kept until a new command is sent
         self.generation = 0  # counts events that abort all requests
         self.place_lost = False
         self.obeys_upwards = False  # the fault concerns only the position
@@ -85,7 +85,7 @@ class GrblHearing:
         return self.reports.silent and not self.homing
 
     def expect_no_restart(self) -> None:
-        """It has responded: boards that restart when the port is opened have done so by now, and this one did not."""
+        """A restart is a fault from now on: boards that restart when the port is opened do so before they respond."""
         with self.link.changed:
             self._restart_expected = False
 
@@ -98,24 +98,24 @@ class GrblHearing:
             self.link.changed.notify_all()
 
     def homing_over(self) -> None:
-        """A report requested before homing is not late: while homing it sends none."""
+        """End homing. A report requested before it is not late, because the controller sends none while it homes."""
         with self.link.changed:
             self.homing = False
             self.reports.excuse(self._clock.now_ns())
 
     def require_sound(self, up: bool = False) -> None:
-        """Raise the current fault, if any; for motion `up`, faults besides an unknown position."""
+        """Raise the current fault, if any; for motion `up`, only one other than an unknown position."""
         if wrong := ('' if up and self.obeys_upwards else self.fault) or self.refusal:
             raise DeviceFaultError(f'{self.name} {wrong}')
 
     def lose_place(self, fault: str, obeys_upwards: bool = False) -> None:
-        """The position of the tip is unknown from now on."""
+        """Mark the position of the tip as unknown."""
         with self.link.changed:
             self.fault, self.place_lost, self.obeys_upwards = fault, True, obeys_upwards
             self._on_lost()
 
     def forgive(self) -> None:
-        """A person has asked to start again: clear alarm and fault."""
+        """Clear alarm and fault, because a person has asked to start again."""
         with self.link.changed:
             self.fault, self.refusal, self.alarm = '', '', None
 
@@ -162,7 +162,7 @@ class GrblHearing:
             return
         place, report = self.reports.position, self.reports.last
         if self.braking and report is not None and is_moving(report):
-            self._send_brake()  # a command on its way during the stop has started motion again
+            self._send_brake()  # a command that was in transit during the stop has started motion again
         if place is None or report is None or self.homing or self.fault or not self._motion.is_known:
             return
         if report.state is CncState.ALARM and self.alarm is None:
@@ -197,7 +197,7 @@ class GrblHearing:
         self.link.send(JOG_CANCEL if self._motion.jogging else HOLD)
 
     def _alarmed(self, number: int) -> None:
-        if number == HOMING_REQUIRED:  # aborts nothing: grblHAL reports so after a start that it is locked
+        if number == HOMING_REQUIRED:  # aborts nothing: grblHAL sends it after a start, because it is locked
             return
         self.alarm = number
         fault = f'is locked by {alarm_text(number)}; check it, then home it'
@@ -225,7 +225,7 @@ class GrblHearing:
         if moving and self.silent and not self.fault and not self.refusal:
             self._lost_reports += 1
             self._brake(SILENT_IN_MOTION)
-        mute = self.homing or self.alarm in NEEDS_RESET  # then it sends no report
+        mute = self.homing or self.alarm in NEEDS_RESET  # it sends no reports in these states
         if self.polling and not mute and self.reports.is_due(now_ns, moving):
             self.reports.request()
             if self.braking and self.silent:

@@ -10,7 +10,7 @@ from tactile_nodes.drivers.cnc.grbl_words import Report, parse_report
 from tactile_nodes.drivers.cnc.link import Silence
 
 MOVING_S = 0.1  # between two requests during motion
-SILENT_S = 0.3  # with it and the listener's period, silence during motion is detected within 0.5 s
+SILENT_S = 0.3  # with MOVING_S and the listener's period, silence during motion is detected within 0.5 s
 
 
 class Reports:
@@ -50,13 +50,13 @@ class Reports:
         return self.open and self._silence.is_over(SILENT_S)
 
     def request(self) -> None:
-        """Request one."""
+        """Request a report."""
         self.asked_ns = self._ask()
         if not self.open:
             self.open, self._owed_ns = True, self.asked_ns
 
     def listened(self, now_ns: int) -> None:
-        """Everything that had arrived by now was read."""
+        """Note that everything that had arrived by now was read."""
         self._silence.look(self._owed_ns if self.open else None, now_ns)
 
     def excuse(self, now_ns: int) -> None:
@@ -64,13 +64,13 @@ class Reports:
         self._owed_ns = now_ns
 
     def is_due(self, now_ns: int, moving: bool) -> bool:
-        """Whether a request is due; a second one would not come sooner."""
+        """Whether a request is due. An open one is repeated only after `SILENT_S`: sooner would not help."""
         since_s = (now_ns - self.asked_ns) / NS_PER_S
         period_s = min(self._period_s, MOVING_S) if moving else self._period_s
         return since_s >= (max(period_s, SILENT_S) if self.open else period_s)
 
     def take(self, line: str, arrival_ns: int) -> bool:
-        """A report has arrived; False: it is damaged."""
+        """Store a report that has arrived; False: it is damaged."""
         report = parse_report(line, self.factor)
         if report is None:
             return False

@@ -92,7 +92,7 @@ def number_of(line: str) -> int:
 
 
 def error_text(line: str) -> str:
-    """An error as text; builds that print text instead of numbers are passed on."""
+    """An error as text. Some builds print text instead of a number; it is returned unchanged."""
     number = number_of(line)
     return f'error {number}, {ERRORS[number]}' if number in ERRORS else line
 
@@ -103,7 +103,7 @@ def alarm_text(number: int) -> str:
 
 
 def setting_of(line: str) -> tuple[int, str] | None:
-    """A line like ``$130=200.000``; old firmware adds a comment."""
+    """Number and value in a line like ``$130=200.000``; old firmware adds a comment."""
     match = re.match(r'\$(\d+)=([^ (]*)', line)
     return (int(match.group(1)), match.group(2)) if match else None
 

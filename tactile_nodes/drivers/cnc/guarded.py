@@ -147,7 +147,7 @@ class GuardedCnc(ABC):
 
     @contextlib.contextmanager
     def _sent_on(self, start: Place, target: Place, feed: float) -> Iterator[None]:
-        """The path is known before the line is sent, since motion may start at once; an unsent line is not expected."""
+        """Add the path before the line is sent, because motion may start at once; remove it if sending fails."""
         self._motion.add(start, target, feed)
         try:
             yield
@@ -182,7 +182,7 @@ class GuardedCnc(ABC):
         return MARGIN * left_s + self._settings.answer_s
 
     def _arrived(self) -> None:
-        """Motion is over: check that it ended at the target.
+        """Check, after a motion, that it ended at the target.
 
         Raises:
             DeviceFaultError: it did not; lines were lost, or another program moves the machine.
@@ -201,7 +201,7 @@ class GuardedCnc(ABC):
         )
 
     def _rests_at(self, place: Place) -> None:
-        """The position is known, and no motion is requested."""
+        """Note that the machine rests here, and that no motion is requested."""
         self._at_rest()
         self._target = place
         self._motion.rest(place, self._clock.now_ns())

@@ -34,7 +34,7 @@ class Request:
 
     @property
     def done(self) -> bool:
-        """Whether there is no more to wait for."""
+        """Whether it was answered, or has failed."""
         return bool(self.answered_ns) or self.error is not None
 
 
@@ -50,7 +50,7 @@ class Silence:
         self._looked_ns = self._felt_ns = 0
 
     def look(self, since_ns: int | None, now_ns: int) -> None:
-        """Everything that had arrived was read; a response is due since then, or none (None)."""
+        """Count the time since the last look; `since_ns`: since when a response is due (None: none is due)."""
         if since_ns != self._since_ns:
             self._since_ns, self._felt_ns, self._looked_ns = since_ns, 0, since_ns or now_ns
         self._felt_ns += min(now_ns - self._looked_ns, LONGEST_LOOK_NS)

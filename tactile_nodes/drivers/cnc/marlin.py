@@ -55,7 +55,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
 
     @property
     def blind_step_mm(self) -> float | None:
-        """As `Cnc.blind_step_mm`: a step, unless there is an emergency parser."""
+        """As `Cnc.blind_step_mm`: None if there is an emergency parser."""
         return None if 'EMERGENCY_PARSER:1' in self._identity.options else BLIND_STEP_MM
 
     def connect(self) -> None:
@@ -188,7 +188,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         return CncStatus(self._state(), place, homed, stamp_ns, (request.answered_ns - request.sent_ns) // 2)
 
     def _arrived(self) -> None:
-        """As for every machine; but a move of too few steps was dropped, and the position is still known."""
+        """As for every machine, but accept a remaining way of so few steps that Marlin has dropped the move."""
         target = self._target
         try:
             super()._arrived()
@@ -263,7 +263,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         return Switched(level, request.sent_ns, request.answered_ns)
 
     def _go_up(self, distance: float, feed: float) -> None:
-        """As a move: upwards it need not be stoppable, so it needs no small steps."""
+        """Move up in one piece: motion up need not be stoppable, so it needs no small steps."""
         self.move(z=self._known_place()[2] + distance, feed=feed)
 
     def _health_of(self, dialogue: MarlinDialogue) -> Health:  # noqa: ARG002

@@ -27,7 +27,7 @@ LONGEST_LINE = 90
 SILENT_S = 0.3  # with MOVING_S and the listener's period, silence during motion is detected within 0.5 s
 AT_ONCE = 0  # the response does not wait for motion
 MOVING_S = 0.1  # between two requests during motion
-STOP_S = 10.0  # without emergency parser it acts after the buffers
+STOP_S = 10.0  # without emergency parser it acts only after the buffered moves
 STOP = 'M410'  # the response takes a second, in which the controller does nothing else
 ALIVE = 'G21'  # millimetres, as before: every Marlin answers it at once
 PLACE = 'M114 R'  # the real position, if compiled in; else the R is ignored, and the target is reported
@@ -41,7 +41,7 @@ class _Numbered(Request):
     resend_ns = 0
     attempts = 0
     due_ns: int | None = 0
-    until_ns = 0  # time limit of the sender, after which the controller hangs
+    until_ns = 0  # time limit of the sender, after which the controller counts as hung
     in_motion = False
 
 
@@ -85,10 +85,10 @@ class MarlinDialogue:
         self.starts = 0
         self.connected = False
         self.polling = False
-        self.answers_in_motion: bool | None = None  # the position request; None: unknown yet
+        self.answers_in_motion: bool | None = None  # to a position request; None: not known yet
         self.killed = False
         self.fault = ''
-        self.refusal = ''  # until it is stopped
+        self.refusal = ''  # kept until it is stopped
         self.place_lost = False
         self.link = Link(port, clock, self._hear, self._idle, traffic, threaded)
         self.link.start()
@@ -110,7 +110,7 @@ class MarlinDialogue:
             return self._silence.is_over(SILENT_S if at_once else BUSY_S)
 
     def _answers(self, text: str) -> bool:
-        """Whether it certainly answers that at once during motion."""
+        """Whether it certainly answers this line at once during motion."""
         return self.answers_in_motion is not None and (self.answers_in_motion or text != PLACE)
 
     def ask(self, line: str, timeout_s: float, due_ns: int | None = AT_ONCE, generation: int | None = None) -> Request:
@@ -120,7 +120,7 @@ class MarlinDialogue:
             line: without number and checksum.
             timeout_s: for the response.
             due_ns: latest time of the response; later, a missing response is silence. None: unknown.
-            generation: when the content of the line was decided; a line decided before a stop is not sent.
+            generation: of the dialogue, when the line was decided; a line decided before a stop is not sent.
 
         Raises:
             DeviceFaultError: this Marlin does not know it, or a stop or a restart came in between.
@@ -173,7 +173,7 @@ class MarlinDialogue:
             self._break_off(f'was aborted, because the machine {self.fault or self.refusal}')
 
     def lose_place(self, fault: str) -> None:
-        """The position of the tip is unknown from now on."""
+        """Mark the position of the tip as unknown."""
         with self.link.changed:
             self.fault, self.place_lost = fault, True
             self._on_lost()
@@ -200,7 +200,7 @@ class MarlinDialogue:
         return self.link.send(f'{text}*{checksum}\n'.encode('ascii'))
 
     def _turn_ns(self) -> int:
-        """Until when a line waits for its turn silently: the sender of the line before it reports problems."""
+        """Time until which a waiting line raises no error: the sender of the line before it reports problems."""
         return max((each.until_ns for each in self._unanswered), default=0)
 
     def _wait(
@@ -251,7 +251,7 @@ class MarlinDialogue:
         self._unanswered.popleft()
         request.answered_ns = stamp_ns
         if request.text == PLACE:
-            # An answer is not late because the computer stood still before it was read.
+            # An answer is not late if only this computer paused before it was read.
             quick = not self._silence.is_over(SILENT_S)
             if request.in_motion and quick == self._moving() and not self.answers_in_motion:
                 self.answers_in_motion = quick  # late, and at rest by then: it waited for the end of motion
@@ -268,7 +268,7 @@ class MarlinDialogue:
             self._unanswered[0].resend_ns = self._clock.now_ns()
 
     def _idle(self) -> None:
-        """Marlin sends an ok after a resend request; its variants may not. Also request the position."""
+        """Check for silence and request the position. Repeat a line even without the ok that some variants omit."""
         oldest = self._unanswered[0] if self._unanswered else None
         since_ns = max(oldest.sent_ns, self._busy_ns, oldest.due_ns or 0) if oldest else None
         self._silence.look(since_ns, self._clock.now_ns())
@@ -283,7 +283,7 @@ class MarlinDialogue:
                 self._unanswered.popleft()
 
     def _poll(self) -> None:
-        """Any line will do: its response shows that the controller is alive."""
+        """Send a line when it is due: its response shows that the controller is alive."""
         period_s = min(self._period_s, MOVING_S) if self._moving() else self._period_s
         if self._clock.now_ns() - self._said_ns >= period_s * NS_PER_S:
             waits = self.answers_in_motion is False and self._moving()  # it would report its position only at rest
@@ -314,7 +314,7 @@ class MarlinDialogue:
             self.lose_place(
                 'restarted by itself, so its position is unknown; check its power supply, then connect again'
             )
-            self.brake('')  # in case it only looks like a restart
+            self.brake('')  # in case it was not a restart
         self._break_off(f'was lost, because the machine {self.fault or "was restarted"}')
         self._unanswered.clear()
 

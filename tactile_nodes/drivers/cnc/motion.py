@@ -48,7 +48,7 @@ class Motion:
 
     Attributes:
         moving: motion was requested that is not known to be done.
-        jogging: by jogs.
+        jogging: this motion consists of jogs.
         doubted: the last report was doubtful.
     """
 
@@ -65,7 +65,7 @@ class Motion:
         return bool(self._legs)
 
     def rest(self, place: Place, now_ns: int) -> None:
-        """The tip rests here."""
+        """Note that the tip rests here."""
         with self._lock:
             self._legs = [_Leg(place, place, 0.0)]
             self._seen = (place, now_ns)
@@ -77,12 +77,12 @@ class Motion:
             self._legs, self._seen, self.doubted = [], None, False
 
     def add(self, start: Place, target: Place, feed_mm_min: float) -> None:
-        """The tip is sent on from `start`, the end of the last leg."""
+        """Add a leg from `start`, the end of the last leg."""
         with self._lock:
             self._legs.append(_Leg(start, target, feed_mm_min / 60))
 
     def take_back(self) -> None:
-        """The last leg was not sent."""
+        """Remove the last leg, because it was not sent."""
         with self._lock:
             if len(self._legs) > 1:
                 self._legs.pop()

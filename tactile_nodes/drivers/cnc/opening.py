@@ -1,12 +1,12 @@
 """The choice of the machine for a SOURCE.
 
-=====================================================  ================================================
-source                                                 machine
-=====================================================  ================================================
-``simulated``                                          a simulated machine (`cnc.simulated`) in a given world
-``/dev/serial/by-id/…``, ``/dev/ttyUSB0`` of kind grbl    Grbl 1.1, grblHAL, FluidNC (`cnc.grbl`)
+======================================================  ======================================================
+source                                                  machine
+======================================================  ======================================================
+``simulated``                                           a simulated machine (`cnc.simulated`) in a given world
+``/dev/serial/by-id/…``, ``/dev/ttyUSB0`` of kind grbl  Grbl 1.1, grblHAL, FluidNC (`cnc.grbl`)
 the same of kind marlin                                 Marlin (`cnc.marlin`)
-=====================================================  ================================================
+======================================================  ======================================================
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def open_cnc(
     Args:
         settings: which machine, and its allowed motion.
         clock: the host's.
-        machine: the world of the simulated machine, e.g. an emulators' `World`.
+        machine: the world of the simulated machine, e.g. the emulators' `World`.
         traffic: gets every byte in both directions.
 
     Raises:

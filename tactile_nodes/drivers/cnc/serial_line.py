@@ -31,7 +31,7 @@ class Dialogue(Protocol):
         ...
 
     def require_sound(self, up: bool = False) -> None:
-        """Raise the current fault, if any; for motion `up`, faults besides an unknown position."""
+        """Raise the current fault, if any; for motion `up`, only one other than an unknown position."""
         ...
 
     def close(self) -> None:
@@ -99,7 +99,7 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         self._motion.forget()
 
     def _keep_watch(self, steps: Sequence[Step]) -> None:
-        """From now on, the tip is lifted if this process ends; needs a port of the operating system."""
+        """Start the dead man's switch: it lifts the tip if this process ends. Needs a port of the system."""
         descriptor = self._talk().link.descriptor
         if self._dead_man is not None and not self._dead_man.on_watch:
             self._dismiss()
@@ -123,7 +123,7 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         dialogue.require_sound(up)
 
     def _place_lost(self) -> None:
-        """The position is unknown: no position is expected, and no absolute height is safe to go to."""
+        """Expect no position any more, and dismiss the dead man's switch: no absolute height is safe to go to."""
         self._motion.forget()
         if (dead_man := self._dead_man) is not None:
             dead_man.say_farewell()

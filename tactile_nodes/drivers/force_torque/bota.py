@@ -200,8 +200,8 @@ class BotaConnection:
 
 
 def set_up(port: Port, sinc: int, baud: int) -> None:
-    """The configuration, from power-up or from a running sensor, to running frames."""
-    _wait_for(port, b'App Init', BOOT_S)  # a sensor that was on before is silent or sends frames: both are fine
+    """Configure a sensor, after power-up or while it runs, and start its frames."""
+    _wait_for(port, b'App Init', BOOT_S)  # a sensor that was on before sends frames or nothing: both are fine
     _ask(port, b'C')
     _ask(port, b'c,0,1,0,%d' % BAUD_CODE.get(baud, 4))
     _ask(port, b'f,%d,0,0,1' % sinc)
@@ -222,7 +222,7 @@ def _ask(port: Port, command: bytes) -> None:
 
 
 def _wait_for(port: Port, text: bytes, timeout_s: float, after: int = 0) -> bytes | None:
-    """The `after` bytes behind a text, as soon as both have arrived; None if they do not."""
+    """The `after` bytes that follow a text, once they have arrived; None if they do not arrive."""
     heard, deadline_s = b'', clocks.monotonic_s() + timeout_s
     while clocks.monotonic_s() < deadline_s:
         heard += port.read(WAIT_S)

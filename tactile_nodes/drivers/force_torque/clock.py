@@ -28,14 +28,14 @@ BLOCK_NS = 250_000_000
 WINDOW_BLOCKS = 480  # two minutes: long compared with jitter, short compared with the warm-up of a crystal
 SLOPE_AFTER_BLOCKS = 40  # ten seconds, after which drift exceeds the jitter
 KNOWN_AFTER_BLOCKS = 120  # half a minute
-WANDERS = 0.1  # of `most_drift`: 50 ppm for a crystal, 1000 for a ceramic resonator; temperature hardly causes more
+WANDERS = 0.1  # share of `most_drift`: 50 ppm for a crystal, 1000 for a ceramic resonator; heat hardly causes more
 RECENT_BLOCKS = 8
 MOST_DRIFT = 500e-6
 EARLY_BLOCKS = 8
 EDGE_BLOCKS = 4  # a second: the smallest delay in it is small unless the host is blocked
 JITTER_NS = 10e6
 JUMP_NS = 20e6
-EVEN = 0.15  # of the growth: tolerance of the value at half time
+EVEN = 0.15  # fraction of the growth: tolerance of the value at half time
 EARLY_JITTER_NS = 200e6
 SETTLED_AFTER = 8  # samples
 SETTLED_AFTER_NS = 100_000_000
@@ -48,8 +48,8 @@ class TickClock:
     Args:
         rate_hz: nominal ticks per second.
         delay_ns: constant time from measurement to arrival, subtracted from every stamp.
-        most_drift: largest relative deviation from the nominal rate; 100 ppm for a crystal, 5000 for a ceramic
-            resonator to 5000.
+        most_drift: largest relative deviation from the nominal rate. A crystal deviates by up to 100 ppm, a ceramic
+            resonator by up to 5000 ppm.
     """
 
     def __init__(self, rate_hz: float, delay_ns: int = 0, most_drift: float = MOST_DRIFT) -> None:
@@ -189,7 +189,7 @@ class TickClock:
             self._known = self._line[1]
 
     def _recent(self, points: list[tuple[float, float]]) -> float:
-        """The smallest recent delay, which drift hardly makes longer than that of all."""
+        """The smallest recent delay, but no more than the smallest of all plus the largest drift since then."""
         x, y = min(points, key=lambda point: point[1])
         return min(*(y for _, y in points[-RECENT_BLOCKS:]), y + self._most_drift * max(0.0, points[-1][0] - x))
 

@@ -32,7 +32,7 @@ from tactile_nodes.errors import (
 RECEIVE_BUFFER = 4 << 20  # five seconds of records at 7000 Hz, including overhead of the kernel
 WAIT_S = 0.05
 TRY_S = 0.1
-PERIODS_OF_A_TRY = 3  # a box that starts again with every request must have time for a record
+PERIODS_OF_A_TRY = 3  # a box restarts its stream with every request, so it needs time for a record
 LARGEST_DATAGRAM = 65_535
 
 
@@ -123,7 +123,7 @@ class NetFtConnection:
             self._renew_at_s = clocks.monotonic_s() + self._settings.net_ft.renew_s
 
     def close(self) -> None:
-        """Stop the box; otherwise it would stop by itself."""
+        """Stop the box now; it would also stop by itself later."""
         with contextlib.suppress(OSError):
             self._send(rdt.request(rdt.STOP))
         self._socket.close()
@@ -174,7 +174,7 @@ class NetFtConnection:
         return max(TRY_S, PERIODS_OF_A_TRY / self.rate_hz if self.rate_hz else 0.0)
 
     def _request(self) -> None:
-        """Request records, and again soon until the new stream starts, or else until the old one ends."""
+        """Request records; `fetch` repeats this until the new stream starts."""
         self.tracker.requested()
         net_ft = self._settings.net_ft
         most_hz = max(self.rate_hz, self.config.rate_hz) or self.config.internal_rate_hz
@@ -225,7 +225,7 @@ def _address(host: str) -> str:
 
 
 def _socket(host: str) -> socket.socket:
-    """Not connected: a connected socket would drop data that a box sends from a port other than its own."""
+    """An unconnected socket: a connected one would drop data that a box sends from another port."""
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)

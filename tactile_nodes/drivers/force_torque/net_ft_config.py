@@ -33,7 +33,7 @@ TORQUE_NM = {
     'ftlbf': LBF_N * 12 * INCH_M, 'ftlb': LBF_N * 12 * INCH_M,
     '1': LBF_N * INCH_M, '2': LBF_N * 12 * INCH_M, '3': 1.0, '4': 1e-3, '5': KGF_N / 100, '6': 1e3,
 }  # fmt: skip
-"""By the unit's string without separators, or by the box's number for it."""
+"""Keys: the unit's string without separators, or the box's number for it."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def read_config(host: str, port: int) -> BoxConfig:
 
 
 def parse_config(page: bytes, host: str) -> BoxConfig:
-    """As `read_config`, for a page that was fetched."""
+    """As `read_config`, from a fetched page."""
     text = page.decode('utf-8', 'replace')
     if re.search(r'<netft\b', text, re.IGNORECASE) is None:
         raise DeviceError(f'the page {PAGE} of {host} is not that of a Net F/T box; check the address')

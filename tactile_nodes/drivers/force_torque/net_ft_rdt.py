@@ -45,7 +45,7 @@ def flags_of(status: int) -> int:
 
 
 def request(command: int, count: int = 0) -> bytes:
-    """Start with count 0, which is endless: 12 34 00 02 00 00 00 00."""
+    """The bytes of a request; START_REALTIME with count 0, which is endless, is 12 34 00 02 00 00 00 00."""
     return REQUEST.pack(HEADER, command, count)
 
 
@@ -73,7 +73,7 @@ class Accepted(NamedTuple):
     """A new record.
 
     Attributes:
-        missing: records before it that have not arrived, and will be too late if they do.
+        missing: records before it that have not arrived; if they still come, they are dropped.
         stalled: the internal counter stands still.
         rebooted: the internal counter has restarted.
     """
@@ -99,7 +99,7 @@ class StreamTracker:
         return not self._expecting
 
     def requested(self) -> None:
-        """A start was requested: the numbers will start again at 1."""
+        """Note that a start was requested: the numbers will start again at 1."""
         self._expecting = True
 
     def accept(self, record: Record) -> Accepted | None:

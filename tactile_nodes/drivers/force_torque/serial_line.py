@@ -7,7 +7,6 @@ from tactile_nodes.errors import DeviceLostError
 WAIT_S = 0.05
 """How long to wait for bytes before checking whether to stop."""
 
-
 RESTART_US = 1_000_000
 
 

@@ -62,7 +62,7 @@ class SimulatedForceTorque:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """What it is."""
+        """Source, kind and rate."""
         return {'source': self._settings.source, 'kind': 'simulated', 'rate': f'{self._rate_hz:g}'}
 
     @property
@@ -120,7 +120,7 @@ class SimulatedForceTorque:
         self._queue.listen(listener)
 
     def close(self) -> None:
-        """End."""
+        """Close it."""
         self._is_open = False
 
     def _new_queue(self) -> SampleQueue:

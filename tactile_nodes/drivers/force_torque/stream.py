@@ -39,7 +39,7 @@ class Connection(Protocol):
 
     @property
     def complaint(self) -> str:
-        """A message for a person although it works; empty: none."""
+        """A message for a person about a problem, although it works; empty: none."""
         ...
 
     def fetch(self, queue: SampleQueue) -> None:

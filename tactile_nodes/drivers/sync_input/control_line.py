@@ -66,7 +66,7 @@ class ControlLine(Protocol):
     """A digital input."""
 
     def level(self) -> bool:
-        """Now.
+        """The level now.
 
         Raises:
             OSError: it is gone.
@@ -98,7 +98,7 @@ class SerialControlLine:
         return bool(getattr(self._port, self._line))
 
     def wait(self) -> bool:
-        """By the kernel, if the adapter's driver supports it."""
+        """Wait in the kernel, if the adapter's driver supports it."""
         try:
             fcntl.ioctl(self._port.fileno(), termios.TIOCMIWAIT, MASKS[self._line])
         except OSError as error:
@@ -206,7 +206,7 @@ class WatchedLine:
         return self._waits
 
     def _put(self, level: bool, old_ns: int, new_ns: int) -> None:
-        """The change happened between the last poll with the old level and the first one with the new level."""
+        """Store an edge: it happened between the last poll with the old level and the first one with the new level."""
         self._count += 1
         half_s = max((new_ns - old_ns) / 2 / NS_PER_S, 1e-4)
         stamp_ns = (old_ns + new_ns) // 2 - round(self._settings.delay_ms * 1e6)

@@ -74,7 +74,7 @@ class ReconnectingSyncInput:
         """Every edge since the last call, oldest first; at least one.
 
         Raises:
-            DeviceTimeoutError: none within `timeout_s`, also while the port is away; a line may be still for long.
+            DeviceTimeoutError: none within `timeout_s`: the line has not changed, or the port is lost.
             DeviceError: it is not open.
         """
         if not self._opened:
@@ -96,7 +96,7 @@ class ReconnectingSyncInput:
         self._drop()
 
     def _try_again(self, deadline_ns: int) -> WatchedLine:
-        """The line, if it is available by then."""
+        """The line, if it is available before the deadline."""
         self._clock.sleep_until(min(self._next_try_ns, deadline_ns))
         if self._next_try_ns > deadline_ns:
             raise DeviceTimeoutError(f'{self._name} is lost ({self._reason}); reconnecting')
