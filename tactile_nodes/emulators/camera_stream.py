@@ -1,6 +1,6 @@
 """A camera that looks at a world: MJPEG over HTTP on the loopback address, as from cheap network cameras.
 
-An image is rendered when it is due and a client is connected. A client that is too late for one gets the next.
+An image is rendered when it is due and a client is connected. A client that comes too late for one gets the next.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tactile_nodes.simulation.scene import WorldScene
 LOOPBACK = '127.0.0.1'
 BOUNDARY = 'picture'
 QUALITY = 95
-LIGHT = (16, 16, 24, 24)  # x, y, width and height in pixels; outside the central square that is cropped from the image
+LIGHT = (16, 16, 24, 24)  # x, y, width and height in pixels; outside the central square that the image is cropped to
 BRIGHT = 220
 EXPOSURE_S = 0.008
 RECENT = 32
@@ -31,12 +31,12 @@ RECENT = 32
 class CameraStream:
     """The server; ``silent`` holds images back, ``delay_s`` sends old ones.
 
-    The next ``lose`` images are never sent, nor the share ``loss_rate`` of the others.
+    The next ``lose`` images are never sent. Of the others, the share ``loss_rate`` is not sent.
 
     Args:
         world: the world that the camera sees.
         clock: decides when images are due.
-        fps: frames a second; a slow machine makes fewer.
+        fps: frames per second; a slow computer renders fewer.
         port: the TCP port; 0: any.
     """
 

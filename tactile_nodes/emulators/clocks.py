@@ -1,4 +1,4 @@
-"""Clocks of emulated devices: counters with any start value that run a little too fast or too slow."""
+"""Clocks of emulated devices: counters with any start value, which run a little too fast or too slow."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from tactile_nodes.clock import NS_PER_S, Clock
 class DeviceClock:
     """A counter with its own oscillator.
 
-    With 7000 ticks a second and a drift of +100 ppm, 1 h of the host's time is 25 202 520 ticks; 2520 too many.
+    With 7000 ticks per second and a drift of +100 ppm, 1 h of the host's time is 25 202 520 ticks, 2520 too many.
 
     Attributes:
-        rate_hz: nominal ticks a second.
+        rate_hz: nominal ticks per second.
         start_ns: the time on the host's base at which it read `offset`.
         offset: its reading at `start_ns`.
         drift_ppm: how much too fast it runs.
@@ -41,7 +41,7 @@ class DeviceClock:
         return (self.offset + count) % (1 << self.bits)
 
     def altered(self, time_ns: int, drift_ppm: float, jump_s: float = 0.0) -> DeviceClock:
-        """This clock with another drift from a time on, and a jump ahead. `count` continues, the reading jumps.
+        """This clock with another drift and a jump ahead, from a time on. `count` continues, the reading jumps.
 
         A clock of 7000 Hz that reads 700 and jumps by 1 s reads 7700 next.
         """

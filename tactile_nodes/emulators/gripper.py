@@ -41,7 +41,7 @@ class GripperSettings:
 class Gripper:
     """Follows commands at its speed; `advance` returns how the object is held.
 
-    Only a gripped object can be pulled; until then it stands still. It is lost once it has slid out.
+    Only a gripped object is pulled; until then it does not move. It is lost once it has slid out.
     """
 
     def __init__(self, settings: GripperSettings, fingers: Sequence[Finger], start_ns: int) -> None:
@@ -85,7 +85,7 @@ def finger_of(sensor: HandSensor) -> Finger:
 
 
 def pull_along(sensor: HandSensor) -> tuple[float, float]:
-    """The direction of the pull (z of the hand) along the surface of a sensor (x, y).
+    """The direction (x, y) of the pull, which is along z of the hand, on the surface of a sensor.
 
     For a finger that looks along the hand's -y (rpy 90, 0, 0 degrees) it is the sensor's y: (0, 1).
     """

@@ -28,7 +28,7 @@ def length(a: Vector) -> float:
 
 
 def limited(unit: Vector, limits: Vector) -> float:
-    """The greatest value along a direction of a quantity that is limited on each axis."""
+    """The largest value along a direction, for a quantity with a limit on each axis."""
     return min((limit / abs(part) for part, limit in zip(unit, limits, strict=True) if part), default=math.inf)
 
 
@@ -84,7 +84,7 @@ class Trapezoid:
 
 @dataclass(frozen=True)
 class Braking:
-    """From a speed to rest: 10 mm/s with 100 mm/s² takes 0.1 s and 0.5 mm."""
+    """Deceleration from a speed to rest: 10 mm/s with 100 mm/s² takes 0.1 s and 0.5 mm."""
 
     from_mm_s: float
     deceleration: float
@@ -155,7 +155,7 @@ class Timeline:
         return self._segments[-1].end_ns if self._segments else 0
 
     def append(self, segment: Segment) -> None:
-        """Add a line, which starts after the last one has come to rest, and at its end."""
+        """Add a line. It must start at the end of the last one, after its motion has come to rest."""
         self._segments.append(segment)
         self._starts.append(segment.start_ns)
         if len(self._segments) > KEPT_SEGMENTS:
@@ -174,7 +174,7 @@ class Timeline:
         return segment.speed(time_ns) if segment is not None else 0.0
 
     def brake(self, time_ns: int, deceleration: float | None = None) -> int:
-        """Stop on the present line, at once if no deceleration is given; drop later lines. Returns the time of rest."""
+        """Stop on the current line, at once if no deceleration is given; drop later lines. Returns the time of rest."""
         segment = self._segment(time_ns)
         if segment is None or segment.end_ns <= time_ns:
             self._forget_after(time_ns)

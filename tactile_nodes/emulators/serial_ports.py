@@ -14,7 +14,7 @@ from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
 
-LONGEST_WAIT_S = 0.01  # how late the device may notice a step of the clock, or a host that opens it
+LONGEST_WAIT_S = 0.01  # largest delay until the device notices a step of the clock, or a host that opens it
 
 
 class Pluggable(Protocol):

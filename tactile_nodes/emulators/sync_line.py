@@ -1,4 +1,4 @@
-"""The digital line as recorders see it: on a control line, as a light before a camera, and in a recorder's file."""
+"""The digital line as recorders see it: on a control line, as a light in a camera's view, and in a recorder's file."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class EmulatedControlLine:
         return False
 
     def close(self) -> None:
-        """Does nothing."""
+        """Close it."""
         self._closed.set()
 
 
 class SharedLine:
-    """The world's line, shared by name within this process; low while there is none."""
+    """The line of a world that is shared by name in this process; low while there is no such world."""
 
     def __init__(self, name: str) -> None:
         self._name = name

@@ -189,7 +189,7 @@ class World:
         return tuple(press for press in self._shape_at(time_ns).presses if press.depth_mm > 0)
 
     def force_at(self, time_ns: int) -> float:
-        """Contact force along the surface's normal in N, by contact table and settling; it keeps rising beyond both."""
+        """Contact force along the surface's normal in N, by contact table and settling; it rises beyond the table."""
         touch = self._touch_at(time_ns)
         if touch.depth_mm <= 0:
             return 0.0

@@ -1,8 +1,8 @@
 """A Grbl 1.1h or grblHAL controller, as a host on its serial line sees it.
 
-Sequences are those observed on the original firmware compiled for a PC. Left out: arcs, spindle override, safety door
-states beyond a hold, limit pins, hard limits (raise alarm 1 with `alarm`), startup blocks, step rounding. Blocks
-start and end at rest (see `motion`).
+The sequences of responses were observed on the original firmware, compiled for a PC. Left out: arcs, spindle override,
+safety door states beyond a hold, limit pins, hard limits (raise alarm 1 with `alarm`), startup blocks, step rounding.
+Blocks start and end at rest (see `motion`).
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ class Grbl(SerialDevice):
         self.alarm_lock = self.machine.flag(22)
         self._boot()
 
-    # What tests and demonstrations do to it.
+    # Actions of tests and demonstrations.
 
     def power_cycle(self) -> None:
-        """A restart: the machine stops on the spot, and its place becomes machine zero."""
+        """Restart: the machine stops at once, and its position becomes machine zero."""
         with self._lock:
             self.machine.planner.flush(self.now_ns)
             self.machine.origin = self.machine.world.motor_at(self.now_ns)
@@ -52,7 +52,7 @@ class Grbl(SerialDevice):
             self._boot()
 
     def alarm(self, number: int) -> None:
-        """An alarm out of the blue: 1 is a limit switch that was hit, which stops the machine on the spot."""
+        """Raise an alarm, which stops the machine at once; 1 is a limit switch that was hit."""
         with self._lock:
             self.run()
             self.machine.planner.flush(self.now_ns)
@@ -63,40 +63,40 @@ class Grbl(SerialDevice):
 
     @property
     def world(self) -> World:
-        """Where the machine stands."""
+        """The world of the machine."""
         return self.machine.world
 
     def tell(self, text: str) -> None:
-        """A line to the host."""
+        """Send a line to the host."""
         self.say(text.encode('ascii') + b'\r\n')
 
     def answer(self, error: int = 0) -> None:
-        """The one response to a line."""
+        """Send the response to a line: ``ok``, or an error."""
         if error:
             self.tell(f'error:{error}')
         elif not self.faults.swallow_ok:
             self.tell('ok')
 
     def wait_until_empty(self) -> Program:
-        """Until the planner has nothing left."""
+        """Wait until the planner is empty."""
         yield lambda: self.machine.planner.used == 0
 
     def wait_s(self, seconds: float) -> Program:
-        """For a time."""
+        """Wait for a time."""
         self._wake_ns = due_ns = self.now_ns + round(seconds * 1e9)
         yield lambda: self.now_ns >= due_ns
         self._wake_ns = None
 
     def wake_at(self, time_ns: int | None) -> None:
-        """Look at the condition of the program at a time."""
+        """Check the condition of the program at a time."""
         self._wake_ns = time_ns
 
     def go_to_alarm(self, number: int) -> None:
-        """Lock, and say so."""
+        """Lock, and report the alarm."""
         self.state = 'Alarm'
         self.tell(f'ALARM:{number}')
 
-    # The line.
+    # Lines.
 
     def _boot(self) -> None:
         self._clear()
@@ -125,9 +125,9 @@ class Grbl(SerialDevice):
                 self._clear()
 
     def next_line(self) -> Generator[Wait, None, str]:
+        """The next line without spaces and comments, in capitals."""
         line: list[str] = []
         comment = False
-        """The next line without spaces and comments, in capitals."""
         while True:
             yield lambda: bool(self._received)
             character = chr(self._received.pop(0))
@@ -153,7 +153,7 @@ class Grbl(SerialDevice):
         except GrblError as error:
             self.answer(error.number)
 
-    # Real time.
+    # Real-time commands.
 
     def _byte(self, byte: int) -> None:
         character = chr(byte)
@@ -185,7 +185,7 @@ class Grbl(SerialDevice):
         segment = machine.planner.segment
         speed = machine.world.motor_speed_at(now_ns)
         if self.state == 'Hold' and segment is not None:
-            speed = segment.shape.speed(segment.shape.duration_s / 2)  # as the firmware: the feed it would go at
+            speed = segment.shape.speed(segment.shape.duration_s / 2)  # the firmware reports the feed before the hold
         return Snapshot(
             state=self._state_text(),
             machine_mm=machine.place(now_ns),
@@ -209,7 +209,7 @@ class Grbl(SerialDevice):
         planner = self.machine.planner
         moving = self.state in {'Run', 'Jog', 'Home'} or not planner.at_rest(self.now_ns)
         if self.critical and not self.dialect.answers_in_critical_alarm:
-            self.answer()  # of the line that hit the limit, late
+            self.answer()  # the late response to the line that hit the limit
         if moving:
             self.tell('ALARM:6' if self.homing else 'ALARM:3')
         planner.flush(self.now_ns)
@@ -241,7 +241,7 @@ class Grbl(SerialDevice):
         self._feed_override = min(200, max(10, self._feed_override + FEED_OVERRIDES.get(byte, 0)))
         self.machine.planner.feed_override = self._feed_override / 100  # from the next block on
 
-    # Time.
+    # Events in time.
 
     def _progress(self) -> None:
         planner = self.machine.planner

@@ -1,6 +1,6 @@
-"""What a G-code line means to Grbl: words, modal groups, and the error number for each way to get it wrong.
+"""Parses G-code lines as Grbl does: words, modal groups, and the error number of each mistake.
 
-Arcs, tool offsets and inverse-time feed are left out (error 20): an indentation rig has no use for them.
+Arcs, tool offsets and inverse-time feed are left out (error 20), because an indentation rig does not use them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ WORD = re.compile(r'([A-Z])([-+]?\d*\.?\d*)')
 
 
 class GrblError(Exception):
-    """The number after ``error:``."""
+    """A mistake in a line; `number` is sent after ``error:``."""
 
     def __init__(self, number: int) -> None:
         super().__init__(f'error:{number}')
@@ -35,7 +35,7 @@ class GrblError(Exception):
 
 @dataclass(frozen=True)
 class Modal:
-    """What holds until something else is said; the defaults are those after a reset."""
+    """The modal state, which lines change; the defaults are those after a reset."""
 
     motion: str = 'G0'
     system: int = 54
@@ -55,7 +55,7 @@ class Modal:
 
 @dataclass(frozen=True)
 class Command:
-    """One line, understood. Axes and feed are in mm."""
+    """One parsed line. Axes and feed are in mm."""
 
     modal: Modal
     motion: str | None = None
@@ -98,7 +98,7 @@ def understand(text: str, modal: Modal) -> Command:
 
 
 def understand_jog(text: str, modal: Modal) -> Command:
-    """The command after ``$J=``, which leaves the modal state alone."""
+    """The command after ``$J=``, which does not change the modal state."""
     codes, values = _sorted_words(words_of(text))
     if any(letter != 'G' or number not in JOG_CODES for letter, number in codes):
         raise GrblError(16)

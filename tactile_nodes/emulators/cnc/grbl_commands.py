@@ -1,4 +1,4 @@
-"""What Grbl does with a line; each command runs until its answer is due, and waits by yielding a condition."""
+"""Executes the lines of Grbl. Each command runs until its response is due, and waits by yielding a condition."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ HELP = '[HLP:$$ $# $G $I $N $x=val $Nx=line $J=line $SLP $C $X $H ~ ! ? ctrl-x]'
 
 
 class Restart(Exception):  # noqa: N818
-    """The firmware starts again, without losing its place."""
+    """The firmware starts again and keeps its position."""
 
 
 def gcode(grbl: Grbl, line: str) -> Program:
-    """A line of G-code."""
+    """Execute a line of G-code."""
     if grbl.state in {'Alarm', 'Jog', 'Sleep'}:
         raise GrblError(9)
     machine = grbl.machine
@@ -84,7 +84,7 @@ def _soft_limit(grbl: Grbl) -> Program:
 
 
 def critical(grbl: Grbl, number: int) -> Program:
-    """An alarm that only a reset ends; on Grbl nothing else is even listened to."""
+    """Raise an alarm that only a reset ends. Until then Grbl ignores all lines, and grblHAL refuses them."""
     grbl.critical = True
     grbl.go_to_alarm(number)
     grbl.tell('[MSG:Reset to continue]')
@@ -149,7 +149,7 @@ def _probe_missed(grbl: Grbl, command: Command) -> None:
 
 
 def _touch_ns(grbl: Grbl, segment: Segment | None) -> int | None:
-    """When the probe closes on a line downwards, to the microsecond."""
+    """When the probe closes on a line downwards, to the microsecond; None: it does not close."""
     if segment is None or not grbl.world.probe_closed(segment.end_ns):
         return None
     low, high = grbl.now_ns, segment.end_ns
@@ -160,7 +160,7 @@ def _touch_ns(grbl: Grbl, segment: Segment | None) -> int | None:
 
 
 def system(grbl: Grbl, line: str) -> Program:
-    """A line that starts with ``$``."""
+    """Execute a line that starts with ``$``."""
     if line.startswith('$J='):
         yield from _jog(grbl, line[3:])
     elif line == '$H':
@@ -214,7 +214,7 @@ def _home(grbl: Grbl) -> Program:
 
 
 def _switches(grbl: Grbl) -> tuple[Vector, Vector]:
-    """Where the end switches are in the world, and on which end of each axis."""
+    """Positions of the end switches in the world, and the end of each axis where they are (1: upper, -1: lower)."""
     mask, room = int(float(grbl.machine.memory[23])), grbl.world.settings.room_mm
     x, y, z = (-1.0 if mask & (1 << axis) else 1.0 for axis in range(3))
     ends = [0.0 if sign > 0 else -size for sign, size in zip((x, y, z), room, strict=True)]
@@ -222,7 +222,7 @@ def _switches(grbl: Grbl) -> tuple[Vector, Vector]:
 
 
 def _seek(grbl: Grbl, ends: dict[int, float], feed: float) -> Program:
-    """Move axes of the tip to places in the world, however many steps were lost before."""
+    """Move axes of the tip to positions in the world, even if steps were lost before."""
     tip, motor = grbl.world.tip_at(grbl.now_ns), grbl.world.motor_at(grbl.now_ns)
     x, y, z = (motor[axis] + ends.get(axis, tip[axis]) - tip[axis] for axis in range(3))
     machine = grbl.machine

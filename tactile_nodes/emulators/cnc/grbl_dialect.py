@@ -1,4 +1,4 @@
-"""What Grbl 1.1h and grblHAL say differently, and the settings that both keep."""
+"""Differences between Grbl 1.1h and grblHAL, and the settings that both store."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SETTINGS: dict[int, str] = {
     112: '1200.000', 120: '200.000', 121: '200.000', 122: '200.000', 130: '120.000', 131: '120.000',
     132: '60.000',
 }  # fmt: skip
-"""A rig that has been set up: limits and homing on, motors kept on, 400 steps/mm, the world's room."""
+"""A rig that is set up: limits and homing on, motors kept on, 400 steps/mm, the travel of the world."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ DIALECTS = {'grbl': GRBL, 'grblhal': GRBLHAL}
 
 @dataclass(frozen=True)
 class GrblSettings:
-    """Which firmware, and what stands in its memory."""
+    """Which firmware, and its stored settings."""
 
     dialect: str = parameter('grbl', 'which firmware', choices=('grbl', 'grblhal'))
     baud: int = parameter(115200, 'bits per second', minimum=9600)
@@ -75,5 +75,5 @@ class GrblSettings:
 
 
 def axes_of(memory: dict[int, str], first: int) -> Vector:
-    """Three settings in a row as a vector."""
+    """Three settings with successive numbers as a vector."""
     return (float(memory[first]), float(memory[first + 1]), float(memory[first + 2]))

@@ -1,4 +1,4 @@
-"""The machine as Grbl knows it: settings, coordinates, modal state, planner."""
+"""The machine as Grbl represents it: settings, coordinates, modal state, planner."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class GrblMachine:
-    """What a controller remembers about one machine. `origin` is machine zero in the world's coordinates."""
+    """The state of one machine in its controller. `origin` is machine zero in the world's coordinates."""
 
     def __init__(self, world: World, settings: GrblSettings, now_ns: int) -> None:
         self.world = world
@@ -27,13 +27,13 @@ class GrblMachine:
         self.reset()
 
     def reset(self) -> None:
-        """What a soft reset puts back."""
+        """Set everything that a soft reset clears."""
         self.modal = Modal()
         self.shift: Vector = ZERO  # of G92
         self.probed: tuple[Vector, bool] = (ZERO, False)
 
     def flag(self, number: int) -> bool:
-        """A setting that is yes or no."""
+        """Whether a setting is on."""
         return float(self.memory[number]) != 0
 
     @property
@@ -46,7 +46,7 @@ class GrblMachine:
         return plus(self.world.motor_at(now_ns), self.origin, -1.0)
 
     def planned(self, now_ns: int) -> Vector:
-        """Machine coordinates when all that is queued is done."""
+        """Machine coordinates after all queued motion."""
         return plus(self.planner.target(now_ns), self.origin, -1.0)
 
     @property
@@ -55,7 +55,7 @@ class GrblMachine:
         return plus(self.systems[self.modal.system], self.shift)
 
     def target(self, command: Command, now_ns: int) -> Vector:
-        """Where a motion command leads, in machine coordinates."""
+        """The target of a motion command in machine coordinates."""
         start, offset = self.planned(now_ns), self.offset
         found = list(start)
         for axis, value in command.axes.items():
@@ -68,7 +68,7 @@ class GrblMachine:
         return (found[0], found[1], found[2])
 
     def block(self, target: Vector, feed_mm_min: float | None) -> Block:
-        """A line to machine coordinates."""
+        """A straight line to machine coordinates."""
         rates = axes_of(self.memory, 110)
         feed = None if feed_mm_min is None else feed_mm_min / 60
         rates_mm_s = (rates[0] / 60, rates[1] / 60, rates[2] / 60)
@@ -82,7 +82,7 @@ class GrblMachine:
         return any(not -most <= value <= 0.0 for value, most in zip(target, travel, strict=True))
 
     def write(self, number: int, text: str) -> None:
-        """Change a setting, as ``$n=v``."""
+        """Change a setting, as ``$n=v`` does."""
         try:
             value = float(text)
         except ValueError as error:
@@ -97,7 +97,7 @@ class GrblMachine:
         self.memory[number] = f'{value:.3f}' if '.' in self.memory[number] else f'{value:.0f}'
 
     def set_offset(self, command: Command, now_ns: int) -> None:
-        """G10 L2 and L20, G92 and G92.1, G28.1 and G30.1."""
+        """Execute G10 L2 and L20, G92 and G92.1, G28.1 and G30.1."""
         here = self.planned(now_ns)
         if command.non_modal in {28.1, 30.1}:
             self.homes[float(int(command.non_modal))] = here
@@ -123,7 +123,7 @@ class GrblMachine:
         return [*rows, f'[G92:{self._text(self.shift)}]', '[TLO:0.000]', self.probe_report()]
 
     def probe_report(self) -> str:
-        """Where the probe closed last."""
+        """The report of the last probe cycle."""
         place, success = self.probed
         return f'[PRB:{self._text(place)}:{int(success)}]'
 

@@ -10,7 +10,7 @@ from tactile_nodes.emulators.motion import Vector, plus
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What a report may tell."""
+    """The values that a report can contain."""
 
     state: str
     machine_mm: Vector
@@ -26,7 +26,7 @@ class Snapshot:
 
 
 class StatusReports:
-    """Counts reports, because the slow fields come with every tenth to thirtieth only."""
+    """Counts reports, because the slow fields come only with every tenth to thirtieth."""
 
     def __init__(self) -> None:
         self._until_offset = 0

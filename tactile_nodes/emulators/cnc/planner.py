@@ -1,4 +1,4 @@
-"""The queue of lines in a motion controller: started one after the other, held, resumed, thrown away."""
+"""The queue of lines in a motion controller: started one after the other, held, resumed, dropped."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactile_nodes.emulators.world import World
 
 @dataclass(frozen=True)
 class Block:
-    """A line to a target in the world's coordinates; `None` as feed is as fast as the axes go."""
+    """A line to a target in the world's coordinates; feed None: as fast as the axes allow."""
 
     target: Vector
     feed_mm_s: float | None
@@ -20,7 +20,7 @@ class Block:
 
 
 class Planner:
-    """Executes blocks in the world. `step` must be called at `next_event_ns`, not later, for exact starts."""
+    """Executes blocks in the world. `step` must be called exactly at `next_event_ns`: the next block starts then."""
 
     def __init__(self, world: World, capacity: int) -> None:
         self._world = world
@@ -34,16 +34,16 @@ class Planner:
 
     @property
     def used(self) -> int:
-        """Blocks queued or under way."""
+        """Blocks queued or in progress."""
         return len(self._queue) + (self._current is not None)
 
     @property
     def segment(self) -> Segment | None:
-        """The line under way."""
+        """The line in progress."""
         return self._segment if self._current is not None else None
 
     def target(self, now_ns: int) -> Vector:
-        """Where the motors will rest when all is done."""
+        """Position of the motors after all blocks."""
         last = self._queue[-1] if self._queue else self._current
         return last.target if last is not None else self._world.motor_at(now_ns)
 
@@ -52,7 +52,7 @@ class Planner:
         return self._current is None or now_ns >= self._end_ns
 
     def add(self, block: Block, now_ns: int) -> bool:
-        """Queue a block, and start it if nothing is under way; False: it leads nowhere."""
+        """Queue a block, and start it if none is in progress; False: it has no length."""
         if length(plus(block.target, self.target(now_ns), -1.0)) < 1e-6:
             return False
         self._queue.append(block)
@@ -60,7 +60,7 @@ class Planner:
         return True
 
     def step(self, now_ns: int) -> None:
-        """Finish what has ended, start what comes next."""
+        """Remove a block that has ended, and start the next one."""
         if self.held:
             return
         if self._current is not None and now_ns >= self._end_ns:
@@ -69,30 +69,30 @@ class Planner:
             self._start(self._queue.popleft(), now_ns)
 
     def next_event_ns(self, now_ns: int) -> int | None:
-        """When something ends that is under way."""
+        """When the block in progress ends; None: nothing moves."""
         return self._end_ns if self._current is not None and now_ns < self._end_ns else None
 
     def hold(self, now_ns: int) -> None:
-        """Slow down to rest along the line and stay there."""
+        """Decelerate to rest along the line, and stay there."""
         if self._current is not None and not self.held and self._segment is not None:
             self._end_ns = self._world.brake(now_ns, limited(self._segment.unit, self._current.acceleration))
         self.held = True
 
     def resume(self, now_ns: int) -> None:
-        """Go on where it was held."""
+        """Continue after a hold."""
         self.held = False
         if self._current is not None:
             self._start(self._current, now_ns)
 
     def flush(self, now_ns: int) -> None:
-        """Forget every block; what still moves stops on the spot."""
+        """Drop all blocks; motion stops at once."""
         self._world.brake(now_ns)
         self._queue.clear()
         self._current, self._segment, self._end_ns = None, None, now_ns
         self.held = False
 
     def drop_queue(self) -> None:
-        """Forget the blocks that are not under way."""
+        """Drop the blocks that have not started."""
         self._queue.clear()
 
     def _start(self, block: Block, now_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""How a force/torque sensor is screwed to the machine: its axes against the machine's."""
+"""Mounting of a force/torque sensor on the machine: the rotation between their axes."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[flo
 
 UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 UPSIDE_DOWN: Matrix = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
-"""Turned by half a turn about x: a sensor whose z points to the tool, which hangs from the machine."""
+"""Half a turn about x: for a sensor that hangs from the machine, with z pointing to the tool."""
 
 
 @dataclass(frozen=True)
 class Mounted:
-    """What a turned sensor feels of a world, and what it shows without load.
+    """A sensor with a rotation: the wrench that it measures in a world, and its reading without load.
 
     Attributes:
         world: in the machine's axes.
         sensor_from_machine: the rotation; both the force and the torque are turned by it. With `UPSIDE_DOWN`,
             a force of (1, 2, 3) N reads (1, -2, -3) N.
-        unloaded: what it reads without load: the zero of its bridge and the weight of the tool, in its own axes.
+        unloaded: its reading without load: zero offset of its bridge, and weight of the tool, in its own axes.
     """
 
     world: WrenchSource
@@ -29,9 +29,9 @@ class Mounted:
     unloaded: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def wrench_at(self, time_ns: int) -> Wrench:
-        """In the sensor's axes, in N and N·m."""
+        """The wrench in the sensor's axes, in N and N·m."""
         wrench = self.world.wrench_at(time_ns)
-        if not any(wrench):  # most of the time
+        if not any(wrench):  # the usual case, which is faster this way
             return self.unloaded
         fx, fy, fz, tx, ty, tz = wrench
         force, torque = self._turned(fx, fy, fz), self._turned(tx, ty, tz)

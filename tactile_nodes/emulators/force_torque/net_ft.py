@@ -1,10 +1,10 @@
-"""An ATI Net F/T box on this machine: RDT over UDP and its web pages over HTTP, for as long as it is open.
+"""An ATI Net F/T box on this machine: RDT over UDP and its web pages over HTTP, while it is open.
 
     with NetFtServer(NetFtBox(world), clock) as server:
         ... # netft://127.0.0.1, with server.rdt_port and server.http_port
 
-It listens on the loopback address alone. Pages that change settings are refused, and the attempt is written down in
-`refused`, unless the box is `writable`: a driver must not change a box behind its owner's back, and this shows it.
+It listens only on the loopback address. Requests that change settings are refused and listed in `refused`, unless the
+box is `writable`. So a test can check that a driver does not change settings without permission.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from tactile_nodes.emulators.force_torque.net_ft_box import Client, NetFtBox
 from tactile_nodes.emulators.force_torque.net_ft_config import changed, xml
 
 LOOPBACK = '127.0.0.1'
-LONGEST_WAIT_S = 0.05  # between looks at the clock, which may be stepped
+LONGEST_WAIT_S = 0.05  # between checks of the clock, which may be stepped
 SHORTEST_WAIT_S = 0.0005
 
 
 class NetFtServer:
-    """A box with its two sockets; ports of 0 are chosen freely."""
+    """A box with its two sockets; port 0: any free port."""
 
     def __init__(
         self, box: NetFtBox, clock: Clock, *, rdt_port: int = 0, http_port: int = 0, writable: bool = False
@@ -76,7 +76,7 @@ class NetFtServer:
         self._udp.close()
 
     def page(self, target: str) -> tuple[int, bytes]:
-        """Status and body of a page, as a browser asks for it."""
+        """HTTP status and body of a page."""
         parts = urlsplit(target)
         with self._lock:
             if parts.path == '/netftapi2.xml':
@@ -103,11 +103,11 @@ class NetFtServer:
             received = self._receive()
             with self._lock:
                 now_ns = self._clock.now_ns()
-                datagrams = self.box.due(now_ns)  # what was due before the request goes to whom it was due
+                datagrams = self.box.due(now_ns)  # records due before the request go to the earlier client
                 if received is not None:
                     self.box.request(*received, now_ns)
             for datagram, client in datagrams:
-                with contextlib.suppress(OSError):  # the client may be gone: a box does not mind
+                with contextlib.suppress(OSError):  # the client may be gone; a box ignores that
                     self._udp.sendto(datagram, client)
 
     def _receive(self) -> tuple[bytes, Client] | None:
@@ -141,6 +141,6 @@ def _http_server(owner: NetFtServer, port: int) -> _ThreadingServer:
             self.wfile.write(body)
 
         def log_message(self, format: str, *args: object) -> None:
-            """Quiet."""
+            """Log nothing."""
 
     return _ThreadingServer((LOOPBACK, port), Handler)

@@ -1,8 +1,9 @@
 """The inside of an emulated ATI Net F/T box: requests in, datagrams out, as a function of time; no socket, no thread.
 
 RDT, all numbers big-endian: a request is eight bytes (0x1234, command, count), a record 36 (three unsigned, six signed
-32-bit numbers: rdt_sequence, ft_sequence, status, Fx, Fy, Fz, Tx, Ty, Tz in counts). The box acknowledges nothing,
-serves the client that asked last, counts `rdt_sequence` from 1 in each stream, and `ft_sequence` at 7000 Hz always.
+32-bit numbers: rdt_sequence, ft_sequence, status, Fx, Fy, Fz, Tx, Ty, Tz in counts). The box acknowledges nothing and
+serves the client with the last request. It counts `rdt_sequence` from 1 in each stream, and `ft_sequence` always at
+7000 Hz.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ HEADER = 0x1234
 STOP, START_REALTIME, START_BUFFERED, RESET_LATCH, SET_BIAS = 0x0000, 0x0002, 0x0003, 0x0041, 0x0042
 SUMMARY, SATURATION, LATCHED = 0x8000_0000, 0x0002_0000, 0x0001_0000
 INT32_MAX = 2**31 - 1
-MOST_AT_ONCE = 20_000  # records in one go after the host's time has jumped
+MOST_AT_ONCE = 20_000  # records in one call, after the host's time has jumped
 ZERO: Counts = (0, 0, 0, 0, 0, 0)
 
 
 @dataclass
 class NetFtFaults:
-    """What is wrong with the box and its network; the numbers count down as they take effect."""
+    """Faults of the box and its network; the numbers count down as they take effect."""
 
     silent: bool = False
     stalled: bool = False
@@ -55,8 +56,8 @@ class NetFtBox:
     """The state of a box.
 
     Args:
-        world: what it feels, in its own axes.
-        config: what it is set to.
+        world: the load on it, in its own axes.
+        config: its settings.
         clock: its sample counter; 7000 Hz nominally, with offset and drift.
         noise: standard deviation of its readings in N (forces) and N·m (torques).
         seed: of the noise and of random loss.
@@ -87,7 +88,7 @@ class NetFtBox:
 
     @property
     def client(self) -> Client | None:
-        """To whom it streams now."""
+        """The client that it streams to now."""
         return self._stream.client if self._stream else None
 
     @property
@@ -96,7 +97,7 @@ class NetFtBox:
         return self._bias
 
     def request(self, data: bytes, client: Client, now_ns: int) -> None:
-        """Obey a datagram; anything that is no request is ignored, as is an unknown command."""
+        """Execute the request in a datagram; other data and unknown commands are ignored."""
         if len(data) != 8:
             return
         header, command, count = struct.unpack('>HHI', data)
@@ -113,7 +114,7 @@ class NetFtBox:
             self._bias = self._strain(self.clock.count(now_ns))
 
     def due(self, now_ns: int) -> list[tuple[bytes, Client]]:
-        """The datagrams that have come due, in the order in which the network delivers them."""
+        """The datagrams that are due, in the order in which the network delivers them."""
         sent: list[tuple[bytes, Client]] = []
         for _ in range(MOST_AT_ONCE):
             stream = self._stream
@@ -123,11 +124,11 @@ class NetFtBox:
         return sent
 
     def next_ns(self) -> int | None:
-        """When the next record comes due; None without a stream."""
+        """When the next record is due; None: there is no stream."""
         return self.clock.time_ns(self._stream.next_count) if self._stream else None
 
     def status_at(self, counts: Counts) -> int:
-        """The status word with these counts."""
+        """The status word for these counts."""
         status = self.faults.status
         if self.faults.saturated or self._beyond(counts):
             status |= SATURATION
@@ -161,7 +162,7 @@ class NetFtBox:
         return struct.pack('>3I6i', stream.sequence, self.clock.reading(count), self.status_at(counts), *counts)
 
     def _sampled(self, count: int) -> int:
-        """The internal sample that a record shows: of a stalled front end always the last before the stall."""
+        """The internal sample that a record shows; while it is stalled, the last one before the stall."""
         if not self.faults.stalled:
             self._stalled_at = None
             return count

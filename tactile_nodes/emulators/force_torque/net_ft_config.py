@@ -1,4 +1,4 @@
-"""What an emulated ATI Net F/T box is set to, its ``netftapi2.xml``, and its pages that change settings."""
+"""Settings of an emulated ATI Net F/T box, its ``netftapi2.xml``, and its pages that change settings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TORQUE_UNIT_NM = {
 
 @dataclass(frozen=True)
 class Threshold:
-    """A monitor condition: counts of an axis (0 to 5 for Fx to Tz) above or below a limit; codes as the box shows."""
+    """A monitor condition: counts of an axis (0 to 5 for Fx to Tz) above or below a limit; codes as in the box."""
 
     axis: int
     above: bool
@@ -32,7 +32,7 @@ class Threshold:
 
 @dataclass(frozen=True)
 class NetFtConfig:
-    """The settings; the defaults are those of a Mini40 SI-40-2 as it leaves the factory, and unit strings as seen."""
+    """The settings; the defaults are the factory settings of a Mini40 SI-40-2, with unit strings as observed."""
 
     name: str = 'ATI Net F/T'
     force_unit: str = 'N'
@@ -50,7 +50,7 @@ class NetFtConfig:
 
     @property
     def rate_hz(self) -> int:
-        """RDT output rate as the box shows it."""
+        """RDT output rate as the box reports it."""
         return round(INTERNAL_RATE_HZ / self.divider)
 
     def counts_per_si(self) -> tuple[float, ...]:
@@ -68,7 +68,7 @@ class NetFtConfig:
 
 
 def divider_for(rate_hz: int) -> int:
-    """The box divides 7000 Hz by a whole number and so rounds the rate up: 150 gives 46 (152 Hz), 99 gives 70."""
+    """Divider of 7000 Hz for a rate, which the box rounds up: 150 gives 46 (152 Hz), 99 gives 70."""
     return max(1, INTERNAL_RATE_HZ // max(1, min(rate_hz, INTERNAL_RATE_HZ)))
 
 
@@ -133,10 +133,10 @@ def _list(values: tuple[int, ...]) -> str:
 
 
 def changed(config: NetFtConfig, page: str, query: str) -> NetFtConfig | None:
-    """The settings after a visit to one of the box's pages; None: the box has no such page, or not for this."""
+    """The settings after a request to one of the box's pages; None: no such page, or not allowed."""
     values = {name: value[-1] for name, value in urllib.parse.parse_qs(query).items()}
     if any(name.startswith('comnet') for name in values):
-        return None  # would change the address that the box is reached under
+        return None  # would change the address of the box
     try:
         return _changed(config, page, values)
     except ValueError:

@@ -1,9 +1,9 @@
-"""Serial force/torque sensors on pseudo-terminals: a pty that can be unplugged, and whoever speaks on it.
+"""Serial force/torque sensors on pseudo-terminals: a pty that can be unplugged, and the device behind it.
 
     with PtySensor(BotaSensor(world), clock, tmp_path / 'ttyFT') as device:
         ... # bota:<tmp_path>/ttyFT
 
-The path is a link to the pty, so that it keeps its name over an unplugging, as below ``/dev/serial/by-id``.
+The path is a link to the pty, so that the name stays the same after unplugging, as below ``/dev/serial/by-id``.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ class Talker(Protocol):
     """The inside of a serial device, as a function of time."""
 
     def power_on(self, now_ns: int) -> None:
-        """It has just got power."""
+        """Start, because power has come."""
         ...
 
     def receive(self, data: bytes, now_ns: int) -> None:
-        """These bytes have come from the host."""
+        """Process bytes from the host."""
         ...
 
     def due(self, now_ns: int) -> bytes:
-        """What it has said since it was last asked."""
+        """The bytes that it has sent since the last call."""
         ...
 
     def next_ns(self) -> int | None:
-        """When it will speak next without being asked; None: it does not know."""
+        """When it will send next without a request; None: unknown."""
         ...
 
 
@@ -68,7 +68,7 @@ class PtySensor:
         self.unplug()
 
     def plug(self) -> None:
-        """Put it in, and give it power."""
+        """Plug it in, which gives it power."""
         with self._lock:
             ours, theirs = os.openpty()
             tty.setraw(theirs)
@@ -79,7 +79,7 @@ class PtySensor:
             self.talker.power_on(self._clock.now_ns())
 
     def unplug(self) -> None:
-        """Pull it out: the host's open port fails, and the path is gone."""
+        """Unplug it: the host's open port fails, and the path disappears."""
         with self._lock:
             ends, self._ends = self._ends, None
             self.path.unlink(missing_ok=True)
@@ -92,7 +92,7 @@ class PtySensor:
             if ends is None:
                 self._stop.wait(LONGEST_WAIT_S)
                 continue
-            with contextlib.suppress(OSError, ValueError):  # unplugged under our hands
+            with contextlib.suppress(OSError, ValueError):  # unplugged meanwhile
                 select.select([ends[0]], [], [], self._wait_s())
             with self._lock:
                 if self._ends is not None:
@@ -102,7 +102,7 @@ class PtySensor:
         now_ns = self._clock.now_ns()
         with contextlib.suppress(BlockingIOError, OSError):
             self.talker.receive(os.read(ours, 4096), now_ns)
-        with contextlib.suppress(BlockingIOError):  # nobody reads: as on a wire, the rest is lost
+        with contextlib.suppress(BlockingIOError):  # nobody reads, so the rest is lost, as on a wire
             os.write(ours, self.talker.due(now_ns))
 
     def _wait_s(self) -> float:

@@ -1,7 +1,7 @@
 """The inside of an emulated Bota Systems serial sensor (SensONE, MiniONE): 460800 baud, binary frames, own clock.
 
-It says ``App Init`` when it gets power, and then sends frames. ``C`` stops them for the configuration, where ``c,…``
-sets up the line and ``f,…`` the filter, and ``R`` starts them; each is answered ``r,0,<letter>,0``. A frame is 37
+It sends ``App Init`` when it gets power, and then frames. ``C`` stops them for the configuration, where ``c,…`` sets
+up the line and ``f,…`` the filter, and ``R`` starts them. The response to each is ``r,0,<letter>,0``. A frame is 37
 bytes: 0xAA, then little-endian a u16 status, six f32 (N, N·m), a u32 time stamp in µs and an f32 temperature in °C,
 then the CRC-16/X-25 of those 34.
 """
@@ -17,14 +17,14 @@ from tactile_nodes.emulators.world import WrenchSource
 
 FRAME_HEADER = 0xAA
 OVERRANGE, RAW = 1 << 1, 1 << 3
-SINC_US = 1e6 / 51_200  # a sample takes this long for each step of the sinc filter: 512 gives 100 Hz
+SINC_US = 1e6 / 51_200  # duration of a sample per unit of the sinc filter's length: 512 gives 100 Hz
 COMMAND = re.compile(rb'C|R|c,(\d),(\d),(\d),(\d)|f,(\d+),(\d),(\d),(\d)')
 SINC_LENGTHS = range(51, 513)
 RANGE_N = 1000.0
 
 
 class BotaSensor(SampledSensor):
-    """A sensor with its range in N and noise in N and N·m."""
+    """A sensor; `noise` is in N and N·m."""
 
     def __init__(
         self,
@@ -42,21 +42,21 @@ class BotaSensor(SampledSensor):
         self._to_say = b''
 
     def power_on(self, now_ns: int) -> None:
-        """Boot, with the factory's filter."""
+        """Boot, with the factory settings of the filter."""
         self.running, self.calibrated = True, True
         self._set_filter(512)
         self._heard, self._to_say = b'', b'App Init\r\n'
         self.restart(now_ns)
 
     def receive(self, data: bytes, now_ns: int) -> None:
-        """Commands; they end where they end, without a line end."""
+        """Execute commands, which have no line ends."""
         self._heard += data
         while (found := COMMAND.search(self._heard)) is not None:
             self._heard = self._heard[found.end() :]
             self._obey(found, now_ns)
 
     def due(self, now_ns: int) -> bytes:
-        """Answers, and the frames since the last call."""
+        """Responses, and the frames since the last call."""
         said, self._to_say = self._to_say, b''
         if not self.running:
             return said
@@ -73,7 +73,7 @@ class BotaSensor(SampledSensor):
         if letter == b'C':
             self.running = False
         elif self.running:
-            return  # c, f and R mean nothing outside the configuration
+            return  # c, f and R have no effect outside the configuration
         elif letter == b'R':
             self.running = True
             self.restart(now_ns)

@@ -1,4 +1,4 @@
-"""What emulated serial force/torque sensors have in common: samples at the pace of their own clock, and faults."""
+"""Common part of emulated serial force/torque sensors: samples by their own clock, and faults."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ NOT_YET = (float('nan'),) * 6
 
 @dataclass
 class SerialFtFaults:
-    """What is wrong; the numbers count down as they take effect.
+    """The faults; the numbers count down as they take effect.
 
     Attributes:
-        silent: it says nothing.
+        silent: it sends nothing.
         stuck: it repeats its last values while its clock goes on.
         saturated: it is at the end of its range.
-        lose: whole samples that get lost on the line.
-        garble: samples in which a byte is damaged.
-        garbage: noise on the line instead of this many samples.
+        lose: this many samples are lost on the line.
+        garble: in this many samples a byte is damaged.
+        garbage: instead of this many samples there is noise on the line.
     """
 
     silent: bool = False
@@ -67,7 +67,7 @@ class SampledSensor:
         return found
 
     def spoilt(self, said: bytes) -> bytes:
-        """What of it comes out of the line."""
+        """The bytes that reach the host, after the active faults."""
         faults = self.faults
         if faults.silent:
             return b''

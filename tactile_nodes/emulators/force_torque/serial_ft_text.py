@@ -8,18 +8,18 @@ from tactile_nodes.emulators.world import WrenchSource
 
 AXES = ('fx', 'fy', 'fz', 'tx', 'ty', 'tz')
 HX711_MAX, HX711_MIN = 0x7F_FFFF, -0x80_0000
-SETTLING = 4  # conversions of an HX711 until a step is fully seen
+SETTLING = 4  # conversions of an HX711 until it shows a step fully
 
 
 class TextLineSensor(SampledSensor):
-    """Counts of a 24-bit converter per channel, a line a sample; says a remark when it gets power.
+    """Sends the counts of a 24-bit converter for each channel, one line per sample; a comment line at power-on.
 
     Args:
-        world: what it feels.
+        world: the load on it.
         axes: which component of the wrench each channel measures.
         counts_per_unit: of each channel, counts per N or N·m.
         rate_hz: of the converter; an HX711 has 10 (RATE pin low) or 80.
-        settling: conversions over which the converter averages: after a step, its output is full only then.
+        settling: conversions over which the converter averages; only after these its output shows a step fully.
     """
 
     def __init__(
@@ -44,13 +44,13 @@ class TextLineSensor(SampledSensor):
         self._to_say = b''
 
     def power_on(self, now_ns: int) -> None:
-        """An Arduino that starts."""
+        """Start, as an Arduino does."""
         self._to_say = b'# text-line force sensor\r\n'
         self._window = []
         self.restart(now_ns)
 
     def receive(self, data: bytes, now_ns: int) -> None:
-        """It does not listen."""
+        """Ignore the bytes."""
 
     def due(self, now_ns: int) -> bytes:
         """The lines since the last call."""
