@@ -12,7 +12,7 @@ from tactile_nodes.cli import main
 def verbs() -> str:
     """Every verb, and the words below it."""
     rows = [[code(verb), ' '.join(map(code, _words(_parser(verb)))), line] for verb, line in main.VERBS.items()]
-    return table(['verb', 'words below it', 'what it does'], rows)
+    return table(['command', 'subcommands', 'description'], rows)
 
 
 def flags() -> str:
@@ -47,7 +47,7 @@ def _section(words: str, parser: argparse.ArgumentParser) -> str:
     actions = [action for action in parser._actions if not isinstance(action, argparse._HelpAction)]
     title = f'### `tactile {words}`\n\n{_first(parser.description)}'
     rows = [_row(parser, action) for action in actions if action.help is not argparse.SUPPRESS]
-    return f'{title}\n\n{table(["argument", "what it is"], rows)}' if rows else title
+    return f'{title}\n\n{table(["argument", "description"], rows)}' if rows else title
 
 
 def _first(text: str | None) -> str:

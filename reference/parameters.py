@@ -16,13 +16,13 @@ from tactile_nodes.params import ParameterDescription
 from tactile_nodes.paths import share_directory
 
 _COMMON = {entry.name for entry in params.describe(NodeParams)}
-_MANY = 20  # parameters that two nodes share, from which on they are told once
+_MANY = 20  # number of shared parameters of two nodes, from which on they are listed once
 
 
 def nodes() -> str:
     """Every node."""
     rows = [[code(node.program), code(f'/{node.kind.NAME}'), node.line] for node in node_kinds()]
-    return table(['program', 'name', 'what it does'], rows)
+    return table(['program', 'name', 'description'], rows)
 
 
 def parameters() -> str:
@@ -35,7 +35,7 @@ def launch_arguments() -> str:
     files = sorted((share_directory() / 'launch').glob('*.launch.yaml'))
     return '\n\n'.join(
         f'### `tactile launch {file.name.removesuffix(".launch.yaml")}`\n\n'
-        + table(['argument', 'default', 'choices', 'what it is'], _arguments(yaml.safe_load(file.read_text('utf-8'))))
+        + table(['argument', 'default', 'choices', 'description'], _arguments(yaml.safe_load(file.read_text('utf-8'))))
         for file in files
     )
 
@@ -61,10 +61,10 @@ def _section(node: NodeKind) -> str:
     if other := _told_before(node, own):
         theirs = set(params.describe(other.kind.PARAMS))
         shared = list(dict.fromkeys(_group(entry) for entry in own if entry in theirs))
-        title += f'\n\nAs of `{other.program}`: {", ".join(shared)}.'
+        title += f'\n\nAs for `{other.program}`: {", ".join(shared)}.'
         own = [entry for entry in own if entry not in theirs]
     files = _files(f'/{node.kind.NAME}')
-    head = ['parameter', 'type', 'default', 'may be', 'set when', 'what it is']
+    head = ['parameter', 'type', 'default', 'range', 'set', 'description']
     return f'{title}\n\n{table(head, [_row(entry, files) for entry in own])}'
 
 

@@ -13,7 +13,7 @@ NOTHING = '–'
 
 def topics() -> str:
     """Every topic of the table."""
-    head = ['topic', 'type', 'what it is', 'unit, sign, content', 'frame', 'Hz', 'kept']
+    head = ['topic', 'type', 'description', 'unit, sign, content', 'frame', 'Hz', 'kept']
     return table(head, [_row(topic) for topic in TOPICS.values()])
 
 

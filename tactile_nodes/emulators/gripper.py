@@ -22,16 +22,16 @@ WIDTHS_MM = 25.0, 45.0
 class GripperSettings:
     """The gripper and the object between its fingers."""
 
-    open_mm: float = parameter(50.0, 'how far the fingers are apart at first, and at most', minimum=1.0)
-    speed_mm_s: float = parameter(40.0, 'how fast they follow a command', minimum=0.1)
-    object_mm: float = parameter(0.0, 'width of the object; 0: by chance, from 25 to 45', minimum=0.0)
-    seed: int = parameter(-1, 'of the chance; -1: another one each time', minimum=-1)
-    friction: float = parameter(0.9, 'between the object and the gels', minimum=0.0)
+    open_mm: float = parameter(50.0, 'distance of the fingers at the start, and the largest one', minimum=1.0)
+    speed_mm_s: float = parameter(40.0, 'speed of the fingers', minimum=0.1)
+    object_mm: float = parameter(0.0, 'width of the object; 0: random, 25 to 45', minimum=0.0)
+    seed: int = parameter(-1, 'random seed; -1: another one each time', minimum=-1)
+    friction: float = parameter(0.9, 'friction coefficient between the object and the gels', minimum=0.0)
     pull_n: float = parameter(
-        0.0, 'how hard the object is pulled in the end, along z of the hand [N]', minimum=0.0, read_only=False
+        0.0, 'final force that pulls the object along z of the hand [N]', minimum=0.0, read_only=False
     )
-    pull_after_s: float = parameter(3.0, 'how long it is held before it is pulled', minimum=0.0)
-    pull_n_s: float = parameter(0.2, 'how fast the pull rises, and how it ceases [N/s]', minimum=0.01)
+    pull_after_s: float = parameter(3.0, 'how long the object is held before it is pulled', minimum=0.0)
+    pull_n_s: float = parameter(0.2, 'rate at which the pull rises and falls [N/s]', minimum=0.01)
 
     def __post_init__(self) -> None:
         if self.object_mm >= self.open_mm:

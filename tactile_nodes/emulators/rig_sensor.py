@@ -29,16 +29,16 @@ class SensorFaults:
     """The faults of the sensor."""
 
     silent_sensor: bool = parameter(False, 'the sensor sends nothing')
-    stalled_sensor: bool = parameter(False, 'the sensor sends, but what measures stands still')
+    stalled_sensor: bool = parameter(False, 'the sensor sends, but always the last measured value')
     saturated_sensor: bool = parameter(False, 'the sensor reports that it is beyond its range')
-    lose: int = parameter(0, 'the next so many records are lost', minimum=0)
-    damage: int = parameter(0, 'the next so many records are damaged', minimum=0)
-    loss_rate: float = parameter(0.0, 'share of the records that are lost; Net F/T', minimum=0.0, maximum=1.0)
-    reorder: int = parameter(0, 'so many records change places with the next; Net F/T', minimum=0)
-    double: int = parameter(0, 'the next so many records come twice; Net F/T', minimum=0)
+    lose: int = parameter(0, 'number of records that are lost next', minimum=0)
+    damage: int = parameter(0, 'number of records that are damaged next', minimum=0)
+    loss_rate: float = parameter(0.0, 'share of records that are lost; Net F/T', minimum=0.0, maximum=1.0)
+    reorder: int = parameter(0, 'number of records that each arrive after their successor; Net F/T', minimum=0)
+    double: int = parameter(0, 'number of records that arrive twice next; Net F/T', minimum=0)
     unplugged_sensor: bool = parameter(False, "the sensor's serial line is pulled; not Net F/T")
-    sensor_jump_s: float = parameter(0.0, "the sensor's clock is so far ahead of where it was")
-    sensor_drift_ppm: float = parameter(0.0, "the sensor's clock is so much too fast", minimum=-1e5, maximum=1e5)
+    sensor_jump_s: float = parameter(0.0, "the sensor's clock jumps ahead by this")
+    sensor_drift_ppm: float = parameter(0.0, "the sensor's clock runs too fast by this", minimum=-1e5, maximum=1e5)
 
 
 class RigSensor(Protocol):

@@ -173,7 +173,7 @@ class Journal:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise ConfigurationError(f'the journal {self.path} is in useby another run of this plan') from error
+            raise ConfigurationError(f'the journal {self.path} is in use by another run of this plan') from error
 
     def _read(self) -> None:
         data = self._content()
