@@ -7,8 +7,10 @@ import gc
 import os
 import signal
 import socket
+import sys
 import tempfile
 import threading
+import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -115,6 +117,19 @@ def pytest_configure(config: pytest.Config) -> None:
     if hasattr(config, 'workerinput') and hasattr(tries, 'sock'):
         # Of two short lines the second waited for the acknowledgement of the first, 40 ms.
         tries.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Collect what a failed test left open, silently: else it would fail a later test, or its own second run."""
+    if hasattr(sys, 'last_value'):
+        del sys.last_type, sys.last_value, sys.last_traceback
+        vars(sys).pop('last_exc', None)
+        said, sys.unraisablehook = sys.unraisablehook, lambda _: None
+        with warnings.catch_warnings():
+            warnings.simplefilter('error')  # else a context of ZeroMQ would wait for its sockets to be closed
+            gc.collect()
+        sys.unraisablehook = said
 
 
 def pytest_unconfigure() -> None:
