@@ -15,9 +15,9 @@ from tactile_nodes.bag.stamps import header_stamp_ns
 
 @dataclass(frozen=True)
 class PicturesApart:
-    """For each picture of the first sensor and the nearest one of every other: the largest time difference (s).
+    """Time differences (s) between the `count` pictures of the first sensor and the nearest one of every other.
 
-    `sensors` are namespaces. `alone` counts pictures (of `count`) for which it is more than half a frame time.
+    `sensors` are namespaces. `alone` counts pictures whose difference is more than half a frame time.
     """
 
     sensors: tuple[str, ...]
@@ -36,7 +36,7 @@ class PicturesApart:
 
 
 def pictures_apart(bag: BagReader, names: Sequence[str]) -> PicturesApart | None:
-    """By the stamps of the first topic of these names that several sensors have; None if there is none.
+    """Compare the stamps of the first topic of these names that several sensors have; None if there is none.
 
     Stamps of 0, 20 and 40 ms beside 3, 24 and 41 ms are 3 ms apart in the median and 4 ms at most.
     """
@@ -62,7 +62,7 @@ def _of_sensors(bag: BagReader, name: str) -> dict[str, str]:
 
 
 def _stamps_ns(bag: BagReader, topics: dict[str, str]) -> dict[str, Int[np.ndarray, ' messages']]:
-    """In rising order, by sensor."""
+    """The stamps of each sensor in rising order."""
     stamps: dict[str, list[int]] = defaultdict(list)
     for message in bag.messages(list(topics)):
         if (stamp := header_stamp_ns(message.data, message.type_name)) is not None:
@@ -71,7 +71,7 @@ def _stamps_ns(bag: BagReader, topics: dict[str, str]) -> dict[str, Int[np.ndarr
 
 
 def _nearest(to: Int[np.ndarray, ' n'], stamps: Int[np.ndarray, ' m']) -> Int[np.ndarray, ' n']:
-    """The nearest of rising stamps to each."""
+    """The nearest of the rising `stamps` to each time in `to`."""
     after = np.clip(np.searchsorted(stamps, to), 1, max(1, len(stamps) - 1))
     before, later = stamps[after - 1], stamps[np.minimum(after, len(stamps) - 1)]
     found: np.ndarray = np.where(to - before <= later - to, before, later)

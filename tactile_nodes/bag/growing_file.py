@@ -1,8 +1,8 @@
 """A file that is complete after every flush, even if its writer is killed.
 
-MCAP ends with a footer, and many readers refuse a file without one, such as a killed recorder leaves. Here every flush
-writes the new records *and* the shortest legal ending (no summary, 50 bytes) in one call. The next flush overwrites
-that ending. So flushed data never needs repair.
+MCAP ends with a footer, and many readers refuse a file without one. A killed recorder leaves such a file. Here every
+flush writes the new records *and* the shortest legal ending (no summary, 50 bytes) in one call. The next flush
+overwrites that ending. So flushed data never needs repair.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class GrowingFile:
         self._commit(b'')
 
     def sync(self) -> None:
-        """Sync the file to disk, against a power cut; from any thread.
+        """Sync the file to disk, so that a power cut loses nothing. May be called from any thread.
 
         Raises:
             OSError: the disk failed.

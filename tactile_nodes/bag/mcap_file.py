@@ -94,7 +94,7 @@ class McapFile:
         self._writer.flush()
 
     def sync(self) -> None:
-        """Sync to disk, against a power cut. Raises OSError if the disk fails."""
+        """Sync to disk, so that a power cut loses nothing. Raises OSError if the disk fails."""
         self._stream.sync()
 
     def close(self, metadata: str) -> None:

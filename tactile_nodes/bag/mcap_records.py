@@ -1,4 +1,4 @@
-"""MCAP records, read such that a file may be cut off or damaged anywhere.
+"""Reads MCAP records, also from a file that is cut off or damaged anywhere.
 
 The reader of the `mcap` package passes on incomplete reads, and refuses a file without an ending. Here a record counts
 only if it is complete, and an unfinished chunk gives its complete messages.
@@ -27,7 +27,7 @@ LARGEST_BYTES = 1 << 30
 
 
 class Record(NamedTuple):
-    """Position of a record: `start` is that of its content."""
+    """The place of a record in a file; `start` is where its content begins."""
 
     opcode: int
     start: int
@@ -134,12 +134,12 @@ def message_of(content: memoryview) -> Message | None:
 
 
 def channel_of(content: bytes) -> Channel:
-    """Raises ValueError if it is not one."""
+    """The channel record in `content`; raises ValueError if it is not one."""
     return _parsed(Channel, content)  # type: ignore[no-any-return]
 
 
 def schema_of(content: bytes) -> Schema:
-    """Raises ValueError if it is not one."""
+    """The schema record in `content`; raises ValueError if it is not one."""
     return _parsed(Schema, content)  # type: ignore[no-any-return]
 
 
@@ -151,7 +151,7 @@ def _parsed(kind: Any, content: bytes) -> Any:
 
 
 def index_of(content: bytes) -> tuple[int, int]:
-    """Channel and number of messages that a message index lists."""
+    """The channel of a message index, and how many messages it lists."""
     channel, length = struct.unpack_from('<HI', content)
     return channel, length // 16
 

@@ -62,7 +62,7 @@ class McapStorage:
         self._file.close()
 
     def messages(self, selection: Selection) -> Iterator[BagMessage]:
-        """In order of receive times; messages with equal times in file order.
+        """The selected messages in order of receive times; messages with equal times in file order.
 
         At most `MOST_WAITING_BYTES` of chunks with overlapping times are kept in memory.
         """

@@ -200,7 +200,7 @@ def _times(extent: Extent) -> dict[str, dict[str, int]]:
 
 
 def _load(text: str) -> Any:
-    """The content, but no aliases: recorders write none, and a few lines of them can expand to gigabytes."""
+    """The parsed text. Aliases are refused: recorders write none, and a few lines of them can expand to gigabytes."""
     if '*' in text and any(isinstance(each, yaml.AliasEvent) for each in yaml.parse(text, Loader=_Loader)):
         raise yaml.YAMLError('an alias')
     return yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe one

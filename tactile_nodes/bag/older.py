@@ -1,4 +1,4 @@
-"""Forces recorded by an earlier release, completed with "unknown", so that readers see one version.
+"""Completes forces recorded by an earlier release with "unknown" values, so that readers see one version.
 
 Only forces are completed: for other types, a missing field may change results computed from the rest.
 """
@@ -26,7 +26,7 @@ Definitions = Mapping[str, Any]
 def is_earlier(name: str, definitions: Definitions) -> bool:
     """Whether a bag's definition of a type only lacks fields that can be marked as unknown.
 
-    A list of messages cannot: an empty list would mean that there was none.
+    A list of messages cannot be marked so: an empty list would mean that there was none.
     """
     if name not in definitions:
         return True

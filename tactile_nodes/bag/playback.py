@@ -81,7 +81,8 @@ class Playback:
     def announce(self, start_offset_s: float = 0.0) -> None:
         """Publish the latched messages up to the start, so that subscribers have them before the first picture.
 
-        A recorder may have received one only after the first pictures; its stamp then shows that it is older.
+        A recorder may have received a latched message only after the first pictures; its stamp then shows that it is
+        older.
         """
         start_ns = self._start_ns(start_offset_s)
         latched = [name for name in self._topics if self._reader.topics[name].latched]
@@ -94,7 +95,7 @@ class Playback:
         self._announced = {_key(message) for message in said}
 
     def run(self, start_offset_s: float = 0.0, loop: bool = False) -> None:
-        """Play from there to the end; with `loop`, repeatedly."""
+        """Play from `start_offset_s` to the end; with `loop`, repeatedly."""
         self._run_once(start_offset_s)
         while loop and self._running and self.published:
             self._announced = None
@@ -116,7 +117,7 @@ class Playback:
         return self._reader.extent.start_ns + round(offset_s * NS_PER_S)
 
     def _oldest_stamp_ns(self, start_ns: int, topics: Collection[str]) -> int:
-        """Of the messages that are played first: stamps and receive times may be of different clocks."""
+        """The oldest stamp of the messages that are played first; stamps and receive times may use different clocks."""
         first = self._reader.messages(topics, start_ns, start_ns + NS_PER_S)
         return min((message.publish_ns for message in first), default=start_ns)
 

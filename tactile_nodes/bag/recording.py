@@ -20,8 +20,8 @@ MB = 1_000_000
 class TopicFilter:
     """Selects the topics to record.
 
-    `names` and topics that match `regex`, or all topics; if none of the three is given, those for which `is_default` is
-    true. Topics that match `exclude` are left out, except `names`.
+    It selects `names` and topics that match `regex`, or all topics. If none of the three is given, it selects those for
+    which `is_default` is true. Topics that match `exclude` are left out, except `names`.
 
     Raises:
         ConfigurationError: an invalid regular expression.
@@ -150,11 +150,11 @@ class Tally:
         return f'lost on the way to the recorder: {_listed(self.missed_of)}' if self.missed else ''
 
     def losses(self, dropped_of: Counter[str], meaning: Callable[[str], str]) -> str:
-        """'; lost on the way: 3 of /image_raw. Forces of those …', or nothing.
+        """The losses as text, '; lost on the way: 3 of /image_raw. Forces of those …', or an empty text.
 
         Args:
             dropped_of: the messages of each topic for which the disk was too slow.
-            meaning: for a topic: what a bag with missing messages can still be used for, as a clause.
+            meaning: gives for a topic, as a clause, what a bag with missing messages can still be used for.
         """
         kinds = {
             'dropped by the slow disk': dropped_of,
@@ -182,7 +182,7 @@ def _meanings(lost: Counter[str], meaning: Callable[[str], str]) -> str:
 
 
 def describe(totals: BagTotals) -> str:
-    """'600 messages (58.3 MB, 3.2 s)'"""
+    """The totals as text: '600 messages (58.3 MB, 3.2 s)'."""
     return f'{totals.messages} messages ({totals.bytes / MB:.1f} MB, {totals.seconds:.1f} s)'
 
 

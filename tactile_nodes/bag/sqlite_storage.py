@@ -64,7 +64,7 @@ class SqliteStorage:
         self._connection.close()
 
     def messages(self, selection: Selection) -> Iterator[BagMessage]:
-        """In order of receive times, up to where the file is damaged."""
+        """The selected messages in order of receive times, up to where the file is damaged."""
         low, high = (min(max(limit, _NS_LIMITS[0]), _NS_LIMITS[1]) for limit in (selection.start_ns, selection.end_ns))
         # Not by the index of times: if the index is damaged, messages would silently be missing.
         query = f'SELECT rowid, topic_id, timestamp {_WHOLE} AND timestamp BETWEEN ? AND ? ORDER BY timestamp, rowid'
@@ -142,7 +142,7 @@ class SqliteStorage:
 
 
 class _Patience:
-    """Aborts an endless opening: pages that reference each other in a circle hold more rows than bytes."""
+    """Aborts the opening of an endless file: pages that reference each other in a circle give rows without end."""
 
     def __init__(self, path: Path) -> None:
         size = sum(each.stat().st_size for each in (path, Path(f'{path}-wal')) if each.is_file())

@@ -41,7 +41,7 @@ _STRONGEST = (
 
 @dataclass(frozen=True)
 class Column:
-    """One column: a numpy type by name, or `TEXT`; `shape` is that of one row. `unit` is empty where there is none."""
+    """One column. `dtype` names a numpy type, or is `TEXT`; `shape` is that of one row; `unit` is empty without one."""
 
     name: str
     dtype: str
@@ -54,9 +54,9 @@ Getter = Callable[[Any], Any]
 
 @dataclass
 class Layout:
-    """The columns of one topic, and how a message gives them. `left_out` names fields that are no columns, and why.
+    """The columns of one topic, and how to read them from a message. `left_out`: fields without a column, and why.
 
-    Lists of texts, the names of joints say, must be the same in every message, and stand once beside the table.
+    Lists of texts, such as joint names, must be the same in every message. They are stored once, beside the table.
     """
 
     topic: str
@@ -70,7 +70,7 @@ class Layout:
 
     @classmethod
     def of(cls, topic: str, type_name: str, first: Any, sensors: Sequence[str] = ()) -> Layout:
-        """The layout that the first message of a topic asks for; `sensors` are those of a hand's wrench."""
+        """The layout for a topic, from its first message; `sensors` are those in a hand's wrench."""
         made = cls(topic, type_name)
         made._add_all(first, '', lambda message: message)
         if type_name in _MAPS:
@@ -112,7 +112,7 @@ class Layout:
         if not column.shape:
             return value
         array = np.asarray(value, column.dtype)
-        if array.size == 0 and array.dtype.kind == 'f':  # unknown this time, e.g. in an invalid frame
+        if array.size == 0 and array.dtype.kind == 'f':  # unknown in this message, e.g. in an invalid frame
             return np.full(column.shape, np.nan, array.dtype)
         if array.size != np.prod(column.shape) or (array.ndim > 1 and array.shape != column.shape):
             raise self._changed(column.name, column.shape, array.shape)
@@ -162,7 +162,7 @@ class Layout:
         return name in _MAPS.get(self.type_name, ())
 
     def _shape_maps(self, first: Any) -> None:
-        """Maps as rows by columns; `told` are those that the first message knows."""
+        """Give the maps the shape rows by columns; `told` are those that are not empty in the first message."""
         grid = (int(first.rows), int(first.cols))
         for number, column in enumerate(self.columns):
             if self._has_map(column.name):
@@ -170,7 +170,7 @@ class Layout:
                 self.told |= {column.name} if len(getattr(first, column.name)) else set()
 
     def _add_contacts(self, first: Any) -> None:
-        """Of the list of contacts the strongest, and how many there are."""
+        """Add the number of contacts, and the strongest one."""
         if not hasattr(first, 'contacts'):  # bags of older releases
             return
         self.left_out['contacts'] = 'a list; contact_count and strongest.* say how many there are and the first of them'
@@ -179,7 +179,7 @@ class Layout:
             self._add(f'strongest.{name}', 'float64', _strongest(name))
 
     def _add_sensor(self, sensor: str) -> None:
-        """Of a sensor of a hand: whether its wrench is in the sum, how many contacts it has, and which slips first."""
+        """Add for a sensor of a hand: is its wrench in the sum, its number of contacts, and the one that slips first."""
         self._add(f'sensors.{sensor}', 'bool', lambda message: sensor in message.sensors)
         self._add(f'margins.{sensor}.count', 'int64', lambda message: len(_margins(message, sensor)))
         for part in _MARGIN:
@@ -199,7 +199,7 @@ def _within(get: Getter, entry: str) -> Getter:
 
 
 def _strongest(name: str) -> Getter:
-    """NaN where nothing touches."""
+    """Read a number of the strongest contact; NaN without contact."""
     return lambda message: float(getattr(message.contacts[0], name)) if message.contacts else float('nan')
 
 
@@ -208,6 +208,6 @@ def _margins(message: Any, sensor: str) -> list[Any]:
 
 
 def _first_margin(sensor: str, part: str) -> Getter:
-    """NaN where nothing touches that sensor."""
+    """Read a number of the first margin of a sensor; NaN without contact on that sensor."""
     read = attrgetter(part)
     return lambda message: next((float(read(each)) for each in _margins(message, sensor)), float('nan'))

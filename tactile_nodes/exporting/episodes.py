@@ -20,9 +20,9 @@ BAG, PRESSES = 'bag', 'presses'
 
 @dataclass(frozen=True)
 class Start:
-    """Where the episodes of a bag may begin: where `topic`, the last of all, speaks first.
+    """Where the episodes of a bag may begin: at the first message of `topic`, the last of all topics to start.
 
-    That is `skipped_s` after the first force message.
+    This is `skipped_s` after the first force message.
     """
 
     at_ns: int
@@ -31,7 +31,7 @@ class Start:
 
 
 def find_start(source: Source, topics: Iterable[str]) -> Start:
-    """From where on each frame knows something of all of `topics` and of all forces.
+    """The time from which on all of `topics` and all forces have a message.
 
     Raises:
         BagError: the bag holds no forces that can be read.
@@ -44,10 +44,10 @@ def find_start(source: Source, topics: Iterable[str]) -> Start:
 
 
 def find_episodes(source: Source, cut: str, start: Start) -> list[Episode]:
-    """The episodes of a bag from `start` on, in order of time, up to a force message.
+    """The episodes of a bag from `start` on, in order of time; each ends at a force message.
 
-    Cut at presses, each begins where the window of the press before ended and ends with the window of its own. Where
-    there are several sensors, the last episode ends where the first of them falls silent.
+    When cut at presses, an episode begins where the window of the previous press ended, and ends with the window of its
+    own press. With several sensors, the last episode ends at the last force of the sensor that stops first.
 
     Raises:
         BagError: there is no force from `start` on, or the bag is to be cut at presses and has none.
@@ -104,7 +104,7 @@ def _told(press: Any) -> dict[str, Any]:
 
 
 def _presses(source: Source) -> list[Any]:
-    """Every attempt once, as it was told of last, by its window; one that is called suspect later keeps its own."""
+    """The last message of each attempt, sorted by window; an attempt marked suspect later keeps its earlier window."""
     topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
     told = [source.bag.decode(message) for message in source.bag.messages(topics)] if topics else []
     if not told:
@@ -114,6 +114,6 @@ def _presses(source: Source) -> list[Any]:
         key = press.plan_id, press.press, press.attempt
         if press.status != types.Press.STATUS_SUSPECT:
             last[key] = press
-        elif key in last:  # it says no more than which one, and why; of one in another bag there is nothing here to cut
+        elif key in last:  # such a message names only the attempt and the reason; the attempt may be in another bag
             last[key] = dataclasses.replace(last[key], status=press.status, reason=press.reason)
     return sorted(last.values(), key=lambda press: stamp_ns(press.window_end))

@@ -1,4 +1,4 @@
-"""What a LeRobot frame holds: features of fixed shape, made of the columns of a bag's topics."""
+"""The content of a LeRobot frame: features of fixed shape, made from the columns of a bag's topics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EVENTS = [
     topic.name
     for topic in (PRESS, SYNC_EDGE, CALIBRATION_STATE, MODEL_IN_USE, REFERENCE_IMAGE, CALIBRATION_IMAGE, TRUE_FORCE)
 ]
-"""Topics that are no observation: what happens once, and what only a simulator knows. They are had by their names."""
+"""Topics that are no observation: single events, and what only a simulator knows. They are exported when named."""
 _FORCE = (
     ('total_force', 'float32', ['total']),
     ('total_force_sigma', 'float32', ['total_sigma']),
@@ -41,14 +41,14 @@ _SHEAR = (
     ('contact_shear', 'float32', ['strongest.shear_x', 'strongest.shear_y', 'strongest.torsion']),
     ('explanation', 'int64', ['explanation']),
 )
-"""Of models that look for shear."""
+"""Only for models that estimate shear."""
 _MAP = 'normal_force'
 _SHEAR_MAPS = ('shear_force_x', 'shear_force_y')
 
 
 @dataclass(frozen=True)
 class Feature:
-    """One feature. `places` are those of its columns in the topic's layout; none: it is the age of what was picked."""
+    """One feature. `places` are the indices of its columns in the topic's layout; empty: the age of the message."""
 
     key: str
     topic: str
@@ -63,14 +63,14 @@ class Feature:
         return self.dtype == 'image'
 
     def described(self, fps: int) -> dict[str, Any]:
-        """As `info.json` describes it."""
+        """The description for `info.json`."""
         return {'dtype': self.dtype, 'shape': list(self.shape), 'names': list(self.names), 'fps': fps}
 
     def value(self, picked: Picked) -> Any:
         """Its value in a frame.
 
         Raises:
-            DatasetError: there is none, and its type has nothing that says so.
+            DatasetError: there is none, and its type has no NaN.
         """
         if not self.places:
             return np.float32(picked.age_s)
@@ -94,9 +94,9 @@ def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') ->
     """The features of a bag.
 
     Args:
-        layouts: of its topics.
-        state: the topic that becomes observation.state,
-        action: and the one that becomes action; by their whole names.
+        layouts: the layouts of its topics.
+        state: full name of the topic that becomes observation.state.
+        action: full name of the topic that becomes action.
 
     Raises:
         ConfigurationError: such a topic has no numbers.
@@ -114,7 +114,7 @@ def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') ->
 
 
 def png(pixels: np.ndarray) -> bytes:
-    """A picture as PNG with three channels, which encoders of pictures expect; a grey one three times the same."""
+    """A picture as PNG with three channels, which image encoders expect; a grey picture has three equal channels."""
     if pixels.dtype != np.uint8:
         raise DatasetError(f'pictures of {pixels.dtype} do not fit into the 8 bits of a data set; export them as zarr')
     colour = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR if pixels.ndim == 2 else cv2.COLOR_RGB2BGR)
@@ -130,14 +130,14 @@ def _features_of_one(layout: Layout, key: str) -> list[Feature]:
         made = _field(layout, key)
     else:
         made = _numbers(layout, key)
-    # No name of an observation or action: policies would take an age for one.
+    # Not named as an observation or action, or policies would use the age as one.
     about = f'{key}.force' if layout.is_force else key
     age = f'age_s.{about.removeprefix("observation.")}'
     return [*made, Feature(age, layout.topic, 'float32', ('age',), units=('s',))] if made else []
 
 
 def _key(layout: Layout) -> str:
-    """'/left/wrench' as 'observation.left.wrench'; forces lie beside each other, pictures below observation.images."""
+    """'/left/wrench' as 'observation.left.wrench'. Forces lose the last part; pictures are in observation.images."""
     parts = layout.topic.strip('/').split('/')
     if layout.is_force:
         parts = parts[:-1]
@@ -152,7 +152,7 @@ def _forces(layout: Layout, key: str) -> list[Feature]:
         wanted += _SHEAR
     at = _places(layout)
     for name, dtype, parts in wanted:
-        if all(each in at for each in parts):  # bags of older releases know less
+        if all(each in at for each in parts):  # bags of older releases have fewer fields
             units = tuple(layout.columns[at[each]].unit for each in parts)
             places = tuple(at[each] for each in parts)
             made.append(Feature(f'{key}.{name}', layout.topic, dtype, tuple(parts), places, (len(parts),), units))
@@ -160,12 +160,12 @@ def _forces(layout: Layout, key: str) -> list[Feature]:
 
 
 def _field(layout: Layout, key: str) -> list[Feature]:
-    """Pressure and shear on the cells; grid and deviations stand in parquet and zarr."""
+    """Pressure and shear of the cells; the grid and the standard deviations are only in parquet and zarr."""
     return [_map(layout, f'{key}.pressure', ['pressure']), _map(layout, f'{key}.shear', ['shear_x', 'shear_y'])]
 
 
 def _map(layout: Layout, key: str, names: Sequence[str]) -> Feature:
-    """Maps one after the other, each row by row."""
+    """One feature of several maps, one after the other, each row by row."""
     at = _places(layout)
     columns = [layout.columns[at[name]] for name in names]
     rows, cols = columns[0].shape
@@ -180,7 +180,7 @@ def _places(layout: Layout) -> dict[str, int]:
 
 
 def _numbers(layout: Layout, key: str) -> list[Feature]:
-    """All numbers with a fraction, one after the other; whole ones, flags and times stand in parquet and zarr."""
+    """All floating-point numbers, one after the other; integers, flags and times are only in parquet and zarr."""
     chosen = [(place, column) for place, column in enumerate(layout.columns) if _has_fraction(column)]
     names = tuple(name for _, column in chosen for name in _component_names(column))
     units = tuple(column.unit for _, column in chosen for _ in _component_names(column))

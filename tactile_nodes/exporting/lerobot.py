@@ -1,4 +1,4 @@
-"""Bags as a LeRobot data set, version 3.0: frames at a fixed rate, an episode for each bag or for each press.
+"""Exports bags as a LeRobot data set, version 3.0: frames at a fixed rate, an episode for each bag or each press.
 
 Layout and names after huggingface/lerobot, `lerobot.datasets.utils` of release 0.4 (codebase version v3.0).
 """
@@ -25,7 +25,7 @@ _TELL_EVERY = 256
 
 @dataclass(frozen=True)
 class Plan:
-    """How bags become frames. `state` and `action` are topics; `topics` none: all observations."""
+    """How bags become frames. `state` and `action` are topics; empty `topics` means all observations."""
 
     fps: int = 30
     pick: str = PREVIOUS
@@ -51,11 +51,12 @@ def export_lerobot(
     progress: Progress,
     over: Callable[[Source, Start], None] = lambda _source, _start: None,
 ) -> Meta:
-    """Write a data set of `bags` into `folder`; `over` takes each bag when all of it was read, and where its
-    episodes could begin.
+    """Write a data set of `bags` into `folder`.
+
+    `over` is called for each bag after it was read, with the place where its episodes could begin.
 
     Raises:
-        ConfigurationError: pyarrow is not installed, or the plan names what is no vector.
+        ConfigurationError: pyarrow is not installed, or the plan names a topic that is no vector.
         BagError: a bag cannot be read or holds no forces.
         DatasetError: bags hold different features, or there is no frame in any.
     """
@@ -108,7 +109,7 @@ def _export_bag(
 
 
 def _frames(source: Source, episodes: list[Episode], plan: Plan) -> Iterator[tuple[int, Frame | None]]:
-    """Frames as they become known, and None after each message, with how many there were."""
+    """Each frame once it is complete, and None after each message; both with the number of messages read."""
     resampler = Resampler(list(source.layouts), episodes, plan.fps, plan.pick)
     horizon = source.horizon(min((each.start_ns for each in episodes), default=0))
     count = 0
@@ -122,7 +123,7 @@ def _frames(source: Source, episodes: list[Episode], plan: Plan) -> Iterator[tup
 
 
 class _Writing:
-    """Frames of one bag on their way into the files of its episodes."""
+    """Writes the frames of one bag into the files of its episodes."""
 
     def __init__(self, source: Source, meta: Meta, episodes: list[Episode], facts: dict[str, Any]) -> None:
         self._source, self._meta, self._episodes, self._facts = source, meta, episodes, facts
@@ -130,7 +131,7 @@ class _Writing:
         self._number = -1
 
     def take(self, frame: Frame) -> None:
-        """One frame; the first of an episode opens its file."""
+        """Add one frame; the first of an episode opens its file."""
         if frame.episode != self._number:
             self.finish()
             self._number = frame.episode
@@ -140,7 +141,7 @@ class _Writing:
         self._open.take(frame.number, frame.stamp_ns, values)
 
     def finish(self) -> None:
-        """Close the file of the episode that is open."""
+        """Close the file of the current episode."""
         if self._open is not None:
             told = {'bag': self._source.bag.path.resolve().name, **self._episodes[self._number].told}
             self._meta.close_episode(self._open, told, {**self._facts, **self._source.facts()})
@@ -153,7 +154,7 @@ def _value(feature: Feature, frame: Frame) -> Any:
 
 
 def _units(feature: Feature) -> str | list[str]:
-    """One for all components, or that of each."""
+    """The common unit of all components, or the unit of each."""
     return feature.units[0] if len(set(feature.units)) == 1 else list(feature.units)
 
 
@@ -182,7 +183,7 @@ def _full_name(source: Source, flag: str, topic: str) -> str:
 
 
 def _outside(source: Source, episodes: list[Episode]) -> dict[str, int]:
-    """Force messages in no episode, by topic."""
+    """The number of force messages outside all episodes, by topic."""
     return {
         topic: count_outside(source.stamps_ns(topic), episodes)
         for topic, layout in source.layouts.items()

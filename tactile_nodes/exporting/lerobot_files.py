@@ -27,7 +27,7 @@ INDEXES = {
     'timestamp': 'float32', 'stamp_ns': 'int64', 'frame_index': 'int64', 'episode_index': 'int64', 'index': 'int64',
     'task_index': 'int64',
 }  # fmt: skip
-"""What every frame says of itself. `stamp_ns`, its time since 1970, is ours; the others every data set has."""
+"""Columns of every frame. `stamp_ns`, its time since 1970, is ours; every LeRobot data set has the others."""
 
 
 class EpisodeFile:
@@ -49,7 +49,7 @@ class EpisodeFile:
         self.statistics |= {name: Statistics((1,)) for name in INDEXES}
 
     def take(self, number: int, stamp_ns: int, values: dict[str, Any]) -> None:
-        """One frame."""
+        """Add one frame."""
         indexes = {
             'timestamp': np.float32(number / self._fps),
             'stamp_ns': stamp_ns,
@@ -67,7 +67,7 @@ class EpisodeFile:
             self._flush()
 
     def close(self, facts: dict[str, Any]) -> None:
-        """Write what waits, and the facts into the footer."""
+        """Write the waiting frames, and the facts into the footer."""
         self._flush()
         self._writer.add_key_value_metadata({METADATA_KEY: json.dumps(facts, ensure_ascii=False)})
         self._writer.close()
@@ -86,7 +86,7 @@ class EpisodeFile:
 
 
 class Meta:
-    """What is known of the whole data set. `features` are those of the first bag, and must be those of all."""
+    """The description of the whole data set. `features` are those of the first bag; all bags must have the same."""
 
     def __init__(self, folder: Path, fps: int, task: str, robot: str) -> None:
         self._arrow = require('pyarrow')
@@ -97,10 +97,10 @@ class Meta:
         self._statistics: dict[str, list[dict[str, Any] | None]] = {}
 
     def agree(self, features: list[Feature], bag: Path) -> None:
-        """Take the features of a bag.
+        """Check the features of a bag against those of the bags before.
 
         Raises:
-            DatasetError: the bags before have others.
+            DatasetError: they differ.
         """
         if not self.features:
             self.features = features
@@ -119,7 +119,7 @@ class Meta:
         )
 
     def close_episode(self, file: EpisodeFile, told: dict[str, Any], facts: dict[str, Any]) -> None:
-        """Take in an episode that is over."""
+        """Add a finished episode to the description."""
         file.close(facts)
         found = {key: statistics.told() for key, statistics in file.statistics.items()}
         for key, each in found.items():
@@ -168,7 +168,7 @@ class Meta:
         }
 
     def _all_statistics(self) -> dict[str, Any]:
-        """Over all episodes; without the features that nowhere were numbers throughout."""
+        """Statistics over all episodes, without features that have none in some episode."""
         return {key: _joined(parts) for key, parts in self._statistics.items() if all(parts)}  # type: ignore[arg-type]
 
     def _episode_table(self) -> Any:
@@ -176,7 +176,7 @@ class Meta:
         return self._arrow.table({name: [episode.get(name) for episode in self.episodes] for name in names})
 
     def _tasks(self) -> Any:
-        """As pandas writes a table whose index is the task, because that is how it is read."""
+        """A table as pandas writes it with the task as index, because it is read so."""
         index = '__index_level_0__'
         described = [
             {'name': 'task_index', 'field_name': 'task_index', 'pandas_type': 'int64', 'numpy_type': 'int64',
@@ -202,7 +202,7 @@ def _kind(arrow: Any, feature: Feature) -> Any:
 
 
 def _statistics_shape(feature: Feature) -> tuple[int, ...]:
-    return (3, 1, 1) if feature.is_image else feature.shape  # a picture's pixels are points of three channels
+    return (3, 1, 1) if feature.is_image else feature.shape  # each pixel of a picture is a sample of three channels
 
 
 def _place(number: int) -> dict[str, int]:
@@ -210,7 +210,7 @@ def _place(number: int) -> dict[str, int]:
 
 
 def _brightness(encoded: bytes) -> np.ndarray:
-    """Every fourth pixel along both axes of a picture, red first, 0 to 1: enough to know mean and spread."""
+    """Every fourth pixel along both axes of a picture, red first, 0 to 1: enough for mean and standard deviation."""
     picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None
     return np.asarray(picture[::4, ::4, ::-1] / 255.0)

@@ -1,4 +1,4 @@
-"""The libraries that only exports need, imported when they are."""
+"""Libraries that only exports need, imported on demand."""
 
 from __future__ import annotations
 

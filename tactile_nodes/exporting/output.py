@@ -16,15 +16,15 @@ FACTS = 'tactile.json'
 
 @contextlib.contextmanager
 def made_whole(output: Path, *, replace: bool = False) -> Iterator[Path]:
-    """A folder to write into, which becomes `output` when the block ends well and vanishes when it does not.
+    """A folder to write into. It becomes `output` when the block succeeds, and is removed when the block fails.
 
     Raises:
-        DatasetError: `output` is there and is not to be replaced, or is no export, or cannot be written.
+        DatasetError: `output` exists and may not be replaced, or is no export, or cannot be written.
     """
     _require_free(output, replace)
     draft = output.absolute().with_name(f'.{output.absolute().name}.part')
     try:
-        shutil.rmtree(draft, ignore_errors=True)  # of an export that was killed
+        shutil.rmtree(draft, ignore_errors=True)  # left by an export that was killed
         draft.mkdir(parents=True)
         yield draft
         if output.exists():
@@ -39,7 +39,7 @@ def made_whole(output: Path, *, replace: bool = False) -> Iterator[Path]:
 
 
 def write_json(file: Path, content: dict[str, Any]) -> None:
-    """Write strict JSON, its folder included."""
+    """Write strict JSON; creates its folder."""
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + '\n', encoding='utf-8')
 

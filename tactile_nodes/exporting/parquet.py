@@ -1,4 +1,4 @@
-"""Bags as parquet: one file a topic, one row a message."""
+"""Exports bags as parquet: one file per topic, one row per message."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactile_nodes.exporting.tables import STAMPS, Batch, write_tables
 from tactile_nodes.learning.progress import Progress
 
 METADATA_KEY = 'tactile'
-"""Under this name a file's metadata hold the facts, as JSON."""
+"""The key of the facts, as JSON, in the metadata of a file."""
 
 
 class ParquetSink:
@@ -29,7 +29,7 @@ class ParquetSink:
         self._writer = require('pyarrow.parquet').ParquetWriter(file, self._schema, compression='zstd')
 
     def write(self, batch: Batch) -> None:
-        """One row group more."""
+        """Add a row group."""
         arrays = [
             arrow_array(self._arrow, batch[column.name], field.type)
             for column, field in zip(self._columns, self._schema, strict=True)
@@ -43,7 +43,7 @@ class ParquetSink:
 
 
 def export_parquet(source: Source, folder: Path, facts: dict[str, Any], progress: Progress) -> int:
-    """Write one file for each topic of a bag into `folder`; returns how many rows there are in all.
+    """Write one file for each topic of a bag into `folder`; returns the total number of rows.
 
     Raises:
         ConfigurationError: pyarrow is not installed.
@@ -59,12 +59,12 @@ def export_parquet(source: Source, folder: Path, facts: dict[str, Any], progress
 
 
 def table_name(topic: str) -> str:
-    """'/left/wrench' as 'left.wrench': a dot stands in no name of ROS 2."""
+    """'/left/wrench' as 'left.wrench': no name in ROS 2 has a dot."""
     return topic.strip('/').replace('/', '.')
 
 
 def arrow_field(arrow: Any, column: Column) -> Any:
-    """Texts as dictionaries, arrays as lists of one length, row by row; unit and shape stand in its metadata."""
+    """Texts as dictionaries, arrays as lists of fixed length, row by row; unit and shape are in its metadata."""
     kind = arrow.dictionary(arrow.int32(), arrow.string()) if column.dtype == TEXT else _scalar(arrow, column.dtype)
     if column.shape:
         kind = arrow.list_(kind, int(np.prod(column.shape)))
@@ -73,7 +73,7 @@ def arrow_field(arrow: Any, column: Column) -> Any:
 
 
 def arrow_array(arrow: Any, values: Any, kind: Any) -> Any:
-    """Values as the Arrow array of a type that `arrow_field` or a schema names."""
+    """Values as an Arrow array of the type that `arrow_field` or a schema gives."""
     if arrow.types.is_fixed_size_list(kind):
         flat = arrow.array(np.ascontiguousarray(values).reshape(-1), kind.value_type)
         return arrow.FixedSizeListArray.from_arrays(flat, type=kind)

@@ -18,13 +18,13 @@ from tactile_nodes.clock import NS_PER_S
 PREVIOUS, NEAREST = 'previous', 'nearest'
 _NEVER_NS = 2**63 - 1
 WAIT_NS = 2 * NS_PER_S
-"""A frame waits for messages of so much later: that which is nearest may be one of them."""
+"""A frame waits for messages up to this much later, because one of them may be the nearest."""
 
 
 class Horizon:
-    """Up to when everything has come, told from when messages were received [ns, rising] and from their stamps.
+    """The time up to which all messages have been received, from receive times [ns, rising] and stamps.
 
-    Stamps may be any time older than receipts: those of what was played and recorded again, of another machine's clock.
+    Stamps may be much older than receive times: those of a bag that was played and recorded again, or of another clock.
 
     >>> Horizon(np.array([100, 101, 102]), np.array([7, 5, 9])).at(101)
     5
@@ -35,14 +35,14 @@ class Horizon:
         self._earliest_ns = np.minimum.accumulate(stamps_ns[::-1])[::-1]
 
     def at(self, received_ns: int) -> int:
-        """The earliest stamp of what was received then or later."""
+        """The earliest stamp of the messages received at `received_ns` or later."""
         place = int(np.searchsorted(self._received_ns, received_ns))
         return int(self._earliest_ns[place]) if place < len(self._earliest_ns) else _NEVER_NS
 
 
 @dataclass(frozen=True)
 class Picked:
-    """What a frame took of one topic: `value` is None, and `age_s` NaN, while nothing had come. Age: frame - stamp."""
+    """The message of one topic in a frame: `value` and `age_s` (frame - stamp); None and NaN before the first one."""
 
     value: Any = None
     age_s: float = float('nan')
@@ -50,16 +50,16 @@ class Picked:
 
 @dataclass
 class Track:
-    """The latest messages of one topic, by their stamps; older ones than a frame took are forgotten."""
+    """The latest messages of one topic, by stamp; those older than the last frame needs are dropped."""
 
     kept: list[tuple[int, Any]] = field(default_factory=list)
 
     def take(self, stamp_ns: int, value: Any) -> None:
-        """One message more, in any order."""
+        """Add a message; messages may come in any order."""
         insort(self.kept, (stamp_ns, value), key=itemgetter(0))
 
     def pick(self, frame_ns: int, pick: str) -> Picked:
-        """What a frame takes; frames are asked for in rising order."""
+        """The message for a frame; frames must come in rising order."""
         past = sum(stamp_ns <= frame_ns for stamp_ns, _ in self.kept)
         del self.kept[: max(0, past - 1)]
         candidates = self.kept[: min(past, 1)] if pick == PREVIOUS else self.kept[: min(past, 1) + 1]
@@ -71,21 +71,21 @@ class Track:
 
 @dataclass(frozen=True)
 class Episode:
-    """A stretch of a bag, both ends included [ns]; `told` is what is known of it."""
+    """A part of a bag, both ends included [ns]; `told` describes it."""
 
     start_ns: int
     end_ns: int
     told: dict[str, Any] = field(default_factory=dict)
 
     def frames_ns(self, fps: int) -> Iterator[int]:
-        """When its frames are: the first at its start."""
+        """The times of its frames; the first is its start."""
         for number in range((self.end_ns - self.start_ns) * fps // NS_PER_S + 1):
             yield self.start_ns + (number * NS_PER_S + fps // 2) // fps
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame of an episode (counted from 0), with what it took of each topic."""
+    """One frame of an episode (counted from 0), with the message picked for each topic."""
 
     episode: int
     number: int
@@ -94,7 +94,7 @@ class Frame:
 
 
 class Resampler:
-    """Turns messages in the order of their receipt into frames of episodes that follow each other in time."""
+    """Turns messages, in the order received, into frames of episodes, which follow each other in time."""
 
     def __init__(self, topics: list[str], episodes: list[Episode], fps: int, pick: str) -> None:
         self._tracks = {topic: Track() for topic in topics}
@@ -107,13 +107,13 @@ class Resampler:
         self._next = next(self._due, None)
 
     def take(self, topic: str, stamp_ns: int, horizon_ns: int, value: Any) -> Iterator[Frame]:
-        """One message, before which all up to `horizon_ns` have come; gives the frames that wait for nothing more."""
+        """Add a message; all with stamps up to `horizon_ns` have come before it. Gives the frames that are complete."""
         yield from self._until(horizon_ns - WAIT_NS)
         self._tracks[topic].take(stamp_ns, value)
         self._forget(topic)
 
     def finish(self) -> Iterator[Frame]:
-        """No more messages: the frames that are left."""
+        """The remaining frames, after the last message."""
         yield from self._until(None)
 
     def _until(self, end_ns: int | None) -> Iterator[Frame]:
@@ -124,7 +124,7 @@ class Resampler:
             self._next = next(self._due, None)
 
     def _forget(self, topic: str) -> None:
-        """Between episodes no frame is due, and messages would pile up."""
+        """Drop messages that no frame needs; between episodes they would fill the memory."""
         if self._next is None:
             self._tracks[topic].kept.clear()
         elif len(self._tracks[topic].kept) > 1 and self._tracks[topic].kept[1][0] <= self._next[2]:
@@ -133,9 +133,9 @@ class Resampler:
 
 @dataclass
 class Statistics:
-    """Minimum, maximum, mean and standard deviation of a feature, component by component, a row at a time.
+    """Minimum, maximum, mean and standard deviation of each component of a feature, updated row by row.
 
-    Numbers that are none do not count. `shape` is that of one row; sums are taken about the first row, for precision.
+    NaN and infinities do not count. `shape` is that of one row. Sums are relative to the first row, for precision.
     """
 
     shape: tuple[int, ...]
@@ -147,7 +147,7 @@ class Statistics:
         self._pivot = np.full(self.shape, np.nan)
 
     def take(self, row: Any) -> None:
-        """One row, or the many points of one (its first axis), a picture's pixels say."""
+        """Add one row, or the many samples in it (its first axis), such as the pixels of a picture."""
         values = np.asarray(row, np.float64).reshape(-1, *self.shape)
         finite = np.isfinite(values)
         self._pivot = np.where(np.isnan(self._pivot) & finite[0], values[0], self._pivot)
@@ -160,7 +160,7 @@ class Statistics:
         self._high = np.maximum(self._high, np.where(finite, values, -np.inf).max(axis=0))
 
     def told(self) -> dict[str, Any] | None:
-        """As LeRobot names them; None where a component never was a number."""
+        """The statistics under LeRobot's names; None if a component was never a number."""
         if not self._count.all():
             return None
         mean = self._sum / self._count

@@ -1,4 +1,4 @@
-"""A bag as what is to be exported: which topics, each message with its stamp, and what is known about all of it."""
+"""A bag as the source of an export: its topics, each message with its stamp, and facts about the whole."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Told:
 
 @dataclass
 class Provenance:
-    """What the messages of a bag said about where they come from, counted while they are read."""
+    """What the messages of a bag state about their origin, collected while they are read."""
 
     rows: Counter[str] = field(default_factory=Counter)
     malformed: Counter[str] = field(default_factory=Counter)
@@ -76,7 +76,7 @@ class Source:
     """A bag opened for export. `layouts` holds the columns of each topic that is exported.
 
     Raises:
-        BagError: it cannot be read, lacks a topic that was named, or holds nothing to export.
+        BagError: it cannot be read, lacks a requested topic, or holds nothing to export.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Source:
 
     @property
     def count(self) -> int:
-        """How many messages there are to read."""
+        """The number of messages to read."""
         return sum(self.bag.counts.get(topic, 0) for topic in self.layouts)
 
     def stamps_ns(self, topic: str) -> list[int]:
@@ -129,9 +129,9 @@ class Source:
         return True
 
     def horizon(self, start_ns: int) -> Horizon:
-        """Up to when everything stamped from `start_ns` on has come; read without decoding.
+        """The horizon of all messages stamped from `start_ns` on, read without decoding.
 
-        What is latched does not count: it may come, old, whenever its publisher begins anew.
+        Latched topics do not count: an old message may come whenever its publisher restarts.
         """
         lasting = [topic for topic in self.layouts if not self.bag.topics[topic].latched]
         received_ns, stamps_ns = array('q'), array('q')
@@ -142,7 +142,7 @@ class Source:
         return Horizon(np.array(received_ns, np.int64), np.array(stamps_ns, np.int64))
 
     def told(self) -> Iterator[Told]:
-        """Every message of the exported topics that can be read, in the order in which they were received."""
+        """Every readable message of the exported topics, in the order received."""
         self.provenance, self._digest = Provenance(), hashlib.sha256()
         for message in self.bag.messages(self.layouts):
             try:
@@ -156,7 +156,7 @@ class Source:
             yield found
 
     def facts(self) -> dict[str, Any]:
-        """What there is to know about what was read; complete once all was."""
+        """The facts about the messages read; complete once all were read."""
         seen = self.provenance
         return {
             'made_by': f'tactile_nodes {__version__}',
@@ -205,7 +205,7 @@ class Source:
         return '' if name in named else NOT_TABLES.get(kind, '')
 
     def _lay_out(self, name: str) -> None:
-        """Find the first message of a topic that says what its columns are, of forces the first that is not invalid."""
+        """Set the columns of a topic by its first message with a content; of forces, the first that is not invalid."""
         reason, sensors = 'no messages', self._sensors(name)
         for message in self.bag.messages([name]):
             try:
@@ -224,25 +224,25 @@ class Source:
             self.left_out[name] = reason
 
     def _sensors(self, name: str) -> list[str]:
-        """All sensors that the messages of a hand's wrench name, in the sum or missing; of other topics none."""
+        """All sensors named in the messages of a hand's wrench, in the sum or missing; none for other topics."""
         found: set[str] = set()
         if self.bag.topics[name].type_name == HAND_WRENCH.type_name:
             for message in self.bag.messages([name]):
-                with suppress(MessageError):  # told of when the rows are read
+                with suppress(MessageError):  # counted when the rows are read
                     decoded = self.bag.decode(message)
                     found.update(decoded.sensors, decoded.missing)
         return sorted(found)
 
 
 def _is_empty(message: Any, type_name: str) -> bool:
-    """Whether a force or a picture has no size: told before there was one, so a later message knows it."""
+    """Whether a force or a picture has no size. It was published before the size was known; a later one has it."""
     if type_name in _FORCES:
         return not message.rows * message.cols
     return type_name == IMAGE_TYPE and not message.height * message.width
 
 
 def _is_invalid(message: Any, type_name: str) -> bool:
-    """Whether a force says nothing but that it cannot be told."""
+    """Whether a force is marked invalid."""
     return type_name in _FORCES and bool(message.status == types.ForceDistribution.STATUS_INVALID)
 
 

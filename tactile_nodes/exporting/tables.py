@@ -20,16 +20,16 @@ STAMPS = (Column('stamp_ns', 'int64', (), 'ns'), Column('received_ns', 'int64', 
 """The first columns of every table: capture (or publication), and when the recorder received it; both since 1970."""
 
 Batch = dict[str, Any]
-"""Arrays by the names of columns, a list for texts; all as long as each other."""
+"""Arrays by column name, lists for texts; all have the same length."""
 
 
 class Sink(Protocol):
-    """Where the rows of one topic go."""
+    """Writes the rows of one topic."""
 
     def write(self, batch: Batch) -> None: ...
 
     def close(self, facts: dict[str, Any]) -> None:
-        """Nothing more is to come; `facts` are kept with the data."""
+        """End the output; `facts` are stored with the data."""
         ...
 
 
@@ -46,13 +46,13 @@ class Table:
         return [*STAMPS, *self.layout.columns]
 
     def take(self, told: Told) -> None:
-        """One row more; written when a batch is full."""
+        """Add a row; a full batch is written."""
         self.waiting.append([told.stamp_ns, told.received_ns, *self.layout.row(told.message)])
         if len(self.waiting) >= (IMAGE_ROWS if self.layout.type_name == IMAGE_TYPE else BATCH_ROWS):
             self.flush()
 
     def flush(self) -> None:
-        """Write what waits."""
+        """Write the waiting rows."""
         if self.waiting:
             values = zip(*self.waiting, strict=True)
             self.sink.write(
@@ -62,13 +62,13 @@ class Table:
 
 
 def write_tables(source: Source, open_sink: Callable[[Layout], Sink], facts: dict[str, Any], progress: Progress) -> int:
-    """Write a table for each topic of a bag; returns how many rows there are in all.
+    """Write a table for each topic of a bag; returns the total number of rows.
 
     Args:
         source: the bag.
-        open_sink: makes the place for the rows of a topic.
-        facts: kept with each table, beside those of the source.
-        progress: told of the messages read.
+        open_sink: opens the output for the rows of a topic.
+        facts: stored with each table, beside those of the source.
+        progress: shows how many messages were read.
 
     Raises:
         TactileError: a message fits no table.
@@ -79,7 +79,7 @@ def write_tables(source: Source, open_sink: Callable[[Layout], Sink], facts: dic
             rows = _read_all(source, tables, bar)
         for table in tables.values():
             table.flush()
-    finally:  # also of what is thrown away: files must not stay open
+    finally:  # also if the output is discarded: files must not stay open
         for table in tables.values():
             table.sink.close({**facts, **source.facts()})
     return rows

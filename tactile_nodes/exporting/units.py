@@ -1,4 +1,4 @@
-"""Units and frames of what is exported, as the message definitions state them."""
+"""Units, signs and frame of exported columns, as the message definitions state them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ STATUS = {'0': 'ok', '1': 'degraded: less certain than usual', '2': 'invalid: do
 
 
 def unit_of(type_name: str, column: str) -> str:
-    """The unit of a column; empty where it has none, or the type is not ours to know."""
+    """The unit of a column; empty if it has none or the type is unknown."""
     if column.endswith('_ns'):
         return 'ns'
     patterns = _UNITS.get(type_name, {})

@@ -1,4 +1,4 @@
-"""Bags as zarr: a group for each topic, an array for each column, the first axis being the message."""
+"""Exports bags as zarr: a group for each topic, an array for each column; the first axis is the message."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactile_nodes.exporting.source import Source
 from tactile_nodes.exporting.tables import BATCH_ROWS, IMAGE_ROWS, STAMPS, Batch, write_tables
 from tactile_nodes.learning.progress import Progress
 
-FORMAT = 2  # zarr-python 2 and 3, and the readers of other languages, all know it; few know 3 as yet
+FORMAT = 2  # zarr-python 2 and 3 and readers in other languages support it; few support 3 so far
 
 
 class ZarrSink:
@@ -26,7 +26,7 @@ class ZarrSink:
         self._arrays = {column.name: self._create(column, rows) for column in columns}
 
     def write(self, batch: Batch) -> None:
-        """A chunk more in every array."""
+        """Add a chunk to every array."""
         for name, array in self._arrays.items():
             values = batch[name]
             if name in self._labels:
@@ -48,12 +48,12 @@ class ZarrSink:
             chunks=(rows, *column.shape),
             dtype=dtype,
             compressors=require('numcodecs').Blosc(cname='zstd', clevel=5),
-            # xarray takes any fill value for "missing" and would turn zeros into NaN. Without one, chunks that hold
-            # nothing but zeros must be written, too: zarr-python 2 reads a chunk that is not there as anything.
+            # xarray takes any fill value for "missing" and would turn zeros into NaN. Without one, chunks of only zeros
+            # must be written, too: for a chunk that is missing, zarr-python 2 reads arbitrary values.
             fill_value=None,
             config={'write_empty_chunks': True},
         )
-        # The names of the axes, as xarray looks for them.
+        # The names of the axes, where xarray expects them.
         made.attrs['_ARRAY_DIMENSIONS'] = ['message', *(f'{column.name}_{axis}' for axis in range(len(column.shape)))]
         if column.unit:
             made.attrs['unit'] = column.unit
@@ -61,7 +61,7 @@ class ZarrSink:
 
 
 def export_zarr(source: Source, folder: Path, facts: dict[str, Any], progress: Progress) -> int:
-    """Write one group for each topic of a bag into the store `folder`; returns how many rows there are in all.
+    """Write one group for each topic of a bag into the store `folder`; returns the total number of rows.
 
     Raises:
         ConfigurationError: zarr is not installed.
