@@ -1,1 +1,1 @@
-"""What is generated from the code: parts of the documentation, and what message classes look like to a type checker."""
+"""Generates text from the code: parts of the documentation, and type stubs of the message classes."""

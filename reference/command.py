@@ -1,4 +1,4 @@
-"""The parts of the documentation that are made from the code, renewed, checked or printed."""
+"""Renews, checks or prints the parts of the documentation that are generated from the code."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PARTS: dict[str, Make] = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of the verb."""
+    """Add the arguments of the command."""
     parser.add_argument(
         '-o', '--output', type=Path, metavar='DIR', help='folder of the pages (default: docs/ of this source tree)'
     )
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Renew, check or print; 1 if a page that was checked is not current."""
+    """Renew, check or print; returns 1 if a checked page is out of date."""
     if arguments.part:
         print(PARTS[arguments.part]())
         return 0
@@ -52,10 +52,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def stale_pages(folder: Path) -> dict[Path, str]:
-    """The pages of `folder` that the code has outgrown, with the text that they should have.
+    """The pages of `folder` that are out of date, with the text that they should have.
 
     Raises:
-        ConfigurationError: no pages there, or a part in them that cannot be made.
+        ConfigurationError: there are no pages, or a page has a part that cannot be generated.
     """
     texts = {page: page.read_text(encoding='utf-8') for page in pages(folder)}
     made = {page: renewed(text, PARTS, page.name) for page, text in texts.items()}

@@ -1,4 +1,4 @@
-"""The parts of the documentation that the command line makes of itself."""
+"""The parts of the documentation that are generated from the command line."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from tactile_nodes.cli import main
 
 
 def verbs() -> str:
-    """Every verb, and the words below it."""
+    """A table of all commands and their subcommands."""
     rows = [[code(verb), ' '.join(map(code, _words(_parser(verb)))), line] for verb, line in main.VERBS.items()]
     return table(['command', 'subcommands', 'description'], rows)
 
 
 def flags() -> str:
-    """Every argument of every command."""
+    """The arguments of every command."""
     return '\n\n'.join(_section(words, parser) for verb in main.VERBS for words, parser in commands(verb))
 
 
@@ -34,7 +34,7 @@ def _words(parser: argparse.ArgumentParser) -> list[str]:
 
 
 def commands(verb: str) -> Iterator[tuple[str, argparse.ArgumentParser]]:
-    """A verb, or each of its commands: the words after ``tactile``, and their parser."""
+    """A command, or each of its subcommands: the words after ``tactile``, and the parser."""
     own = _parser(verb)
     below = _choices(own)
     if not below:

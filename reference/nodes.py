@@ -1,4 +1,4 @@
-"""The nodes of this package, and which topics and services each names in its source."""
+"""The nodes of this package, and the topics and services in the source of each."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FIRST = (
     'camera', 'flow_features', 'force_estimator', 'drift_monitor', 'force_views', 'live_view', 'recorder', 'player',
     'hand_sensors', 'hand_wrench', 'guarded_grasp', 'simulated_gripper', 'rig', 'guarded_approach',
 )  # fmt: skip
-"""The way of a frame, then what looks at it, then the rig; all others follow by name."""
+"""The first nodes of a table: those that a frame passes, those that display it, the rig. Others follow by name."""
 _PUBLISHES, _RECEIVES, _SERVES = (
     {'create_publisher'},
     {'create_subscription', 'add'},
@@ -32,7 +32,7 @@ _PUBLISHES, _RECEIVES, _SERVES = (
 )
 
 Bound = Mapping[str, Sequence[Any]]
-"""What a name stands for within a loop: topics, or names of methods."""
+"""The values of a loop variable: topics, or names of methods."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +44,19 @@ class NodeKind:
 
     @property
     def program(self) -> str:
-        """What starts it: 'camera_node'."""
+        """The program that starts it: 'camera_node'."""
         return f'{self.module}_node'
 
     @property
     def line(self) -> str:
-        """What it is for: the first paragraph of its module."""
+        """Its purpose: the first paragraph of the docstring of its module."""
         text = inspect.getdoc(inspect.getmodule(self.kind)) or ''
         return text.partition('\n\n')[0].replace('\n', ' ').replace('``', '`')
 
 
 @dataclass(frozen=True)
 class Ends:
-    """The topics that a node names, and its services as it spells them ('~/pause')."""
+    """The topics in the source of a node, and its services as written there ('~/pause')."""
 
     publishes: tuple[str, ...]
     receives: tuple[str, ...]
@@ -72,10 +72,10 @@ def node_kinds() -> tuple[NodeKind, ...]:
 
 
 def ends_of(kind: type[Node]) -> Ends:
-    """What the source of a node says. Topics that follow from a bag or from who is there are not in it.
+    """The topics and services in the source of a node. Topics chosen at run time, such as those of a bag, are missing.
 
     Raises:
-        ConfigurationError: a publisher or a subscription of something that is not in the topic table.
+        ConfigurationError: a publisher or a subscription of a topic that is not in the topic table.
     """
     module = inspect.getmodule(kind)
     assert module is not None
@@ -89,7 +89,7 @@ def ends_of(kind: type[Node]) -> Ends:
 
 @cache
 def ends_of_every_node() -> Ends:
-    """What a node has by itself, and receives with simulated time: one is started on a bus of its own, and asked."""
+    """The topics and services that every node has with simulated time; read from a node on a separate bus."""
     bus = InProcessBus(SteppedClock())
     node = Node(bus, parse_arguments(['--ros-args', '-p', 'use_sim_time:=true']))
     try:
@@ -111,7 +111,7 @@ def _classes(name: str) -> list[type[Node]]:
 
 
 def _calls(tree: ast.AST, bound: Bound, module: ModuleType) -> Iterator[tuple[ast.Call, Bound]]:
-    """Each call of a method with an argument, and what loop variables stand for there."""
+    """Each call of a method with an argument, and the values of the loop variables there."""
     for loop in [*getattr(tree, 'generators', ()), *([tree] if isinstance(tree, ast.For) else ())]:
         if isinstance(loop.target, ast.Name):
             bound = {**bound, loop.target.id: _values(loop.iter, module)}
@@ -149,7 +149,7 @@ def _named(
 
 
 def _topics(expression: ast.expr, bound: Bound) -> Sequence[Topic] | None:
-    """`topics.X`, `replace(topics.X, ...)`, or the variable of a loop over some of them."""
+    """The topics of an expression: `topics.X`, `replace(topics.X, ...)`, or the variable of a loop over topics."""
     if isinstance(expression, ast.Call) and ast.unparse(expression.func) == 'replace':
         expression = expression.args[0]
     if isinstance(expression, ast.Name):
@@ -159,7 +159,7 @@ def _topics(expression: ast.expr, bound: Bound) -> Sequence[Topic] | None:
 
 
 def _service(expression: ast.expr, bound: Bound) -> Sequence[str] | None:
-    """A text, or one into which the names of methods are put by a loop over them."""
+    """The services of an expression: a text, or one that a loop over names of methods fills in."""
     if isinstance(expression, ast.Constant):
         return [str(expression.value)]
     if not isinstance(expression, ast.JoinedStr):

@@ -1,4 +1,4 @@
-"""The parts of the documentation that the nodes' parameters and the files in ``config/`` and ``launch/`` make."""
+"""The parts of the documentation from the nodes' parameters and the files in ``config/`` and ``launch/``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MANY = 20  # number of shared parameters of two nodes, from which on they are l
 
 
 def nodes() -> str:
-    """Every node."""
+    """A table of all nodes."""
     rows = [[code(node.program), code(f'/{node.kind.NAME}'), node.line] for node in node_kinds()]
     return table(['program', 'name', 'description'], rows)
 
@@ -41,7 +41,7 @@ def launch_arguments() -> str:
 
 
 def written(value: object) -> str:
-    """A value as a parameter file has it.
+    """A value as written in a parameter file.
 
     >>> written(True), written(''), written((1.0, 2.0)), written(dataclasses.MISSING)
     ('true', "''", '[1.0, 2.0]', 'must be given')
@@ -69,7 +69,7 @@ def _section(node: NodeKind) -> str:
 
 
 def _told_before(node: NodeKind, own: list[ParameterDescription]) -> NodeKind | None:
-    """A node that comes before and has many of the same parameters."""
+    """An earlier node that has many of the same parameters."""
     for other in node_kinds()[: node_kinds().index(node)]:
         if len(set(own) & set(params.describe(other.kind.PARAMS))) > _MANY:
             return other
@@ -93,7 +93,7 @@ def _row(entry: ParameterDescription, files: Mapping[str, dict[str, object]]) ->
 
 
 def _elsewhere(entry: ParameterDescription, files: Mapping[str, dict[str, object]]) -> Iterator[str]:
-    """The values that parameter files give it instead of its default."""
+    """The values in parameter files that differ from the default."""
     given = {name: values[entry.name] for name, values in files.items() if entry.name in values}
     for value in dict.fromkeys(value for value in given.values() if value != entry.default):
         yield f'{code(written(value))} in {", ".join(name for name, other in given.items() if other == value)}'
@@ -111,7 +111,7 @@ def _limits(entry: ParameterDescription) -> str:
 
 
 def _files(full_name: str) -> dict[str, dict[str, object]]:
-    """What each parameter file of `config/` sets for a node."""
+    """The parameters that each file of `config/` sets for a node."""
     found = {name: params.resolve_parameters(full_name, blocks) for name, blocks in _blocks().items()}
     return {name: {key: _plain(entry.value) for key, entry in values.items()} for name, values in found.items()}
 
@@ -122,7 +122,7 @@ def _plain(value: object) -> object:
 
 @cache
 def _blocks() -> dict[str, list[params.NodeParameters]]:
-    """The parameter files of the situations; those of single devices (`/**` for all nodes) are examples."""
+    """The parameter files that name nodes; those of single devices (`/**` for all nodes) are examples and left out."""
     folder = share_directory() / 'config'
     read = {file.name: params.load_parameter_file(file) for file in sorted(folder.glob('*.yaml'))}
     return {name: blocks for name, blocks in read.items() if all(block.pattern != '/**' for block in blocks)}

@@ -1,4 +1,4 @@
-"""The parts of the documentation that say where a thing is: every folder, by its first line; who may import whom."""
+"""The parts of the documentation about the structure of the source: all folders, and the order of imports."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tactile_nodes.paths import share_directory
 PACKAGE = Path(tactile_nodes.__file__).parent
 LAYERS = re.compile(r'^layers = (\[.*?^\])', re.MULTILINE | re.DOTALL)
 ONE_EACH = ('cli',)
-"""Its folders are single verbs, which have a page of their own."""
+"""Folders whose subfolders are single commands, which have their own page."""
 
 
 def rooms() -> str:
-    """Folders, and what is done in them."""
+    """A table of all folders, with the first line of their docstrings."""
     folders = sorted(file.parent for file in PACKAGE.rglob('__init__.py'))
     shown = [each for each in folders if each != PACKAGE and each.parent.name not in ONE_EACH]
     rows = [[code(f'{each.relative_to(PACKAGE)}/'), _first_line(each)] for each in shown]
@@ -27,10 +27,10 @@ def rooms() -> str:
 
 
 def imports() -> str:
-    """The order of imports, from the top down, as import-linter holds it.
+    """The order of imports, from the top down, as import-linter enforces it.
 
     Raises:
-        ConfigurationError: no source tree, or an order that stands there in another way.
+        ConfigurationError: there is no source tree, or the order in it has another format.
     """
     file = share_directory() / 'pyproject.toml'
     found = LAYERS.search(read_text(file)) if file.is_file() else None

@@ -1,6 +1,6 @@
-"""Writes `types.pyi`: what the message classes look like to a type checker.
+"""Writes `types.pyi`: the message classes for type checkers.
 
-Run ``python -m reference.stubs`` after changing a file in ``msg/``; a test compares.
+Run ``python -m reference.stubs`` after changing a file in ``msg/``; a test checks that the file is up to date.
 """
 
 from __future__ import annotations

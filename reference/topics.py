@@ -1,4 +1,4 @@
-"""The parts of the documentation that the topic table, the nodes and ``msg/`` make."""
+"""The parts of the documentation from the topic table, the nodes and ``msg/``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def topics() -> str:
 
 
 def ends() -> str:
-    """Which nodes publish and receive each topic."""
+    """The publishers and subscribers of each topic."""
     every, found = ends_of_every_node(), {node.module: ends_of(node.kind) for node in node_kinds()}
     rows = [
         [
@@ -43,7 +43,7 @@ def services() -> str:
 
 
 def messages() -> str:
-    """The definitions of our own types."""
+    """The definitions of our own message types."""
     files = sorted((share_directory() / 'msg').glob('*.msg'))
     return '\n\n'.join(
         f'### tactile_nodes/{file.stem}\n\n```msg\n{file.read_text(encoding="utf-8").strip()}\n```' for file in files
@@ -51,7 +51,7 @@ def messages() -> str:
 
 
 def kept(qos: Qos) -> str:
-    """What waits for a slow subscriber, and whether who comes later gets the last message."""
+    """The queue for a slow subscriber, and whether late subscribers get the last message."""
     words = f'newest {qos.depth}' if qos.keep == 'latest' else f'queue of {qos.depth}'
     return f'{words}, latched' if qos.latched else words
 

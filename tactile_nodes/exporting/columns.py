@@ -179,7 +179,7 @@ class Layout:
             self._add(f'strongest.{name}', 'float64', _strongest(name))
 
     def _add_sensor(self, sensor: str) -> None:
-        """Add for a sensor of a hand: is its wrench in the sum, its number of contacts, and the one that slips first."""
+        """Add for a sensor of a hand: whether its wrench is in the sum, how many contacts, and which slips first."""
         self._add(f'sensors.{sensor}', 'bool', lambda message: sensor in message.sensors)
         self._add(f'margins.{sensor}.count', 'int64', lambda message: len(_margins(message, sensor)))
         for part in _MARGIN:

@@ -30,17 +30,17 @@ def is_usable(force: types.ForceDistribution | types.ForceField) -> bool:
 
 
 def force_map(force: types.ForceDistribution) -> types.Image:
-    """The normal force on each bin as a picture of 32FC1 in N: a pixel a bin, rows along y; NaN when it is invalid."""
+    """The normal force as a picture of 32FC1 in N: one pixel per bin, rows along y; NaN if it is invalid."""
     return _picture(force, np.asarray(force.normal_force, np.float32))
 
 
 def pressure_map(field: types.ForceField) -> types.Image:
-    """The pressure on each cell as a picture of 32FC1 in Pa: a pixel a cell, rows along y; NaN: not known."""
+    """The pressure as a picture of 32FC1 in Pa: one pixel per cell, rows along y; NaN if it is unknown."""
     return _picture(field, np.asarray(field.pressure, np.float32))
 
 
 def force_points(force: types.ForceDistribution) -> types.PointCloud2:
-    """A point at the centre of each bin: x, y, z in m and normal_force in N, float32; as rows and columns of bins."""
+    """A point at the centre of each bin: x, y, z in m and normal_force in N, float32; in the bins' rows and columns."""
     rows, cols = (force.rows, force.cols) if is_usable(force) else (1, 0)
     table = np.zeros((rows, cols, 4), np.float32)
     if table.size:
@@ -127,7 +127,7 @@ def _field(name: str, offset: int) -> types.PointField:
 
 
 def _picture(told: types.ForceDistribution | types.ForceField, values: Float32[np.ndarray, ' cells']) -> types.Image:
-    """A pixel for each of its cells."""
+    """A picture with one pixel per cell."""
     size = told.rows * told.cols
     shown = values if is_usable(told) and values.size == size else np.full(size, np.nan, np.float32)
     return types.Image(

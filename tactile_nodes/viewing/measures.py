@@ -60,7 +60,7 @@ class Recent:
         return _rate(last[0] - first[0], len(self._frames)), _rate(last[1] - first[1], len(self._frames))
 
     def percentiles(self) -> dict[str, Percentiles]:
-        """Of each stage."""
+        """The percentiles of each stage."""
         if not self._frames:
             return dict.fromkeys(STAGES, NOTHING)
         columns = np.array([times for _, _, times in self._frames]).T
@@ -93,7 +93,7 @@ class Histogram:
         self.total = 0
 
     def add(self, seconds: float) -> None:
-        """Count one; NaN is not counted."""
+        """Count a duration; NaN is not counted."""
         if math.isnan(seconds):
             return
         place = int(math.log(max(seconds, 1e-6) / 1e-6) / self._WIDTH)
@@ -201,7 +201,7 @@ class Comparison:
         self._keep(self._truths, stamp_ns, message)
 
     def scores(self) -> Scores:
-        """So far; NaN where there is nothing to average."""
+        """The errors so far; NaN where there is nothing to average."""
         contacts = sum(self._bins)
         rmse = math.sqrt(self._squares / self._pairs) if self._pairs else math.nan
         return Scores(self._pairs, rmse, contacts, self._bins[1] / contacts if contacts else math.nan)

@@ -17,7 +17,7 @@ UNKNOWN = math.nan
 
 @dataclass(frozen=True)
 class Net:
-    """Each with its standard deviation; NaN: unknown. `direction_rad` of the shear is from x towards y.
+    """Net force components, each with its standard deviation; NaN: unknown. `direction_rad` of shear is from x to y.
 
     `torsion_n_mm` is the moment along the axis of the force, which is that about z at the centre of pressure.
     `explanation` is 'nothing', 'tips' or 'field', or empty if the model does not state it.
@@ -37,7 +37,7 @@ class Net:
 
 
 def net_of(force: Any) -> Net:
-    """Of a ForceDistribution; a covariance that begins with -1 means that shear was not estimated."""
+    """The net of a ForceDistribution; a covariance that begins with -1 means that shear was not estimated."""
     explanation = _WORDS.get(int(force.explanation), '')
     covariance = np.asarray(force.wrench_covariance, float).reshape(6, 6)
     if force.status == force.STATUS_INVALID or not covariance[0, 0] >= 0:

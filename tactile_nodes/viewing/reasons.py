@@ -28,7 +28,7 @@ _SENTENCES = {
 
 
 def sentences(reasons: int) -> list[str]:
-    """One for each bit of ForceDistribution.reasons; a bit without its own sentence is named.
+    """A sentence for each bit of ForceDistribution.reasons; a bit without its own sentence is named.
 
     >>> sentences(types.ForceDistribution.REASON_STALE)
     ['The frame is older than it should be.']

@@ -183,7 +183,7 @@ class ViewState:
         return self._picture(now_ns, self._recent.rates_hz(), self._recent.percentiles(), sensors)
 
     def summary(self, now_ns: int) -> Snapshot:
-        """The same, but with rates and latencies of the whole time; latencies are accurate to half a percent."""
+        """As `snapshot`, with rates and latencies of the whole time; latencies are accurate to half a percent."""
         latencies = {stage: found.percentiles() for stage, found in zip(STAGES, self._overall, strict=True)}
         sensors = tuple(each.summary(now_ns) for each in self.sensors.values())
         return self._picture(now_ns, self._overall_hz(), latencies, sensors)
@@ -293,10 +293,10 @@ def _checked(message: Any) -> Any:
 
 
 def _printable(text: str) -> str:
-    """On one line, without terminal control characters."""
+    """The text on one line, without terminal control characters."""
     return ''.join(letter if letter.isprintable() else ' ' for letter in text)
 
 
 def _level(level: Any) -> int:
-    """rclpy's nodes send the level as a byte."""
+    """The level as a number; rclpy's nodes send it as a byte."""
     return level[0] if isinstance(level, bytes) else int(level)

@@ -38,7 +38,7 @@ class Surface:
 
 
 def surface_of(field: Any) -> Surface | None:
-    """Of a ForceField message; None if it is invalid or has no pressure. Unknown shear is zero.
+    """The surface of a ForceField message; None if it is invalid or has no pressure. Unknown shear is zero.
 
     Raises:
         MessageError: its arrays do not fill its grid.

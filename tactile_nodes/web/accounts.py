@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 TABLES = (Path('/proc/net/tcp'), Path('/proc/net/tcp6'))
-_LOOKS = 3  # the table is not a snapshot: a row may be missed while others change
-_NO_INODE = '0'  # of a socket that its program has closed; it is then listed as root's
+_LOOKS = 3  # the table is not a snapshot: a read may miss a row while others change
+_NO_INODE = '0'  # means that the program has closed the socket; it is then listed as root's
 _ROW = 10  # columns that are read from a row
 
 End = tuple[str, int]

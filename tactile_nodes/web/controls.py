@@ -40,7 +40,7 @@ class Controls:
         return {action: name in served for action, name in self._services.items()}
 
     def act(self, action: str, touching_n: float | None = None, *, insist: bool = False) -> Outcome:
-        """Do it, from any thread; a rest image is refused while there is contact, unless a person insists."""
+        """Do `action`, from any thread; a rest image is refused during contact, unless a person insists."""
         if action not in self._services:
             return Outcome(False, f'There is no action {action!r}.')
         if action == REST_IMAGE and touching_n is not None and not insist:

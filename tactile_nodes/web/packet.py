@@ -4,9 +4,9 @@
 
     uint32                length of the JSON text, little-endian
     JSON, UTF-8           numbers and words; `sections` lists name and length [bytes] of the sections
-    the sections          bins (float32 [N]), surface (float32, pressure, shear x, shear y [kPa], pressure over half of
-                          the highest of its contact, a cell of a force field), motion (float32, dx dy confidence a
-                          region), image (JPEG)
+    the sections          bins (float32 [N]), surface (float32 per cell of a force field: pressure, shear x, shear y
+                          [kPa], pressure over half of the maximum of its contact), motion (float32 per region: dx,
+                          dy, confidence), image (JPEG)
     samples               the rest: stamp (float64 [s]), total and true total (float32 [N]) each
 
 The samples come last because they differ between viewers: a viewer that was skipped gets the samples that it missed.
