@@ -1,1 +1,1 @@
-"""What is measured, and how: every contender in one run, interleaved, on the machine that the report names."""
+"""Benchmarks: all contenders are measured in one run, in turn, on the machine that the report names."""

@@ -26,7 +26,7 @@ BENCHMARKS = _declared()
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """A subcommand for each benchmark, and for what is known of their results."""
+    """Add a subcommand for each benchmark, and one for the state of their results."""
     commands = parser.add_subparsers(dest='benchmark', required=True, metavar='benchmark')
     raw = argparse.RawDescriptionHelpFormatter
     status.add_arguments(
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen one."""
+    """Run the chosen subcommand."""
     if arguments.benchmark == 'status':
         return status.run(arguments, list(BENCHMARKS.values()))
     return run_one(BENCHMARKS[arguments.benchmark], arguments)

@@ -1,7 +1,7 @@
-"""What goes wrong with a sensor, as functions: of its gel and camera, of the light that falls in, of the picture.
+"""Disturbances of a sensor, as functions of its gel and camera, of the incoming light, or of the picture.
 
 Light is in grey levels before the camera's noise (float, not limited to 255); pictures are what the camera delivers.
-Whatever is random follows from a seed.
+All random values depend on a seed.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Optics, Press
 
 SPOT_PX = 40.0
-"""Standard deviation of a hot spot: a lamp that mirrors in the skin."""
+"""Standard deviation of a hot spot: the reflection of a lamp in the skin."""
 
 DIRT_PX = (8.0, 24.0)
-"""Smallest and largest radius of a speck of dirt, and with `DIRT_EDGE_PX` how softly it ends: it is out of focus."""
+"""Smallest and largest radius of a speck of dirt; `DIRT_EDGE_PX` blurs its edge, because it is out of focus."""
 DIRT_EDGE_PX = 3.0
 DIRT_LIGHT = 0.1
-"""What a speck lets through."""
+"""The share of the light that a speck transmits."""
 
 BAND_PX = 30.0
 """Height of one light and one dark band of a rolling shutter under a flickering lamp."""
 BAND_STEP_PX = 11.3
-"""How far the bands run from frame to frame."""
+"""Motion of the bands from frame to frame."""
 
 
 def knocked(gel: Gel, shift_px: float) -> Gel:
-    """The camera tilted such that the middle of the picture moves by so many pixels, half to each axis."""
+    """The camera tilted, so that the middle of the picture moves by `shift_px` along the diagonal."""
     degrees = math.degrees(shift_px / math.sqrt(2) / gel.focal_px_per_rad)
     about_x, about_y = gel.camera_tilt_deg
     return dataclasses.replace(gel, camera_tilt_deg=(about_x + degrees, about_y + degrees))
@@ -50,7 +50,7 @@ def magnified(gel: Gel, percent: float) -> Gel:
 
 
 def reseated(gel: Gel, shift_mm: float) -> Gel:
-    """The gel put back aside of where it was, half to each axis; the camera sees it from another place."""
+    """The gel put back with an offset of `shift_mm` along the diagonal; the camera sees it from another place."""
     right, down = gel.camera_shift_mm
     each = shift_mm / math.sqrt(2)
     return dataclasses.replace(gel, camera_shift_mm=(right + each, down + each))
@@ -62,12 +62,12 @@ def dimmed(gel: Gel, share: float) -> Gel:
 
 
 def shrunk(gel: Gel, percent: float) -> Gel:
-    """A soft layer thinner by so much, its markers with it; swollen if negative."""
+    """A soft layer thinner by `percent`, with its markers; negative values swell it."""
     return dataclasses.replace(gel, soft_mm=gel.soft_mm * (1 - percent / 100))
 
 
 def warmed(gel: Gel, minutes: float) -> Gel:
-    """A lens that grows by 0.02 %, a mount that gives by 0.15 px and a lamp that loses 5 %, within some 15 minutes."""
+    """A warm sensor: lens grown by 0.02 %, mount shifted by 0.15 px, lamp 5 % dimmer; the time constant is 15 min."""
     done = 1 - math.exp(-minutes / 15)
     return dimmed(knocked(magnified(gel, 0.02 * done), 0.15 * done), 1 - 0.05 * done)
 
@@ -78,7 +78,7 @@ def other_markers(gel: Gel, number: int = 0) -> Gel:
 
 
 def gone_anywhere(markers_mm: Float32[np.ndarray, 'markers 3'], share: float, seed: int = 1) -> Bool[np.ndarray, ' m']:
-    """Markers gone at random."""
+    """Markers missing at random."""
     gone = np.zeros(len(markers_mm), bool)
     gone[np.random.default_rng(seed).permutation(len(gone))[: round(share * len(gone))]] = True
     return gone
@@ -87,7 +87,7 @@ def gone_anywhere(markers_mm: Float32[np.ndarray, 'markers 3'], share: float, se
 def gone_in_clusters(
     markers_mm: Float32[np.ndarray, 'markers 3'], share: float, seed: int = 1, radius_mm: float = 3.0
 ) -> Bool[np.ndarray, ' m']:
-    """Markers gone in round holes, one after another at random places, until so many are."""
+    """Markers missing in round holes at random places, until `share` of them is missing."""
     random, gone = np.random.default_rng(seed), np.zeros(len(markers_mm), bool)
     half = float(np.abs(markers_mm[:, :2]).max())
     while gone.mean() < share:
@@ -97,7 +97,7 @@ def gone_in_clusters(
 
 
 def gone_in_a_corner(markers_mm: Float32[np.ndarray, 'markers 3'], share: float) -> Bool[np.ndarray, ' m']:
-    """None in a square corner that takes this share of the surface."""
+    """Markers missing in a square corner with `share` of the surface."""
     half = float(np.abs(markers_mm[:, :2]).max())
     inside: np.ndarray = markers_mm[:, :2] > half - 2 * half * math.sqrt(share)
     gone: np.ndarray = np.logical_and(inside[:, 0], inside[:, 1])
@@ -105,7 +105,7 @@ def gone_in_a_corner(markers_mm: Float32[np.ndarray, 'markers 3'], share: float)
 
 
 class WornOptics(Optics):
-    """Renders a gel some of whose markers have lost their light, and light during an exposure."""
+    """Renders a gel with some dark markers, and the light during an exposure."""
 
     def __init__(self, gel: Gel, tables: dict[str, ContactTable], gone: Bool[np.ndarray, ' m'] | None = None) -> None:
         super().__init__(gel, tables['tip'], {name: each for name, each in tables.items() if name != 'tip'})
@@ -121,7 +121,7 @@ class WornOptics(Optics):
 
 
 def graded(light: Float32[np.ndarray, 'h w'], share: float) -> Float32[np.ndarray, 'h w']:
-    """Brighter by `share` at the right edge and darker by as much at the left."""
+    """Light that is brighter by `share` at the right edge and darker by the same at the left."""
     slope: np.ndarray = light * np.linspace(1 - share, 1 + share, light.shape[1], dtype=np.float32)
     return slope
 
@@ -129,7 +129,7 @@ def graded(light: Float32[np.ndarray, 'h w'], share: float) -> Float32[np.ndarra
 def with_hot_spot(
     light: Float32[np.ndarray, 'h w'], grey: float, place: tuple[float, float] = (0.4, 0.55)
 ) -> Float32[np.ndarray, 'h w']:
-    """A spot of `grey` more at its middle, which is at these shares of width and height."""
+    """Light with a spot, brighter by `grey` at its middle, which is at the shares `place` of width and height."""
     height, width = light.shape
     across = np.exp(-0.5 * np.square((np.arange(width) - place[0] * width) / SPOT_PX))
     down = np.exp(-0.5 * np.square((np.arange(height) - place[1] * height) / SPOT_PX))
@@ -138,13 +138,13 @@ def with_hot_spot(
 
 
 def blurred(light: Float32[np.ndarray, 'h w'], sigma_px: float) -> Float32[np.ndarray, 'h w']:
-    """Out of focus: a Gaussian of so many pixels more than the lens has."""
+    """Light out of focus: blurred by a Gaussian in addition to the lens's own blur."""
     soft: np.ndarray = cv2.GaussianBlur(light, (0, 0), sigma_px) if sigma_px > 0 else light
     return soft
 
 
 def dirt(shape: tuple[int, int], share: float, seed: int = 1) -> Float32[np.ndarray, 'h w']:
-    """What specks on the lens, `share` of the picture, let through of the light (0.1 to 1)."""
+    """Transmission of the lens (0.1 to 1) with specks of dirt on `share` of the picture."""
     random = np.random.default_rng(seed)
     height, width = shape
     specks = np.zeros(shape, np.float32)
@@ -157,21 +157,21 @@ def dirt(shape: tuple[int, int], share: float, seed: int = 1) -> Float32[np.ndar
 
 
 def banded(light: Float32[np.ndarray, 'h w'], grey: float, number: int) -> Float32[np.ndarray, 'h w']:
-    """Bands of rows brighter and darker by up to `grey`, which roll on from frame to frame."""
+    """Light with bands of rows, brighter and darker by up to `grey`, which move from frame to frame."""
     rows = np.arange(len(light)) + BAND_STEP_PX * number
     rolling: np.ndarray = light + (grey * np.sin(2 * np.pi * rows / (2 * BAND_PX))).astype(np.float32)[:, None]
     return rolling
 
 
 def stuck_pixels(picture: UInt8[np.ndarray, 'h w'], share: float, grey: int, seed: int = 1) -> UInt8[np.ndarray, 'h w']:
-    """Pixels at random places, always the same, that show one grey whatever falls in."""
+    """A picture whose pixels at fixed random places always have the value `grey`."""
     stuck: np.ndarray = picture.copy()
     stuck[np.random.default_rng(seed).random(picture.shape, np.float32) < share] = grey
     return stuck
 
 
 def noisier(gel: Gel, times: float) -> Gel:
-    """A camera whose noise has so many times the standard deviation."""
+    """A camera whose noise has `times` the standard deviation."""
     return dataclasses.replace(
         gel, read_noise_grey=gel.read_noise_grey * times, shot_noise_grey=gel.shot_noise_grey * times**2
     )

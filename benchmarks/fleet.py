@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from tactile_nodes.simulation.gel import Gel
 
 PRESSES, FEW, JUDGED = 100, (5, 10, 30), 120
-"""On each gel that is learned from; on each that is not, and how many are read there, anywhere."""
+"""Presses on each gel of the fleet; presses that calibrate each other gel; presses at random places to test those."""
 
 SHALLOWEST_MM, DEEPEST_MM, REACH_MM = 0.25, 1.15, 13.5
 SEED, UNSEEN_SEED = 2077, 77
 PLACED, READ = 3, 99
-"""Seeds of the presses that tell, and of those that are read."""
+"""Seeds of the presses for calibration, and of those for the test."""
 
 LEARNED, NONE, FIXED = "the fleet's", 'none', 'the camera as described'
 ABOUT = """\
@@ -52,7 +52,7 @@ both tilts and the roll (degrees), the focal length (%); and of the estimated so
 
 @dataclass(frozen=True)
 class Make:
-    """A gel of the fleet, or one that nobody has seen: a task."""
+    """A gel of the fleet, or one outside it: a task."""
 
     number: int
     seed: int
@@ -60,7 +60,7 @@ class Make:
 
 
 def measure(arguments: argparse.Namespace, run: Run) -> Result:
-    """What the fleet teaches, and what it is good for."""
+    """Learn the prior from the fleet, and measure the errors with it and without it."""
     fleet = {f'gel {number}': Make(number, SEED) for number in range(arguments.gels)}
     taught = run.parts(_taught, fleet, 'gels that are learned from')
     numbers = np.array([each['camera'] for each in taught.values()])
@@ -77,7 +77,7 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
 
 
 def _taught(make: Make) -> dict[str, Any]:
-    """How a camera looks otherwise than described, and how soft the gel is, by many presses."""
+    """Deviation of the camera from its description, and softness of the gel, from many presses."""
     found = _fitted(_pressed(_gel(make), PRESSES, PLACED))
     return {'gain': found.gain, 'camera': found.looks.tolist()}
 
@@ -102,7 +102,7 @@ def _read(make: Make) -> dict[str, Any]:
 
 
 def _with_prior(usual: Float[np.ndarray, ' 6']) -> AbstractContextManager[Any]:
-    """Within this, numbers of a camera are drawn to its description, by these standard deviations."""
+    """A context in which the estimate of the camera has its description as prior, with these standard deviations."""
     from tactile_nodes.learning.field import camera
 
     plain = camera.Seen.left
@@ -114,7 +114,7 @@ def _with_prior(usual: Float[np.ndarray, ' 6']) -> AbstractContextManager[Any]:
 
 
 def _as_described() -> AbstractContextManager[Any]:
-    """Within this, no camera is told."""
+    """A context in which the camera is not estimated."""
     return patch('tactile_nodes.learning.field.fit.camera_told', lambda regions, *_: regions.sensor)
 
 
@@ -126,7 +126,7 @@ def _gel(make: Make) -> Gel:
 
 
 def _pressed(gel: Gel, presses: int, seed: int, plan: str = 'spread') -> Dataset:
-    """Presses as the model that ships sees them."""
+    """Simulated presses, with flow and encoding of the shipped model."""
     from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
     from tactile_nodes.learning.datasets.simulated import simulate
     from tactile_nodes.learning.progress import Progress
@@ -142,7 +142,7 @@ def _pressed(gel: Gel, presses: int, seed: int, plan: str = 'spread') -> Dataset
 
 
 def _known(dataset: Dataset) -> tuple[Any, Any]:
-    """The described sensor, and what is known of its regions."""
+    """The described sensor, and the scaling of its regions at rest."""
     from tactile_nodes.learning.field.fit import uncovered
     from tactile_nodes.learning.transfer.fit import at_rest, pressed_gel
     from tactile_nodes.model_file import find_model, load_model
@@ -156,7 +156,7 @@ def _known(dataset: Dataset) -> tuple[Any, Any]:
 
 
 def _fitted(dataset: Dataset) -> FieldFit:
-    """The field of some presses."""
+    """The field fitted to the presses of a dataset."""
     from tactile_nodes.learning.field.body import Bodies, KnownBody
     from tactile_nodes.learning.field.fit import fit_field
     from tactile_nodes.learning.transfer.fit import folds_of
@@ -168,7 +168,7 @@ def _fitted(dataset: Dataset) -> FieldFit:
 
 
 def _errors(readout: FieldReadout, judged: Dataset) -> dict[str, float]:
-    """How far off the presses are read: the median distance of the centres, and the median error of the totals."""
+    """Errors of the estimates: median distance of the centres, and median relative error of the totals."""
     patches = readout.solver.patches.centres_mm
     away, off = [], []
     for row in np.flatnonzero(judged.presses[:, 2] > 0).tolist():

@@ -1,4 +1,4 @@
-"""What is missing in a stream of forces: images that none answers, and forces that did not arrive."""
+"""Gaps in a stream of forces: images without a force, and forces that did not arrive."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tactile_nodes.viewing.gaps import SequenceGaps
 
 @dataclass
 class Gaps:
-    """Counts them, of a camera whose frames are `frame_ns` apart.
+    """Counts the gaps, for a camera with one frame per `frame_ns`.
 
     Attributes:
-        skipped: images of the camera that no force answers, by the stamps.
-        lost: forces that were published and did not come, by their numbers.
-        longest_ms: the longest time between two images that were answered.
+        skipped: images without a force, by the stamps.
+        lost: forces that were published but not received, by their sequence numbers.
+        longest_ms: the longest time between two successive images with a force.
     """
 
     skipped: int = 0
@@ -35,11 +35,11 @@ class Gaps:
 
     @property
     def begun(self) -> bool:
-        """Whether a force came yet."""
+        """Whether a force was received."""
         return self._last_ns is not None
 
     def take(self, received: Received) -> int:
-        """A force came; the stamp of its image."""
+        """Count a received force; returns the stamp of its image."""
         at_ns = stamp_ns(received.message.header.stamp)
         if self._last_ns is not None:
             self.skipped += max(0, round((at_ns - self._last_ns) / self.frame_ns) - 1)
@@ -51,19 +51,19 @@ class Gaps:
 
 @dataclass
 class Arrivals(Gaps):
-    """Also how late each force came after the capture of its image."""
+    """Also measures the delay of each force after the capture of its image."""
 
     late_ms: list[float] = field(default_factory=list)
 
     def take(self, received: Received) -> int:
-        """As of `Gaps`."""
+        """As `Gaps.take`; also stores the delay."""
         at_ns = super().take(received)
         self.late_ms.append((received.received_ns - at_ns) / 1e6)
         return at_ns
 
 
 def arrived(streams: Sequence[Arrivals]) -> dict[str, float]:
-    """What a page says of some streams together; times are NaN where nothing came."""
+    """Counts and delays of all streams together; times are NaN if nothing was received."""
     late = [ms for each in streams for ms in each.late_ms] or [math.nan]
     return {
         'forces': sum(len(each.late_ms) for each in streams), 'skipped': sum(each.skipped for each in streams),

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 REGIONS = 20
 SIZES_PX = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0)
 BANDS_PX = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
-"""Borders between sizes of true motion under simulated presses."""
+"""Limits of the groups by size of true motion under simulated presses."""
 INTRODUCTION = """\
 Root mean square error of a region along each axis in px; in brackets the bias, which is the mean error along the true
 motion (negative: underestimated). One thread, all methods in turn on every image. Patches are on 20x20 regions; dense
@@ -44,12 +44,12 @@ methods underestimate it."""
 
 
 def flow_ways() -> list[Way]:
-    """The ways of the chart that measure motion."""
+    """The methods of the chart that measure motion."""
     return [way for way in WAYS if way.make is not SmallPixels]
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """The ways that were asked for."""
+    """Measure the methods chosen on the command line."""
     asked = arguments.only or ''
     ways = [way for way in flow_ways() if asked in way.name and (arguments.slow or not way.slow)]
     if not ways:
@@ -61,7 +61,7 @@ def measure(ways: Sequence[Way], frames: int, presses: int, speckle: Path | None
     """All numbers of the page.
 
     Raises:
-        ConfigurationError: the folder of speckle does not hold the images.
+        ConfigurationError: the folder `speckle` lacks the images.
     """
     shifted = known_shifts(speckle) if speckle else {}
     one_thread()
@@ -118,7 +118,7 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def _table(sets: Mapping[str, Mapping[str, Mapping[str, float]]], cpu_ms: Mapping[str, float] | None = None) -> str:
-    """A row for each way, a column for each set."""
+    """A row for each method, a column for each set."""
     names = next(iter(sets.values()))
     rows = [
         [name, *([f'{cpu_ms[name]:.2f}'] if cpu_ms else []), *(_cell(found[name]) for found in sets.values())]
@@ -132,7 +132,7 @@ def _cell(summary: Mapping[str, float]) -> str:
 
 
 def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
-    """Error and bias of each way against the motion of the whole picture."""
+    """Plot error and bias of each method against the motion of the whole picture."""
     from tactile_nodes.learning.figures import figure, save
 
     drawn = figure(13.0, 5.5)

@@ -34,13 +34,13 @@ TARGETS = "Ratios to the values of the paper's sensor, `simulated`:"
 
 
 def shipped() -> list[str]:
-    """Names of the sensors that ship, the paper's first."""
+    """Names of the shipped sensors, the paper's first."""
     names = {each.stem for each in (share_directory() / 'config' / 'sensors').glob('*.yaml')} - {PAPERS}
     return [PAPERS, *sorted(names)]
 
 
 def measure(arguments: argparse.Namespace, run: Run) -> Result:
-    """All sensors, one after another."""
+    """Measure all sensors, one after another."""
     if unknown := [each for each in arguments.only if each not in shipped()]:
         raise ConfigurationError(f'no sensor {unknown[0]!r} ships; there are: {", ".join(shipped())}')
     chosen = [name for name in shipped() if name in (arguments.only or shipped())]
@@ -94,7 +94,7 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def _beside_the_papers(name: str) -> Any:
-    """How many times as far off as the paper's sensor, of each other one."""
+    """A function for the error of each other sensor as a multiple of the paper's."""
 
     def told(result: Mapping[str, Any]) -> dict[str, str]:
         own = result['sensors'][PAPERS][name]

@@ -1,6 +1,6 @@
 """The chart of speed against accuracy: one panel for tips (`front`), one for any contact (`contacts`).
 
-Either benchmark draws it, from its own result and from what the other has left in the same folder.
+Both benchmarks draw it, each from its own result and the result of the other in the same folder.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from tactile_nodes.sensing.metrics import pareto_front
 CHART = 'speed_accuracy.png'
 COLOURS = {'paper': 'black', 'fast': 'tab:orange', 'portable': 'tab:green', 'field': 'tab:blue'}
 OF_BEFORE = 'tab:gray'
-"""Of models that a kept result has and that ship no more."""
+"""For models in a stored result that are no longer shipped."""
 WAYS = {
     'ours': 'o', 'DIS': 's', 'Farneback': '^', 'TV-L1': 'v', 'pyramidal LK': 'D', 'phase correlation': 'P',
     'small pixels': 'X',
 }  # fmt: skip
-"""Marks of flow methods, by what their names begin with."""
+"""Marks of flow methods, by the beginning of their names."""
 TIPS, CONTACTS = 'tips', 'any contact'
 TITLES = {
     TIPS: 'One ball tip (flow and readout only)',
@@ -39,7 +39,7 @@ PLACES = [
     for away in (12, 18, 26, 36, 48, 62, 78, 96)
     for angle in np.arange(0, 2 * math.pi, math.pi / 12)
 ]
-"""Of a name beside its mark, the nearest first, in points."""
+"""Possible places of a name relative to its mark, the nearest first, in points."""
 MARK_PX = 8
 LIMITS = {TIPS: ((0.08, 700.0), (0.06, 60.0)), CONTACTS: ((0.5, 30.0), (0.0, 70.0))}
 TICKS_MN = (0.1, 0.3, 1, 3, 10, 30)
@@ -48,7 +48,7 @@ TICKS_MS = {TIPS: (0.1, 1, 10, 100), CONTACTS: (0.5, 1, 2, 5, 10, 20)}
 
 @dataclass(frozen=True)
 class Mark:
-    """A model on the chart: time in ms, error, and the time of its slowest frames, where that is known."""
+    """A model on the chart: time in ms, error, and the time of its slowest frames, if known."""
 
     name: str
     time_ms: float
@@ -62,12 +62,12 @@ class Mark:
 
 
 def draw_tips(result: Mapping[str, Any], folder: Path, _: str) -> None:
-    """As `front` draws it."""
+    """Draw the chart after `front`."""
     _draw({TIPS: result, CONTACTS: read(folder / 'contacts.json', missing={})}, folder / CHART)
 
 
 def draw_contacts(result: Mapping[str, Any], folder: Path, _: str) -> None:
-    """As `contacts` draws it."""
+    """Draw the chart after `contacts`."""
     _draw({TIPS: read(folder / 'front.json', missing={}), CONTACTS: result}, folder / CHART)
 
 
@@ -82,7 +82,7 @@ def _draw(results: Mapping[str, Mapping[str, Any]], file: Path) -> None:
 
 
 def panel(axis: Any, name: str, result: Mapping[str, Any]) -> list[Any]:
-    """One panel; its labels."""
+    """Draw one panel; returns its labels."""
     (left, right), (bottom, top) = LIMITS[name]
     axis.set(xscale='log', xlim=(left, right), ylim=(bottom, top))
     axis.set_yscale('log' if name == TIPS else 'linear')
@@ -104,13 +104,13 @@ def panel(axis: Any, name: str, result: Mapping[str, Any]) -> list[Any]:
 
 
 def tip_marks(result: Mapping[str, Any]) -> list[Mark]:
-    """The models that ship, in mN."""
+    """The shipped models, errors in mN."""
     shipped = {name: each for name, each in result['profiles'].items() if 'armse_n' in each}
     return [Mark(name, each['cpu_ms']['median'], 1e3 * each['armse_n'], True) for name, each in shipped.items()]
 
 
 def contact_marks(result: Mapping[str, Any]) -> list[Mark]:
-    """All chains, in percent; those that ship are read as they are, the others were calibrated on the very gel."""
+    """All chains, errors in percent. The shipped ones are used unchanged; the others were calibrated on this gel."""
     return [
         Mark(
             name, each['cpu_ms'], 100 * each['misplaced'],
@@ -121,7 +121,7 @@ def contact_marks(result: Mapping[str, Any]) -> list[Mark]:
 
 
 def _ways(axis: Any, result: Mapping[str, Any]) -> list[Place]:
-    """Contenders that were trained alike, by how they measure motion; where they are."""
+    """Draw the contenders with equal training, marked by flow method; returns their places."""
     places: dict[str, list[Place]] = {way: [] for way in WAYS}
     for each in result['contenders'].values():
         way = next(way for way in WAYS if each['way'].startswith(way))
@@ -132,7 +132,7 @@ def _ways(axis: Any, result: Mapping[str, Any]) -> list[Place]:
 
 
 def _models(axis: Any, marks: Sequence[Mark], points: Sequence[Place]) -> list[Any]:
-    """Models with their names, and the front through all that is drawn; the labels."""
+    """Draw the models with their names, and the front of all points; returns the labels."""
     front = [points[i] for i in pareto_front(*zip(*points, strict=True))]
     if len(front) > 1:
         axis.step(*zip(*front, strict=True), 'k-', where='post', linewidth=0.8, zorder=1, label='Pareto front')
@@ -151,7 +151,7 @@ def _models(axis: Any, marks: Sequence[Mark], points: Sequence[Place]) -> list[A
 def _labelled(
     axis: Any, marks: Sequence[Mark], points: Sequence[Place], lines: Sequence[tuple[Place, Place]]
 ) -> list[Any]:
-    """Each name as near to its mark as it covers no mark, no line and no other name."""
+    """Write each name as near to its mark as possible without covering a mark, a line or another name."""
     axis.figure.draw_without_rendering()
     to_px = axis.transData.transform
     taken = [_around(to_px(place), MARK_PX) for place in points]
@@ -166,7 +166,7 @@ def _labelled(
 
 
 def _tried(axis: Any, mark: Mark, away: Place, taken: Sequence[Any], others: Sequence[Any]) -> Any:
-    """A name so many points from its mark; None where it would cover something or leave the panel."""
+    """Write a name at `away` points from its mark; None if it would cover something or leave the panel."""
     label = axis.annotate(
         mark.name, (mark.time_ms, mark.error), away, textcoords='offset points', fontsize=10, color=mark.colour,
         ha='left' if away[0] > 0 else 'right' if away[0] < 0 else 'center', va='center',
@@ -181,7 +181,7 @@ def _tried(axis: Any, mark: Mark, away: Place, taken: Sequence[Any], others: Seq
 
 
 def _leader(axis: Any, mark: Mark, label: Any) -> list[Place]:
-    """The line from a mark to its name, in pixels, without what lies under them."""
+    """The line from a mark to its name, in pixels, without its parts under the mark and the name."""
     box = box_of(label)
     way = _along(axis.transData.transform((mark.time_ms, mark.error)), ((box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2))
     return [each for each in way[4:] if not box.contains(*each)]
@@ -193,7 +193,7 @@ def _along(begin: Place, end: Place) -> list[Place]:
 
 
 def box_of(label: Any) -> Any:
-    """Where the words of a label are, without the line that leads to them, in pixels."""
+    """The box of a label's text, without its line, in pixels."""
     from matplotlib.text import Text
 
     label.update_positions(label.figure.canvas.get_renderer())
@@ -208,7 +208,7 @@ def _around(place: Place, half: float) -> Any:
 
 
 def _legend(axis: Any, marks: Sequence[Mark]) -> None:
-    """What the marks are."""
+    """Draw the legend of the marks."""
     tips = all(each.shipped for each in marks)
     if tips:
         kinds = {'shipped model, trained on more presses': ('*', 13, 'black'), 'the same, compiled': ('*', 13, 'white')}

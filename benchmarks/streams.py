@@ -1,4 +1,4 @@
-"""Pictures and forces of simulated sensors as processes of a benchmark publish them, and how late others have them."""
+"""Processes that publish pictures and forces of simulated sensors, and processes that measure their delay."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.messages import types
 
 Stream = tuple[str, Topic]
-"""The full name of a topic, and which of the table it is."""
+"""The full name of a topic, and its entry in the topic table."""
 Times = list[int]
-"""How late each message was [ns]."""
+"""Delay of each message [ns]."""
 SENT = (topics.IMAGE, topics.FORCE_DISTRIBUTION)
 ANSWER_WITHIN_S = 60.0
 _DEEP = 10_000
 
 
 def streams(pictures: Sequence[str], forces: Sequence[str]) -> list[Stream]:
-    """The pictures and the forces of the sensors of these namespaces ('' or '/left')."""
+    """The topics of pictures and forces of the sensors in these namespaces ('' or '/left')."""
     return [(f'{space}/{topics.IMAGE.name}', topics.IMAGE) for space in pictures] + [
         (f'{space}/{topics.FORCE_DISTRIBUTION.name}', topics.FORCE_DISTRIBUTION) for space in forces
     ]
 
 
 def publish(pipe: Connection, folder: str, domain: int, rate_hz: float, sent: list[Stream]) -> None:
-    """Publish all the time; asked with seconds: stamps of the first and last frame of that time, and their number."""
+    """Publish continuously. A request of some seconds is answered with first stamp, last stamp and number of frames."""
     bus, clock = ZmqBus(domain, folder=Path(folder)), SystemClock()
     ends = [(bus.advertise(name, topic.type_name, topic.qos, '/source'), topic) for name, topic in sent]
     stamps: list[int] = []
@@ -58,14 +58,14 @@ def publish(pipe: Connection, folder: str, domain: int, rate_hz: float, sent: li
         clock.sleep_until(clock.now_ns() + round(seconds * NS_PER_S))
         end_of = len(stamps) - 1
         pipe.send((stamps[begin], stamps[end_of - 1], end_of - begin))
-        clock.sleep_until(clock.now_ns() + NS_PER_S // 2)  # what is under way still arrives
+        clock.sleep_until(clock.now_ns() + NS_PER_S // 2)  # for messages that are still on their way
     ending.set()
     worker.join()
     bus.close()
 
 
 def listen(pipe: Connection, folder: str, domain: int, wanted: list[Stream]) -> None:
-    """Receive all the time, and answer as `answer` says."""
+    """Receive continuously, and answer requests as in `answer`."""
     bus, clock = ZmqBus(domain, folder=Path(folder)), SystemClock()
     lateness = Lateness([name for name, _ in wanted])
     inboxes = {name: bus.subscribe(name, topic.type_name, Qos('queue', _DEEP), '/listener') for name, topic in wanted}
@@ -81,7 +81,7 @@ def listen(pipe: Connection, folder: str, domain: int, wanted: list[Stream]) -> 
 
 
 class Lateness:
-    """The stamps of what came, and how late each was, by topic."""
+    """Stamps and delays of the received messages, by topic."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._seen: dict[str, list[tuple[int, int]]] = {name: [] for name in names}
@@ -91,11 +91,11 @@ class Lateness:
 
     @property
     def complete(self) -> bool:
-        """Whether something of every topic has come."""
+        """Whether a message was received on every topic."""
         return all(self._seen.values())
 
     def between(self, first_ns: int, last_ns: int) -> dict[str, list[tuple[int, int]]]:
-        """Stamp and lateness of the messages of that time."""
+        """Stamps and delays of the messages captured in this interval."""
         return {
             name: [(stamp_ns, late_ns) for stamp_ns, late_ns in seen if first_ns <= stamp_ns <= last_ns]
             for name, seen in self._seen.items()
@@ -103,7 +103,7 @@ class Lateness:
 
 
 def answer(pipe: Connection, lateness: Lateness) -> None:
-    """'wait': until something of every topic has come. (first, last): what came of the messages of that time."""
+    """Answer 'wait' once every topic has a message, and (first, last) with the messages of that interval."""
     clock = SystemClock()
     for what in asked(pipe):
         while what == 'wait' and not lateness.complete:
@@ -112,7 +112,7 @@ def answer(pipe: Connection, lateness: Lateness) -> None:
 
 
 def late(seen: Sequence[tuple[int, int]]) -> Times:
-    """How late each message was."""
+    """The delay of each message."""
     return [late_ns for _, late_ns in seen]
 
 

@@ -29,7 +29,7 @@ BESIDE_NS = NS_PER_S
 
 @dataclass(frozen=True)
 class Told:
-    """One force as it was told live: total in N, place in mm (NaN: no contact)."""
+    """One published force: total in N, place in mm (NaN: no contact)."""
 
     stamp_ns: int
     model: str
@@ -46,7 +46,7 @@ class Told:
 
 @dataclass
 class Recording:
-    """What a bag holds of it, in the order of the stamps."""
+    """The messages of a recorded calibration, in the order of their stamps."""
 
     features_ns: list[int] = field(default_factory=list)
     forces: list[Told] = field(default_factory=list)
@@ -61,7 +61,7 @@ class Recording:
 
     @property
     def taken_over_ns(self) -> list[int]:
-        """Stamps of the first frames of a model."""
+        """Stamps of the first frame of each new model."""
         return [new.stamp_ns for old, new in pairwise(self.forces) if old.model_id != new.model_id]
 
     @property
@@ -73,7 +73,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class Row:
-    """One model as the live node used it: errors over the presses of its time, each by the median of its window."""
+    """One model in live use: errors over the presses in its time; the force of a press is the median of its window."""
 
     model: str
     model_id: str
@@ -85,7 +85,7 @@ class Row:
 
 
 def read(bag: Path) -> Recording:
-    """The live forces of a bag, and what the rig measured.
+    """The live forces in a bag, and the rig's measurements.
 
     Raises:
         BagError: it cannot be read, or holds no forces.
@@ -107,7 +107,7 @@ def read(bag: Path) -> Recording:
 
 
 def rows(recording: Recording) -> list[Row]:
-    """A row for each time that a model was in use."""
+    """A row for each interval in which one model was in use."""
     spans = [recording.forces[0].stamp_ns, *recording.taken_over_ns, recording.forces[-1].stamp_ns + 1]
     found = []
     for start_ns, end_ns in pairwise(spans):
@@ -118,7 +118,7 @@ def rows(recording: Recording) -> list[Row]:
 
 
 def page(recording: Recording) -> str:
-    """The table, and what was lost."""
+    """The table, and the number of lost frames."""
     lines = [
         '| model in use | frames | presses | force RMSE | force, median | place, median |',
         '|---|---|---|---|---|---|',
@@ -134,7 +134,7 @@ def page(recording: Recording) -> str:
 
 
 def _error(press: types.Press, told: Iterable[Told]) -> tuple[float, float] | None:
-    """Errors of force (N) and place (mm) of a press by the live forces of its window; None without any of these."""
+    """Errors of force (N) and place (mm) of a press, from the live forces in its window; None without such forces."""
     start_ns, end_ns = stamp_ns(press.window_start), stamp_ns(press.window_end)
     seen = [each for each in told if start_ns <= each.stamp_ns <= end_ns]
     if press.status != types.Press.STATUS_RECORDED or not seen:
@@ -153,7 +153,7 @@ def _row(told: Sequence[Told], errors: Sequence[tuple[float, float]]) -> Row:
 
 
 def measured(arguments: argparse.Namespace, _: Run) -> Result:
-    """What the bag tells."""
+    """Read the bag."""
     return {'_page': read(arguments.bag)}
 
 

@@ -34,13 +34,13 @@ from tactile_nodes import messages
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import BusError
 
-_IDLE_S = 3.0  # a machine that is shared may hold a process up for a second
+_IDLE_S = 3.0  # a shared machine may stop a process for a second
 _TRIES = 5
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much to measure."""
+    """The amount of measurements."""
 
     rounds: int = 10
     messages: int = 100
@@ -52,7 +52,7 @@ QUICK = Plan(rounds=2, messages=40, rate_hz=200.0, flood=300)
 
 
 def measured(arguments: argparse.Namespace, _: Run) -> Result:
-    """What was asked for."""
+    """Measure as requested on the command line."""
     return measure(QUICK if arguments.quick else Plan())
 
 
@@ -81,29 +81,29 @@ def measure(plan: Plan) -> Result:
 
 @dataclass(frozen=True)
 class Ends:
-    """The processes between and in which is measured."""
+    """The processes of the measurement: a sender, a receiver, and one with both."""
 
     sender: End
     receiver: End
     both: End
 
     def one_way(self, contender: str, name: str, count: int, period_ns: int) -> tuple[list[int], list[int]]:
-        """When each message was handed over in one process, and when the user had it in the other."""
+        """Times when each message was passed to `publish` in one process, and reached the user in the other."""
         self.receiver.ask(('begin', contender, name))
         self.receiver.send(('arrivals', contender, name, count, _IDLE_S))
         sent = self.sender.ask(('send', contender, name, count, period_ns))
         return sent, self.receiver.answer()
 
     def inside(self, contender: str, name: str, count: int, period_ns: int) -> tuple[list[int], list[int]]:
-        """The same inside one process."""
+        """As `one_way`, inside one process."""
         sent, arrived = self.both.ask(('measure', contender, name, count, period_ns, _IDLE_S))
         return sent, arrived
 
     def warm_up(self) -> None:
-        """Connect, and let what is compiled on first use be compiled.
+        """Connect, and run once the code that is compiled on first use.
 
         Raises:
-            BusError: nothing comes through.
+            BusError: no messages arrive.
         """
         for name, contender in itertools.product(PAYLOADS, CONTENDERS):
             for _ in range(_TRIES):
@@ -130,7 +130,7 @@ class Latencies:
         self._lost: dict[tuple[str, str], int] = {}
 
     def add(self, contender: str, name: str, sent: list[int], arrived: list[int]) -> None:
-        """Take in one round; when something was lost it cannot be paired, and only the loss counts."""
+        """Add one round. If a message was lost, its times cannot be paired, and only the loss is counted."""
         key = (contender, name)
         self._lost[key] = self._lost.get(key, 0) + len(sent) - len(arrived)
         if len(sent) == len(arrived):
@@ -159,7 +159,7 @@ class Latencies:
 
 
 def text(result: Mapping[str, Any]) -> str:
-    """The result as a person reads it."""
+    """The result as text for the user."""
     plan = result['plan']
     lines = [
         f'{machine_and_commit(result)}; {named_versions(result)}',

@@ -1,7 +1,7 @@
-"""The two ends that the bus benchmark measures between: everything that sends, everything that receives.
+"""The senders and the receivers of the bus benchmark.
 
-One process holds all sending ends and another all receiving ones, so that contenders take turns under the same
-conditions; the rounds inside one process have both in it.
+One process has all senders and another all receivers, so that contenders take turns under the same conditions. For
+the rounds inside one process, a third process has both.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ FLOORS = ('pyzmq, copied', 'pyzmq, not copied')
 RAW, NODE = 'bus, subscription', 'bus, node'
 CONTENDERS = (*FLOORS, RAW, NODE)
 PAYLOADS = ('image', 'features', 'wrench')
-_QUEUE = 64  # of every contender, so that none holds more than another
+_QUEUE = 64  # the same for every contender, for equal conditions
 
 
 def payload(name: str) -> Any:
-    """The message of that name: a 440x440 mono8 image, 3200 features, a wrench."""
+    """The message for a payload: a 440x440 mono8 image, 3200 features, a wrench."""
     rng = np.random.default_rng(0)
     header = types.Header(frame_id='gel_camera_optical_frame')
     if name == 'image':
@@ -50,7 +50,7 @@ def topic_of(contender: str, name: str) -> Topic:
 
 
 class Sender:
-    """Sends each payload as each contender."""
+    """Sends each payload with each contender."""
 
     def __init__(self, bus: Bus, floor_address: str | None) -> None:
         self._clock = SystemClock()
@@ -65,7 +65,7 @@ class Sender:
                 self._add_floor(f'{floor_address}.{FLOORS.index(contender)}.{name}', contender, name)
 
     def send(self, contender: str, name: str, count: int, period_ns: int) -> list[int]:
-        """Send `count` messages a period apart (0: as fast as it can); when each was handed over."""
+        """Send `count` messages, one per period (0: as fast as possible); returns when each was sent."""
         send = self._send[contender, name]
         handed_over = []
         due_ns = self._clock.now_ns()
@@ -95,19 +95,19 @@ class Sender:
 
 
 class Receiving(Protocol):
-    """One contender's receiving end."""
+    """The receiver of one contender."""
 
     def begin(self) -> None:
-        """Forget what came before."""
+        """Drop earlier messages."""
         ...
 
     def arrivals(self, count: int, idle_s: float) -> list[int]:
-        """When each message was in the user's hands; fewer than `count` if none came for `idle_s`."""
+        """Times when the user had each message; fewer than `count` if none came for `idle_s`."""
         ...
 
 
 class FloorReceiver:
-    """A blocking ``recv`` in the main thread: nothing is decoded."""
+    """A blocking ``recv`` in the main thread, without decoding."""
 
     def __init__(self, context: zmq.Context[Any], address: str, copy: bool) -> None:
         self._clock = SystemClock()
@@ -134,7 +134,7 @@ class FloorReceiver:
 
 
 class RawReceiver:
-    """A subscription that is waited for in the main thread."""
+    """A subscription that is read in the main thread."""
 
     def __init__(self, bus: Bus, topic: Topic) -> None:
         self._clock = SystemClock()
@@ -153,7 +153,7 @@ class RawReceiver:
 
 
 class NodeReceiver(Node):
-    """A node, as users write them: its callback is called with a message that is decoded."""
+    """A node as users write it: its callback gets the decoded message."""
 
     def __init__(self, bus: Bus, topic: Topic) -> None:
         super().__init__(bus, parse_arguments(['--ros-args', '-r', f'__node:={topic.name.rpartition("/")[2]}']))
@@ -183,7 +183,7 @@ class NodeReceiver(Node):
 
 
 class Receiver:
-    """Receives each payload as each contender."""
+    """Receives each payload with each contender."""
 
     def __init__(self, bus: Bus, floor_address: str | None) -> None:
         self._context = zmq.Context()
@@ -196,11 +196,11 @@ class Receiver:
                 self._ends[contender, name] = FloorReceiver(self._context, address, contender == FLOORS[0])
 
     def begin(self, contender: str, name: str) -> None:
-        """Forget what came before."""
+        """Drop earlier messages."""
         self._ends[contender, name].begin()
 
     def arrivals(self, contender: str, name: str, count: int, idle_s: float) -> list[int]:
-        """When each message was in the user's hands; fewer than `count` if none came for `idle_s`."""
+        """Times when the user had each message; fewer than `count` if none came for `idle_s`."""
         return self._ends[contender, name].arrivals(count, idle_s)
 
     def close(self) -> None:
@@ -211,7 +211,7 @@ class Receiver:
 
 
 class Inside:
-    """Both ends in one process, on the bus that its nodes share."""
+    """Sender and receiver in one process, on the bus that its nodes share."""
 
     def __init__(self, bus: Bus) -> None:
         self._sender, self._receiver = Sender(bus, None), Receiver(bus, None)
@@ -219,7 +219,7 @@ class Inside:
     def measure(
         self, contender: str, name: str, count: int, period_ns: int, idle_s: float
     ) -> tuple[list[int], list[int]]:
-        """When each message was handed over, and when it was in the user's hands."""
+        """Times when each message was sent, and when the user had it."""
         arrived: list[int] = []
         self._receiver.begin(contender, name)
         waiting = threading.Thread(

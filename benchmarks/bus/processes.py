@@ -1,4 +1,4 @@
-"""The processes of the bus benchmark: what they do is asked of them through a pipe."""
+"""The processes of the bus benchmark, which are controlled through a pipe."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _ROLES: dict[str, Callable[[ZmqBus, str], Any]] = {
     'receive': Receiver,
     'inside': lambda bus, _: Inside(bus),
 }
-_INSIDE_DOMAIN = 1  # so that it does not hear the sending process
+_INSIDE_DOMAIN = 1  # so that it does not receive from the sending process
 
 
 class End(Worker):
-    """One of the processes; asked with a verb and arguments it calls that method of its end."""
+    """One of the processes. A request is the name of a method of its sender or receiver, and its arguments."""
 
     def __init__(self, role: str, folder: str) -> None:
         super().__init__(_serve, role, folder)

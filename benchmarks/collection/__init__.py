@@ -64,12 +64,12 @@ class Session:
     """What to collect, and how.
 
     Attributes:
-        folder: of the journal and the bags.
-        plan: what to press.
+        folder: folder for the journal and the bags.
+        plan: the presses.
         world: gel, indenter and place.
-        rate_hz: of the force samples; fps: of the camera.
-        compression: of the bag.
-        most: so many presses are told, then the run is stopped; 0: all.
+        rate_hz: rate of the force samples; fps: that of the camera.
+        compression: compression of the bag.
+        most: stop after this number of presses; 0: never.
     """
 
     folder: Path
@@ -82,7 +82,7 @@ class Session:
 
 
 def measured(arguments: argparse.Namespace, _: Run) -> Result:
-    """Collect; the result is kept in the folder of the collection, session by session."""
+    """Collect; the result is stored in the folder of the collection, session by session."""
     session = Session(
         arguments.folder,
         load_plan_settings(plan_path(arguments.plan)),
@@ -96,7 +96,7 @@ def measured(arguments: argparse.Namespace, _: Run) -> Result:
 
 
 def named(indenter: str) -> CollectionSettings:
-    """The settings with the name of what presses, which says how its force begins to grow."""
+    """The settings with the name of the indenter, which determines how its force begins to grow."""
     return dataclasses.replace(SETTINGS, press=dataclasses.replace(SETTINGS.press, indenter=indenter))
 
 
@@ -104,11 +104,11 @@ class Collection:
     """One session of a run.
 
     Args:
-        session: what to do.
-        tell: shown the progress every few seconds of real time.
+        session: the settings of the session.
+        tell: called with the progress every few seconds of real time.
 
     Raises:
-        ConfigurationError: another plan's journal, or one in use.
+        ConfigurationError: the journal belongs to another plan, or is in use.
         BagError: the bag cannot be written.
     """
 
@@ -152,7 +152,7 @@ class Collection:
         )  # fmt: skip
 
     def run(self) -> dict[str, Any]:
-        """To the end of the plan, or until somebody presses Ctrl-C; the result, which is kept in the folder, too."""
+        """Run to the end of the plan, or until Ctrl-C; returns the result, which is also stored in the folder."""
         before = signal.signal(signal.SIGINT, lambda *_: self._stop())
         try:
             ended = self._campaign.run()
@@ -185,7 +185,7 @@ class Collection:
                 self._tell(self._line(record.point))
 
     def _line(self, point: Point) -> str:
-        """The run's own line, whose times are simulated, and what is left of the real one."""
+        """The run's progress line, whose times are simulated, with the remaining real time."""
         progress, real_s = self._campaign.progress, monotonic_s() - self._started_s
         each_s = real_s / max(1, progress.done - progress.before)
         left = duration(each_s * (progress.presses - progress.done))
@@ -195,7 +195,7 @@ class Collection:
         self._rig.hands.asked_to_stop = True
 
     def _begins_ns(self) -> int:
-        """After all that earlier sessions have written."""
+        """The start time: after all entries of earlier sessions."""
         entries = (self._journal.last(point.press) for point in self._plan.points)
         last_ns = max((entry.stamp_ns for entry in entries if entry is not None), default=0)
         return max(BEGIN_NS, last_ns + PAUSE_NS)
@@ -205,7 +205,7 @@ class Collection:
         return self._session.folder / f'collected_{number}'
 
     def _keep(self, ended: str) -> dict[str, Any]:
-        """The result of all sessions so far, in the folder; a session that is killed stands as it was last told."""
+        """Store the result of all sessions so far; of a killed session, the last state stays."""
         file = self._session.folder / RESULT
         earlier = [each for each in _sessions(file) if each['begin_ns'] != self._begin_ns]
         progress, clock, gel = self._campaign.progress, self._rig.clock, self._scene.gel

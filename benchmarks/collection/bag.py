@@ -1,4 +1,4 @@
-"""The bag of a collection in simulated time: what rig node and recorder would write, without the bus between them."""
+"""The bag of a collection in simulated time: as rig node and recorder write it, but without the bus between them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.messages import time_from_ns, types
 
 FILE_BYTES = 2_000_000_000
-WAITING_BYTES = 64 << 20  # for the disk; simulated time stands still meanwhile
+WAITING_BYTES = 64 << 20  # wait for the disk above this; simulated time stands still meanwhile
 SENSOR_FRAME, MACHINE_FRAME, SURFACE_FRAME = 'force_torque_sensor', 'rig', 'gel_surface'
 CAMERA_FRAME = 'gel_camera_optical_frame'
 HEAD_BYTES, STAMP, WRENCH = 4, struct.Struct('<iI'), struct.Struct('<6d')  # of a WrenchStamped in CDR
@@ -39,15 +39,15 @@ RECORDED = (FORCE_TORQUE, RIG_STATE, SYNC_EDGE, PRESS, PRESS_IMAGE, REFERENCE_IM
 
 
 class CollectionBag:
-    """Takes what a run measures.
+    """Records the measurements of a run.
 
     Args:
-        folder: new, of the bag.
-        clock: simulated, of the run; the receive times are its.
-        plan_id: of the plan.
-        indenter: its name, for the presses.
+        folder: new folder of the bag.
+        clock: simulated clock of the run, for the receive times.
+        plan_id: name of the plan.
+        indenter: name of the indenter, for the presses.
         gel_mm: the gel's centre in machine coordinates.
-        compression: of the bag.
+        compression: compression of the bag.
 
     Attributes:
         counts, bytes: messages and their bytes by topic, before compression.
@@ -73,7 +73,7 @@ class CollectionBag:
             )
 
     def sample(self, sample: Sample) -> None:
-        """A force sample. There are millions, which differ in stamp and wrench only, so only those are written anew."""
+        """Add a force sample. Millions of them differ only in stamp and wrench, so only these bytes are replaced."""
         if not self._sample:
             self._sample = bytearray(messages.encode(telling.sample_message(sample, SENSOR_FRAME)))
         STAMP.pack_into(self._sample, HEAD_BYTES, *divmod(sample.stamp_ns, NS_PER_S))
@@ -81,39 +81,39 @@ class CollectionBag:
         self._put(_full(FORCE_TORQUE), bytes(self._sample))
 
     def status(self, status: CncStatus) -> None:
-        """Where the machine is."""
+        """Add the state of the machine."""
         words = status.state.value
         told = telling.state_message(status, self.press, self.surface, self._gel_mm, words, MACHINE_FRAME)
         self._write(RIG_STATE, told)
 
     def switched(self, switched: Switched) -> None:
-        """An edge of the digital line."""
+        """Add an edge of the digital line."""
         self._edges += 1
         self._write(SYNC_EDGE, telling.edge_message(switched, self._edges, MACHINE_FRAME, 'press'))
 
     def record(self, record: Record) -> None:
-        """An attempt, with its images."""
+        """Add an attempt, with its images."""
         for frame in (*record.rest, *record.frames):
             self._image(PRESS_IMAGE, frame.image, frame.stamp_ns)
         self._write(PRESS, telling.press_message(record, self._plan_id, self._indenter, SURFACE_FRAME))
         self._wait_for_the_disk()
 
     def suspect(self, entry: Entry, reason: str) -> None:
-        """A press that was recorded counts no more."""
+        """Mark a recorded press as suspect."""
         told = telling.suspect_message(entry, self._plan_id, reason, self._clock.now_ns(), SURFACE_FRAME)
         self._write(PRESS, told)
 
     def rest_image(self, image: Picture, at_ns: int) -> None:
-        """A new rest image."""
+        """Add a rest image."""
         self._image(REFERENCE_IMAGE, image, at_ns)
 
     def say(self, text: str) -> None:
-        """A line for a person."""
+        """Add a log line."""
         stamp = time_from_ns(self._clock.now_ns())
         self._write(ROSOUT, types.Log(stamp=stamp, level=types.Log.INFO, name='rig', msg=text))
 
     def close(self) -> None:
-        """Write what waits. Raises BagError."""
+        """Write the waiting messages. Raises BagError."""
         self._writer.close()
 
     def _image(self, topic: Topic, image: Picture, stamp_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""What a collection took, for a person."""
+"""The effort of a collection as text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MB = 1e6
 
 
 def told(result: Mapping[str, Any]) -> str:
-    """For a person: a table, and one of the topics."""
+    """A table of the collection, and one of its topics."""
     sessions = result['sessions']
     recorded, rejected, simulated_s, real_s = (
         sum(each[name] for each in sessions) for name in ('recorded', 'rejected', 'simulated_s', 'real_s')

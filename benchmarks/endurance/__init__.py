@@ -22,13 +22,13 @@ from benchmarks.harness.running import Run
 
 PARTS = ('stepped', 'live')
 MOST_MB_PER_HOUR = 2.0
-"""A process that grows faster than this is called leaking; sensing for a week may then cost 336 MiB."""
+"""Faster growth of a process is reported as a leak; at this rate a week of sensing costs 336 MiB."""
 LEAST_MB = 1.0
-"""What a process may grow by in all before it is looked at for that."""
+"""Total growth of a process below which its rate is not checked."""
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """One part."""
+    """Measure one part."""
     cv2.setNumThreads(1)
     if arguments.only == ['stepped']:
         return stepped(arguments.hours, run.progress)
@@ -36,7 +36,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 
 
 def complaints(name: str, part: Mapping[str, Any]) -> list[str]:
-    """What is wrong with a part, in words."""
+    """The problems of a part, as sentences."""
     processes = {'the nodes': part} if name == 'stepped' else part['processes']
     found = [text for who, held in processes.items() for text in _leaks(who, held)]
     if name == 'stepped':
@@ -51,7 +51,7 @@ def complaints(name: str, part: Mapping[str, Any]) -> list[str]:
 
 
 def page(parts: Mapping[str, Mapping[str, Any]]) -> str:
-    """The page with the tables of all parts there are."""
+    """The page with the tables of all measured parts."""
     texts = ['# Endurance', str(__doc__).partition('\n')[2].strip()]
     if 'stepped' in parts:
         texts += _stepped_page(parts['stepped'])
@@ -124,7 +124,7 @@ def _leaks(who: str, held: Mapping[str, Any]) -> list[str]:
 
 
 def failed(result: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Whether something leaked or did not answer."""
+    """Whether any part has a problem."""
     return any(complaints(name, part) for name, part in result.items())
 
 

@@ -1,4 +1,4 @@
-"""An hour of real time: a whole ``tactile launch live``, whose memory, files, threads and frames are looked at."""
+"""An hour of real time: monitors memory, files, threads and frames of a whole ``tactile launch live``."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from tactile_nodes.messages import types
 
 @dataclass
 class Frames(Gaps):
-    """What the stream of forces was like.
+    """Statistics of the stream of forces.
 
     Attributes:
-        received: forces.
-        late_ms: from image to force, the 99th percentile of each look.
-        status: how many were ok, degraded and invalid.
+        received: number of forces.
+        late_ms: delay from image to force, the 99th percentile between two looks.
+        status: numbers of ok, degraded and invalid forces.
     """
 
     received: int = 0
@@ -35,10 +35,10 @@ class Frames(Gaps):
 
 
 def live(seconds: float, every_s: float, progress: Progress) -> dict[str, Any]:
-    """Sense for so long, and look at all processes every `every_s`.
+    """Run for `seconds`, and look at all processes every `every_s`.
 
     Raises:
-        ConfigurationError: sensing does not come up.
+        ConfigurationError: the launch does not start.
     """
     frames = Frames()
     looks: dict[str, list[Look]] = {}
@@ -62,7 +62,7 @@ def live(seconds: float, every_s: float, progress: Progress) -> dict[str, Any]:
 
 
 def look(process: psutil.Process, at_s: float) -> Look:
-    """At one process, now."""
+    """The present state of a process."""
     with process.oneshot():
         memory_mb = process.memory_info().rss / MB
         cpu = process.cpu_times()
@@ -70,7 +70,7 @@ def look(process: psutil.Process, at_s: float) -> Look:
 
 
 def summed_up(looks: Mapping[str, list[Look]]) -> dict[str, Any]:
-    """The first and last look at each process, the most of each, and how its memory grew."""
+    """All looks at each process, with its growth."""
     return {name: {'looks': [asdict(each) for each in seen], **growth(seen)} for name, seen in looks.items() if seen}
 
 

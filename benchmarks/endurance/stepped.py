@@ -1,9 +1,9 @@
-"""Hours of sensing in minutes: real nodes on the bus inside the process, under a clock that is moved by hand.
+"""Hours of sensing in minutes: real nodes on a bus inside one process, with a clock that is moved by the benchmark.
 
 Every frame passes the flow features node, the force estimator and the drift monitor, as in live sensing. The frames
-are pictures of the simulated gel, made small, because eight hours are 1.7 million of them: noise at rest, and a press
-of one second each minute. The model has weights drawn by chance: how it answers says nothing, that it answers the same
-in the last hour as in the first says that nothing has crept in.
+are small pictures of the simulated gel, because eight hours are 1.7 million of them: noise at rest, and a press of one
+second each minute. The model has random weights, so its forces mean nothing. But equal forces in the first and the last
+hour show that the nodes accumulate no error.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ START_NS = 1_000 * NS_PER_S
 
 @dataclass
 class Answers:
-    """What came out.
+    """The resulting forces.
 
     Attributes:
-        forces: how many, and `images` how many went in.
-        first, last: total force [N] of each picture of the press, in its first and in its latest press.
-        status: how many were ok, degraded and invalid.
+        images: number of images in; forces: number of forces out.
+        first, last: total force [N] for each picture of a press, in the first and in the latest press.
+        status: numbers of ok, degraded and invalid forces.
     """
 
     images: int = 0
@@ -73,12 +73,12 @@ class Answers:
 
     @property
     def drift_n(self) -> float:
-        """By how much an answer to the same picture has changed at most [N]."""
+        """Largest change of the force for the same picture [N]."""
         return max((abs(self.last[key] - value) for key, value in self.first.items()), default=float('nan'))
 
 
 class Pictures:
-    """Noise at rest, and a press in each period that goes down and up in a second."""
+    """Noise at rest, and in each period a press that goes down and up in a second."""
 
     def __init__(self, period_s: int, rest_frames: int) -> None:
         self._period = period_s * FPS
@@ -101,7 +101,7 @@ class Pictures:
 
 @dataclass
 class Watched:
-    """Looks at the process, its objects, and the longest queues."""
+    """Looks at the process, the number of its objects, and the longest queues."""
 
     looks: list[Look] = field(default_factory=list)
     objects: list[int] = field(default_factory=list)
@@ -110,7 +110,7 @@ class Watched:
 
 
 class Pipeline:
-    """The nodes of live sensing but for the camera, whose frames are published here."""
+    """The nodes of live sensing except the camera, whose frames are published here."""
 
     def __init__(self, model: Path) -> None:
         self.clock = SteppedClock(START_NS)
@@ -125,7 +125,7 @@ class Pipeline:
         self._force = self.bus.subscribe('/' + force.name, force.type_name, Qos('queue', 10))
 
     def frame(self, picture: np.ndarray) -> types.ForceDistribution | None:
-        """One frame, a sixtieth of a second after the one before."""
+        """Process one frame, 1/60 s after the previous one."""
         self.clock.advance(1 / FPS)
         self._image.publish(conversions.image_message(picture, conversions.header(self.clock.now_ns(), 'camera')))
         for node in self.nodes:
@@ -137,18 +137,18 @@ class Pipeline:
 
     @property
     def subscriptions(self) -> list[Subscription]:
-        """Of all nodes."""
+        """The subscriptions of all nodes."""
         return [entry for entries in self.bus._subscriptions.values() for entry in entries]
 
     def close(self) -> None:
-        """End the nodes."""
+        """Close the nodes."""
         for node in self.nodes:
             node.close()
         self.bus.close()
 
 
 def stepped(hours: float, progress: Progress, period_s: int = 60, rest_frames: int = 64) -> dict[str, Any]:
-    """Sense for so many hours of the clock, with a press and a look at the process in each period."""
+    """Run for `hours` of the simulated clock, with a press and a look at the process in each period."""
     frames, answers, watched = round(hours * 3600 * FPS), Answers(), Watched()
     pictures, process, period = Pictures(period_s, rest_frames), psutil.Process(), FPS * period_s
     if frames < period:
@@ -183,7 +183,7 @@ def _watch(watched: Watched, process: psutil.Process, pipeline: Pipeline, at_s: 
 
 
 def _problems(pipeline: Pipeline) -> list[str]:
-    """What the nodes say of themselves that is not well."""
+    """The problems in the diagnostics of the nodes."""
     statuses = (status for node in pipeline.nodes for status in node.diagnostics.message(0).status)
     return [f'{status.name}: {status.message}' for status in statuses if status.level not in {0, b'\0'}]
 
@@ -199,7 +199,7 @@ def _pipeline() -> Iterator[Pipeline]:
 
 
 def drawn_model(file: Path) -> Path:
-    """A model for pictures of this size: 4x4 regions of mean motion, 3x3 bins, weights drawn by chance."""
+    """A model for pictures of this size: 4x4 regions of mean motion, 3x3 bins, random weights."""
     rng, layout, bins = np.random.default_rng(7), FeatureLayout('cartesian_mean', 4, 4, 2), BinGrid(3, 3, 30.0, 30.0)
     weights = (rng.normal(0, 0.2, (16, 32)).astype(np.float32), rng.normal(0, 0.1, (9, 16)).astype(np.float32))
     network = Mlp(weights, (np.zeros(16, np.float32), np.zeros(9, np.float32)))
@@ -216,6 +216,6 @@ def drawn_model(file: Path) -> Path:
 
 
 def _small(image: np.ndarray) -> np.ndarray:
-    """The middle of an image, as a camera of fewer pixels sees it."""
+    """The middle of an image, with fewer pixels."""
     cut = centre_crop(image, CROP_PX, CROP_PX)
     return np.ascontiguousarray(cv2.resize(cut, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA))

@@ -1,4 +1,4 @@
-"""Does a process grow? Looks at it over time, and the line through them."""
+"""The growth of a process: looks at it over time, and the line through them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 MB = 2**20
 PARTS = 10
 SETTLED = 0.2
-"""Share of the time after which a process has loaded and filled all that it ever will."""
+"""Share of the time after which a process has loaded everything and filled its buffers."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """One look at a process: when [s], its resident memory [MiB], open files, threads and time of a processor [s]."""
+    """One look at a process: time [s], resident memory [MiB], open files, threads and CPU time [s]."""
 
     at_s: float
     memory_mb: float
@@ -26,12 +26,12 @@ class Look:
 
 
 def growth(looks: Sequence[Look]) -> dict[str, Any]:
-    """What a process held first and last once it had settled, the most ever, and its slope.
+    """The first and last values of a process after it has settled, the maximum of all, and the slope.
 
-    `mb_per_hour` is that of the line through the memory of all looks after the first fifth (least squares), NaN for
-    less than three of them; 100 MiB at 0 s and 101 MiB at 1800 s make 2. `steady_mb_per_hour` is the median of the
-    slopes in ten parts of that time: what grows with each frame grows in each part, while a heap that is enlarged
-    once, for a moment of much work, steps once.
+    `mb_per_hour` is the slope of the line through the memory of all looks after the first fifth (least squares). It is
+    NaN for fewer than three looks; 100 MiB at 0 s and 101 MiB at 1800 s make 2. `steady_mb_per_hour` is the median of
+    the slopes in ten parts of that time. A leak with each frame grows in every part, but a heap that is enlarged once,
+    in a moment of much work, grows in only one.
     """
     settled = looks[round(SETTLED * len(looks)) :]
     first, last = settled[0], settled[-1]
@@ -46,14 +46,14 @@ def growth(looks: Sequence[Look]) -> dict[str, Any]:
 
 
 def steady_per_hour(looks: Sequence[Look]) -> float:
-    """The median of the slopes of memory in ten parts; the slope of all where these would be too short."""
+    """The median of the slopes of memory in ten parts; the slope of the whole if the parts would be too short."""
     size = max(3, len(looks) // PARTS) if len(looks) >= 3 * PARTS else len(looks)
     parts = (looks[first : first + size] for first in range(0, len(looks) - size + 1, size))
     return float(np.median([slope_per_hour([at.at_s for at in part], [at.memory_mb for at in part]) for part in parts]))
 
 
 def slope_per_hour(at_s: Sequence[float], values: Sequence[float]) -> float:
-    """How much the line through the values rises in an hour."""
+    """The rise of the line through the values, per hour."""
     if len(at_s) < 3:
         return float('nan')
     return float(np.polyfit(np.asarray(at_s) / 3600, values, 1)[0])

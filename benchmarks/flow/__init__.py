@@ -36,7 +36,7 @@ CONTENDERS: dict[str, tuple[str, Mapping[str, object]]] = {
 
 
 def measured(arguments: argparse.Namespace, _: Run) -> Result:
-    """Every set of images, by each method in turn."""
+    """Measure every set of images with each method in turn."""
     cv2.setNumThreads(1)
     sensor = Sensor()
     sets: dict[str, Iterable[Case]] = {
@@ -52,7 +52,7 @@ def measured(arguments: argparse.Namespace, _: Run) -> Result:
 
 
 def tables(result: Mapping[str, Any]) -> str:
-    """Tables with a row for each set of images: errors, what is far off (where anything is), and times."""
+    """Tables with a row for each set of images: errors, shares of large errors (if there are any), and times."""
     results, shown_tables = result['results'], []
     wild = {name: each for name, each in results.items() if any(one['far_share'] >= 0.0005 for one in each.values())}
     for title, cell, shown in (

@@ -1,4 +1,4 @@
-"""Images whose motion is known: simulated presses, a rest image moved by a formula, and other people's speckle."""
+"""Images with known motion: simulated presses, a rest image moved by a formula, and published speckle images."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Truth = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Case:
-    """A rest image, an image, and what is true: motion (n, n, 2) in px of n x n regions, and which of them count."""
+    """A rest image, an image, and the truth: motion (n, n, 2) in px of n x n regions, and which of them count."""
 
     rest: np.ndarray
     image: np.ndarray
@@ -47,7 +47,7 @@ class Case:
 
 
 class Sensor:
-    """A gel (the default one unless told), seen through the crop."""
+    """A gel (by default the default one), seen through the crop."""
 
     def __init__(self, gel: Gel | None = None) -> None:
         self.gel = gel = gel or Gel()
@@ -120,7 +120,7 @@ def _rigid(sensor: Sensor, each_px: float, count: int) -> Iterator[Case]:
 
 
 def deep(sensor: Sensor, count: int = 3) -> dict[str, Iterator[Case]]:
-    """The rest image pushed apart from a centre, by so many pixels at most, at such a distance from it."""
+    """The rest image expanded from a centre; each set has its largest motion and the distance of that, in pixels."""
     return {
         f'pushed apart by {most:g} px within {reach:g} px': _deep(sensor, most, reach, count) for most, reach in DEEP_PX
     }
@@ -132,7 +132,7 @@ def _deep(sensor: Sensor, most_px: float, reach_px: float, count: int) -> Iterat
     for _ in range(count):
         offset = places - random.uniform(150, 290, 2).astype(np.float32)
         back = np.zeros_like(offset)
-        for _ in range(60):  # where the content of each pixel comes from, by damped iteration
+        for _ in range(60):  # find the origin of each pixel's content by damped iteration
             back += np.float32(0.7) * (apart(offset - back, most_px, reach_px) - back)
         across, down = cv2.split(places - back)
         rest = sensor.rest.astype(np.float32)
@@ -148,7 +148,7 @@ def apart(offset_px: np.ndarray, most_px: float, reach_px: float) -> np.ndarray:
 
 
 def noisy(light: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """The light as the default gel's camera reads it."""
+    """The light with the noise of the default gel's camera."""
     gel = Gel()
     spread = np.sqrt(gel.read_noise_grey**2 + gel.shot_noise_grey * np.maximum(light, 0))
     noise = random.standard_normal(light.shape) * spread
@@ -157,7 +157,7 @@ def noisy(light: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def _means(motion: np.ndarray, margin_px: int, regions: int) -> Truth:
-    """Means by region; those count that lie, and end up, well inside the image."""
+    """Means by region; only regions well inside the image count, before and after the motion."""
     mean = cv2.resize(motion, (regions, regions), interpolation=cv2.INTER_AREA)
     height, width = motion.shape[:2]
     middle = np.dstack(np.meshgrid(*((np.arange(regions) + 0.5) * side / regions for side in (width, height))))
@@ -168,10 +168,10 @@ def _means(motion: np.ndarray, margin_px: int, regions: int) -> Truth:
 
 
 def known_shifts(folder: Path) -> dict[str, Iterator[Case]]:
-    """Computer-made speckle, moved right and up by commanded shifts.
+    """Synthetic speckle images, moved right and up by known shifts.
 
     Raises:
-        ConfigurationError: the folder does not hold the images; one of them is none.
+        ConfigurationError: an image is missing in the folder, or is no image.
     """
     for frame in (SPECKLE_REST, *SPECKLE_PX):
         if not (file := _speckle_file(folder, frame)).is_file():  # before anything is measured

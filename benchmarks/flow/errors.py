@@ -1,4 +1,4 @@
-"""How far flow methods are off on images whose motion is known."""
+"""Errors of flow methods on images with known motion."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from benchmarks.harness.report import in_turn
 from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod
 
 BELIEVED = 0.4
-"""Patches of more confidence than this are counted as believed."""
+"""Patches with more confidence than this count as believed."""
 
 
 @dataclass
 class Errors:
-    """What one method made of some images: error, truth and belief by region and axis (px), and CPU times (ms)."""
+    """Results of one method: error and truth by region and axis (px), which regions are believed, CPU times (ms)."""
 
     error: list[np.ndarray] = field(default_factory=list)
     truth: list[np.ndarray] = field(default_factory=list)
@@ -28,7 +28,7 @@ class Errors:
     cpu_ms: list[float] = field(default_factory=list)
 
     def take(self, flow: FlowMethod, case: Case, regions: int) -> None:
-        """Measure an image; what is dense is averaged over regions."""
+        """Measure an image; dense motion is averaged over regions."""
         begun = time.process_time_ns()
         measured = flow.displacement(case.image)
         self.cpu_ms.append((time.process_time_ns() - begun) / 1e6)
@@ -37,12 +37,12 @@ class Errors:
         self.add(Errors([(motion - truth)[counts]], [truth[counts]], [confidence[counts] > BELIEVED]))
 
     def add(self, other: Errors) -> None:
-        """Those of further images."""
+        """Add the results of further images."""
         for name in ('error', 'truth', 'believed', 'cpu_ms'):
             getattr(self, name).extend(getattr(other, name))
 
     def along_motion(self, low_px: float = 0.0, high_px: float = math.inf) -> dict[str, float]:
-        """Root mean square error, bias along the motion, and how many regions, of those that moved so far."""
+        """Root mean square error, bias along the motion, and number of the regions with a motion in this range."""
         error, truth = np.concatenate(self.error), np.concatenate(self.truth)
         size = np.hypot(*truth.T)
         chosen = (size >= low_px) & (size < high_px)
@@ -52,7 +52,7 @@ class Errors:
         return {'rms_px': _rms(error[chosen]), 'bias_px': float(along.mean()), 'regions': int(chosen.sum())}
 
     def by_belief(self) -> dict[str, float]:
-        """Root mean square error, slope of measured over true motion, share off by over 1 px, and of those believed."""
+        """RMS error, slope of measured over true motion, share of errors over 1 px; also of the believed regions."""
         error, truth, believed = (np.concatenate(each) for each in (self.error, self.truth, self.believed))
         size, far = np.square(truth).sum(), np.hypot(*error.T) > 1
         return {
@@ -67,7 +67,7 @@ class Errors:
 
 
 def errors_of(flows: Mapping[str, FlowMethod], cases: Iterable[Case], regions: int) -> dict[str, Errors]:
-    """What each method makes of the cases, in turn on every image."""
+    """The errors of each method on the cases, in turn on every image."""
     found = {name: Errors() for name in flows}
     rest: np.ndarray | None = None
     for number, case in enumerate(cases):
@@ -82,7 +82,7 @@ def errors_of(flows: Mapping[str, FlowMethod], cases: Iterable[Case], regions: i
 
 
 def by_region(field: DisplacementField, regions: int) -> tuple[np.ndarray, np.ndarray]:
-    """Motion and confidence by patch, or of a dense field by region; a method that states none believes all."""
+    """Motion and confidence by patch, or of a dense field by region; the confidence is 1 if the method has none."""
     motion = field.displacement_px
     if motion.shape[0] > regions:
         motion = cv2.resize(motion, (regions, regions), interpolation=cv2.INTER_AREA)

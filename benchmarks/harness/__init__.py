@@ -1,1 +1,1 @@
-"""What all benchmarks share: how one is declared, run, kept, gone on with, drawn again, and seen to be out of date."""
+"""Common code of all benchmarks: declaration, running, storing, resuming, drawing again, and checking their age."""

@@ -1,4 +1,4 @@
-"""The command line of a benchmark: its parser, and the command that a page shows."""
+"""The command line of a benchmark: its parser, and the command shown on a page."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ NOT_TOLD = 'help', 'redraw', 'processes', 'on'
 
 
 def parser_of(benchmark: Benchmark) -> argparse.ArgumentParser:
-    """A parser of its own; `fill` gives the same arguments to a subcommand."""
+    """A parser for one benchmark; `fill` adds the same arguments to a subcommand."""
     parser = argparse.ArgumentParser(prog=f'tactile bench {benchmark.name}')
     fill(parser, benchmark)
     return parser
 
 
 def fill(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
-    """Add a benchmark's own arguments, then those that many have."""
+    """Add the arguments of one benchmark, then the common ones."""
     for each in benchmark.arguments:
         parser.add_argument(*each.names, **each.options)
     if benchmark.cases:
@@ -70,10 +70,10 @@ def _add_files(parser: argparse.ArgumentParser, benchmark: Benchmark) -> None:
 
 
 def check(benchmark: Benchmark, given: argparse.Namespace) -> None:
-    """Refuse numbers that nothing can be measured with.
+    """Check the limits of all numbers.
 
     Raises:
-        ConfigurationError: there is one.
+        ConfigurationError: a number is out of its limits.
     """
     for each in benchmark.arguments:
         name = each.names[-1]
@@ -86,7 +86,7 @@ def check(benchmark: Benchmark, given: argparse.Namespace) -> None:
 
 
 def command_of(parser: argparse.ArgumentParser, arguments: argparse.Namespace, words: str) -> str:
-    """The command with all that is not as by default; of files outside this folder it has the name alone."""
+    """The command with all arguments that differ from the default; files outside this folder appear by name only."""
     told = [words]
     for action in parser._actions:
         value = getattr(arguments, action.dest, action.default)

@@ -1,4 +1,4 @@
-"""What a benchmark says of itself; all else is done for it."""
+"""The declaration of a benchmark; the harness does everything else."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from benchmarks.harness.running import Run
 
 Result = dict[str, Any]
-"""Plain data, as the JSON file holds it."""
+"""Plain data, as in the JSON file."""
 Told = Mapping[str, Any]
 Part = Callable[[str, Callable[[], Any]], Any]
-"""Gives a part of a long run by its name: what was kept of it, or what the function measures."""
+"""Returns a part of a long run by its name: the stored one, or a new one from the function."""
 
 
 def at_once(_: str, make: Callable[[], Any]) -> Any:
-    """Nothing was kept, and nothing is."""
+    """Measure a part without storing it."""
     return make()
 
 
@@ -33,7 +33,7 @@ LIVE = *SENSING, 'tactile_nodes/nodes/**', 'tactile_nodes/bus/**', 'launch/**'
 
 @dataclass(frozen=True)
 class Argument:
-    """One argument of a command line, as `argparse` takes it, and the least number that means anything."""
+    """One argument for `argparse`; a number must be at least `least`, and larger than `above`."""
 
     names: tuple[str, ...]
     options: Mapping[str, Any]
@@ -42,7 +42,7 @@ class Argument:
 
 
 def argument(*names: str, least: float | None = None, above: float | None = None, **options: Any) -> Argument:
-    """An argument of one benchmark; those that many have need none."""
+    """Declare an argument of one benchmark; the common arguments need no declaration."""
     return Argument(names, options, least, above)
 
 
@@ -75,24 +75,24 @@ class Benchmark:
     """One benchmark.
 
     Attributes:
-        about: what it does, first in a sentence: the docstring of its module.
-        sources: what its result depends on, as paths from the root of the repository; `**` is any folders.
-        page: what is printed; unless `by_hand` also the page beside the JSON file, in Markdown.
-        measure: of the arguments to a result. Of a benchmark `in_parts` that of one case, and each part is measured,
-            kept and dated by itself.
-        tasks: its parts are tasks, for processes of this machine (``--processes``) or a cluster (``--on``): the cases
-            of a benchmark `in_parts`, else those that it gives to `Run.parts` or `Run.made`.
-        arguments: those that no other benchmark has; cases: what ``--only`` chooses from.
-        seed, quick: whether it takes ``--seed`` (and what it is by default) and ``--quick``.
+        about: the docstring of its module; its first sentence is the summary.
+        sources: paths, from the root of the repository, that its result depends on; `**` is any folders.
+        page: makes the printed text; unless `by_hand` it is also the page in Markdown beside the JSON file.
+        measure: from the arguments to a result. If `in_parts`, the result of one case; each part is then measured,
+            stored and dated separately.
+        tasks: its parts are tasks for processes of this machine (``--processes``) or a cluster (``--on``): the cases
+            of a benchmark `in_parts`, else those passed to `Run.parts` or `Run.made`.
+        arguments: its own arguments; cases: the choices of ``--only``.
+        seed, quick: whether it has ``--seed`` (and its default) and ``--quick``.
         draw: writes charts into a folder; their names begin with that of the result.
-        failed: whether the exit status says that something is wrong.
-        name_of: of the files that are written, where other arguments make another result.
-        files: what stands in docs/results of it; by default NAME.json, its page, and its chart if it draws one.
-        keeps: whether ``-o`` keeps the result as JSON; what is read of recordings is printed alone.
-        by_hand: a person writes the page around what is printed.
-        more_than_json: the page tells what the JSON file does not hold (keys of the result that begin with `_`), so it
-            cannot be made of that again.
-        output: where files go unless ``-o`` says so; None: nowhere.
+        failed: whether the exit status reports a failure.
+        name_of: the name of the files, if other arguments give another result.
+        files: its files in docs/results; by default NAME.json, its page, and its chart if it draws one.
+        keeps: whether ``-o`` stores the result as JSON; results of evaluated recordings are only printed.
+        by_hand: a person writes the page around the printed text.
+        more_than_json: the page has content that is not in the JSON file (keys of the result that begin with `_`), so
+            it cannot be made from that file again.
+        output: the folder for files without ``-o``; None: no files.
     """
 
     name: str
@@ -123,7 +123,7 @@ class Benchmark:
 
     @property
     def published(self) -> tuple[str, ...]:
-        """What stands in docs/results of it."""
+        """Its files in docs/results."""
         if self.files is not None:
             return self.files
         return (f'{self.name}.json', f'{self.name}.md', *([f'{self.name}.png'] if self.draw else []))

@@ -1,4 +1,4 @@
-"""What git knows of the source: which commit it is, and what has changed since another one."""
+"""The state of the source according to git: its commit, and the changes since another commit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def git(root: Path, *words: str) -> str | None:
-    """What git says; None where there is no git, no repository, or no such thing."""
+    """The output of a git command; None without git, without a repository, or if the command fails."""
     try:
         told = subprocess.run(['git', '-C', str(root), *words], capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
@@ -18,20 +18,20 @@ def git(root: Path, *words: str) -> str | None:
 
 
 def describe(root: Path) -> str | None:
-    """'79b3fa3e3c5d', or '79b3fa3e3c5d-dirty' with changes that are in no commit, those of results left out."""
+    """'79b3fa3e3c5d', or '79b3fa3e3c5d-dirty' with uncommitted changes; changes of results do not count."""
     commit = git(root, 'describe', '--always', '--abbrev=12', '--exclude', '*')
     changed = git(root, 'status', '--porcelain', '--untracked-files=no', '--', ':/', ':!docs/results')
     return f'{commit}-dirty' if commit and changed else commit
 
 
 def state(root: Path) -> str | None:
-    """The commit and all that was changed since, as one text."""
+    """The commit and a hash of all changes since, as one text."""
     changes, commit = git(root, 'diff', 'HEAD'), describe(root)
     return None if changes is None else f'{commit} {hashlib.sha256(changes.encode()).hexdigest()}'
 
 
 def limits(root: Path) -> str:
-    """What of the history is missing, in a sentence; '' where all is there."""
+    """A sentence about missing history; '' if it is complete."""
     if git(root, 'rev-parse', 'HEAD') is None:
         return f'no history: {root} is no git repository, or git is not installed, so nothing is said of changes'
     if git(root, 'rev-parse', '--is-shallow-repository') == 'true':
@@ -40,7 +40,7 @@ def limits(root: Path) -> str:
 
 
 def commits_since(root: Path, commit: str, sources: Sequence[str]) -> int | None:
-    """How many commits have changed some paths; None where the commit is not in the history."""
+    """The number of commits that changed these paths; None if the commit is not in the history."""
     if git(root, 'cat-file', '-e', f'{commit}^{{commit}}') is None:
         return None
     told = git(root, 'rev-list', '--count', f'{commit}..HEAD', '--', *(f':(glob){source}' for source in sources))

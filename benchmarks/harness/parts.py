@@ -1,4 +1,4 @@
-"""Finished parts of a long run, kept until all of it is done: a run that is killed goes on where it was."""
+"""Stores finished parts of a long run until all of it is done, so that a killed run can be resumed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tactile_nodes.paths import cache_directory, share_directory, write_whole
 
 
 class Parts:
-    """Parts of one configuration at one state of the source; None for a folder keeps nothing."""
+    """Parts of one configuration at one state of the source; without a folder, nothing is stored."""
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
@@ -23,7 +23,7 @@ class Parts:
 
     @classmethod
     def of(cls, benchmark: str, configuration: Mapping[str, Any]) -> Parts:
-        """Those of a benchmark with these arguments and the source as it is now."""
+        """The parts of a benchmark with these arguments and the present source."""
         source = state(share_directory())
         if source is None:
             return cls(None)
@@ -32,12 +32,12 @@ class Parts:
         return cls(cache_directory() / 'benchmarks' / f'{benchmark}_{key}')
 
     def get(self, name: str, make: Callable[[], Any]) -> Any:
-        """A part as JSON holds it: the one that was kept, or a new one."""
+        """A part as plain JSON data: the stored one, or a new one."""
         kept = self.kept(name)
         return self.keep(name, make()) if kept is None else kept
 
     def kept(self, name: str) -> Any:
-        """A part that was kept; None: it is to be measured."""
+        """A stored part; None if it must be measured."""
         file = self._file(name)
         if file is None or not file.is_file():
             return None
@@ -45,7 +45,7 @@ class Parts:
         return json.loads(file.read_text(encoding='utf-8'))
 
     def keep(self, name: str, measured: Any) -> Any:
-        """Keep a part; it is returned as JSON holds it."""
+        """Store a part; returns it as plain JSON data."""
         text, file = json.dumps(measured), self._file(name)
         if file is not None:
             write_whole(file, text.encode())
@@ -55,11 +55,11 @@ class Parts:
         return None if self._folder is None else self._folder / f'{_file_name(name)}.json'
 
     def forget(self) -> None:
-        """All is done."""
+        """Delete the stored parts, after the whole run is done."""
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def _file_name(part: str) -> str:
-    """Readable, and another one for every name."""
+    """A readable and unique file name for a part."""
     return f'{re.sub(r"[^a-zA-Z0-9]+", "_", part)}_{hashlib.sha256(part.encode()).hexdigest()[:6]}'

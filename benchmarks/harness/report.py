@@ -1,4 +1,4 @@
-"""What every benchmark reports besides its numbers, and how numbers are summed up and shown."""
+"""Common content of all reports, and functions that summarize and format numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PACKAGES = ('numpy', 'pyzmq', 'rosbags', 'opencv-contrib-python-headless')
 
 
 def surroundings(command: str) -> dict[str, Any]:
-    """Machine, load, versions and commit: without them a time means nothing."""
+    """Machine, load, versions and commit; measured times need them."""
     return {
         'command': command,
         'machine': {
@@ -47,32 +47,32 @@ def spread(values: Sequence[float]) -> dict[str, float]:
 
 
 def quartiles(values: Sequence[float] | np.ndarray) -> dict[str, float]:
-    """Median, and the range of the middle half: on a shared machine the extremes are other people's; NaN of nothing."""
+    """Median and quartiles; NaN without values. On a shared machine, extremes come from other programs."""
     low, median, high = np.percentile(values, (25, 50, 75)).tolist() if len(values) else 3 * [math.nan]
     return {'median': median, 'low': low, 'high': high}
 
 
 def ranged(found: Mapping[str, float]) -> str:
-    """'1.20 (1.10 to 1.40)' of what `quartiles` or `spread` found."""
+    """'1.20 (1.10 to 1.40)' from the result of `quartiles` or `spread`."""
     return f'{found["median"]:.2f} ({found["low"]:.2f} to {found["high"]:.2f})'
 
 
 def in_turn(contenders: Sequence[T], number: int) -> Sequence[T]:
-    """Contenders in the order of their turn in one round: every other round it is the opposite one.
+    """The order of the contenders in a round; it is reversed in every other round.
 
-    What else runs on the machine, and what the one before has left in the processor's caches, then meets all of them.
+    So other load on the machine, and caches filled by the previous contender, affect all of them.
     """
     return contenders[:: -1 if number % 2 else 1]
 
 
 def opening(title: str, result: Mapping[str, Any], introduction: str, more: str = '') -> list[str]:
-    """What every page begins with: its title, the command, what is told, and on which machine it was measured."""
+    """The beginning of every page: title, command, introduction, and the machine."""
     about = '; '.join(filter(None, [machine_and_commit(result), named_versions(result), more]))
     return [f'# {title}', f'```console\n$ {result["command"]}\n```', introduction.strip(), f'{about}.']
 
 
 def machine_and_commit(result: Mapping[str, Any]) -> str:
-    """'AMD EPYC, 2 cores, load before 0.4; commit c0ffee' of what `surroundings` found."""
+    """'AMD EPYC, 2 cores, load before 0.4; commit c0ffee' from the result of `surroundings`."""
     machine = result['machine']
     return (
         f'{machine["processor"]}, {machine["cores_allowed"]} cores, load before {machine["load_before"][0]}; commit '
@@ -81,12 +81,12 @@ def machine_and_commit(result: Mapping[str, Any]) -> str:
 
 
 def named_versions(result: Mapping[str, Any]) -> str:
-    """'python 3.11.7, numpy 2.4.6' of what `surroundings` found."""
+    """'python 3.11.7, numpy 2.4.6' from the result of `surroundings`."""
     return ', '.join(f'{name} {version}' for name, version in result['versions'].items())
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table whose columns line up: the first to the left, the others to the right."""
+    """A Markdown table with aligned columns: the first to the left, the others to the right."""
     return Table('', tuple(heads), tuple(map(tuple, rows))).markdown()
 
 
@@ -94,7 +94,7 @@ Cell: TypeAlias = 'str | Callable[[Mapping[str, Any]], str]'
 
 
 def columns(entries: Iterable[Mapping[str, Any]], *cells: tuple[str, Cell]) -> str:
-    """A table with a row an entry; a column is its head, and a format of what the entry holds or a function of it.
+    """A table with one row per entry. A column is its head, and a format for the entry's items or a function of it.
 
     >>> print(columns([{'name': 'fast', 'ms': {'p50': 1.26}}], ('model', '{name}'), ('p50 [ms]', '{ms[p50]:.1f}')))
     | model | p50 [ms] |
@@ -106,12 +106,12 @@ def columns(entries: Iterable[Mapping[str, Any]], *cells: tuple[str, Cell]) -> s
 
 
 def shown(value: float | None, form: str, none: str = '–') -> str:
-    """A number in a form such as '{:.2f} s'; a dash where there is none."""
+    """A number in a format such as '{:.2f} s'; a dash for None or NaN."""
     return none if value is None or math.isnan(value) else form.format(value)
 
 
 def named(entries: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Entries with their own names in them."""
+    """Entries with their names added."""
     return [{'name': name, **each} for name, each in entries.items()]
 
 
@@ -128,7 +128,7 @@ def _versions() -> dict[str, str]:
     for name in _PACKAGES:
         try:
             found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:  # not all of them are needed everywhere
+        except importlib.metadata.PackageNotFoundError:  # some of them are optional
             continue
     return found
 

@@ -1,4 +1,4 @@
-"""A benchmark run: from the words of its command line to numbers, page and charts in a folder."""
+"""A benchmark run: from its command line to numbers, page and charts in a folder."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Made = TypeVar('Made')
 
 
 class Run:
-    """What measuring asks of the harness.
+    """The harness as seen by a benchmark's `measure`.
 
     Attributes:
-        command: as a page shows it.
-        cases: those chosen by ``--only``.
-        progress: bars and lines for the person who waits.
-        folder: where the result goes; None: it is printed only.
+        command: the command shown on a page.
+        cases: the cases chosen by ``--only``.
+        progress: progress bars and lines for the user.
+        folder: folder of the result; None: it is only printed.
     """
 
     def __init__(self, benchmark: Benchmark, arguments: argparse.Namespace, progress: Progress | None = None) -> None:
@@ -42,7 +42,7 @@ class Run:
         self._parts = Parts.of(benchmark.name, told)
 
     def part(self, name: str, make: Callable[[], Any]) -> Any:
-        """A part of a long run, as JSON holds it: measured now, or before the run was killed."""
+        """A part of a long run, as plain JSON data: measured now, or before the run was killed."""
         before = self._parts.found
         found = self._parts.get(name, make)
         if self._parts.found > before:
@@ -50,7 +50,7 @@ class Run:
         return found
 
     def parts(self, make: Callable[[Job], Any], jobs: Mapping[str, Job], title: str) -> dict[str, Any]:
-        """The same of many that are tasks: `make` is given each job, in another process or on another machine."""
+        """Parts that are tasks: `make` is called with each job, in another process or on another machine."""
         found = {name: kept for name in jobs if (kept := self._parts.kept(name)) is not None}
         missing = [name for name in jobs if name not in found]
         with self.progress.bar(title, len(jobs)) as bar:
@@ -61,7 +61,7 @@ class Run:
         return {name: found[name] for name in jobs}
 
     def made(self, make: Callable[[Job], Made], jobs: Mapping[str, Job], title: str) -> list[Made]:
-        """What `make` makes of each job, as tasks; nothing of it is kept."""
+        """The result of `make` for each job, as tasks; nothing is stored."""
         found: dict[int, Made] = {}
         with self.progress.bar(title, len(jobs)) as bar:
             for number, each in done(make, list(jobs.values()), self._processes):
@@ -70,7 +70,7 @@ class Run:
         return [found[number] for number in range(len(jobs))]
 
     def cases_of(self, jobs: Sequence[tuple[Benchmark, argparse.Namespace]]) -> Iterator[tuple[int, Result]]:
-        """Each case as it is measured, with its number: one after another here, or as tasks."""
+        """Each case with its number, as soon as it is measured: one after another here, or as tasks."""
         if not self.benchmark.tasks:
             yield from ((number, _case(job, self)) for number, job in enumerate(jobs))
             return
@@ -80,7 +80,7 @@ class Run:
                 yield number, measured
 
     def earlier(self) -> Result:
-        """The result that stands where this one goes.
+        """The existing result that this run will replace.
 
         Raises:
             ConfigurationError: it cannot be read.
@@ -88,19 +88,19 @@ class Run:
         return {} if self.folder is None else read(self.folder / f'{self.name}.json', missing={})
 
     def keep(self, measured: Mapping[str, Any]) -> Result:
-        """The whole result; written, if it goes anywhere. What is measured in steps keeps each."""
+        """The whole result; written if there is a folder. A run in steps calls this after each step."""
         result = {**self.about, **measured}
         if self.folder is not None:
             write(self.benchmark, result, self.folder, self.name)
         return result
 
     def end(self) -> None:
-        """All is measured and kept."""
+        """Delete the stored parts, after the result is written."""
         self._parts.forget()
 
 
 def run(benchmark: Benchmark, arguments: argparse.Namespace) -> int:
-    """Measure, print, and keep, or draw again what was kept; 1 if the benchmark says that something is wrong."""
+    """Measure, print and store, or draw a stored result again; returns 1 if the benchmark reports a failure."""
     if getattr(arguments, 'redraw', None):
         result = redraw(benchmark, arguments.redraw)
     else:
@@ -125,17 +125,17 @@ def _measured(benchmark: Benchmark, arguments: argparse.Namespace, running: Run)
 
 
 def _case(job: tuple[Benchmark, argparse.Namespace], running: Run | None = None) -> Result:
-    """One case of a benchmark in parts, and where it was measured; in another process without bars."""
+    """One case of a benchmark in parts, with its surroundings; in another process without progress bars."""
     benchmark, chosen = job
     about = surroundings(command_of(parser_of(benchmark), chosen, f'tactile bench {benchmark.name}'))
     return {**about, **benchmark.measure(chosen, running or Run(benchmark, chosen, Progress()))}
 
 
 def redraw(benchmark: Benchmark, file: Path) -> Result:
-    """Write page and charts of a kept result beside it; nothing is measured.
+    """Write page and charts of a stored result beside it; nothing is measured.
 
     Raises:
-        ConfigurationError: there is none, or it is none of this benchmark.
+        ConfigurationError: there is no result, or it belongs to another benchmark.
     """
     result = read(file)
     try:
@@ -148,7 +148,7 @@ def redraw(benchmark: Benchmark, file: Path) -> Result:
 
 
 def read(file: Path, missing: Result | None = None) -> Result:
-    """A kept result; `missing` where there is none.
+    """A stored result; `missing` if there is none.
 
     Raises:
         ConfigurationError: it cannot be read, or is no result.
@@ -167,9 +167,9 @@ def read(file: Path, missing: Result | None = None) -> Result:
 
 
 def write(benchmark: Benchmark, result: Result, folder: Path, name: str) -> None:
-    """NAME.json, the page NAME.md unless a person writes it, and charts, into a folder that is made if need be.
+    """Write NAME.json, the page NAME.md unless a person writes it, and charts; creates the folder if necessary.
 
-    Notes that a person has added to the end of the page stay.
+    Notes that a person has added at the end of the page are kept.
 
     Raises:
         ConfigurationError: it cannot be written.
@@ -191,13 +191,13 @@ def write(benchmark: Benchmark, result: Result, folder: Path, name: str) -> None
 
 
 def parted(page: str) -> tuple[str, str]:
-    """What a benchmark has written of a page, and the notes that a person has added to its end."""
+    """The two parts of a page: written by the benchmark, and the notes that a person has added at its end."""
     written, mark, notes = page.partition(NOTES)
     return written.rstrip(), (mark + notes).rstrip()
 
 
 def _place(benchmark: Benchmark, arguments: argparse.Namespace) -> tuple[Path | None, str]:
-    """The folder and the name of a result: ``-o`` names a folder, or the JSON file itself."""
+    """The folder and the name of a result; ``-o`` names a folder or the JSON file."""
     output = getattr(arguments, 'output', None)
     name = benchmark.name_of(arguments) if benchmark.name_of else benchmark.name
     if output is not None and output.suffix == '.json':

@@ -23,12 +23,12 @@ HELP = 'list the results in docs/results: at which commit each was measured, and
 RESULTS = Path('docs') / 'results'
 UNKNOWN, FRESH, STALE = 'unknown', 'fresh', 'stale'
 INDEX = 'README.md'
-SHORT = 7  # digits of a commit that a page may be content with
+SHORT = 7  # least number of a commit's digits on a page
 LINE = '{:<36}{:<20}{:>7}  {:<9}{}'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of ``tactile bench status``."""
+    """Add the arguments of ``tactile bench status``."""
     parser.add_argument(
         '--check', action='store_true', help='also look for broken results; the exit status is 1 if there are any'
     )
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace, benchmarks: Sequence[Benchmark], root: Path | None = None) -> int:
-    """List, and check if asked; being stale is no fault."""
+    """List the results, and check them if requested; a stale result is no fault."""
     root = root or share_directory()
     print(listing(root, benchmarks))
     problems = list(check(root, benchmarks)) if arguments.check else []
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace, benchmarks: Sequence[Benchmark], root: Pa
 
 @dataclass(frozen=True)
 class Age:
-    """How old a result is: the commit that it was measured at, how many have changed its sources since, and which."""
+    """The age of a result: its commit, how many commits have changed its sources since, and the changed sources."""
 
     result: str
     commit: str
@@ -56,14 +56,14 @@ class Age:
 
     @property
     def state(self) -> str:
-        """In a word."""
+        """The state in one word."""
         if self.commits is None:
             return UNKNOWN
         return STALE if self.commits else FRESH
 
 
 def listing(root: Path, benchmarks: Sequence[Benchmark]) -> str:
-    """A line a result; what git cannot tell is said above them."""
+    """One line per result; missing history is reported above."""
     ages = [age_of(root, each, file) for each in benchmarks for file in _results(each)]
     lines = [LINE.format('result', 'measured at', 'commits', 'state', 'sources changed since'), *map(_line, ages)]
     return '\n\n'.join(filter(None, [limits(root), '\n'.join(map(str.rstrip, lines))]))
@@ -75,14 +75,14 @@ def _line(age: Age) -> str:
 
 
 def _results(benchmark: Benchmark) -> Iterator[str]:
-    """The JSON files, and pages that have none."""
+    """The JSON files, and pages without a JSON file."""
     names = {Path(file).with_suffix(''): file for file in benchmark.published if file.endswith('.md')}
     names |= {Path(file).with_suffix(''): file for file in benchmark.published if file.endswith('.json')}
     yield from names.values()
 
 
 def age_of(root: Path, benchmark: Benchmark, file: str) -> Age:
-    """The age of one result; of parts that were measured at different commits that of the oldest."""
+    """The age of one result; if its parts have different commits, the age of the oldest part."""
     commits = _commits(_read(root / RESULTS / file)) if file.endswith('.json') else []
     ages = [_age(root, benchmark, file, commit) for commit in dict.fromkeys(commits)]
     known = [age for age in ages if age.commits is not None]
@@ -96,7 +96,7 @@ def _age(root: Path, benchmark: Benchmark, file: str, commit: str) -> Age:
 
 
 def _read(file: Path) -> dict[str, Any]:
-    """A result; nothing where it cannot be read, which a check says."""
+    """A result; empty if it cannot be read, which `check` reports."""
     try:
         return read(file, missing={})
     except ConfigurationError:
@@ -104,7 +104,7 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _commits(found: Any) -> list[str]:
-    """Every commit that a result names, its own or of its parts."""
+    """All commits in a result, its own and those of its parts."""
     if not isinstance(found, dict):
         return []
     own = [found['commit']] if isinstance(found.get('commit'), str) else []
@@ -112,7 +112,7 @@ def _commits(found: Any) -> list[str]:
 
 
 def check(root: Path, benchmarks: Sequence[Benchmark]) -> Iterator[str]:
-    """What is broken, in sentences."""
+    """The faults of the results, as sentences."""
     for each in benchmarks:
         yield from (f'{RESULTS / file} of {each.name} is missing' for file in each.published if not _there(root, file))
         for source in each.sources:
@@ -137,7 +137,7 @@ def _unclaimed(root: Path, benchmarks: Sequence[Benchmark]) -> Iterator[str]:
 
 
 def _disagreement(root: Path, file: Path, benchmark: Benchmark) -> Iterator[str]:
-    """That a page is not the one of its JSON file; of one that a person writes, that it names none of its commits."""
+    """Report a page that differs from its JSON file; a page by a person must name one of the commits instead."""
     page, shown = file.with_suffix('.md'), file.relative_to(root)
     try:
         result = read(file)

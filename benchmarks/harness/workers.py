@@ -1,4 +1,4 @@
-"""Processes of a benchmark, which are asked through a pipe what to do and what they have measured."""
+"""Processes of a benchmark, which get requests and return measurements through a pipe."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import psutil
 from tactile_nodes.errors import TactileError
 
 SPAWN = multiprocessing.get_context('spawn')
-"""A fork would inherit threads, sockets and what the parent has imported."""
+"""A fork would inherit threads, sockets and imported modules."""
 LONGEST_S = 60.0
 
 
 class Worker:
-    """A process that runs `body`, which gets its end of the pipe and the other arguments."""
+    """A process that runs `body` with its end of the pipe and the other arguments."""
 
     def __init__(self, body: Callable[..., None], *arguments: Any) -> None:
         self._pipe, theirs = SPAWN.Pipe()
@@ -29,19 +29,19 @@ class Worker:
         theirs.close()
 
     def send(self, what: Any) -> None:
-        """Ask without waiting."""
+        """Send a request without waiting."""
         self._pipe.send(what)
 
     def ask(self, what: Any, within_s: float = LONGEST_S) -> Any:
-        """Ask, and wait for the answer; see `answer`."""
+        """Send a request and wait for the answer; see `answer`."""
         self.send(what)
         return self.answer(within_s)
 
     def answer(self, within_s: float = LONGEST_S) -> Any:
-        """What it says next.
+        """The next answer.
 
         Raises:
-            TactileError: it says nothing in time, has ended, or says why it could not.
+            TactileError: no answer in time, or the process has ended, or it reports an error.
         """
         try:
             if not self._pipe.poll(within_s):
@@ -56,14 +56,14 @@ class Worker:
         return answer
 
     def close(self) -> None:
-        """End it: it hears of it as the end of what it is asked."""
+        """End the process, by closing its pipe."""
         self._pipe.close()
         self.process.join(5.0)
         self.process.kill()
 
 
 def asked(pipe: Connection) -> Iterator[Any]:
-    """In the process: all that it is asked, until nobody asks any more."""
+    """In the process: all requests, until the pipe is closed."""
     while True:
         try:
             yield pipe.recv()
@@ -72,13 +72,13 @@ def asked(pipe: Connection) -> Iterator[Any]:
 
 
 def own_bus(folder: Path) -> AbstractContextManager[None]:
-    """A bus that nobody else hears, for this process and those that it starts, whose logs are kept there too."""
+    """A separate bus for this process and its child processes, whose logs are also in `folder`."""
     return environment(TACTILE_RUN_DIR=str(folder), ROS_LOG_DIR=str(folder / 'log'))
 
 
 @contextmanager
 def environment(**values: str) -> Iterator[None]:
-    """For as long as the block runs, and for processes that begin meanwhile."""
+    """Set environment variables during the block, also for processes started in it."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
@@ -91,6 +91,6 @@ def environment(**values: str) -> Iterator[None]:
 
 
 def processor_s(process: psutil.Process) -> float:
-    """Processor time that a process has taken."""
+    """CPU time used by a process [s]."""
     times = process.cpu_times()
     return float(times.user + times.system)

@@ -33,7 +33,7 @@ PROCESSES = {'composed_node': 'motion and force', 'camera_node': 'camera', 'live
 
 @dataclass(frozen=True)
 class Condition:
-    """Who watches."""
+    """The viewers in one condition."""
 
     title: str
     viewers: int = 0
@@ -52,7 +52,7 @@ BROWSER = Condition('a real browser on this machine', browsers=1)
 
 @dataclass
 class Seen:
-    """What was measured under one condition, over all rounds."""
+    """Measurements under one condition, over all rounds."""
 
     latencies_ms: list[list[float]] = field(default_factory=list)
     skipped: int = 0
@@ -62,21 +62,21 @@ class Seen:
 
 
 def measured(arguments: argparse.Namespace, _: Run) -> Result:
-    """All conditions."""
+    """Measure all conditions."""
     conditions = [*CONDITIONS, *([BROWSER] if arguments.browser else [])]
     found = measure(conditions, arguments.seconds, arguments.rounds)
     return {'conditions': {each.title: summed_up(seen) for each, seen in found.items()}}
 
 
 def too_slow(result: Mapping[str, Any]) -> bool:
-    """Whether a viewer that takes all it is sent was sent less than 20 packets a second."""
+    """Whether a viewer that reads everything got fewer than 20 packets per second."""
     return any(each['shown_hz'] < 20 for each in result['conditions'].values())
 
 
 def measure(
     conditions: Sequence[Condition], seconds: float, rounds: int, settle_s: float = SETTLE_S
 ) -> dict[Condition, Seen]:
-    """Each condition in each round, in an order that moves by one from round to round."""
+    """Measure each condition in each round; the order is rotated by one from round to round."""
     found = {each: Seen() for each in conditions}
     with sensing() as running:
         running.watch_for(settle_s)
@@ -115,7 +115,7 @@ def _cpu_s(pids: Mapping[str, int]) -> dict[str, float]:
 
 
 def summed_up(seen: Seen) -> dict[str, Any]:
-    """The numbers of one condition; percentiles over all frames, and how the rounds differ."""
+    """The numbers of one condition: percentiles over all frames, and the range over the rounds."""
     every = np.concatenate([np.array(each) for each in seen.latencies_ms])
     p50, p99 = np.percentile(every, [50, 99])
     return {
@@ -130,7 +130,7 @@ def summed_up(seen: Seen) -> dict[str, Any]:
 
 
 def told(result: Mapping[str, Any]) -> str:
-    """The table: a row for each condition."""
+    """The table with a row for each condition."""
     spent = [(f'CPU of {name} [%]', f'{{cpu_percent[{name}]:.1f}}') for name in PROCESSES.values()]
     return columns(
         named(result['conditions']),

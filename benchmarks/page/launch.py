@@ -1,4 +1,4 @@
-"""A real ``tactile launch live`` with its page, on a bus of its own, and somebody who listens to its forces."""
+"""A real ``tactile launch live`` with its page, on a separate bus, with a subscriber to its forces."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SERVED = re.compile(r'the live view is at (http://\S+)')
 
 @dataclass(frozen=True)
 class Sensing:
-    """A running sensor: the address of its page, its processes by name, who listens beside it, and its forces."""
+    """A running sensor: the address of its page, its processes by name, the subscriber's bus, and its forces."""
 
     url: str
     pids: dict[str, int]
@@ -36,7 +36,7 @@ class Sensing:
     _forces: Subscription
 
     def forces(self, seconds: float, *, fresh: bool = True) -> Iterator[Received]:
-        """Those that come in the next `seconds`; with `fresh` without those that wait already."""
+        """The forces of the next `seconds`; with `fresh`, without those that are already in the queue."""
         end_s = monotonic_s() + seconds
         while fresh and self._forces.take() is not None:
             pass
@@ -45,20 +45,20 @@ class Sensing:
                 yield received
 
     def watch_for(self, seconds: float) -> None:
-        """Let time pass.
+        """Wait for `seconds`.
 
         Raises:
-            ConfigurationError: not one force came.
+            ConfigurationError: no force came.
         """
         if not sum(1 for _ in self.forces(seconds)):
             raise ConfigurationError('the launch senses nothing; see what it says: tactile launch live')
 
 
 def longest(bus: Bus, name: str, topic: Topic, seconds: float) -> Any:
-    """Of the messages that come in so many seconds the one that takes most bytes.
+    """The message with the most bytes among those received within `seconds`.
 
     Raises:
-        ConfigurationError: none came.
+        ConfigurationError: no message came.
     """
     heard = bus.subscribe(name, topic.type_name, Qos('queue', 1000))
     end_s, found = monotonic_s() + seconds, []
@@ -73,12 +73,12 @@ def longest(bus: Bus, name: str, topic: Topic, seconds: float) -> Any:
 
 @contextmanager
 def sensing(*words: str, file: str = 'live') -> Iterator[Sensing]:
-    """Start it, with launch arguments (`model:=portable`), and end it with all its processes.
+    """Start a launch with arguments such as `model:=portable`; at the end, stop it with all its processes.
 
-    `file` is what is launched, where it is not as people start it.
+    `file` is the launch file.
 
     Raises:
-        ConfigurationError: it did not come up.
+        ConfigurationError: the launch did not start.
     """
     with tempfile.TemporaryDirectory(prefix='tp') as folder, own_bus(Path(folder)):
         clock, chosen = SystemClock(), ('page_port:=0', *words, '--noninteractive')
@@ -95,7 +95,7 @@ def sensing(*words: str, file: str = 'live') -> Iterator[Sensing]:
 
 
 def _served(launch: Launch, clock: Clock) -> str:
-    """The address of the page, which may come up later than the first force."""
+    """The address of the page, which may start later than the first force."""
     end_s = monotonic_s() + PATIENCE_S
     while (found := _SERVED.search(launch.said)) is None and monotonic_s() < end_s:
         clock.sleep_until(clock.now_ns() + LOOK_NS)

@@ -1,4 +1,4 @@
-"""Viewers of the page that are programs: they take what they are sent and say so, or hang."""
+"""Programs as viewers of the page: they read and acknowledge every packet, or hang."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _HANDSHAKE = (
 
 
 class Viewers:
-    """So many at `url` from entering to leaving.
+    """A context with viewers of the page at `url`.
 
     Raises:
-        ConfigurationError: they could not connect, or there is no Chromium.
+        ConfigurationError: they could not connect, or Chromium is not installed.
     """
 
     def __init__(self, url: str, watching: int, hanging: int = 0, browsers: int = 0) -> None:
@@ -53,7 +53,7 @@ class Viewers:
         self._stack.close()
 
     def packets(self) -> int:
-        """How many packets all of them have taken so far."""
+        """The number of packets that all of them have read so far."""
         return self._packets.value
 
     def _watch(self, stack: ExitStack) -> None:
@@ -64,7 +64,7 @@ class Viewers:
 
 
 def _serve(pipe: Connection, url: str, count: int, packets: Synchronized[int]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started us ends us
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends this one
     asyncio.run(_all(pipe, url, count, packets))
 
 
@@ -99,7 +99,7 @@ def _hang(url: str) -> socket.socket:
 
 
 def _browse(url: str, stack: ExitStack) -> None:
-    """A Chromium without a window that has the page open."""
+    """Open the page in a Chromium without a window."""
     program = shutil.which('chromium') or shutil.which('chromium-browser')
     if program is None:
         raise ConfigurationError(

@@ -41,9 +41,9 @@ from tactile_nodes.simulation.scene import NS_PER_S, PressSchedule, Scene
 GELS = ('paper', 'stiff', 'thin', 'lifelike')
 FORCES_N = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05)
 REACH_MM = 13.5
-"""Where the paper presses, and where `tactile evaluate` does."""
+"""The range of presses in the paper and in `tactile evaluate`."""
 CORNER_MM = (13.0, 14.0)
-"""From the middle along both axes: the farthest that training presses."""
+"""Distance from the middle along both axes: the outermost presses in training."""
 FRAMES_A_SECOND = 60
 FIRST_SEED = 60_000
 
@@ -75,14 +75,14 @@ DISTURBANCES: dict[str, Change] = {
     'half as much noise again': lambda image: _grey(image + np.random.default_rng(1).normal(0, 2.2, image.shape)),
     'twice the noise': lambda image: _grey(image + np.random.default_rng(1).normal(0, 3.5, image.shape)),
 }
-"""What happens to the picture; the default gel's camera has a noise of 2 grey levels."""
+"""Disturbances of the picture; the default gel's camera has a noise of 2 grey levels."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much to measure: touches of each force and frames at rest on each gel, for each disturbance, and seconds.
+    """Numbers of touches per force and of frames at rest on each gel, of frames per disturbance, and seconds.
 
-    Of touches of 20 mN there are more, most on the paper's gel and a quarter of that on each other one.
+    There are more touches of 20 mN: `at_20_mn` on the paper's gel, and a quarter of that on each other gel.
     """
 
     touches: int = 200
@@ -96,7 +96,7 @@ QUICK = Plan(touches=4, at_20_mn=8, rests=8, disturbed=2, seconds=1.2)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """What was asked for."""
+    """Measure as requested on the command line."""
     cv2.setNumThreads(1)
     plan = QUICK if arguments.quick else Plan()
     if arguments.seconds is not None:
@@ -116,7 +116,7 @@ def all_numbers(models: Sequence[str], plan: Plan, progress: Progress, part: Par
 
 
 def gel_rates(name: str, plan: Plan, progress: Progress) -> dict[str, Any]:
-    """Of one gel: touches called still, by force, those of 20 mN in the corners, and frames at rest that are not."""
+    """For one gel, the motion found in frames at rest, in touches by force, and in touches of 20 mN in the corners."""
     gel = load_gel(name)
     sensor, table = Sensor(gel), contact_table(gel)
     look, random = _check(sensor), np.random.default_rng(FIRST_SEED)
@@ -144,7 +144,7 @@ def gel_rates(name: str, plan: Plan, progress: Progress) -> dict[str, Any]:
 
 
 def _shares(motion: Sequence[float], limit: float) -> dict[str, float]:
-    """How many there were, how many stay within the limit, and the least of them."""
+    """The number of frames, the number within the limit, and minimum, median and maximum of the motion."""
     return {
         'count': len(motion), 'within': int((np.array(motion) <= limit).sum()), 'least': float(min(motion)),
         'median': float(np.median(motion)), 'most': float(max(motion)),
@@ -152,7 +152,7 @@ def _shares(motion: Sequence[float], limit: float) -> dict[str, float]:
 
 
 def disturbed_rates(plan: Plan, progress: Progress) -> dict[str, dict[str, float]]:
-    """By disturbance: shares of frames at rest that go on to be measured, and of touches of 20 mN that do not."""
+    """By disturbance: shares of frames at rest that are measured, and of touches of 20 mN that are missed."""
     sensor = Sensor()
     look, random = _check(sensor), np.random.default_rng(2)
     depth = contact_table(sensor.gel).depth_at(0.02)
@@ -171,7 +171,7 @@ def disturbed_rates(plan: Plan, progress: Progress) -> dict[str, dict[str, float
 
 
 def _check(sensor: Sensor) -> StillnessCheck:
-    """As the node has it, but that no still frame is measured all the same."""
+    """The node's test, but without its regular measurement of still frames."""
     look = StillnessCheck(StillnessOptions(full_every=1_000_000))
     look.set_reference(sensor.rest)
     return look
@@ -179,7 +179,7 @@ def _check(sensor: Sensor) -> StillnessCheck:
 
 @dataclass
 class _Way:
-    """One model with or without the look: what it answered, and what that cost."""
+    """One model with or without the test: its results and their cost."""
 
     rest: PreparedRest
     memory: MeasureMemory
@@ -195,7 +195,7 @@ class _Way:
         return cls(measuring.beside(rest), MeasureMemory(None), ForceEstimator(loaded.model), [], [], [])
 
     def answer(self, image: np.ndarray) -> None:
-        """What the live nodes compute for one frame."""
+        """Compute for one frame what the live nodes compute."""
         start = time.process_time_ns()
         frame = Frame(image, types.Header(), 0)
         measure(self.memory, self.rest, frame)
@@ -208,7 +208,7 @@ class _Way:
 
 
 def minute(models: Sequence[str], seconds: float, progress: Progress) -> dict[str, Any]:
-    """Presses and pauses at 60 frames a second: costs and answers of each model, with the look and without."""
+    """Presses and pauses at 60 frames a second: costs and results of each model, with the test and without."""
     sensor = Sensor()
     scene = Scene(sensor.gel, PressSchedule(seed=7, period_s=2.0), table=contact_table(sensor.gel))
     ways = {

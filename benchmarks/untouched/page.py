@@ -1,4 +1,4 @@
-"""The page on frames in which nothing touches: tables from the numbers of `tactile bench untouched`."""
+"""The page on untouched frames: tables from the numbers of `tactile bench untouched`."""
 
 from __future__ import annotations
 
