@@ -28,7 +28,7 @@ SEED = 1001
 
 @dataclass(frozen=True)
 class Plan:
-    """How much to measure: presses off the grid, and rounds of images for the times."""
+    """The amount of measurements: presses off the grid, and rounds of images for the times."""
 
     presses: int = 2000
     rounds: int = 15
@@ -39,7 +39,7 @@ QUICK = Plan(presses=24, rounds=2, images=2)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """Models that were named, or all that ship."""
+    """Measure the named models, or all shipped ones."""
     curve = _files(arguments.curve) if arguments.curve else []
     found = measure(_files(arguments.model), curve, _plan(arguments), run.progress)
     return {**found.plain, '_page': found}
@@ -49,7 +49,7 @@ def measure(models: Sequence[Path], curve: Sequence[Path], plan: Plan, progress:
     """All scores and times.
 
     Raises:
-        ModelError: a model cannot be used, or learned from the presses that it would be judged by.
+        ModelError: a model cannot be used, or was trained on the test presses.
     """
     from benchmarks.accuracy.times import stage_times
     from tactile_nodes.learning.evaluation.evaluate import evaluate, evaluate_put_aside
@@ -72,7 +72,7 @@ def measure(models: Sequence[Path], curve: Sequence[Path], plan: Plan, progress:
 
 
 def about(loaded: LoadedModel) -> dict[str, Any]:
-    """What a model's card says that tables of accuracy need."""
+    """The entries of a model's card for the tables of accuracy."""
     card = loaded.card
     data, training = card['data'], card.get('training', {})
     return {
@@ -90,7 +90,7 @@ def about(loaded: LoadedModel) -> dict[str, Any]:
 
 
 def collected(data: Mapping[str, Any]) -> int:
-    """Presses that a rig would have to make for a model's data, those put aside included."""
+    """Number of presses that a rig must make for a model's data, including those set aside."""
     if data.get('plan', 'random') == 'random':
         return round(float(data['presses']) * (1 - float(data['without_contact'])))
     from tactile_nodes.learning.datasets.plans import DEPTHS, PLACES
@@ -114,7 +114,7 @@ def _files(names: Sequence[str]) -> list[Path]:
 
 
 def _grid_model(models: Sequence[Path], loaded: Mapping[str, LoadedModel]) -> Path | None:
-    """The first model that learned from the paper's grid and put a part of it aside."""
+    """The first model that was trained on the paper's grid and set a part of it aside."""
     for file in models:
         data = loaded[file.stem].card['data']
         if data.get('plan') == 'paper' and 'split_id' in data:

@@ -35,9 +35,10 @@ Coverage: the share of true values within the stated 90 % intervals (for places:
 
 @dataclass(frozen=True)
 class Results:
-    """What was measured of some models; the evaluations are in the models' order.
+    """Measurements of some models; the evaluations are in the order of the models.
 
-    `aside` is on what the training of the `paper` plan's model put aside, and empty if none of the models has one.
+    `aside` is the evaluation on the presses that the training of the `paper` plan's model set aside. It is empty if no
+    model has such presses.
     """
 
     plain: dict[str, Any]
@@ -65,7 +66,7 @@ def page(result: Mapping[str, Any]) -> str:
 
 
 def draw(result: Mapping[str, Any], folder: Path, _: str) -> None:
-    """The errors of each model, and of the curve."""
+    """Draw the errors of each model, and those against the number of presses."""
     from tactile_nodes.learning.evaluation.picture import draw as draw_errors
 
     results: Results = result['_page']
@@ -76,12 +77,12 @@ def draw(result: Mapping[str, Any], folder: Path, _: str) -> None:
 
 
 def picture_name(model: str) -> str:
-    """The file of a model's picture, beside the page."""
+    """The file name of a model's chart, beside the page."""
     return f'accuracy_{model}.png'
 
 
 def curve_picture(results: Results, file: Path) -> None:
-    """Place and force error against the number of presses, a line for each plan.
+    """Plot errors of place and force against the number of presses, with a line for each plan.
 
     Raises:
         ConfigurationError: matplotlib is not installed, or the file cannot be written.
@@ -139,12 +140,12 @@ def _merits(scores: dict[str, Any]) -> list[str]:
 
 
 def _of_each(tell: Callable[[Evaluation], str]) -> Callable[[Mapping[str, Any]], dict[str, str]]:
-    """An aim of each model off the grid."""
+    """The value of an aim for each model, off the grid."""
     return lambda result: {each.name: tell(each) for each in result['_page'].off_grid}
 
 
 def _of_paper(field: str) -> Callable[[Mapping[str, Any]], dict[str, str]]:
-    """An aim relative to the model `paper`, on the grid if there is one."""
+    """The value of an aim relative to the model `paper`, on the grid if that was evaluated."""
 
     def told(result: Mapping[str, Any]) -> dict[str, str]:
         judged = result['_page'].aside or result['_page'].off_grid
@@ -222,7 +223,7 @@ def _curve(results: Results) -> list[str]:
 
 
 def _by_plan(results: Results) -> dict[str, list[tuple[int, PressScores]]]:
-    """Presses and scores of the models of the curve, by readout and plan."""
+    """Numbers of presses and scores of the models for the curve, by readout and plan."""
     plans: dict[str, list[tuple[int, PressScores]]] = {}
     for about, each in zip(results.plain['curve'], results.curve, strict=True):
         plans.setdefault(f'{about["readout"]}, {about["plan"]}', []).append((about['presses'], _all(each)))

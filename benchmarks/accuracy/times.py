@@ -1,4 +1,4 @@
-"""How long a model takes for a frame: flow, features and answer, models in turn on the same images."""
+"""The time of a model per frame: flow, features and estimate. Models run in turn on the same images."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _Contender:
 
     @classmethod
     def of(cls, loaded: LoadedModel, images: list[np.ndarray]) -> _Contender:
-        """Ready for the images, of which the first is the rest image."""
+        """Prepare a model for the images, of which the first is the rest image."""
         config, (width, height) = config_of(loaded), loaded.image_size
         rest, *pressed = (np.ascontiguousarray(centre_crop(image, width, height)) for image in images)
         flow, encoding = config.make_flow(), config.make_encoding()
@@ -55,7 +55,7 @@ class _Contender:
 
 
 def stage_times(models: Mapping[str, LoadedModel], rounds: int, images: int) -> dict[str, Any]:
-    """Milliseconds of each stage by model, and ratios to the first model, with their range over the rounds."""
+    """Time of each stage by model (ms), and ratios to the first model, with their range over the rounds."""
     shown = _images(next(iter(models.values())), images)
     contenders = {name: _Contender.of(each, shown) for name, each in models.items()}
     taken: dict[str, list[tuple[float, ...]]] = {name: [] for name in contenders}

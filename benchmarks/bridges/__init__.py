@@ -48,7 +48,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """All numbers of the page.
 
     Raises:
-        ConfigurationError: no network of two hosts can be made here.
+        ConfigurationError: this machine cannot make the network of two hosts.
     """
     from benchmarks.bridges.hosts import Contender
     from benchmarks.bridges.network import network
@@ -79,7 +79,7 @@ def _round(contender: Contender, made: Network, seconds: float, progress: Progre
         running.wait()
         for name, values in CABLES.items():
             made.lay(Cable(*values))
-            running.measured(SETTLING_S)  # what was under way before is not counted
+            running.measured(SETTLING_S)  # do not count messages from before
             cables[name] = _summary(*running.measured(seconds))
             progress.say(f'{contender.name}, {name}: {cables[name]["forces"]}')
         made.lay(Cable(*CABLES[GOOD]))
@@ -152,7 +152,7 @@ def _shown(value: str, form: str, entry: Mapping[str, Any]) -> str:
 
 
 def _middle(rounds: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The median of the rounds, value by value; None where one of them has none."""
+    """The median over the rounds of each value; None if one round lacks it."""
     names = dict.fromkeys(name for each in rounds for name in each)
     return {name: _median([each.get(name) for each in rounds]) for name in names}
 

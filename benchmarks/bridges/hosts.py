@@ -1,4 +1,4 @@
-"""The programs on the two hosts: who publishes, the bridge of each, who listens, and a stranger without a key."""
+"""The programs on the two hosts: a publisher, both bridges, a subscriber, and a stranger without a key."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ Seen = dict[str, list[tuple[int, int]]]
 
 @dataclass(frozen=True)
 class Contender:
-    """A way between hosts: the bridge node of some checkout of this project, or its DDS bridge."""
+    """A bridge between hosts: the bridge node of a checkout of this project, or its DDS bridge."""
 
     name: str
     tree: Path
     dds: bool = False
     found: bool = False
-    """The hosts are given no address, and find each other."""
+    """Whether the hosts get no addresses and must find each other."""
 
 
 class Side:
-    """One host: a folder of sockets and the bridge there."""
+    """One host: a folder of sockets, and its bridge."""
 
     def __init__(self, host: str, folder: Path, words: list[str], contender: Contender, keys: Path) -> None:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -59,7 +59,7 @@ class Side:
         self.start()
 
     def start(self) -> None:
-        """Start the bridge, again after `kill`."""
+        """Start the bridge; also again after `kill`."""
         self._process = subprocess.Popen(self._words, env=self._environment, cwd=self._tree)
         self._meter = psutil.Process(self._process.pid)  # `ip netns exec` becomes the program
 
@@ -68,7 +68,7 @@ class Side:
         self._process.wait()
 
     def cpu_s(self) -> float:
-        """Processor time of the bridge since its start."""
+        """CPU time of the bridge since its start."""
         return processor_s(self._meter)
 
     def memory_mb(self) -> float:
@@ -83,30 +83,30 @@ class Side:
 
 
 class Pair:
-    """Both hosts at work; `measured` is of one stretch of time."""
+    """Both running hosts."""
 
     def __init__(self, robot: Side, lab: Side, source: Worker, listener: Worker) -> None:
         self.robot, self.lab = robot, lab
         self._source, self._listener = source, listener
 
     def wait(self) -> None:
-        """Until something of every topic has come over."""
+        """Wait until a message was received on every topic."""
         self._listener.ask('wait', ANSWER_WITHIN_S)
 
     def measured(self, seconds: float) -> tuple[int, Seen, float]:
-        """Frames that were published, what came of them, and the processor time of both bridges in cores."""
+        """Measure for `seconds`: published frames (number), received messages, CPU load of both bridges (cores)."""
         before_s = self.robot.cpu_s() + self.lab.cpu_s()
         first_ns, last_ns, sent = self._source.ask(seconds, ANSWER_WITHIN_S + seconds)
         cores = (self.robot.cpu_s() + self.lab.cpu_s() - before_s) / seconds
         return sent, self.since(first_ns, last_ns), cores
 
     def since(self, first_ns: int, last_ns: int) -> Seen:
-        """What came of the messages that were published then."""
+        """The received messages of those published in this interval."""
         seen: Seen = self._listener.ask((first_ns, last_ns))
         return seen
 
     def first_after(self, start_ns: int, within_s: float) -> float | None:
-        """Seconds until a force that was published after `start_ns` has come; None if none does in time."""
+        """Seconds until a force published after `start_ns` is received; None if none comes in time."""
         clock = SystemClock()
         while clock.now_ns() < start_ns + within_s * NS_PER_S:
             found = self.since(start_ns, start_ns + round(within_s * NS_PER_S))
@@ -121,7 +121,7 @@ class Pair:
 
 @contextmanager
 def pair(contender: Contender, made: Network) -> Iterator[Pair]:
-    """Both hosts, with the keys of each at the other."""
+    """Both hosts, which know each other's keys."""
     with tempfile.TemporaryDirectory(prefix='tb') as name, ExitStack() as stack:
         folder = Path(name)
         _make_keys(contender, folder)
@@ -138,7 +138,7 @@ def pair(contender: Contender, made: Network) -> Iterator[Pair]:
 
 
 def stranger_hears(contender: Contender, made: Network, running: Pair, seconds: float) -> int:
-    """How many messages somebody gets who has no key that is allowed, on the second host."""
+    """Number of messages that a stranger without an accepted key gets from the second host."""
     folder = running.lab.folder.parent
     side = Side(made.hosts[1], folder / 'c', _settings(contender, name='stranger')[1], contender, folder / 'keys')
     listener = Worker(listen, str(side.folder), DOMAIN, STREAMS)

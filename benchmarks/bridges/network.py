@@ -1,4 +1,4 @@
-"""Two hosts on a cable: network namespaces on a virtual Ethernet, which the kernel slows down or has lose packets."""
+"""Two hosts on a cable: network namespaces on a virtual Ethernet, with limited rate and packet loss by the kernel."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ADDRESSES = '10.213.8.1', '10.213.8.2'
 
 @dataclass(frozen=True)
 class Cable:
-    """What the kernel makes of the cable, each way (``man tc-tbf``, ``man iptables-extensions``)."""
+    """Properties of the cable in each direction (``man tc-tbf``, ``man iptables-extensions``)."""
 
     mbit: float
     loss_percent: float = 0.0
@@ -28,8 +28,8 @@ class Network:
         self.hosts = hosts
 
     def lay(self, cable: Cable) -> None:
-        """Have the cable be like this from now on; 50 ms of what goes through wait in the queue of each side."""
-        burst = max(4, round(cable.mbit / 8))  # kB; a millisecond
+        """Set the properties of the cable; the queue on each side holds up to 50 ms of data."""
+        burst = max(4, round(cable.mbit / 8))  # kB in a millisecond
         shape = ['tbf', 'rate', f'{cable.mbit}mbit', 'burst', f'{burst}kb', 'latency', '50ms']
         share = str(cable.loss_percent / 100.0)
         drop = ['INPUT', '-m', 'statistic', '--mode', 'random', '--probability', share, '-j', 'DROP']
@@ -46,10 +46,10 @@ class Network:
 
 @contextmanager
 def network() -> Iterator[Network]:
-    """Make it, and remove it in the end.
+    """Make the network, and remove it at the end.
 
     Raises:
-        ConfigurationError: this user may not, or the tools are missing (Debian: iproute2, iptables).
+        ConfigurationError: the user lacks the permission, or the tools are missing (Debian: iproute2, iptables).
     """
     hosts = (f'tb{os.getpid()}a', f'tb{os.getpid()}b')
     try:
@@ -60,7 +60,7 @@ def network() -> Iterator[Network]:
         for host, address in zip(hosts, ADDRESSES, strict=True):
             _run('ip', 'link', 'set', host, 'netns', host)
             _run('ip', '-n', host, 'address', 'add', f'{address}/24', 'dev', host)
-            # Packets as on a real cable; else the kernel passes 64 kB at once, and loses as much.
+            # Packets of real size; otherwise the kernel passes, and loses, 64 kB at once.
             _run('ip', '-n', host, 'link', 'set', host, 'gso_max_segs', '1', 'up')
         yield Network(hosts)
     finally:

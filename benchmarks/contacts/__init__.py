@@ -34,7 +34,7 @@ PROFILES = 'paper', 'fast', 'portable'
 
 
 def measure(arguments: argparse.Namespace, run: Run) -> Result:
-    """All models on the same pictures, then the field in disturbed ones."""
+    """Measure all models on the same pictures, then the field on disturbed ones."""
     from benchmarks.contacts.cases import broad_cases, solved, wanted
     from benchmarks.contacts.frames import CONDITIONS
     from benchmarks.contacts.scores import by_family, summed
@@ -72,7 +72,7 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
 
 
 def _told(score: Score) -> dict[str, Any]:
-    """Of a broad contact: what was told of its force, and whether the interval holds it."""
+    """Entries of a broad contact: true and estimated force, and whether the interval contains the true one."""
     return {
         'contact': score.family, 'true_n': score.true_n, 'told_n': score.true_n + score.total_n,
         'misplaced': score.misplaced, 'held': score.total_held, 'ok': score.ok,
@@ -80,7 +80,7 @@ def _told(score: Score) -> dict[str, Any]:
 
 
 def _models(arguments: argparse.Namespace, gel: Gel, folder: Path, progress: Progress) -> dict[str, str]:
-    """The models by the names that they have on the page."""
+    """The models by their names on the page."""
     from benchmarks.contacts.models import calibrated
     from tactile_nodes.model_file import find_model, load_model
 
@@ -93,7 +93,7 @@ def _models(arguments: argparse.Namespace, gel: Gel, folder: Path, progress: Pro
 
 
 def _read_compiled(model: str, gel: Gel, chosen: Sequence[Case], progress: Progress) -> dict[str, list[Score]]:
-    """What the best model tells with its inner loops compiled, where numba is installed."""
+    """Scores of the best model with compiled inner loops, if numba is installed."""
     from benchmarks.contacts.frames import CONDITIONS
     from tactile_nodes.sensing.compiling import can_compile
 
@@ -111,7 +111,7 @@ def read(
     *,
     compiled: bool = False,
 ) -> tuple[dict[str, list[Score]], float]:
-    """What each chain tells of each contact, and the CPU time of OpenCV's DIS between them (ms, median)."""
+    """Scores of each chain for each contact, and the CPU time of OpenCV's DIS in the same run (ms, median)."""
     import numpy as np
 
     from benchmarks.contacts.frames import FREE_FRAMES, HELD_FRAMES, frames

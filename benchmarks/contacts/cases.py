@@ -1,4 +1,4 @@
-"""Contacts of the ten families with the paper's gel: random bodies, forces, drags and twists, solved once and kept."""
+"""Contacts of the ten families with the paper's gel: random bodies, forces, drags and twists. Solutions are cached."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from tactile_nodes.simulation.touch.track import Way, solve_track, track_key
 
 LIGHTEST_N, HARDEST_N = 0.05, 3.0
 HARDEST_OF = {'tip': 1.0}
-"""What takes the paper's tip 2 mm deep; the other families are pressed with up to 3 N."""
+"""The force [N] that presses the paper's tip 2 mm deep; the other families are pressed with up to 3 N."""
 
 BROAD, BROAD_N = 'flat 20x20 mm', (2.0, 5.0, 10.0)
 
 RIM_MM = 1.0
-"""How far inside the surface every contact stays."""
+"""Distance of every contact from the rim of the surface."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A contact as it is judged: of which family, where and how far on its way, and what it was solved to."""
+    """A contact for the test: its family, its place and stage, and its solution."""
 
     family: str
     number: int
@@ -46,7 +46,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Wanted:
-    """A contact before it is solved: a task."""
+    """A contact that is not yet solved: a task."""
 
     gel: Gel
     seed: int
@@ -56,7 +56,7 @@ class Wanted:
 
 
 def wanted(gel: Gel, seed: int, per_family: int) -> dict[str, Wanted]:
-    """So many contacts of each family, by their names; those of one seed are the same on every machine."""
+    """`per_family` contacts of each family, by name; a seed gives the same contacts on every machine."""
     return {
         f'{family} {number}': Wanted(gel, seed, place, family, number)
         for number in range(per_family) for place, family in enumerate(FAMILIES)
@@ -64,7 +64,7 @@ def wanted(gel: Gel, seed: int, per_family: int) -> dict[str, Wanted]:
 
 
 def broad_cases(gel: Gel, progress: Progress | None = None) -> list[Case]:
-    """A flat square of 20 mm at 2, 5 and 10 N: so wide beside the layer that under its middle next to nothing moves."""
+    """A flat square of 20 mm at 2, 5 and 10 N. It is so wide that under its middle the layer hardly moves."""
     found, layer = [], Layer(CELLS, CELL_MM, gel.layer_mm)
     body = Body.of_heights(BROAD, rectangle(20.0, 20.0, *grid(12.0)))
     with (progress or Progress()).bar('solving broad contacts', len(BROAD_N)) as bar:
@@ -78,7 +78,7 @@ def broad_cases(gel: Gel, progress: Progress | None = None) -> list[Case]:
 
 
 def solved(job: Wanted) -> Case:
-    """One contact; a body that strains the gel too much is pressed half as hard."""
+    """Solve one contact; if the body strains the gel too much, the force is halved."""
     gel, family, number = job.gel, job.family, job.number
     random = np.random.default_rng([job.seed, job.place, number])
     body, hardest = make_body(family, random), HARDEST_OF.get(family, HARDEST_N)
@@ -104,7 +104,7 @@ def solved(job: Wanted) -> Case:
 
 
 def _solved(gel: Gel, layer: Layer, body: Body, ways: list[Way]) -> TouchTable:
-    """Of some ways the first that can be solved, from the cache where it was before."""
+    """The first of some ways that can be solved; from the cache if it was solved before."""
     keys = [table_key(track_key(layer, body, way), gel) for way in ways]
     for key in keys:
         if (known := known_table(key)) is not None:
@@ -113,7 +113,7 @@ def _solved(gel: Gel, layer: Layer, body: Body, ways: list[Way]) -> TouchTable:
         try:
             table = TouchTable.of_track(solve_track(Bricks(layer), body, way), -gel.skin_mm)
         except ConfigurationError:
-            continue  # too much strain: half as hard
+            continue  # too much strain: try half of the force
         write_table(paths.cache_directory() / 'touches' / f'{key}.npz', table)
         return table
     raise ConfigurationError(f'the body {body.name} cannot be pressed into this gel at any force')

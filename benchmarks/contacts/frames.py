@@ -1,4 +1,4 @@
-"""Pictures of contacts as a stream: a rest image, then each contact between frames in which nothing touches."""
+"""Pictures of contacts as a stream: a rest image, then each contact between frames without contact."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from tactile_nodes.simulation.touch.table import TouchTable
 
 RATE_HZ = 60
 FREE_FRAMES, HELD_FRAMES = 4, 5
-"""Between two contacts, and of each; the last of each is judged, when whoever follows the picture has settled."""
+"""Frames between two contacts, and of each contact; the last one is scored, after the chain has settled."""
 
 
 class TouchOptics(Optics):
-    """A gel that bodies touch, some markers gone, the picture blurred."""
+    """A gel touched by bodies, with missing markers and a blurred picture."""
 
     def __init__(
         self,
@@ -43,14 +43,14 @@ class TouchOptics(Optics):
             self._last = (), self._rest
 
     def radiance(self, presses: tuple[Shaping, ...]) -> Float32[np.ndarray, 'h w']:
-        """The light that falls on the sensor."""
+        """The light on the camera's sensor."""
         light = super().radiance(presses)
         return disturb.blurred(light, self._blur_px) if self._blur_px else light
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What is done to the picture after the rest image was taken."""
+    """A disturbance of the picture after the rest image was taken."""
 
     name: str
     gel: Callable[[Gel], Gel] = lambda gel: gel
@@ -72,7 +72,7 @@ CONDITIONS = (
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture, its stamp, and the contact that it is to be judged by; none: it is shown alone."""
+    """A picture, its stamp, and its contact if the frame is scored."""
 
     stamp_ns: int
     picture: UInt8[np.ndarray, 'h w']
@@ -82,7 +82,7 @@ class Frame:
 def frames(
     gel: Gel, cases: Sequence[Case], condition: Condition, seed: int, size_px: tuple[int, int] = (440, 440)
 ) -> Iterator[Frame]:
-    """The whole stream, for the chain to read from its first frame on, cut to a size from the middle."""
+    """The whole stream from the first frame on, cropped to `size_px` around the middle."""
     bodies = {case.touch.body: case.table for case in cases}
     table, crop = contact_table(gel), Crop.centred(gel.image_width, gel.image_height, *size_px)
     calm, disturbed = Optics(gel, table), TouchOptics(

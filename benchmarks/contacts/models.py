@@ -1,4 +1,4 @@
-"""Models `field` of one gel, calibrated with more and less presses on that very gel, or with none."""
+"""Models `field` of one gel, calibrated with different numbers of presses on the same gel, or without any."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from tactile_nodes.sensors import load_sensor
 from tactile_nodes.simulation.gel import Gel
 
 DEEPEST_MM, SHALLOWEST_MM = 1.15, 0.25
-"""Up to where the layer responds linearly; harder presses tell nothing more of other contacts."""
+"""Range in which the layer responds linearly; deeper presses do not improve the estimates of other contacts."""
 
 UNTOUCHED = 0.5
-"""A picture of the untouched gel for every two frames, as a calibration takes them."""
+"""One picture of the untouched gel for every two presses, as in a calibration."""
 
 
 def calibrated(source: LoadedModel, gel: Gel, presses: int, folder: Path, progress: Progress) -> Path:
-    """The file of a model of a gel, from so many presses of the paper's tip; of none from the description alone."""
+    """The file of a model of a gel, from `presses` of the paper's tip, or from the description alone if 0."""
     file = folder / f'field-{presses}.safetensors'
     readout = source.model.readout
     assert isinstance(readout, FieldReadout)
@@ -47,7 +47,7 @@ def calibrated(source: LoadedModel, gel: Gel, presses: int, folder: Path, progre
 
 
 def _pressed(source: LoadedModel, gel: Gel, presses: int, progress: Progress) -> Dataset:
-    """Presses as far apart as can be, at random depths, and pictures of the gel untouched beside them."""
+    """Presses spread as widely as possible, at random depths, with pictures of the untouched gel."""
     data = DataConfig(
         plan='spread', presses=presses, seed=gel.seed, reach_mm=13.5, shallowest_mm=SHALLOWEST_MM,
         deepest_mm=DEEPEST_MM, without_contact=UNTOUCHED, presses_per_rest_image=0,

@@ -1,4 +1,4 @@
-"""The page of the bench of contacts."""
+"""The page of `tactile bench contacts`."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _row(each: Mapping[str, float], dis_ms: float) -> list[str]:
 
 
 def _surrounded(each: Mapping[str, float]) -> str:
-    """How much the whole chain takes, over flow and readout alone, where that was measured."""
+    """CPU time of the whole chain relative to flow and readout alone; a dash if that was not measured."""
     return f'{each["cpu_ms"] / each["least_cpu_ms"]:.2f}' if 'least_cpu_ms' in each else '–'
 
 
@@ -125,7 +125,7 @@ def share(value: float) -> str:
 
 
 def _best(tell: Callable[[Mapping[str, Any]], str]) -> Callable[[Mapping[str, Any]], dict[str, str]]:
-    """An aim of the best model."""
+    """The value of an aim for the best model."""
     return lambda result: {'reached': tell(result['models'][BEST])}
 
 

@@ -1,4 +1,4 @@
-"""How far what is told of a contact is from what acts."""
+"""Errors of the estimates for a contact."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tactile_nodes.simulation.touch.table import node_forces, over_bins
 
 FORCE = types.ForceDistribution
 COVERED = 1.645
-"""Standard deviations to either side of which a normal error has 90 %."""
+"""Number of standard deviations to each side that contain 90 % of a normal error."""
 
 LEAST_SHEAR_N, LEAST_TORSION_N_MM = 0.05, 1.0
 LEAST_BIN_SHARE = 0.01
-"""Of the total: a bin with less, told and true, is not counted when intervals of bins are."""
+"""Share of the total; bins with less, both estimated and true, do not count for the intervals of bins."""
 
 MAP = 27
 UNKNOWN = math.nan
@@ -31,7 +31,7 @@ UNKNOWN = math.nan
 
 @dataclass(frozen=True)
 class Score:
-    """One frame. Forces in N, lengths in mm; NaN of what is not told, or has no true value to compare with."""
+    """Scores of one frame. Forces in N, lengths in mm; NaN if there is no estimate or no true value."""
 
     family: str
     true_n: float
@@ -60,9 +60,9 @@ def score(
     cpu_ms: tuple[float, float],
     nominal_n: float,
 ) -> Score:
-    """Of one contact; a frame without a number counts as one in which nothing was told.
+    """Score one contact; a frame with NaN counts as a frame without force.
 
-    `cpu_ms` is what the chain took, and what flow and readout take without all that surrounds them.
+    `cpu_ms` holds the times of the whole chain, and of flow and readout alone.
     """
     bins = BinGrid(force.rows, force.cols, *gel.sides_mm)
     truth = truth_of_touch(case.touch, case.table, gel.shear_modulus_mpa, bins)
@@ -91,7 +91,7 @@ def score(
 
 
 def _centre(told: np.ndarray, bins: BinGrid, field: types.ForceField | None, true_mm: tuple[float, float]) -> float:
-    """Distance of the centres of pressure: of the fine map where there is one, else of the bins."""
+    """Distance of the centres of pressure; from the fine map if there is one, else from the bins."""
     grid, weight = bins, told
     if field is not None and len(field.pressure):
         grid = BinGrid(field.rows, field.cols, bins.width_mm, bins.height_mm)
@@ -111,14 +111,14 @@ def _shear(force: types.ForceDistribution, true_n: np.ndarray) -> float:
 
 
 def _torsion(force: types.ForceDistribution, true_n_mm: float) -> float:
-    """Of the strongest contact, where it is the only one."""
+    """Relative error of the torsion, if there is exactly one contact."""
     if len(force.contacts) != 1 or abs(true_n_mm) < LEAST_TORSION_N_MM:
         return UNKNOWN
     return abs(force.contacts[0].torsion * 1e3 - true_n_mm) / abs(true_n_mm)
 
 
 def _alike(case: Case, field: types.ForceField | None, gel: Gel, told: np.ndarray) -> float:
-    """Correlation of the map on 27x27 cells with the truth; bins are spread evenly, a fine map is interpolated."""
+    """Correlation of the map with the truth on 27x27 cells; bins are divided evenly, a fine map is interpolated."""
     place, acting = node_forces(case.table, case.touch)
     fine = BinGrid(MAP, MAP, *gel.sides_mm)
     true = over_bins(place, acting, case.table.node_size_mm, fine)[..., 2]
@@ -134,7 +134,7 @@ def _held(off: float, sigma: float) -> float:
 
 
 def _shear_held(force: types.ForceDistribution, true_n: np.ndarray) -> float:
-    """Share of the two components of the net shear that lie within their intervals."""
+    """Share of the two components of the net shear within their intervals."""
     covariance = np.asarray(force.wrench_covariance, float).reshape(6, 6)
     if covariance[0, 0] < 0 or not len(force.shear_force_x):
         return UNKNOWN
@@ -151,7 +151,7 @@ def _bins_held(force: types.ForceDistribution, off: np.ndarray, true: np.ndarray
 
 
 def summed(scores: Sequence[Score]) -> dict[str, float]:
-    """Of many frames: medians, root mean squares and shares."""
+    """Medians, root mean squares and shares over many frames."""
     column: Mapping[str, np.ndarray] = {
         name: np.array([asdict(each)[name] for each in scores], float)
         for name in Score.__dataclass_fields__ if name != 'family'
@@ -176,7 +176,7 @@ def summed(scores: Sequence[Score]) -> dict[str, float]:
 
 
 def by_family(scores: Sequence[Score]) -> dict[str, Any]:
-    """The same of each family."""
+    """The same for each family."""
     families = dict.fromkeys(each.family for each in scores)
     return {family: summed([each for each in scores if each.family == family]) for family in families}
 

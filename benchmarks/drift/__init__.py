@@ -36,7 +36,7 @@ ENOUGH = {'ageing': ('ageing', 'invalid'), 'invalid': ('invalid',)}
 
 @dataclass(frozen=True)
 class Hours:
-    """Hours in which nothing was wrong, and what the monitor said: how often it alarmed, and for how long."""
+    """Hours without a fault, and the monitor's reports: number and duration of the alarms."""
 
     hours: float
     pictures: int
@@ -47,7 +47,7 @@ class Hours:
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """Every course, and so many hours."""
+    """Measure every course, and the hours without a fault."""
     from tactile_nodes.model_file import find_model, load_model
 
     return measure(load_model(find_model(arguments.model)), COURSES, arguments.hours, run.progress, run.part)
@@ -56,10 +56,10 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 def measure(
     loaded: LoadedModel, courses: Sequence[Course], hours: float, progress: Progress, part: Part = at_once
 ) -> Result:
-    """Every course, and the hours in which nothing is wrong.
+    """Measure every course, and the hours without a fault.
 
     Raises:
-        ModelError: the model is not of a simulated gel.
+        ModelError: the model is not for a simulated gel.
     """
     from tactile_nodes.learning.evaluation.evaluate import config_of
 
@@ -76,7 +76,7 @@ def _followed(course: Course, loaded: LoadedModel, gel: Gel) -> list[dict[str, A
 
 
 def undisturbed(loaded: LoadedModel, hours: float, progress: Progress, effort: Effort | None = None) -> Hours:
-    """Presses by many bodies, and nothing wrong."""
+    """Measure hours of presses by many bodies, without a fault."""
     from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.sensing.judge.drift_alarm import Level
 

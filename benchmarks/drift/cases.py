@@ -1,4 +1,4 @@
-"""What happens to a simulated sensor after its calibration, and what its forces and the drift monitor make of it."""
+"""Changes of a simulated sensor after its calibration, and their effect on forces and on the drift monitor."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tactile_nodes.simulation.optics import Optics, Press
 
 NS_PER_S = 1_000_000_000
 PERIOD_S, WATCHED_S = DriftMonitorParams().check_s, 20
-"""A picture is looked at so often, as live, more often while something seems wrong; and for so long after a change."""
+"""Interval of the monitor's checks, as live (shorter when it suspects a fault), and time of checks after a change."""
 SEED, REACH_MM, DEEPEST_MM = 3, 12.0, 2.0
 REST_FRAMES = 16
 CONTACT_HZ, INDEPENDENT_HZ, INDEPENDENT_NOISE_N, DELAY_S = 30, 200, 0.01, 0.01
@@ -41,16 +41,16 @@ BODIES = (
     (Press(5.0, 3.0, 1.5, 'ball'), Press(-6.0, -3.0, 1.0, 'ball')),
     (Press(-9.0, 0.0, 1.2, 'punch'),),
 )
-"""What presses in hours in which nothing is wrong: tips, balls, punches, two at a time, one that is dragged."""
+"""The presses in hours without a fault: tips, balls, punches, two at a time, one that is dragged."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """A change that grows. `gel` makes of the calibrated gel what it is at an extent.
+    """A growing change. `gel` returns the gel at an extent of the change, from the calibrated gel.
 
-    `again`: the rest image is captured anew at each extent. `apart`: each extent comes at once, to a sensor in order;
-    else they follow one another. `compared`: with 'sensor' an independent force is on the bus, with 'weight' a known
-    weight is put on.
+    `again`: the rest image is captured again at each extent. `apart`: each extent is applied to a fresh sensor;
+    otherwise they follow one another. `compared`: 'sensor' for an independent force on the bus, 'weight' for a known
+    weight on the gel.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is computed: what presses while the monitor looks, presses that errors are over, contacts compared."""
+    """The amount of computation: bodies for the monitor's frames, presses for the errors, contacts to compare."""
 
     bodies: tuple[tuple[Press, ...], ...] = BODIES
     presses: int = 40
@@ -73,7 +73,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Point:
-    """One extent: what forces are like, what the model itself flags, what the monitor says, and after how long."""
+    """One extent: force errors, share flagged by the model, the monitor's report, and its delay."""
 
     extent: float
     force_rmse_n: float
@@ -113,27 +113,27 @@ COURSES = (
 
 
 class Sensor:
-    """A gel under a camera: pictures of it, cut as the model wants them. Every picture has noise of its own."""
+    """A gel under a camera: its pictures, cropped for the model. Every picture has its own noise."""
 
     def __init__(self, gel: Gel, calibrated: Gel, side_px: int, indenters: Collection[str] = ()) -> None:
         others = {name: contact_table(calibrated, name) for name in indenters if name != 'tip'}
-        # A layer a little thinner is pressed as before: what counts here is where its markers are.
+        # A slightly thinner layer keeps its forces: only the places of its markers matter here.
         self.table = contact_table(dataclasses.replace(gel, soft_mm=calibrated.soft_mm))
         self._optics, self._side_px, self._seed = Optics(gel, self.table, others), side_px, 0
 
     def picture(self, presses: tuple[Press, ...] = ()) -> np.ndarray:
-        """What the camera delivers."""
+        """A picture from the camera."""
         self._seed += 1
         image = self._optics.render(presses, self._seed)
         return np.ascontiguousarray(centre_crop(image, self._side_px, self._side_px))
 
     def rest(self) -> np.ndarray:
-        """The mean of some pictures of it untouched."""
+        """The mean of some pictures of the untouched gel."""
         return average([self.picture() for _ in range(REST_FRAMES)])
 
 
 class Reader:
-    """The model, as the live nodes run it."""
+    """Runs the model as the live nodes do."""
 
     def __init__(self, loaded: LoadedModel) -> None:
         self._flow, self._encoding = make_flow(*loaded.flow), make_encoding(*loaded.encoding)
@@ -141,7 +141,7 @@ class Reader:
         self.threshold_n = loaded.model.contact_threshold_n
 
     def use_rest(self, picture: np.ndarray) -> None:
-        """Measure against this from now on."""
+        """Set the rest image."""
         self._flow.set_reference(picture)
         self._encoding.set_reference(picture)
 
@@ -151,7 +151,7 @@ class Reader:
 
 
 class Bench:
-    """A sensor that was calibrated, with its monitor, as time goes by."""
+    """A calibrated sensor with its drift monitor, over time."""
 
     def __init__(self, loaded: LoadedModel, gel: Gel, effort: Effort | None = None) -> None:
         self._effort = effort or Effort()
@@ -168,13 +168,13 @@ class Bench:
         return Sensor(gel, self._gel, self._side_px, indenters)
 
     def capture(self, sensor: Sensor) -> None:
-        """A new rest image."""
+        """Capture a new rest image."""
         rest = sensor.rest()
         self.reader.use_rest(rest)
         self.monitor.rest(rest)
 
     def watch(self, sensor: Sensor, for_s: float = WATCHED_S) -> float | None:
-        """Let the monitor look for a while, half of it at presses; after how many seconds the level rose."""
+        """Run the monitor for `for_s`, half of it with presses; returns after how many seconds the level rose."""
         before, risen, bodies = self.monitor.verdict.level, None, self._effort.bodies
         for at_s in np.arange(0.0, for_s, SOONER * PERIOD_S).tolist():
             if not self.monitor.is_due(at_ns := self._at(at_s), PERIOD_S):
@@ -187,7 +187,7 @@ class Bench:
         return risen
 
     def rest_for_hours(self, hours: float) -> Iterator[tuple[float, Verdict]]:
-        """Presses by one body after another while nothing is wrong, as fast as they can be computed."""
+        """Run the monitor without a fault, with presses by one body after another; yields time and verdict."""
         sensor, reader, bodies = self.sensor(self._gel), self.reader, self._effort.bodies
         for number in range(round(hours * 3600 / PERIOD_S)):
             at_s = number * PERIOD_S
@@ -200,7 +200,7 @@ class Bench:
             yield at_s, self.monitor.verdict
 
     def compare(self, sensor: Sensor, how: str) -> None:
-        """Contacts with an independent force beside them, or a weight."""
+        """Make contacts with an independent force, or put on the weight."""
         if how == 'weight':
             self._weigh(sensor)
         else:
@@ -208,7 +208,7 @@ class Bench:
                 self._contact(sensor, (float(place[0]), float(place[1])))
 
     def _contact(self, sensor: Sensor, place: tuple[float, float]) -> None:
-        """One second of a press that comes and goes, in three seconds."""
+        """Three seconds with one press of one second."""
         bias = self._random.normal(0, 2, 3)
         for number in range(3 * INDEPENDENT_HZ):
             at_s = number / INDEPENDENT_HZ
@@ -251,12 +251,12 @@ class Bench:
 
 
 def _depth_mm(at_s: float) -> float:
-    """Nothing for a second, then one second of a press."""
+    """Depth of a press that lasts from 1 to 2 s; negative without contact."""
     return 1.5 * math.sin(math.pi * (at_s - 1)) if 1 < at_s < 2 else -1.0
 
 
 def follow(course: Course, loaded: LoadedModel, gel: Gel, effort: Effort | None = None) -> list[Point]:
-    """All extents of a course, in turn."""
+    """Measure all extents of a course, in turn."""
     points, bench = [], Bench(loaded, gel, effort)
     for extent in course.extents:
         if course.apart:

@@ -38,7 +38,7 @@ Device = Callable[[Path, np.ndarray], AbstractContextManager[devices.Address]]
 
 @dataclass(frozen=True)
 class Case:
-    """One driver and the device that it is measured on; a device of None lives in the reader's process."""
+    """One driver and its emulated device; with the device None, the reader's process emulates it."""
 
     title: str
     device: Device | None
@@ -58,7 +58,7 @@ CASES = {
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """All that were asked for, so many at once; what is measured is kept before the next begin."""
+    """Measure the chosen drivers, several at once; each group is stored before the next begins."""
     found: dict[str, Any] = {}
     for first in range(0, len(run.cases), arguments.together):
         found |= measure(run.cases[first : first + arguments.together], arguments.seconds)
@@ -67,7 +67,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 
 
 def measure(names: Sequence[str], seconds: float) -> dict[str, Any]:
-    """The named drivers, all at once, for so many seconds."""
+    """Measure the named drivers, all at once, for `seconds`."""
     found: dict[str, Any] = {}
     with tempfile.TemporaryDirectory(prefix='tb') as folder, ExitStack() as running:
         trials = [running.enter_context(contextlib.closing(_Trial(name, seconds, Path(folder)))) for name in names]
@@ -94,7 +94,7 @@ class _Trial:
         self._reader.send(self._device.answer(MARGIN_S))
 
     def result(self, seconds: float) -> dict[str, Any]:
-        """What the reader has measured, or why it could not."""
+        """The reader's measurements, or the reason of its failure."""
         try:
             found: dict[str, Any] = self._reader.answer(seconds + MARGIN_S)
         except TactileError as error:
@@ -102,13 +102,13 @@ class _Trial:
         return found
 
     def close(self) -> None:
-        """End both."""
+        """End both processes."""
         self._reader.close()
         self._device.close()
 
 
 def _serve(pipe: Connection, name: str, folder: Path, stamps: Any) -> None:
-    """The process of a device: it lives until its pipe is closed."""
+    """The process of a device; it runs until its pipe is closed."""
     device = CASES[name].device
     if device is None:
         pipe.send({})
@@ -130,7 +130,7 @@ def _read(pipe: Connection, name: str, stamps: Any, seconds: float) -> None:
 
 
 def text(result: Mapping[str, Any]) -> str:
-    """The result as a person reads it."""
+    """The result as text for the user."""
     found, head = result['drivers'].values(), f'{machine_and_commit(result)}; {named_versions(result)}'
     failed = [f'{entry["title"]}: FAILED: {entry["failed"]}' for entry in found if 'failed' in entry]
     measured = columns(

@@ -1,7 +1,7 @@
-"""The emulated devices of the driver benchmark, each in a process of its own that knows when it made what.
+"""The emulated devices of the driver benchmark, each in a separate process that knows the times of its data.
 
-What it hands to the measuring process is an address and, as plain data, what is needed to tell when each thing was
-made: the clock of a sensor, or where the stamps of the pictures stand.
+It passes an address to the measuring process and, as plain data, what is necessary to find the time of each item: the
+clock of a sensor, or the place of the pictures' stamps.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from tactile_nodes.simulation.optics import Optics
 
 DRIFT_PPM = 100.0
 OFFSET = 5000
-TEXT_RATE_HZ = 500.0  # what 115200 baud carry of lines with one channel
+TEXT_RATE_HZ = 500.0  # the limit of 115200 baud for lines with one channel
 START_MM = {'marlin': (-115.0, -115.0, -5.0), 'grbl': (-5.0, -5.0, -5.0)}  # near the end switches
 QUALITY = 90
 NUMBER_BITS, BLOCK_PX = 8, 24
@@ -47,7 +47,7 @@ Address = dict[str, Any]
 
 
 class Load:
-    """Something that presses steadily."""
+    """A constant load."""
 
     def wrench_at(self, time_ns: int) -> Wrench:  # noqa: ARG002
         """1 N and a little torque."""
@@ -56,7 +56,7 @@ class Load:
 
 @contextlib.contextmanager
 def net_ft(folder: Path, stamps: np.ndarray) -> Iterator[Address]:  # noqa: ARG001
-    """A box that sends 7000 records a second."""
+    """A Net F/T box that sends 7000 records a second."""
     clock = SystemClock()
     ticks = DeviceClock(7000.0, clock.now_ns(), OFFSET, DRIFT_PPM)
     box = NetFtBox(Load(), NetFtConfig(divider=1), ticks, noise=(0.002, 0.0001))
@@ -66,7 +66,7 @@ def net_ft(folder: Path, stamps: np.ndarray) -> Iterator[Address]:  # noqa: ARG0
 
 @contextlib.contextmanager
 def bota(folder: Path, stamps: np.ndarray) -> Iterator[Address]:  # noqa: ARG001
-    """A sensor on a serial line; how fast it sends, its driver says."""
+    """A Bota sensor on a serial line; its driver sets its rate."""
     yield from _serial_sensor(lambda ticks: BotaSensor(Load(), ticks), folder, 51 * 1e6 / 51_200)
 
 
@@ -111,7 +111,7 @@ def camera_60(folder: Path, stamps: np.ndarray) -> Iterator[Address]:  # noqa: A
 
 @contextlib.contextmanager
 def camera_flood(folder: Path, stamps: np.ndarray) -> Iterator[Address]:  # noqa: ARG001
-    """MJPEG over HTTP, the next picture as soon as the line takes it."""
+    """MJPEG over HTTP, as fast as the connection allows."""
     yield from _camera(stamps, 0.0)
 
 
@@ -123,7 +123,7 @@ def _camera(stamps: np.ndarray, fps: float) -> Iterator[Address]:
             self.send_response(200)
             self.send_header('Content-Type', 'multipart/x-mixed-replace; boundary=picture')
             self.end_headers()
-            with contextlib.suppress(OSError):  # the viewer has gone
+            with contextlib.suppress(OSError):  # the client has disconnected
                 self._send_pictures()
 
         def _send_pictures(self) -> None:
@@ -136,7 +136,7 @@ def _camera(stamps: np.ndarray, fps: float) -> Iterator[Address]:
                 due_ns = max(due_ns + round(NS_PER_S / fps), clock.now_ns() - NS_PER_S) if fps else clock.now_ns()
 
         def log_message(self, format: str, *args: object) -> None:
-            """Quiet."""
+            """Log nothing."""
 
     server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Handler)
     server.daemon_threads, server.block_on_close = True, False
@@ -153,7 +153,7 @@ def _camera(stamps: np.ndarray, fps: float) -> Iterator[Address]:
 
 
 def _numbered_pictures() -> list[bytes]:
-    """The gel at rest, 640x480, with a number in the upper edge that survives JPEG: white and black blocks."""
+    """Pictures of the gel at rest, 640x480, with a number at the upper edge in blocks large enough for JPEG."""
     import cv2
 
     gel = Gel()
@@ -168,7 +168,7 @@ def _numbered_pictures() -> list[bytes]:
 
 
 def number_in(image: np.ndarray) -> int:
-    """The number that `_numbered_pictures` has drawn."""
+    """The number in a picture of `_numbered_pictures`."""
     grey = image if image.ndim == 2 else image[..., 1]
     middles = grey[BLOCK_PX // 2, BLOCK_PX // 2 : NUMBER_BITS * BLOCK_PX : BLOCK_PX]
     return sum(1 << bit for bit, value in enumerate(middles) if value > 127)

@@ -1,6 +1,6 @@
-"""What a driver is measured by: how old things are when it hands them over, what is missing, and what it costs.
+"""Measures a driver: the age of its data at delivery, the losses, and the cost.
 
-Nothing here grows with the length of a run, so that growth of the process is growth of the driver.
+Nothing here grows with the length of a run, so growth of the process comes from the driver.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ LONGEST_WARM_UP_S = 10.0
 
 
 class Durations:
-    """Durations in bins that are 1 % wide, from 1 µs to 100 s; the worst is kept exactly."""
+    """A histogram of durations from 1 µs to 100 s, in bins 1 % wide; the maximum is exact."""
 
     def __init__(self) -> None:
         self._bins = np.zeros(BINS, np.int64)
         self._worst_ns = 0.0
 
     def add(self, durations_ns: Sequence[int] | np.ndarray) -> None:
-        """Take in some."""
+        """Add durations."""
         values = np.asarray(durations_ns, float)
         if values.size:
             places = np.log(np.maximum(values, SHORTEST_NS) / SHORTEST_NS) / math.log(STEP)
@@ -39,7 +39,7 @@ class Durations:
             self._worst_ns = max(self._worst_ns, float(values.max()))
 
     def summary_ms(self) -> dict[str, float]:
-        """Median, p99 and worst in milliseconds; nothing if there were none."""
+        """Median, p99 and maximum in milliseconds; empty without durations."""
         upto = np.cumsum(self._bins)
         if upto[-1] == 0:
             return {}
@@ -49,11 +49,11 @@ class Durations:
 
 
 class Meter:
-    """Counts and times of one run; what happens while it warms up does not count.
+    """Counts and times of one run, without its warm-up.
 
     Args:
-        clock: the host's, which also stamps what the emulators send.
-        seconds: how long to measure.
+        clock: the host's clock, also used for the emulators' stamps.
+        seconds: duration of the measurement.
     """
 
     def __init__(self, clock: Clock, seconds: float) -> None:
@@ -70,7 +70,7 @@ class Meter:
         self.measuring = False
 
     def going_on(self) -> bool:
-        """Whether the run goes on, which begins with the first call; to be asked many times a second."""
+        """Whether to continue. The first call starts the run; call this many times a second."""
         if self._begin_ns == 0:
             warm_up_s = min(LONGEST_WARM_UP_S, WARM_UP_SHARE * self._seconds)
             self._begin_ns = self.clock.now_ns() + round(warm_up_s * NS_PER_S)
@@ -82,21 +82,21 @@ class Meter:
         return passed_s < self._seconds
 
     def count(self, what: str, number: int = 1) -> None:
-        """Something happened so many times."""
+        """Add to a counter."""
         if self.measuring:
             self._counts[what] += number
 
     def handed_over(
         self, ages_ns: Sequence[int] | np.ndarray, stamp_errors_ns: Sequence[int] | np.ndarray = ()
     ) -> None:
-        """The driver has given things of these ages, the errors of whose stamps are known or not."""
+        """Add data delivered by the driver: their ages, and the errors of their stamps if known."""
         if self.measuring:
             self.latency.add(ages_ns)
             self.stamp_error.add(np.abs(stamp_errors_ns))
             self._counts['received'] += len(ages_ns)
 
     def result(self) -> dict[str, Any]:
-        """All of it as plain data."""
+        """All measurements as plain data."""
         passed_s = (self.clock.now_ns() - self._begin_ns) / NS_PER_S
         half = len(self._memory) // 2
         return {
@@ -117,7 +117,7 @@ class Meter:
 
 
 class Order:
-    """What the numbers of things that were made one after the other tell about those that came.
+    """Counts lost, doubled and reordered items by their sequence numbers.
 
     1, 2, 4, 4, 3 has one lost, one doubled and one reordered, which is the lost one.
     """
@@ -127,7 +127,7 @@ class Order:
         self._last: int | None = None
 
     def follow(self, numbers: Sequence[int] | np.ndarray) -> None:
-        """Take in the next ones, in the order in which they were handed over."""
+        """Add the next numbers, in the order of delivery."""
         for number in numbers:
             step = 1 if self._last is None else int(number) - self._last
             self._meter.count('lost', max(0, step - 1))

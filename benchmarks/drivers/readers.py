@@ -1,4 +1,4 @@
-"""The measured side of the driver benchmark: each driver as a program uses it, at its highest rate."""
+"""The measured side of the driver benchmark: each driver as used in an application, at its highest rate."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ Reader = Callable[[Address, np.ndarray, Meter], None]
 
 
 def net_ft(address: Address, _: np.ndarray, meter: Meter) -> None:
-    """Every record of a Net F/T box."""
+    """Read every record of a Net F/T box."""
     ports = NetFtSettings(rdt_port=address['rdt_port'], http_port=address['http_port'])
     _read_samples(ForceTorqueSettings('netft://127.0.0.1', net_ft=ports), address, meter)
 
 
 def bota(address: Address, _: np.ndarray, meter: Meter) -> None:
-    """Every frame of a Bota sensor with its shortest filter."""
+    """Read every frame of a Bota sensor with its shortest filter."""
     _read_samples(ForceTorqueSettings(f'bota:{address["device"]}', rate_hz=FASTEST_BOTA_HZ), address, meter)
 
 
 def text(address: Address, _: np.ndarray, meter: Meter) -> None:
-    """Every line."""
+    """Read every line of a load cell."""
     _read_samples(ForceTorqueSettings(f'text:{address["device"]}'), address, meter)
 
 
@@ -57,7 +57,7 @@ def _read_samples(settings: ForceTorqueSettings, address: Address, meter: Meter)
         while meter.going_on():
             try:
                 samples = sensor.read(PATIENCE_S)
-            except (DeviceLostError, DeviceTimeoutError):  # it is looked for, and what it lost meanwhile is counted
+            except (DeviceLostError, DeviceTimeoutError):  # wait until it is found again; its losses are counted
                 losses += meter.measuring
                 meter.clock.sleep_until(meter.clock.now_ns() + NS_PER_S // 100)
                 continue
@@ -74,7 +74,7 @@ def _read_samples(settings: ForceTorqueSettings, address: Address, meter: Meter)
 
 
 def camera(address: Address, stamps: np.ndarray, meter: Meter) -> None:
-    """The newest picture, again and again."""
+    """Read the newest picture repeatedly."""
     last, unwrapped, lost, order = None, 0, 0, Order(meter)
     with contextlib.closing(open_camera(CameraSettings(source=address['url']), meter.clock)) as source:
         while meter.going_on():
@@ -91,7 +91,7 @@ def camera(address: Address, stamps: np.ndarray, meter: Meter) -> None:
 
 
 class Traffic:
-    """What goes over a controller's line: questions, lines, and their answers."""
+    """Counts questions, lines and their answers on a controller's serial line."""
 
     def __init__(self) -> None:
         self.sent = {'reports': 0, 'lines': 0}
@@ -99,7 +99,7 @@ class Traffic:
         self._rest = b''
 
     def hear(self, way: str, _: int, data: bytes) -> None:
-        """Count."""
+        """Count the content of `data`."""
         if way == '>':
             self.sent['reports'] += data.count(b'?')
             self.sent['lines'] += data.count(b'\n')
@@ -109,17 +109,17 @@ class Traffic:
         self.answered['lines'] += sum(line.strip() == b'ok' or line.startswith((b'ok ', b'error')) for line in lines)
 
     def unanswered(self) -> int:
-        """Questions and lines without answer; negative: answers to nothing."""
+        """Number of questions and lines without an answer; negative if there are too many answers."""
         return sum(self.sent.values()) - sum(self.answered.values())
 
 
 def grbl(address: Address, _: np.ndarray, meter: Meter) -> None:
-    """Reports and jogs, each as soon as the last was answered."""
+    """Exchange reports and jogs, each as soon as the last was answered."""
     _exchange(CncSettings(address['device']), 'grbl', meter)
 
 
 def marlin(address: Address, _: np.ndarray, meter: Meter) -> None:
-    """The same; its question is M114."""
+    """As `grbl`; the question is M114."""
     settings = CncSettings(
         address['device'],
         'marlin',
@@ -132,7 +132,7 @@ def marlin(address: Address, _: np.ndarray, meter: Meter) -> None:
 
 
 def _exchange(settings: CncSettings, kind: str, meter: Meter) -> None:
-    """Strokes of small jogs to and fro; after each the machine must be where all of them together lead."""
+    """Move in strokes of small jogs back and forth; after each, the machine must be at the sum of its jogs."""
     traffic, way_mm, strokes = Traffic(), JOG_MM[kind], 0
     with contextlib.closing(open_cnc(settings, meter.clock, traffic=traffic.hear)) as cnc:
         cnc.home()
@@ -152,7 +152,7 @@ def _exchange(settings: CncSettings, kind: str, meter: Meter) -> None:
 
 
 def _stroke(cnc: Cnc, way_mm: float, meter: Meter) -> None:
-    """`wait_idle` raises where the machine is not where it was sent; here also less than a jog counts."""
+    """One stroke. `wait_idle` raises if the machine is at a wrong place; this also counts missing single jogs."""
     start = last = cnc.status().position_mm[0]
     for _ in range(JOGS_PER_STROKE):
         meter.going_on()
@@ -174,7 +174,7 @@ def _timed(ask: Callable[[], Any], meter: Meter) -> Any:
 
 
 class Flicker:
-    """A line that changes at irregular times, the same ones in every run."""
+    """A digital line that changes at irregular times, which are the same in every run."""
 
     def __init__(self, start_ns: int, seconds: float) -> None:
         chance = np.random.default_rng(1)
@@ -182,7 +182,7 @@ class Flicker:
         self.times_ns: list[int] = (start_ns + np.cumsum(steps_s * NS_PER_S).astype(np.int64)).tolist()
 
     def before(self, time_ns: int) -> int:
-        """How many changes there were by a time."""
+        """Number of changes up to a time."""
         return bisect.bisect_right(self.times_ns, time_ns)
 
     def line_level(self, time_ns: int) -> bool:
@@ -195,7 +195,7 @@ class Flicker:
 
 
 def sync(address: Address, _: np.ndarray, meter: Meter) -> None:
-    """Edges of a line, looked at every millisecond."""
+    """Read the edges of a line that is polled every millisecond."""
     flicker, order = Flicker(meter.clock.now_ns(), address['seconds']), Order(meter)
     settings = SyncInputSettings('emulated')
     watched = WatchedLine('CTS', EmulatedControlLine(flicker, meter.clock), settings, meter.clock)
@@ -213,7 +213,7 @@ def sync(address: Address, _: np.ndarray, meter: Meter) -> None:
 
 
 def _edge_of(flicker: Flicker, stamp_ns: int, level: bool) -> int:
-    """The change to this level that is nearest to a stamp."""
+    """The number of the change to this level that is nearest to a stamp."""
     after = flicker.before(stamp_ns)
     near = [index for index in range(max(0, after - 2), after + 2) if (index % 2 == 0) == level]
     return min(near, key=lambda index: abs(flicker.times_ns[index] - stamp_ns))

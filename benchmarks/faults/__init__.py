@@ -49,7 +49,7 @@ class Outcome:
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """Each fault in turn, on a bus of its own; those that were tried before and are not now stay as they are kept."""
+    """Inject each fault in turn, on a separate bus; earlier results of other faults are kept."""
     assert run.folder is not None
     folder = run.folder.absolute()
     rows: dict[str, Any] = run.earlier().get('faults', {})
@@ -64,10 +64,10 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 
 
 def try_fault(case: Case, folder: Path, limits: str = LIMITS, size: tuple[int, int] = (2, 2)) -> Outcome:
-    """One fault, from the first launch to the audit.
+    """Test one fault, from the first launch to the audit.
 
     Raises:
-        ConfigurationError: the folder holds something already.
+        ConfigurationError: the folder is not empty.
     """
     if folder.exists() and any(folder.iterdir()):
         raise ConfigurationError(f'{folder} is not empty; remove it, or choose another folder with -o')
@@ -97,7 +97,7 @@ def try_fault(case: Case, folder: Path, limits: str = LIMITS, size: tuple[int, i
 
 
 def _first(case: Case, launch: Launch, clock: Clock, outcome: Outcome) -> int:
-    """Bring the fault on, and take it away again; when it came."""
+    """Inject the fault, and remove it again; returns the time of the injection."""
     bus = ZmqBus()
     watcher = Watcher(bus, clock)
     try:
@@ -132,7 +132,7 @@ def _await(launch: Launch, clock: Clock, patience_s: float, answer: Callable[[],
 
 
 def _last_place(bench: Bench) -> tuple[float, float, float]:
-    """A machine stays where it is while nobody commands it."""
+    """The last place of the tip, where the next launch begins: a machine keeps its place without commands."""
     tips = Trace(bench.trace, GEL_MM).tip_mm
     if not len(tips):
         return START_MM
@@ -153,7 +153,7 @@ def is_good(row: dict[str, Any]) -> bool:
 
 
 def told(outcome: Outcome) -> str:
-    """A row for the screen."""
+    """A line for the terminal."""
     kept, stop = outcome.ledger, outcome.stop
     flaws = 'no audit' if kept is None else ', '.join(
         f'{name} {len(getattr(kept, name))}' for name in ('lost', 'doubled', 'wrong', 'faint', 'left')
@@ -173,7 +173,7 @@ def markdown(result: Mapping[str, Any]) -> str:
 
 
 def gist(lines: Sequence[str]) -> str:
-    """Of what was told after a fault, the line that says most: why the run ended, or else what came first."""
+    """The most important line after a fault: the reason why the run ended, or else the first line."""
     lines = [line for line in lines if not line.startswith(('the plan is done', 'going on'))]
     ends = [line.removeprefix(END) for line in lines if line.startswith(END)]
     text = next(iter([*ends, *lines]), 'nothing')

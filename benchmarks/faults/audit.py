@@ -1,6 +1,6 @@
-"""What a run has left behind, judged from outside: bags and journal against the plan, and both against the truth.
+"""Audits the files of a run: compares bags and journal with the plan, and both with the truth.
 
-The truth is the trace of the emulated rig: where the tip was, whatever its drivers believed.
+The truth is the trace of the emulated rig: the real position of the tip, independent of the drivers.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ Attempt = tuple[int, int]
 
 @dataclass(frozen=True)
 class Ledger:
-    """What became of the points of a plan.
+    """The state of the points of a plan. All but `points` hold numbers of presses.
 
     Attributes:
-        points: of the plan.
-        lost: neither in a bag nor still to do in the journal's eyes: numbers of the presses.
-        left: not done, and the journal knows it: a further launch would do them.
+        points: number of points of the plan.
+        lost: in no bag, but done according to the journal.
+        left: not done according to the journal, so that a further launch would do them.
         doubled: in the bags more than once.
-        wrong: counted as recorded, but the tip was more than 0.1 mm from where it should have been.
-        faint: their images show less than half of what those of other presses as deep show.
+        wrong: recorded, but the tip was more than 0.1 mm away from its target.
+        faint: the contrast of their images is less than half of the median.
     """
 
     points: int
@@ -55,14 +55,14 @@ class Ledger:
 
 @dataclass(frozen=True)
 class Stop:
-    """How the tip came to rest after a fault.
+    """The stop of the tip after a fault.
 
     Attributes:
-        rest_s: until it moved no further, or turned to go up.
-        way_mm: how much deeper it went meanwhile.
-        up_s: until it was at the safe height; None: it never was in that launch.
+        rest_s: time until it stopped or turned upwards.
+        way_mm: how much deeper it went in that time.
+        up_s: time until it was at the safe height; None if it never was in that launch.
         left_mm: its depth in the gel at the end of that launch, negative above the gel.
-        force_n: the greatest force from the fault on.
+        force_n: the largest force from the fault on.
     """
 
     rest_s: float
@@ -73,7 +73,7 @@ class Stop:
 
 
 class Trace:
-    """Where the tip was."""
+    """The recorded positions of the tip."""
 
     def __init__(self, file: Path, gel_mm: Sequence[float]) -> None:
         lines = file.read_text(encoding='ascii').splitlines() if file.exists() else []
@@ -84,7 +84,7 @@ class Trace:
         self._gel_mm = np.array(gel_mm, float)
 
     def place_mm(self, start_ns: int, end_ns: int) -> np.ndarray:
-        """Mean x, y on the gel and depth in it over a time; NaN where nothing was traced."""
+        """Mean x, y on the gel and depth in it over an interval; NaN without trace."""
         inside = (self.at_ns >= start_ns) & (self.at_ns <= end_ns)
         if not inside.any():
             return np.full(3, np.nan)
@@ -92,7 +92,7 @@ class Trace:
         return place
 
     def stop(self, fault_ns: int, end_ns: int, safe_mm: float) -> Stop | None:
-        """How it came to rest after a fault and before the end of the launch; None if nothing was traced."""
+        """The stop of the tip after a fault and before the end of the launch; None without trace."""
         inside = (self.at_ns >= fault_ns) & (self.at_ns <= end_ns)
         at_ns, z = self.at_ns[inside], self.tip_mm[inside, 2]
         if len(at_ns) < 2:
@@ -121,10 +121,10 @@ def ledger(folder: Path, points: Sequence[Any], plan_id: str, trace: Trace) -> L
     """Audit a folder.
 
     Args:
-        folder: of the journal and the bags.
-        points: of the plan.
-        plan_id: of the plan.
-        trace: of all launches.
+        folder: folder of the journal and the bags.
+        points: points of the plan.
+        plan_id: name of the plan.
+        trace: trace of all launches.
     """
     steps = journal_steps(folder / f'{plan_id}.jsonl')
     found = [press for bag in bags_below(folder) for press in _presses(bag, plan_id)]
@@ -145,14 +145,14 @@ def ledger(folder: Path, points: Sequence[Any], plan_id: str, trace: Trace) -> L
 
 @dataclass(frozen=True)
 class Steps:
-    """The journal: the last step of each press, and the attempts that it gave up as missing."""
+    """The content of a journal: the last step of each press, and the attempts withdrawn as missing."""
 
     last: dict[int, str]
     withdrawn: set[tuple[Attempt, str]]
 
 
 def journal_steps(file: Path) -> Steps:
-    """Read a journal without the journal's own code; a line that is cut off counts as not written."""
+    """Read a journal without the project's own reader; a truncated line is ignored."""
     last: dict[int, str] = {}
     withdrawn = set()
     lines = file.read_text(encoding='ascii').splitlines()[1:] if file.exists() else []
@@ -187,7 +187,7 @@ def _presses(bag: Path, plan_id: str) -> list[_Pressed]:
                     images.append((message.publish_ns, conversions.image_array(reader.decode(message))))
                 elif (press := reader.decode(message)).plan_id == plan_id and press.press > 0:
                     presses.append(press)
-    except BagError:  # cut off before it began
+    except BagError:  # cut off before the first message
         return []
     images.sort(key=lambda image: image[0])
     return [_pressed(press, images) for press in presses]

@@ -1,4 +1,4 @@
-"""The faults of the bench: what is done to a running collection, and for how long."""
+"""The faults of the benchmark: what is done to a running collection, and for how long."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ class Case:
     """A fault.
 
     Attributes:
-        name: on the command line.
-        text: in the table.
+        name: name on the command line.
+        text: name in the table.
         switch: parameters of the emulated rig, without ``faults.``.
-        lasts_s: after which they are switched off again; `FOR_EVER`: only with the launch.
-        process: what gets the signal `number`: a program of the launch, or ``launch``.
-        full_disk: no file of `process` may grow any more.
-        expect: how the run should take it.
+        lasts_s: time until they are switched off again; `FOR_EVER`: only at the end of the launch.
+        process: the process that gets the signal `number`: a program of the launch, or ``launch``.
+        full_disk: whether the files of `process` can no longer grow.
+        expect: the expected reaction of the run.
         sensor: the force/torque sensor of the rig.
-        anchor: presses between two anchors, where these are what finds the fault; 0: none, which saves time.
-        stops: the tip must come to rest and go up before anything else.
+        anchor: presses between two anchors, if the anchors detect the fault; 0: no anchors, which saves time.
+        stops: whether the tip must first stop and go up.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""A real ``tactile launch collect rig:=emulated`` in a folder of its own, and the hands of a person beside it."""
+"""Runs a real ``tactile launch collect rig:=emulated`` in a separate folder, and acts as its user."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tactile_nodes.params import Value
 RIG, ACKNOWLEDGE = '/emulated_rig', '/rig/acknowledge'
 SAFE_MM, GEL_MM, ROOM_MM = -4.0, (-20.0, -20.0, -8.0), (40.0, 40.0, 12.0)
 START_MM = (-12.0, -14.0, -2.0)
-LIMITS = 'force_silence_ms: 200.0, camera_silence_ms: 1000.0'  # as config/rigs/emulated.yaml has them
+LIMITS = 'force_silence_ms: 200.0, camera_silence_ms: 1000.0'  # as in config/rigs/emulated.yaml
 ROOM_BYTES = 20_000
 TRIGGER_MM = 0.2  # deep, and on its way down
 PLAN = 'kind: grid\ncolumns: {columns}\nrows: {rows}\npitch_mm: 5.0\ndepths_mm: [0.8]\n'
@@ -59,14 +59,14 @@ _DULL = re.compile(r'^\[[-=#>]|^(subscribed|wrote|collection: \[|bag: recording|
 
 @dataclass(frozen=True)
 class Bench:
-    """What all launches of a bench have in common.
+    """Common settings of all launches for a fault.
 
     Attributes:
-        folder: of this fault.
-        sensor: of the rig.
+        folder: folder for this fault.
+        sensor: force/torque sensor of the rig.
         size: columns and rows of the plan.
         limits: parameters of the rig's limits.
-        anchor: presses between two anchors; 0: none.
+        anchor: presses between two anchors; 0: no anchors.
     """
 
     folder: Path
@@ -77,11 +77,11 @@ class Bench:
 
     @property
     def trace(self) -> Path:
-        """Where the tip was, over all launches."""
+        """The trace of the tip over all launches."""
         return self.folder / 'trace.jsonl'
 
     def write(self, start_mm: Sequence[float] = START_MM) -> list[str]:
-        """Write plan and devices, with ports that are free; the words for the launch."""
+        """Write plan and devices, with free ports; returns the arguments for the launch."""
         self.folder.mkdir(parents=True, exist_ok=True)
         plan, devices = self.folder / 'plan.yaml', self.folder / 'devices.yaml'
         plan.write_text(PLAN.format(columns=self.size[0], rows=self.size[1]), encoding='ascii')
@@ -98,7 +98,7 @@ class Bench:
 
 
 def free_ports() -> tuple[int, int, int]:
-    """Three ports that nobody listens at now."""
+    """Three free ports."""
     with socket.socket() as a, socket.socket() as b, socket.socket() as c:
         for each in (a, b, c):
             each.bind(('127.0.0.1', 0))
@@ -106,13 +106,13 @@ def free_ports() -> tuple[int, int, int]:
 
 
 class Launch:
-    """One launch: its processes, and what it says.
+    """One launch: its processes and its output.
 
     Args:
-        words: its arguments.
-        log: where its output is kept.
-        clock: that stamps its lines.
-        file: what is launched.
+        words: the arguments of the launch.
+        log: file for its output.
+        clock: clock for the times of its lines.
+        file: the launch file.
     """
 
     def __init__(self, words: Sequence[str], log: Path, clock: Clock, file: str = 'collect') -> None:
@@ -130,32 +130,32 @@ class Launch:
 
     @property
     def status(self) -> int | None:
-        """The exit status, once it has ended."""
+        """The exit status, or None while it runs."""
         return self._process.poll()
 
     @property
     def pid(self) -> int:
-        """Of the launch itself."""
+        """The process id of the launch itself."""
         return self._process.pid
 
     @property
     def questions(self) -> int:
-        """How often the rig has asked for a person."""
+        """How often the rig has asked for confirmation."""
         return sum(ACKNOWLEDGE in line for _, line in list(self.lines))
 
     def send(self, process: str, number: signal.Signals) -> None:
-        """A signal to a program of the launch, or to the launch."""
+        """Send a signal to a program of the launch, or to the launch."""
         os.kill(self._pid(process), number)
 
     def fill_disk(self, process: str) -> None:
-        """From now on no file of a process may grow by more than `ROOM_BYTES`."""
+        """Limit the further growth of each file of a process to `ROOM_BYTES`."""
         pid = self._pid(process)
         files = (Path(each.path) for each in os.scandir(f'/proc/{pid}/fd'))
         largest = max((file.stat().st_size for file in files if file.is_file()), default=0)
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (largest + ROOM_BYTES,) * 2)
 
     def told_since(self, at_ns: int) -> list[str]:
-        """What a person reads from then on, without progress and chatter."""
+        """The important lines from `at_ns` on, without progress."""
         found = []
         for stamp_ns, line in list(self.lines):
             match = _NODE.match(line)
@@ -165,17 +165,17 @@ class Launch:
 
     @property
     def said(self) -> str:
-        """All that it has said so far."""
+        """All output so far."""
         return '\n'.join(line for _, line in list(self.lines))
 
     def interrupt(self, patience_s: float) -> None:
-        """As Ctrl-C does, and `end`."""
+        """Interrupt the launch as with Ctrl-C, and `end` it."""
         if self.status is None:
             self.send('launch', signal.SIGINT)
         self.end(patience_s)
 
     def end(self, patience_s: float) -> None:
-        """Wait until nothing of it is left; what does not go in time is killed."""
+        """Wait until all its processes have ended; kill those that do not end in time."""
         deadline_ns = self._clock.now_ns() + round(patience_s * NS_PER_S)
         while self._alive() and self._clock.now_ns() < deadline_ns:
             self._clock.sleep_until(self._clock.now_ns() + NS_PER_S // 50)
@@ -213,7 +213,7 @@ def _is_alive(pid: int) -> bool:
 
 
 class Watcher:
-    """A person at the bus: sees how far the run is, and switches faults by the parameter service."""
+    """Follows the run on the bus, and switches faults by the parameter service."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._bus = bus
@@ -225,10 +225,10 @@ class Watcher:
         self._depths = [0.0, 0.0]
 
     def await_press(self, after: int, patience_s: float, alive: Callable[[], bool]) -> None:
-        """Return with the tip in the gel and on its way down, when so many presses are told.
+        """Wait until `after` presses are reported and the tip moves down in the gel.
 
         Raises:
-            ConfigurationError: it does not come to that.
+            ConfigurationError: this did not happen in time.
         """
         deadline_ns = self._clock.now_ns() + round(patience_s * NS_PER_S)
         while self._clock.now_ns() < deadline_ns and alive():
@@ -243,7 +243,7 @@ class Watcher:
         """Set parameters of the emulated rig, as ``tactile param set`` does.
 
         Raises:
-            ConfigurationError: it refuses.
+            ConfigurationError: the rig refuses a parameter.
         """
         wanted = [types.Parameter(name=f'faults.{name}', value=to_message(value)) for name, value in faults.items()]
         request = types.SetParameters_Request(parameters=wanted)
@@ -252,7 +252,7 @@ class Watcher:
                 raise ConfigurationError(result.reason)
 
     def switch_off(self, faults: Mapping[str, Value]) -> bool:
-        """All of these as if never set; false when nobody is there any more."""
+        """Reset these parameters; False if the rig has ended."""
         try:
             self.switch({name: type(value)() for name, value in faults.items()})
         except ServiceError:
@@ -260,7 +260,7 @@ class Watcher:
         return True
 
     def close(self) -> None:
-        """Look no further."""
+        """Close the subscriptions."""
         self._presses.close()
         self._states.close()
 
@@ -274,10 +274,10 @@ class Watcher:
 
 
 def answer() -> None:
-    """What a person does who has looked at the rig, as ``tactile service call`` does it."""
+    """Confirm that the rig was checked, as with ``tactile service call``."""
     bus = ZmqBus()
     try:
-        with contextlib.suppress(ServiceError):  # it has gone meanwhile
+        with contextlib.suppress(ServiceError):  # the rig has ended meanwhile
             bus.call(ACKNOWLEDGE, services.TRIGGER, types.Trigger_Request(), 5.0)
     finally:
         bus.close()

@@ -37,7 +37,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """All numbers of the page.
 
     Raises:
-        ConfigurationError: as many rates as hands are wanted; or a hand does not come up.
+        ConfigurationError: the numbers of rates and hands differ, or a hand does not start.
     """
     from benchmarks.hand.sensing import TROUBLES
 

@@ -1,4 +1,4 @@
-"""A hand that senses, or a relay in its place; who listens to all of its forces; and who disturbs one sensor."""
+"""A running hand, or a relay in its place; a subscriber to all its forces; and disturbances of one sensor."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ DIES_EVERY_S, FLOODS = 2.0, 10.0
 
 @dataclass(frozen=True)
 class Heard:
-    """Of the sensors that are listened to their forces; of all of them the cores that their processes took."""
+    """The forces of the observed sensors, and the CPU load (cores) of the processes of all sensors."""
 
     streams: list[Arrivals]
     cores: float
@@ -45,7 +45,7 @@ class Heard:
 
 @dataclass(frozen=True)
 class RunningHand:
-    """Names of the sensors, their forces, and the launch that started them."""
+    """The names of the sensors, their forces, and their launch."""
 
     names: tuple[str, ...]
     forces: dict[str, Subscription]
@@ -53,11 +53,11 @@ class RunningHand:
     bus: ZmqBus
 
     def processes(self) -> list[psutil.Process]:
-        """All that the launch started, and what those started."""
+        """All processes of the launch, including their child processes."""
         return psutil.Process(self.launch.pid).children(recursive=True)
 
     def sensing_process(self, name: str) -> int | None:
-        """That of motion and force of a sensor; None while it is being started again."""
+        """The process for motion and force of a sensor; None while it restarts."""
         for each in self.processes():
             words = _words(each)
             if f'__ns:=/{name}' in words and 'flow_features' in words:
@@ -65,7 +65,7 @@ class RunningHand:
         return None
 
     def listen(self, seconds: float, hz: float, bar: Bar, without: int = 0) -> Heard:
-        """To all sensors, or to all but so many of the first."""
+        """Receive from all sensors but the first `without`."""
         streams = {name: Arrivals(frame_ns=NS_PER_S / hz) for name in self.names[without:]}
         for each in self.forces.values():
             while each.take() is not None:
@@ -86,7 +86,7 @@ class RunningHand:
 
 @contextmanager
 def disturbed(hand: RunningHand, trouble: str) -> Iterator[None]:
-    """For as long as the block runs the first sensor hangs, or dies again and again; another trouble needs no hand."""
+    """During the block the first sensor hangs, or dies repeatedly; any other trouble is ignored."""
     first, over = hand.names[0], threading.Event()
     with ExitStack() as ended:
         if trouble == 'hangs' and (pid := hand.sensing_process(first)) is not None:
@@ -130,10 +130,10 @@ def written(folder: Path, count: int, hz: float, model: str, *, floods: bool) ->
 
 @contextmanager
 def hand(file: Path) -> Iterator[RunningHand]:
-    """As people start it.
+    """Start a hand as users do.
 
     Raises:
-        ConfigurationError: it did not come up.
+        ConfigurationError: it did not start.
     """
     with _launched('hand', load_hand(file).names, f'hand:={file}', 'page_port:=0') as running:
         yield running
@@ -141,10 +141,10 @@ def hand(file: Path) -> Iterator[RunningHand]:
 
 @contextmanager
 def relayed_hand(folder: Path, file: Path) -> Iterator[RunningHand]:
-    """The same with a relay for each sensor, which says what is heard of the real one before.
+    """Start a relay for each sensor, which repeats messages recorded from the real hand before.
 
     Raises:
-        ConfigurationError: it did not come up.
+        ConfigurationError: it did not start.
     """
     with hand(file) as real:
         for topic in relay.SAID:

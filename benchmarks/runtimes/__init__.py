@@ -46,7 +46,7 @@ export flags."""
 
 @dataclass(frozen=True)
 class Effort:
-    """How much to measure."""
+    """The amount of measurements."""
 
     frames: int = 200
     rounds: int = 60
@@ -57,7 +57,7 @@ QUICK = Effort(frames=10, rounds=2, turn=5)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """The models that were named, or all that ship."""
+    """Measure the named models, or all shipped ones."""
     shipped = sorted((share_directory() / 'models').glob('*.safetensors'))
     files = [find_model(name) for name in arguments.model] or shipped
     return measure(files, QUICK if arguments.quick else Effort(), run.progress, run.part)
@@ -67,7 +67,7 @@ def measure(files: Sequence[Path], effort: Effort, progress: Progress, part: Par
     """All numbers of the page.
 
     Raises:
-        ConfigurationError: onnx or onnxruntime is not installed, or two models have one name.
+        ConfigurationError: onnx or onnxruntime is not installed, or two models have the same name.
         ModelError: a model cannot be used, or was not trained on simulated presses.
     """
     if len({file.stem for file in files}) < len(files):
@@ -116,7 +116,7 @@ def _about(loaded: LoadedModel, file: Path, exported: int) -> dict[str, Any]:
 
 
 def _take_turns(workers: Mapping[str, Runtime], effort: Effort, progress: Progress) -> dict[str, Any]:
-    """Each in its turn, every round in the opposite order of the one before; the first round warms up."""
+    """Run the runtimes in turn, in reversed order every other round; the first round is a warm-up."""
     turns: dict[str, list[tuple[float, float]]] = {name: [] for name in workers}
     with progress.bar('taking turns', effort.rounds + 1) as bar:
         for number in range(effort.rounds + 1):

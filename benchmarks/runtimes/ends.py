@@ -1,6 +1,6 @@
-"""The processes of the benchmark of runtimes: each holds one model in one runtime, and answers when it is its turn.
+"""The processes of the benchmark of runtimes: each runs one model in one runtime, in turn.
 
-What a process imports before its runtime is what the live node needs anyway; what comes on top is the runtime's.
+Before its runtime, a process imports what the live node needs anyway, so only the rest counts for the runtime.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.features import Features
 
 Answer = Callable[[Features], np.ndarray]
-"""One frame to the force on each bin."""
+"""From one frame to the force on each bin."""
 LONGEST_S = 120.0
 
 
 class Runtime(Worker):
-    """One of the processes: `began` says how long the runtime took to begin and what memory it took."""
+    """One of the processes; `began` holds start time and memory of the runtime."""
 
     def __init__(self, runtime: str, model: Path, exported: Path, frames: list[Features]) -> None:
         super().__init__(_serve, runtime, model, exported)
@@ -77,14 +77,14 @@ def _onnxruntime(model: Path, exported: Path) -> Answer:
 
 
 def _torch(model: Path, exported: Path) -> Answer:
-    """The network alone, without place, uncertainty and likeness."""
+    """The network alone, without place, uncertainty and novelty."""
     import torch
 
     del exported
     torch.set_num_threads(1)
     readout = load_model(model).model.readout
     assert isinstance(readout, NetworkReadout)
-    assert readout.layer is None  # the models that ship have none
+    assert readout.layer is None  # shipped models have none
     scaling, shape = readout.scaling, (readout.bins.rows, readout.bins.cols)
     mean, gain, trusted = (torch.from_numpy(each) for each in (scaling.mean, scaling.gain, scaling.trusted))
     layers = [
@@ -107,4 +107,4 @@ def _torch(model: Path, exported: Path) -> Answer:
 
 
 BEGIN: dict[str, Callable[[Path, Path], Answer]] = {'numpy': _numpy, 'onnxruntime': _onnxruntime, 'torch': _torch}
-"""By name: from a model's file and its export to what answers."""
+"""By name: from a model's file and its export to the function that estimates forces."""

@@ -1,4 +1,4 @@
-"""What a runtime takes on disk: its own package, and those that it brings beyond what tactile_nodes needs anyway."""
+"""The disk space of a runtime: its package, and its dependencies beyond those of tactile_nodes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 
 def installed_size(name: str) -> dict[str, float | str] | None:
-    """Version and megabytes of a package, alone and with what it brings; None if it is not installed."""
+    """Version and size (MB) of a package, alone and with its dependencies; None if it is not installed."""
     try:
         version = importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
@@ -19,14 +19,14 @@ def installed_size(name: str) -> dict[str, float | str] | None:
 
 
 def _needed(names: Iterable[str]) -> set[str]:
-    """Installed packages and, without extras, all that they require."""
+    """Installed packages and all their requirements, without extras."""
     found: set[str] = set()
     left = {_plain(name) for name in names}
     while left:
         name = left.pop()
         try:
             required = importlib.metadata.requires(name) or []
-        except importlib.metadata.PackageNotFoundError:  # for another system or release of Python
+        except importlib.metadata.PackageNotFoundError:  # only needed on another system or Python version
             continue
         found.add(name)
         left |= {_plain(each) for each in required if 'extra ==' not in each} - found
@@ -34,7 +34,7 @@ def _needed(names: Iterable[str]) -> set[str]:
 
 
 def _plain(requirement: str) -> str:
-    """The name in a requirement, as PyPI compares names."""
+    """The package name in a requirement, normalized as on PyPI."""
     return re.sub(r'[-_.]+', '-', re.split(r'[^\w.-]', requirement, maxsplit=1)[0]).lower()
 
 

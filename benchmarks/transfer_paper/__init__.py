@@ -59,7 +59,7 @@ class Presses:
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """All gels; what is there is kept after every one."""
+    """Measure all gels; the result is stored after each."""
     from benchmarks.transfer_paper.steps import first_steps
     from tactile_nodes.learning.transfer.network import network_readout
     from tactile_nodes.model_file import find_model, load_model
@@ -90,7 +90,7 @@ def _counts(arguments: argparse.Namespace) -> list[int]:
 
 
 def pressed(loaded: LoadedModel, number: int, progress: Progress) -> Presses:
-    """The presses on one of the other gels, or on the model's own."""
+    """The presses on one of the other gels, or on the model's own gel."""
     from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.simulation.other_gels import other_gel
 
@@ -114,7 +114,7 @@ def _simulated(loaded: LoadedModel, gel: Gel, progress: Progress, **asked: Any) 
 
 
 def scratch_config(loaded: LoadedModel, patience: int) -> TrainConfig:
-    """The training of the paper's network, as it ships."""
+    """The shipped training configuration of the paper's network."""
     from tactile_nodes.learning.config import Choice, load_train_config
     from tactile_nodes.paths import share_directory
 
@@ -126,7 +126,7 @@ def scratch_config(loaded: LoadedModel, patience: int) -> TrainConfig:
 
 
 def layer_settings(patience: int) -> dict[str, LayerConfig]:
-    """The paper's settings, those with a tenth of the rate, and those that ship."""
+    """The paper's settings, the same with a tenth of the rate, and the shipped settings."""
     from tactile_nodes.learning.transfer.layer import LayerConfig, load_layer_config
     from tactile_nodes.paths import share_directory
 
@@ -137,7 +137,7 @@ def layer_settings(patience: int) -> dict[str, LayerConfig]:
 
 
 def as_it_is(readout: NetworkReadout, presses: Presses) -> list[Score]:
-    """The readout without any calibration."""
+    """Scores of the readout without any calibration."""
     return _scores(readout, presses, 0, AS_IT_IS)
 
 
@@ -149,7 +149,7 @@ def measure(
     config: TrainConfig,
     say: Callable[[str], None],
 ) -> list[Score]:
-    """Scores of every way on one gel."""
+    """Scores of every method on one gel."""
     scores = as_it_is(readout, presses)
     for count in counts:
         made = [_layered(readout, presses, count, way, each) for way, each in layer_settings(patience).items()]
@@ -172,7 +172,7 @@ def _layered(readout: NetworkReadout, presses: Presses, count: int, way: str, co
 
 
 def _from_scratch(presses: Presses, count: int, config: TrainConfig) -> list[Score]:
-    """The paper's network trained on the few presses alone, with the same share of them to stop it."""
+    """Scores of the paper's network, trained on the few presses alone, with the same share for early stopping."""
     from tactile_nodes.learning.network.fit import fit_network
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.learning.transfer.layer import LayerConfig
@@ -190,7 +190,7 @@ def _from_scratch(presses: Presses, count: int, config: TrainConfig) -> list[Sco
 
 
 def _scores(readout: NetworkReadout, presses: Presses, count: int, way: str, **told: Any) -> list[Score]:
-    """On the rest of the grid, and on new places."""
+    """Scores on the rest of the grid, and at new places."""
     rest = presses.grid.take(np.arange(count, len(presses.grid.presses)))
     tests = {REST: rest, NEW: presses.new}
     return [
@@ -199,7 +199,7 @@ def _scores(readout: NetworkReadout, presses: Presses, count: int, way: str, **t
 
 
 def metrics_of(readout: NetworkReadout, dataset: Dataset) -> tuple[float, float, float]:
-    """aRMSE, d_loc and RMSE_mc: means over groups of presses, so that sets of unlike size compare."""
+    """aRMSE, d_loc and RMSE_mc: means over groups of presses, so that sets of different size are comparable."""
     from tactile_nodes.sensing import metrics
 
     true_n, found_n, bins = dataset.labels(readout.bins), answers(readout, dataset), readout.bins
@@ -217,7 +217,7 @@ def metrics_of(readout: NetworkReadout, dataset: Dataset) -> tuple[float, float,
 
 
 def answers(readout: NetworkReadout, dataset: Dataset) -> np.ndarray:
-    """Forces of all samples at once; as the live node reads them one by one, but for the last digits."""
+    """Forces of all samples at once; the same as the live node's, except for rounding."""
     from tactile_nodes.sensing.explain.network import ACTIVATIONS, rectified
 
     values = dataset.features.astype(np.float32).reshape(len(dataset.features), -1)

@@ -1,4 +1,4 @@
-"""The page of the paper's transfer: its tables, what they say, and the figure."""
+"""The page of the paper's transfer: tables, conclusions, and the figure."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _scores(result: Mapping[str, Any]) -> list[Score]:
 
 
 def _found(scores: Sequence[Score]) -> str:
-    """What the layer that ships reaches with the most presses, on both tests, beside no calibration."""
+    """Errors of the shipped layer with the most presses, on both tests, beside those without calibration."""
     most = max(each.presses for each in scores)
     told = []
     for tested in (REST, NEW):
@@ -131,7 +131,7 @@ def _steps(steps: Sequence[Mapping[str, Any]]) -> str:
 
 
 def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
-    """The three metrics against the number of presses: dashed on the rest of the 800, solid at new places.
+    """Plot the three metrics against the number of presses: dashed on the rest of the 800, solid at new places.
 
     Raises:
         ConfigurationError: matplotlib is not installed.
@@ -141,7 +141,7 @@ def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
 
     scores = _scores(result)
     counts = sorted({each.presses for each in scores if each.presses})
-    drawn = figure(11.0, 4.2)  # says so if there is no matplotlib
+    drawn = figure(11.0, 4.2)  # raises if matplotlib is missing
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     for place, (metric, text) in enumerate(METRICS.items()):

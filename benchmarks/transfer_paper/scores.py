@@ -1,11 +1,11 @@
-"""What `tactile bench transfer_paper` tells of each way to calibrate: the paper's metrics, by gel, presses and test."""
+"""The results of `tactile bench transfer_paper`: the paper's metrics by calibration, gel, presses and test."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 GROUP = 100
-"""aRMSE falls with the number of presses that it is taken over; so all tests are means over groups of about as many."""
+"""Presses in a group. aRMSE falls with the number of presses, so all tests are means over groups of about this size."""
 REST, NEW = 'rest of the 800', 'new places'
 AS_IT_IS, PUBLISHED, TENTH, OURS = 'no calibration', 'published layer', 'a tenth of its rate', 'layer as it ships'
 SCRATCH = 'from scratch'
@@ -17,7 +17,7 @@ OWN = -1
 
 @dataclass(frozen=True)
 class Score:
-    """The paper's metrics of one readout on one test; of those that were fitted, the best epoch and the seconds."""
+    """The paper's metrics of one readout on one test; for a fitted readout also the best epoch and the seconds."""
 
     gel: int
     presses: int

@@ -1,4 +1,4 @@
-"""Why the layer's published rate does harm: what its first steps do, with one thing changed at a time."""
+"""The harm of the layer's published rate: its first training steps, with one setting changed at a time."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ PRESSES, EPOCHS = 400, 5
 
 @dataclass(frozen=True)
 class FirstSteps:
-    """One setting's beginning. Lengths in px: magnitudes are half of the units.
+    """The first steps with one setting. Lengths are in px, because half of the units are magnitudes.
 
-    `most_px` is the rate times the mean sum of what enters a unit, `moved_px` by how much the first step moved the
-    magnitudes (root mean square), and `moved_spreads` the same in units of each one's spread over the source's presses.
-    Losses are the paper's over all other presses of the grid: at first, after one step, one epoch, and five.
-    `peak_share` is the mean predicted peak over the true one, after the last.
+    `most_px` is the rate times the mean sum of a unit's inputs. `moved_px` is the change of the magnitudes by the first
+    step (root mean square), and `moved_spreads` the same relative to each one's spread over the source's presses. The
+    losses are the paper's, over all other presses of the grid: before training, after one step, one epoch, and five.
+    `peak_share` is the mean predicted peak over the true one, after the last epoch.
     """
 
     setting: str
@@ -37,7 +37,7 @@ class FirstSteps:
 
 
 def variants() -> dict[str, LayerConfig]:
-    """The published settings, and with one thing changed."""
+    """The published settings, and variants with one change."""
     from tactile_nodes.learning.transfer.layer import load_layer_config
     from tactile_nodes.paths import share_directory
 
@@ -55,7 +55,7 @@ def variants() -> dict[str, LayerConfig]:
 
 
 def first_steps(readout: NetworkReadout, grid: Dataset) -> list[FirstSteps]:
-    """The beginning of every variant, learned from half of the grid and tested on the other half."""
+    """The first steps of every variant, trained on half of the grid and tested on the other half."""
     return [_begin(readout, grid, name, config) for name, config in variants().items()]
 
 
