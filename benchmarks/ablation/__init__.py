@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def measure(arguments: argparse.Namespace, run: Run) -> Result:
-    """One mechanism."""
+    """Measure one mechanism."""
     import cv2
 
     from benchmarks.ablation import figures
@@ -47,7 +47,7 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
 
 @cache
 def _world() -> World:
-    """The gel that the models were made for; pictures of it are kept for all mechanisms."""
+    """The gel of the models; its pictures are kept for all mechanisms."""
     from benchmarks.stability.stream import World
 
     return World()

@@ -1,6 +1,6 @@
-"""Figures with a mechanism and without it: in streams of the stability benchmark, of contacts, of transfer.
+"""Figures with a mechanism and without it: for streams of the stability benchmark, for contacts, for transfer.
 
-Both chains of a stream get every picture in turn, so that their times can be compared.
+Both chains of a stream get every picture in turn, so that their times are comparable.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
 PLAN = Plan(presses=16)
 WITH, WITHOUT = 'with', 'without'
 CONTACTS_SEED, CONTACTS_EACH = 101, 8
-"""Not those of the page of contacts: nothing is decided on a test set."""
+"""Different from those of the page of contacts, because no decision may be based on a test set."""
 
 GELS_SEED, GELS, COUNTS = 4077, (0, 1), (10, 25, 100)
-"""Gels that no page of transfer is made of."""
+"""Gels that are in no page of transfer."""
 
 Figures = dict[str, dict[str, float]]
-"""By figure, with and without."""
+"""By figure; values with and without the mechanism."""
 
 
 @dataclass
 class Side:
-    """One chain, what it said, and the processor time that each frame took (ms)."""
+    """One chain, its forces, and its CPU time for each frame (ms)."""
 
     switch: Switch
     chain: Chain
@@ -49,13 +49,13 @@ class Side:
 
     @classmethod
     def begun(cls, switch: Switch, profile: str) -> Side:
-        """Made under its switch: models and options are read then."""
+        """Make the chain under its switch, because models and options are read here."""
         fresh.cache_clear()
         with switch():
             return cls(switch, Chain(profile), [], [])
 
     def read(self, moment: Any, picture: np.ndarray, values: Any, world: World) -> None:
-        """One frame, under its switch."""
+        """Process one frame, under its switch."""
         with self.switch():
             begun = time.process_time()
             message = self.chain.read(moment.stamp_ns, picture, moment.age_s, values)
@@ -79,7 +79,7 @@ def _case(name: str) -> Case:
 
 
 def streams(mechanism: Mechanism, world: World, progress: Progress, plan: Plan = PLAN) -> dict[str, Figures]:
-    """All figures of the streams of a mechanism, by profile and stream."""
+    """All figures from the streams of a mechanism, by profile and stream."""
     found: dict[str, Figures] = {}
     with progress.bar(mechanism.name, len(mechanism.streams)) as bar:
         for stream in mechanism.streams:
@@ -107,12 +107,12 @@ def _read(mechanism: Mechanism, stream: str, world: World, plan: Plan) -> dict[s
 
 
 def _beside(told: Mapping[str, dict[str, float]]) -> Figures:
-    """Figures of both sides, figure by figure."""
+    """The figures of both sides, by figure."""
     return {figure: {name: told[name][figure] for name in told} for figure in told[WITH]}
 
 
 def _figures(side: Side, change: Change) -> dict[str, float]:
-    """Of a stream, while its disturbance is there: its score, what was wrong while ok, and the time of a frame."""
+    """Figures of a stream during its disturbance: its score, the share wrong while ok, and the time of a frame."""
     found = score(side.answers, change)
     timed = list(zip(side.answers, side.spent_ms, strict=True))
     held, rest = (
@@ -132,7 +132,7 @@ def _figures(side: Side, change: Change) -> dict[str, float]:
 
 
 def contacts(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
-    """Of any contact, told by `field` as it ships."""
+    """Figures for any contact, estimated with the shipped model `field`."""
     told = {WITH: _contacts_told(nullcontext, progress), WITHOUT: _contacts_told(mechanism.off, progress)}
     return {'field, any contact': _beside(told)}
 
@@ -168,7 +168,7 @@ TRANSFERRED = {
 
 
 def transfer(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
-    """Of `portable`, calibrated for other gels by some presses: means over the gels."""
+    """Figures for `portable`, calibrated for other gels with a few presses: means over the gels."""
     told = {WITH: _transferred(nullcontext, progress), WITHOUT: _transferred(mechanism.off, progress)}
     return {
         f'portable, another gel, {count} presses': _beside({

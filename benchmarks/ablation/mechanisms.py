@@ -1,7 +1,7 @@
 """The mechanisms of sensing and learning, and how each is switched off alone.
 
-A switch takes the place of a part of the package for as long as it is held, and leaves the package without an option
-that nobody needs. What has been removed stands in the kept result and no longer here.
+A switch replaces a part of the package temporarily, so the package itself needs no option for it. Mechanisms that were
+removed are no longer here, but still in the stored result.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ CORE = 'none', 'blur 1', 'noise 4', 'brightness 0.7', 'camera shifted 1', 'marke
 
 @dataclass(frozen=True)
 class Mechanism:
-    """One mechanism: what it does, in which files (from the package's folder), and its switch.
+    """One mechanism: its purpose, its files (relative to the package's folder), and its switch.
 
-    `streams` of the stability benchmark are read by `profiles`; `contacts` are estimated by `field`; `transfer`
-    calibrates `portable` for other gels. `stays` is why it is kept if no figure here needs it.
+    `profiles` process the `streams` of the stability benchmark; `field` estimates `contacts`; `transfer` calibrates
+    `portable` for other gels. `stays` is the reason to keep it if no figure here needs it.
     """
 
     name: str
@@ -46,12 +46,12 @@ class Mechanism:
     stays: str = ''
 
     def lines(self, root: Path) -> int:
-        """Of its files; those of compiled twins are counted with them."""
+        """Number of lines in its files, including those of compiled variants."""
         return sum(len((root / PACKAGE / each).read_text(encoding='utf-8').splitlines()) for each in self.files)
 
 
 def instead(place: str, made: Any) -> Switch:
-    """`place` is a module and the name in it: 'package.module:Class.method'."""
+    """A switch that replaces `place`, a module and a name in it: 'package.module:Class.method'."""
     module, _, name = place.partition(':')
 
     def switch() -> AbstractContextManager[Any]:
@@ -61,7 +61,7 @@ def instead(place: str, made: Any) -> Switch:
 
 
 def all_of(*switches: Switch) -> Switch:
-    """Several at once."""
+    """A switch for several switches at once."""
 
     @contextmanager
     def switch() -> Iterator[None]:
@@ -74,7 +74,7 @@ def all_of(*switches: Switch) -> Switch:
 
 
 def without(change: Callable[[Any], Any]) -> Switch:
-    """Every model with another readout, as its file is read."""
+    """A switch that changes the readout of every model when it is loaded."""
 
     def read(path: Path) -> LoadedModel:
         loaded = load_model(path)
@@ -86,7 +86,7 @@ def without(change: Callable[[Any], Any]) -> Switch:
 
 
 def _first(*given: Any, **_: Any) -> Any:
-    """The first thing that it is given."""
+    """The first argument."""
     return given[0]
 
 
@@ -95,7 +95,7 @@ def _never(*_: Any, **__: Any) -> bool:
 
 
 def _uncalibrated(self: Any, _: Any) -> Any:
-    """No polynomial: nothing is added to the linear answers."""
+    """A zero polynomial, so that nothing is added to the linear estimates."""
     return np.zeros((2, 9, len(self._basis)), np.float32)
 
 
@@ -112,7 +112,7 @@ def _without_check(readout: Any) -> Any:
 
 
 def _tips(change: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """On what reads tips: `portable`, or the tips of `field`."""
+    """Apply a change to the readout of tips: `portable`, or the tips of `field`."""
 
     def changed(readout: Any) -> Any:
         if readout.kind == 'field':
@@ -288,6 +288,6 @@ MECHANISMS = (
         stays='over ten gels with 100 presses each, the place error is 11 % larger without it',
     ),
 )  # fmt: skip
-"""In the order of a picture's way, then of learning."""
+"""In the order in which a picture passes them; then those of learning."""
 
 BY_NAME = {each.name: each for each in MECHANISMS}

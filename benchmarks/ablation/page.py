@@ -1,4 +1,4 @@
-"""The page of the ablation."""
+"""The page of the ablation study."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from benchmarks.ablation.mechanisms import BY_NAME
 from benchmarks.harness.report import opening, table
 
 PAYS = 1.1
-"""A mechanism pays that makes a figure worse by more than a tenth when it is switched off."""
+"""A mechanism is useful if some figure without it is worse by more than a tenth."""
 
 LEAST = {
     'force error, mN': 0.3, 'place, mm': 0.005, 'frames ok': 0.03, 'wrong while ok': 0.01, 'false contacts': 0.01,
@@ -18,7 +18,7 @@ LEAST = {
     'centre, mm': 0.005, 'shear': 0.003, 'torsion': 0.003, '1 - map r': 0.005, 'worst while ok': 0.3,
     'aRMSE, any grid, mN': 0.1,
 }  # fmt: skip
-"""Smaller differences are chance, or nothing that anybody sees."""
+"""Smaller differences are chance, or have no effect in use."""
 
 HIGHER_IS_BETTER = ('frames ok',)
 SHOWN = 3
@@ -60,7 +60,7 @@ def _verdict(name: str, each: Mapping[str, Any], *, pays: bool) -> str:
 
 
 def worsened(figures: Mapping[str, Any]) -> Iterator[tuple[float, str, str, float, float]]:
-    """The figures that are worse by more than a tenth without it: how many times, where, which, with and without."""
+    """Figures that are worse by more than a tenth without it: ratio, place, figure, values with and without it."""
     for where, measured in figures.items():
         for figure, both in measured.items():
             a, b = float(both['with']), float(both['without'])
@@ -69,7 +69,7 @@ def worsened(figures: Mapping[str, Any]) -> Iterator[tuple[float, str, str, floa
 
 
 def _times(figure: str, a: float, b: float) -> float:
-    """How many times as bad `b` is as `a`; 0 of what nobody sees, and of what was no number before."""
+    """How many times `b` is worse than `a`; 0 for negligible differences, and if `a` is not finite."""
     if not math.isfinite(a):
         return 0.0
     if not math.isfinite(b):

@@ -34,7 +34,7 @@ CASES = {
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """Each case, with processes of its own."""
+    """Measure each case, with separate processes."""
     require_cyclone()
     cases = {}
     for name, parts in CASES.items():
@@ -91,12 +91,12 @@ def _measured(ends: Ends, seconds: float) -> dict[str, Any]:
 
 
 def _summary(times: Times, sent: int) -> dict[str, Any]:
-    """Of the frames that were published while it was measured; ms."""
+    """Latency (ms) and losses of the frames published during the measurement."""
     return {**percentiles([late_ns / 1e6 for late_ns in times]), 'received': len(times), 'lost': sent - len(times)}
 
 
 def page(result: Mapping[str, Any]) -> str:
-    """The document that the numbers stand in."""
+    """The whole page in Markdown."""
     assert __doc__ is not None
     more = f'{result["rate_hz"]:g} Hz, {result["seconds"]:g} s each'
     return '\n\n'.join([*opening('Cost of DDS', result, __doc__.partition('\n\n')[2], more), told(result), HANGING])

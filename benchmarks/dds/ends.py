@@ -1,4 +1,4 @@
-"""The processes of the benchmark of DDS: who publishes, who listens on the bus, the bridge, who reads in the graph."""
+"""The processes of the DDS benchmark: a publisher and a subscriber on the bus, the bridge, a reader in the graph."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SETTLE_S = 1.0
 
 
 class Bridge:
-    """The bridge, as a program."""
+    """The process of the bridge."""
 
     def __init__(self, folder: str, domain: int) -> None:
         place = {**os.environ, 'TACTILE_RUN_DIR': folder, 'ROS_DOMAIN_ID': str(domain)}
@@ -33,7 +33,7 @@ class Bridge:
         self._meter = psutil.Process(self._process.pid)
 
     def cpu_s(self) -> float:
-        """Processor time since its start."""
+        """CPU time since its start."""
         return processor_s(self._meter)
 
     def close(self) -> None:
@@ -42,7 +42,7 @@ class Bridge:
 
 
 class Ends:
-    """All of them; `watch` measures."""
+    """All processes; `watch` measures."""
 
     def __init__(self, folder: str, domain: int, rate_hz: float) -> None:
         self.bridge: Bridge | None = None
@@ -56,13 +56,13 @@ class Ends:
         self._reader = Worker(_read, self._folder, self._domain)
 
     def start_stuck(self) -> None:
-        """One that has been found by the bridge, and reads no more."""
+        """Start a reader that stops reading after the bridge has found it."""
         self._stuck = Worker(_read, self._folder, self._domain)
         self._stuck.ask('wait')
         _signal(self._stuck, signal.SIGSTOP)
 
     def watch(self, seconds: float) -> tuple[int, dict[str, Times], dict[str, Times] | None, float | None]:
-        """Frames sent; how late each was on the bus, and over DDS; processor time of the bridge [% of a core]."""
+        """Frames sent; delays on the bus, and over DDS; CPU load of the bridge [% of a core]."""
         SystemClock().sleep_until(SystemClock().now_ns() + round(_SETTLE_S * NS_PER_S))
         for end in filter(None, (self._listener, self._reader)):
             end.ask('wait')

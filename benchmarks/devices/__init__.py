@@ -1,1 +1,1 @@
-"""Devices and whole runs that benchmarks and tests alone need, beside those of `tactile_nodes.emulators`."""
+"""Devices and whole runs for benchmarks and tests only, in addition to `tactile_nodes.emulators`."""

@@ -8,9 +8,9 @@ from tactile_nodes.errors import DeviceLostError
 
 
 class DirectPort:
-    """The device as a driver's port, without a thread: reading lets the time pass until it has said something.
+    """The device as a driver's port, without a thread: `read` lets time pass until the device has sent something.
 
-    With a clock that jumps over what is slept, a dialogue takes no real time and is the same every time.
+    With a clock that skips waiting times, a dialogue takes no real time and is the same in every run.
     """
 
     name = 'the emulated port'
@@ -26,7 +26,7 @@ class DirectPort:
         self._device.receive(data)
 
     def read(self, timeout_s: float) -> bytes:
-        """What the device says, at once if it has; empty after the timeout."""
+        """The bytes from the device, without waiting if there are any; empty after the timeout."""
         self._check()
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
         while True:
@@ -39,7 +39,7 @@ class DirectPort:
             self._clock.sleep_until(deadline_ns if due_ns is None else min(due_ns, deadline_ns))
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to close."""
 
     def _check(self) -> None:
         if self.unplugged:

@@ -1,4 +1,4 @@
-"""What stands between a sensor and its driver and tells it lies: on the network, and on a serial line."""
+"""Falsifies samples between a sensor and its driver: on the network, and on a serial line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Values = tuple[float, ...]
 
 
 class Lie:
-    """What becomes of the six values of a sample once `when` holds; the last that was true is `self.last`."""
+    """Replaces the six values of each sample from the time when `when` is true, using the last true values."""
 
     def __init__(self, when: Callable[[], bool], told: Callable[[Values], Values]) -> None:
         self._when = when
@@ -33,7 +33,7 @@ class Lie:
 
     @property
     def begun(self) -> bool:
-        """Whether it is told now."""
+        """Whether values are replaced now."""
         self._begun = self._begun or self._when()
         return self._begun
 
@@ -46,30 +46,31 @@ class Lie:
 
 @dataclass
 class Changed:
-    """Six values that come out as `of` makes them."""
+    """Changes the six values of each sample with `of`."""
 
     of: Callable[[Values], Values]
 
 
 def frozen(last: Values) -> Values:
-    """The last true values, again and again."""
+    """The last true values, repeated."""
     return last
 
 
 def zeros(last: Values) -> Values:
-    """Nothing but zeros."""
+    """Only zeros."""
     return tuple(0 * value for value in last)
 
 
 class UdpProxy:
-    """Stands in for a Net F/T box: requests go through, records come through changed.
+    """A proxy for a Net F/T box: requests pass unchanged, records are changed.
 
     Args:
-        port: where the box listens.
-        lie: what becomes of the counts; None: they stay.
-        status: bits that are added to each record while the lie is told, or ever.
-        delay_s: after which a record is passed on, asked for each.
-        every: of so many records one is passed on, asked for each.
+        port: port of the box.
+        lie: changes the counts; None: they stay the same.
+        status: status bits to add, called for each record.
+        delay_s: delay of a record, called for each.
+        every: one of this number of records is passed on, called for each.
+        now_s: the time, for the delays.
     """
 
     def __init__(
@@ -138,7 +139,7 @@ class UdpProxy:
 
 @dataclass
 class TalkerLiar:
-    """A talker, but for what comes out of it."""
+    """A talker whose output is changed."""
 
     talker: Talker
     lie: Lie
@@ -154,7 +155,7 @@ class TalkerLiar:
 
 
 class BotaLiar(TalkerLiar):
-    """A talker whose frames come out changed, with a check sum that fits."""
+    """A talker with changed frames and correct check sums."""
 
     def due(self, now_ns: int) -> bytes:
         said = self.talker.due(now_ns)
@@ -169,7 +170,7 @@ class BotaLiar(TalkerLiar):
 
 
 class TextLiar(TalkerLiar):
-    """A talker whose lines come out changed."""
+    """A talker with changed lines."""
 
     def due(self, now_ns: int) -> bytes:
         lines = self.talker.due(now_ns).splitlines(keepends=True)

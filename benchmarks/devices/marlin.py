@@ -1,9 +1,10 @@
-"""A Marlin 2.1 controller, as a host on its serial line sees it.
+"""An emulated Marlin 2.1 controller, as seen by a host on its serial line.
 
-What an indentation rig uses of it: G0, G1, G4 (P is milliseconds), G28, G90, G91, M17, M84, M106/M107 as the digital
-line, M110, M112, M114, M115, M220, M400, M410; and M92, M201, M203, M204 and M503, to ask. X and Y home to their lower
-ends and Z to its upper end, so coordinates run from 0 to the room's size. Moves of fewer than 6 steps are dropped, as
-MIN_STEPS_PER_SEGMENT has it. Blocks start and end at rest (see `motion`); M410 stops on the spot, as Marlin's does.
+It has the commands that an indentation rig uses: G0, G1, G4 (P is milliseconds), G28, G90, G91, M17, M84, M106/M107 as
+the digital line, M110, M112, M114, M115, M220, M400, M410; and M92, M201, M203, M204 and M503 as queries. X and Y home
+to their lower ends and Z to its upper end, so coordinates run from 0 to the room's size. Moves of fewer than 6 steps
+are dropped, as with MIN_STEPS_PER_SEGMENT. Blocks start and end at rest (see `motion`). M410 stops immediately, as in
+Marlin.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tactile_nodes.emulators.world import World
 from tactile_nodes.params import parameter
 
 QUEUE, RECEIVE_BYTES, PLANNER_BLOCKS, BUSY_NS = 4, 128, 16, 2_000_000_000
-CLEANING_NS = 1_000_000_000  # after a quick stop it deals with nothing for so long
+CLEANING_NS = 1_000_000_000  # after a quick stop it processes nothing for this time
 STEPS_PER_MM: Vector = (80.0, 80.0, 400.0)
 FEWEST_STEPS = 6
 AXIS_SETTINGS = 'M92', 'M203', 'M201', 'M204'
@@ -34,7 +35,7 @@ IDENTITY = (
 
 @dataclass(frozen=True)
 class MarlinSettings:
-    """How this Marlin was compiled and set up."""
+    """Build options and settings of this Marlin."""
 
     baud: int = parameter(115200, 'bits per second', minimum=9600)
     emergency_parser: bool = parameter(True, 'M112 and M410 act when they arrive, not when their turn comes')
@@ -46,7 +47,7 @@ class MarlinSettings:
 
 
 class Marlin(SerialDevice):
-    """One controller with its machine in a world."""
+    """One controller, with its machine in a world."""
 
     def __init__(self, world: World, clock: Clock, settings: MarlinSettings | None = None) -> None:
         self._settings = settings or MarlinSettings()
@@ -59,7 +60,7 @@ class Marlin(SerialDevice):
         self._boot()
 
     def power_cycle(self) -> None:
-        """A restart: the machine stops on the spot, and its place becomes zero."""
+        """Restart: the machine stops immediately, and its position becomes zero."""
         with self._lock:
             self._planner.flush(self.now_ns)
             self._origin = self.world.motor_at(self.now_ns)
@@ -73,17 +74,17 @@ class Marlin(SerialDevice):
         self._last_line = 0
         self._relative, self._homed, self._feed_mm_s = False, False, 20.0
         self._killed = False
-        self._dropped: Vector | None = None  # where it was sent by a move that was too short
+        self._dropped: Vector | None = None  # target of a move that was too short
         self._cleaning_ns = 0
         self._wake_ns: int | None = None
         self._start_program(self._main())
 
     def tell(self, text: str) -> None:
-        """A line to the host."""
+        """Send a line to the host."""
         self.say(text.encode('ascii') + b'\n')
 
     def answer(self) -> None:
-        """A line was dealt with, which does not mean that it was understood."""
+        """Report that a line was processed, which does not mean that it was understood."""
         if not self.faults.swallow_ok:
             self.tell('ok')
 
@@ -120,7 +121,7 @@ class Marlin(SerialDevice):
                 self.answer()
 
     def _accepted(self, line: str) -> str:
-        """The command of a line, without number and checksum; empty if those are wrong, and a resend is asked for."""
+        """The command in a line, without number and checksum. If these are wrong, request a resend; returns ''."""
         line = line.split(';', maxsplit=1)[0].strip()
         match = re.fullmatch(r'N(\d+)\s*(.*?)(?:\*(\d+))?', line)
         if match is None:
@@ -161,7 +162,7 @@ class Marlin(SerialDevice):
         for axis, letter in enumerate('XYZ'):
             if letter in words:
                 start[axis] = words[letter] + (start[axis] if self._relative else 0.0)
-        if self._homed:  # soft end stops: a target outside is clipped without a word
+        if self._homed:  # soft end stops: a target outside is clipped without a message
             start = [min(max(value, 0.0), size) for value, size in zip(start, self.world.settings.room_mm, strict=True)]
         yield from self._go((start[0], start[1], start[2]), self._feed_mm_s)
 
@@ -184,7 +185,7 @@ class Marlin(SerialDevice):
         yield from self._busy_until(lambda: self._planner.used == 0, None)
 
     def _busy_until(self, done: Wait, due_ns: int | None) -> Generator[Wait, None, None]:
-        """Wait, with a sign of life every two seconds."""
+        """Wait, with a busy message every two seconds."""
         busy_ns = self.now_ns + BUSY_NS
         while not done():
             self._wake_ns = busy_ns if due_ns is None else min(busy_ns, due_ns)
@@ -237,7 +238,7 @@ class Marlin(SerialDevice):
 
     @staticmethod
     def _tell_setting(code: str) -> Handler:
-        """As Marlin 2.1 answers M92, M201, M203 and M204 that set nothing."""
+        """The answer of Marlin 2.1 to M92, M201, M203 and M204 without values."""
 
         def tell(marlin: Marlin) -> None:
             rows = {'M92': STEPS_PER_MM, 'M201': marlin._settings.acceleration, 'M203': marlin._settings.rate_mm_s}
@@ -284,7 +285,7 @@ class Marlin(SerialDevice):
 
 
 def xor(text: str) -> int:
-    """Marlin's checksum: every character of the line before the asterisk, combined by exclusive or."""
+    """Marlin's checksum: the exclusive or of all characters before the asterisk."""
     value = 0
     for byte in text.encode('ascii'):
         value ^= byte
@@ -313,7 +314,7 @@ def _vector(values: tuple[float, ...]) -> Vector:
 
 
 def _ignore(marlin: Marlin) -> None:
-    """Commands that change nothing here: millimetres, the whole feed, motors on, the line counter."""
+    """For commands without effect here: millimetres, 100 % feed, motors on, the line counter."""
 
 
 _HANDLERS: dict[str, Handler] = {

@@ -1,7 +1,7 @@
-"""A run in simulated time: the twins of the devices in one world, and a clock that jumps over what is slept.
+"""A run in simulated time: emulated devices in one world, and a clock that skips waiting times.
 
-The same campaign, hands, safety and procedures as on a real machine; hours take seconds, and every run is the same.
-There are no threads: whenever the clock moves, the sensor is read, pictures are taken, and the safety looks around.
+Campaign, hands, safety and procedures are those of a real machine. Hours take seconds, and every run is the same. There
+are no threads: whenever the clock moves, the sensor is read, pictures are taken, and the safety makes its checks.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Camera = Callable[[int], Picture]
 
 
 class JumpingClock:
-    """Time passes only where somebody sleeps, and then at once; others' appointments in between are kept."""
+    """A clock that moves only when a caller sleeps, and then at once; periodic work in between is done."""
 
     def __init__(self, start_ns: int = NS_PER_S) -> None:
         self._now_ns = start_ns
@@ -38,11 +38,11 @@ class JumpingClock:
         self._due: list[tuple[int, int, int, Callable[[], None]]] = []
 
     def now_ns(self) -> int:
-        """The time."""
+        """The present time."""
         return self._now_ns
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Jump there, by way of all that is due before."""
+        """Jump to `deadline_ns`, and do all work that is due before."""
         while self._due and self._due[0][0] <= deadline_ns:
             due_ns, _, period_ns, act = heapq.heappop(self._due)
             heapq.heappush(self._due, (due_ns + period_ns, next(self._order), period_ns, act))
@@ -51,23 +51,23 @@ class JumpingClock:
         self._now_ns = max(self._now_ns, deadline_ns)
 
     def every(self, period_s: float, act: Callable[[], None]) -> None:
-        """Do something again and again."""
+        """Do something periodically."""
         period_ns = round(period_s * NS_PER_S)
         heapq.heappush(self._due, (self._now_ns + period_ns, next(self._order), period_ns, act))
 
 
 class Rehearsal:
-    """The devices of a run in simulated time. `silent_sensor` and `silent_camera` are faults to switch on.
+    """The devices of a run in simulated time. `silent_sensor` and `silent_camera` switch on faults.
 
     Args:
-        world: where it all happens.
-        settings: of the collection.
-        cnc: what the machine may do.
-        camera: the image at a time, asked for only when somebody looks at it; None: a small one whose grey level
-            follows the depth.
-        rate_hz: of the force samples; fps: of the images.
-        start_ns: when it begins.
-        on_status: told where the machine is; on_switch: told each switching of the digital line.
+        world: the simulated world.
+        settings: settings of the collection.
+        cnc: settings of the machine.
+        camera: gives the image at a time, called only when the image is used; None: a small image whose grey level
+            depends on the depth.
+        rate_hz: rate of the force samples; fps: that of the images.
+        start_ns: start time.
+        on_status: called with the state of the machine; on_switch: called when the digital line switches.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class Rehearsal:
         self._obey()
 
     def _obey(self) -> None:
-        """Not in the midst of a sample: a stop takes time, in which further samples come."""
+        """Stop after a trip, but not during a sample: a stop takes time, in which further samples come."""
         if self._tripped is not None:
             self._tripped = None
             self.cnc.stop()

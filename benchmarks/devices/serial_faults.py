@@ -1,4 +1,4 @@
-"""Faults on a serial line, put around a port of the same program (`FaultyPort`)."""
+"""Faults on a serial line, by a wrapper around a port in the same program (`FaultyPort`)."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import Protocol
 
 
 class Port(Protocol):
-    """Bytes to and from a device, as drivers use them."""
+    """Bytes to and from a device; the interface for drivers."""
 
     name: str
 
     def write(self, data: bytes) -> None:
-        """Send."""
+        """Send bytes."""
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """What has arrived; empty after the timeout."""
+        """The received bytes; empty after the timeout."""
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the port."""
         ...
 
 
@@ -35,13 +35,13 @@ class _Change:
 
 
 class LineFaults:
-    """What happens to bytes on their way; '>' is to the device, '<' from it. Switch any of it from any thread.
+    """Faults of transferred bytes; '>' is to the device, '<' from it. May be changed from any thread.
 
     Attributes:
-        mute: nothing that the device says arrives.
-        deaf: nothing that it is told arrives.
-        done: how many changes were made.
-        lie: what arrives instead of what is left after all other changes; told the way and the bytes.
+        mute: no bytes from the device arrive.
+        deaf: no bytes to the device arrive.
+        done: number of changes so far.
+        lie: changes the bytes after all other changes; called with direction and bytes.
     """
 
     def __init__(self) -> None:
@@ -52,12 +52,12 @@ class LineFaults:
         self.lie: Callable[[str, bytes], bytes] = lambda _, data: data
 
     def change(self, way: str, old: bytes, new: bytes, times: int = 1) -> None:
-        """Where `old` next passes within one write or read, `new` arrives; an empty one drops it."""
+        """Replace the next `old` within one write or read by `new`; an empty `new` drops it."""
         with self._lock:
             self._changes.append(_Change(way, old, new, times))
 
     def passed(self, way: str, data: bytes) -> bytes:
-        """What arrives."""
+        """The bytes that arrive."""
         if self.mute if way == '<' else self.deaf:
             return b''
         with self._lock:

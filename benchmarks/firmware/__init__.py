@@ -36,7 +36,7 @@ MARLIN_LOWEST_MM, MARLIN_HIGHEST_MM = (0.0, 0.0, 0.0), (120.0, 120.0, 60.0)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """Each firmware that was named; what was measured before and is not measured again stays."""
+    """Measure each named firmware; earlier results that are not measured again are kept."""
     firmware: dict[str, Any] = run.earlier().get(FIRMWARE, {})
     result: dict[str, Any] = {FIRMWARE: firmware}
     for machine in machines(arguments):
@@ -49,10 +49,10 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 
 
 def machines(arguments: argparse.Namespace) -> list[Machine]:
-    """Those that were named.
+    """The named firmwares.
 
     Raises:
-        ConfigurationError: none was, or one without a name or a command.
+        ConfigurationError: none is named, or one has no name or no command.
     """
     accept = tuple(arguments.accept)
     grbl = CncSettings(safe_z_mm=GRBL_UP_MM, accept=accept)
@@ -83,7 +83,7 @@ def _named(text: str) -> tuple[str, str]:
 
 
 def _tried(machine: Machine, found: dict[str, Any], run: Run) -> Iterator[None]:
-    """Each in turn, into `found`."""
+    """Do each test in turn, and add its result to `found`."""
     clock, progress, what = SystemClock(), run.progress, run.cases
     with tempfile.TemporaryDirectory(prefix='tf') as folder:
         if OBEYS in what:
@@ -98,7 +98,7 @@ def _tried(machine: Machine, found: dict[str, Any], run: Run) -> Iterator[None]:
 
 
 def pressed(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> dict[str, Any]:
-    """Again from the beginning when something fails before the press: a simulator may hang on a busy computer."""
+    """Press with a fault. Start again if something fails before the press: a simulator may hang on a busy computer."""
     failed: list[str] = []
     for _ in range(ATTEMPTS):
         try:

@@ -1,4 +1,4 @@
-"""Faults in mid-press, of the line, of the board, and of the force sensor."""
+"""Faults during a press: of the serial line, of the board, and of the force sensor."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ Lying = Callable[[Values], Values]
 
 
 def _nothing(_: Line) -> None:
-    """The line and the board are well."""
+    """No fault of the line or the board."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """What goes wrong, once, 0.3 mm deep.
+    """A fault that begins once, at a depth of 0.3 mm.
 
     Attributes:
-        title: what it is, for a table.
-        begin: does it to line or board.
-        lie: what the sensor tells from then on, made of its last six true counts (Net F/T) or values (Bota).
-        every: what is left of its samples: one of so many, by the depth below that at which it began, in mm.
-        late_s: so old they become.
+        title: name in the table.
+        begin: applies the fault to the line or the board.
+        lie: the sensor's values from then on, from its last six true counts (Net F/T) or values (Bota).
+        every: one of this number of samples is left, by the depth below the start of the fault, in mm.
+        late_s: the age that samples reach.
         status: bits in each record.
-        load: what presses on the tip from then on besides the gel, for as long as the tip is in the gel.
-        trip: what kind of trip has to come of it; '': any.
-        kills: the process that commands the machine, which is one of its own then.
-        sensor: which one it has to be.
-        harmless: whether the press is to go on to its end.
-        damages_a_line: to the firmware; where lines have a checksum it is said again, and the press goes on.
-        bounded: the press may go on, as nothing goes further than it was sent.
-        kinds: which firmware it concerns.
+        load: additional load on the tip from then on, as long as the tip is in the gel.
+        trip: required kind of the trip; '': any.
+        kills: whether the process that commands the machine is killed; it is then a separate process.
+        sensor: required sensor.
+        harmless: whether the press must go on to its end.
+        damages_a_line: whether it damages a line to the firmware; with checksums it is sent again, the press goes on.
+        bounded: whether the press may go on, because the tip goes no further than commanded.
+        kinds: the firmwares that it applies to.
     """
 
     title: str
@@ -66,7 +66,7 @@ class Fault:
 
 
 def digit(letter: bytes, change: Callable[[float], float]) -> Callable[[Line], None]:
-    """In the next line of motion the number behind a letter is another; the checksum, if there is one, is not."""
+    """Change the number behind a letter in the next line of motion, but not the checksum, if there is one."""
 
     def begin(line: Line) -> None:
         done: list[bytes] = []
@@ -86,7 +86,7 @@ def digit(letter: bytes, change: Callable[[float], float]) -> Callable[[Line], N
 
 
 def _reports(old: bytes, new: Callable[[re.Match[bytes]], bytes], times: int) -> Callable[[Line], None]:
-    """In so many of the next reports."""
+    """Replace `old` in the next `times` reports."""
 
     def begin(line: Line) -> None:
         done: list[bytes] = []
@@ -141,7 +141,7 @@ def _halt(line: Line) -> None:
 
 
 def echo(line: Line) -> None:
-    """All that is sent comes back, besides what the firmware says."""
+    """Everything that is sent is echoed, in addition to the firmware's output."""
 
     def lie(way: str, data: bytes) -> bytes:
         if way == '>':
@@ -157,12 +157,12 @@ def _kill(line: Line) -> None:
 
 
 def no_number(last: Values) -> Values:
-    """The last axis is none; the others stay as they were, which alone would be found later."""
+    """The last axis is NaN; the others repeat their values, which alone would be detected later."""
     return (*last[:-1], math.nan)
 
 
 def noisy() -> Lying:
-    """The force of 0.3 mm for ever, with the noise of a sound sensor: nothing of it repeats, is late, or no number."""
+    """The force at 0.3 mm forever, with the noise of an intact sensor: no value repeats, is late or is NaN."""
     noise = random.Random(1)  # noqa: S311  (noise, not secrets)
     return lambda last: tuple(value + noise.gauss(0.0, NOISE_COUNTS[axis >= 3]) for axis, value in enumerate(last))
 

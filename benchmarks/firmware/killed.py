@@ -1,4 +1,4 @@
-"""A press whose commanding process is killed: what the program that watches over it makes of real firmware."""
+"""A press whose commanding process is killed: tests the watchdog program with real firmware."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ LOOK_S, DEEP_S, FREE_S = 0.01, 20.0, 20.0
 
 
 class Commander:
-    """A process that opens machine and sensor, and presses when it is told to; to be killed.
+    """A process, to be killed, that opens machine and sensor, and presses on request.
 
     Raises:
-        TactileError: it did not come to above the gel.
+        TactileError: it did not reach the place above the gel.
     """
 
     def __init__(self, cnc: CncSettings, sensor: ForceTorqueSettings, gel_mm: Place) -> None:
@@ -33,20 +33,20 @@ class Commander:
             raise
 
     def press(self) -> None:
-        """Go down; returns at once."""
+        """Start the descent; returns at once."""
         self._worker.send(DOWN)
 
     def kill(self) -> None:
-        """SIGKILL, from any thread."""
+        """Kill the process with SIGKILL; may be called from any thread."""
         self._worker.process.kill()
 
     def close(self) -> None:
-        """End it, if it is still there."""
+        """End the process, if it still runs."""
         self._worker.close()
 
 
 def until(condition: Callable[[], bool], clock: Clock, within_s: float) -> bool:
-    """Wait for it; false: it did not come about in time."""
+    """Wait for a condition; False if it is not true in time."""
     deadline_ns = clock.now_ns() + round(within_s * NS_PER_S)
     while not condition():
         if clock.now_ns() > deadline_ns:

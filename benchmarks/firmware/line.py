@@ -1,7 +1,7 @@
-"""The line to a firmware: its simulator as a program, or a port; faults on the way; and where the tip is by its word.
+"""The line to a firmware: its simulator as a program, or a port; faults on the line; and the tip's reported place.
 
-`Heard` reads what the firmware says before any fault can change it, so that it knows the depth that was reached also
-where the driver is told something else, nothing, or knows nothing of it.
+`Heard` reads the firmware's output before any fault changes it. So it knows the true depth even if the driver gets
+wrong reports or none.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
 QUESTIONS = {'grbl': b'?', 'marlin': b'M114 R\n'}
 OWN_QUESTION_S = 0.1
-AHEAD_S = 0.15  # a tip that was not heard of for longer is taken to rest
+AHEAD_S = 0.15  # without a report for longer than this, the tip is assumed at rest
 SEEN_MM = 0.003
 
 
@@ -37,31 +37,31 @@ class Wire(Protocol):
     """Bytes to and from a firmware."""
 
     def write(self, data: bytes) -> None:
-        """Send."""
+        """Send bytes."""
         ...
 
     def read(self) -> bytes:
-        """What has come; at once."""
+        """The received bytes, without waiting."""
         ...
 
     def restart(self) -> None:
-        """Cut its power for a moment. Raises ConfigurationError where that cannot be done from here."""
+        """Cut its power for a moment. Raises ConfigurationError if this is impossible."""
         ...
 
     def halt(self) -> None:
-        """Stop its processor, as a firmware that hangs. Raises as `restart`."""
+        """Stop its processor, as if the firmware hangs. Raises as `restart`."""
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Close the connection."""
         ...
 
 
 class Program:
-    """A simulator that talks on its standard streams, on a pseudo terminal.
+    """A simulator that uses its standard streams, on a pseudo terminal.
 
     Args:
-        command: what starts it, as a shell splits it.
+        command: the command that starts it, in shell syntax.
 
     Raises:
         DeviceNotFoundError: there is no such program.
@@ -72,7 +72,7 @@ class Program:
         self._start()
 
     def write(self, data: bytes) -> None:
-        """As `Wire.write`; what a full line does not take is lost."""
+        """As `Wire.write`; bytes are lost if the line is full."""
         with contextlib.suppress(OSError):
             os.write(self._master, data)
 
@@ -80,11 +80,11 @@ class Program:
         """As `Wire.read`."""
         try:
             return os.read(self._master, 4096)
-        except OSError:  # nothing there, or it has ended
+        except OSError:  # no data, or it has ended
             return b''
 
     def restart(self) -> None:
-        """As `Wire.restart`: it ends, and another begins."""
+        """As `Wire.restart`: end the program, and start it again."""
         self.close()
         self._start()
 
@@ -93,7 +93,7 @@ class Program:
         os.killpg(self._process.pid, signal.SIGSTOP)
 
     def close(self) -> None:
-        """As `Wire.close`: it ends, and all that it has started."""
+        """As `Wire.close`: end the program and its child processes."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -129,11 +129,11 @@ class PortWire:
         return self._port.read(0.0)
 
     def restart(self) -> None:
-        """Raises ConfigurationError: nobody here can cut its power."""
+        """Raises ConfigurationError: its power cannot be cut."""
         raise ConfigurationError(f'the power of {self._port.name} cannot be cut from here')
 
     def halt(self) -> None:
-        """Raises ConfigurationError: nobody here can halt it."""
+        """Raises ConfigurationError: it cannot be halted."""
         raise ConfigurationError(f'{self._port.name} cannot be halted from here')
 
     def close(self) -> None:
@@ -142,7 +142,7 @@ class PortWire:
 
 
 def open_wire(source: str, baud: int, clock: Clock) -> Wire:
-    """What a user named: a port (``/dev/…``), a socket, or else a command.
+    """Open a port (``/dev/…``), a socket, or else a command.
 
     Raises:
         DeviceError: it cannot be opened or started.
@@ -158,15 +158,15 @@ def open_wire(source: str, baud: int, clock: Clock) -> Wire:
 
 
 class Heard:
-    """The tip, by the firmware's own reports.
+    """The place of the tip, from the firmware's reports.
 
     Args:
         surface_mm: height of the gel.
-        told: called whenever it was heard of, with the time.
+        told: called with the time at each report.
 
     Attributes:
-        deepest_mm: below the surface, of all places heard since `begin`.
-        moved_ns: when it was last heard of elsewhere than before.
+        deepest_mm: largest reported depth below the surface since `begin`.
+        moved_ns: time of the last report with a changed place.
     """
 
     def __init__(self, surface_mm: float, told: Callable[[int], None]) -> None:
@@ -181,16 +181,16 @@ class Heard:
 
     @property
     def place(self) -> Place | None:
-        """Where it was last; machine coordinates as homed."""
+        """The last reported place, in machine coordinates after homing."""
         return self._last[0] if self._last else None
 
     @property
     def depth_mm(self) -> float:
-        """Of the place last heard; negative above the gel."""
+        """Depth of the last reported place; negative above the gel."""
         return self._surface_mm - self._last[0][2] if self._last else -1e9
 
     def depth_at(self, time_ns: int) -> float:
-        """As it went on since the last two reports; for what a sensor feels in between."""
+        """The depth at a time, extrapolated from the last two reports; for sensor values between reports."""
         last, before = self._last, self._before
         if last is None:
             return -1e9
@@ -200,15 +200,15 @@ class Heard:
         return self._surface_mm - (last[0][2] + min(share, 1.5) * (last[0][2] - before[0][2]))
 
     def begin(self) -> None:
-        """The press begins: what was before counts no more."""
+        """Begin the press: forget earlier depths."""
         self.deepest_mm, self.moved_ns = self.depth_mm, 0
 
     def restarted(self) -> None:
-        """The firmware has lost its place; what it calls its place from now on is where the tip stands."""
+        """The firmware has lost its place; its next reported place is the present place of the tip."""
         self._restarted = True
 
     def take(self, line: str, now_ns: int) -> None:
-        """A line was said."""
+        """Read a line from the firmware."""
         report = parse_report(line) if line.startswith('<') else None
         place = report.machine if report is not None else marlin_place(line.removeprefix('ok '))
         if place is None:
@@ -225,20 +225,20 @@ class Heard:
 
 
 class Line:
-    """A device for `PtyPort`: the firmware, with faults on its line, and an ear before them.
+    """A device for `PtyPort`: the firmware, with faults on its line, and `heard` before the faults.
 
     Args:
-        wire: to the firmware.
+        wire: connection to the firmware.
         kind: grbl or marlin.
-        heard: told every line of the firmware.
-        clock: the host's.
+        heard: gets every line from the firmware.
+        clock: the host's clock.
 
     Attributes:
-        faults: of the line.
-        cut: nothing goes to the firmware or comes from it but what is asked and heard here.
-        asking: where it is, is asked here as well, as whoever asked before may be gone.
-        told: what the host has said since, and when.
-        kill_host: ends the process that commands it.
+        faults: faults of the line.
+        cut: the host is disconnected; only this object sends questions and reads the answers.
+        asking: this object also asks for the place, because the commanding process may have ended.
+        told: bytes from the host while `asking`, with their times.
+        kill_host: kills the process that commands the machine.
     """
 
     def __init__(self, wire: Wire, kind: str, heard: Heard, clock: Clock) -> None:
@@ -262,7 +262,7 @@ class Line:
             self.wire.write(passed)
 
     def run(self) -> None:
-        """As `Pluggable.run`. What is said passes line by line, as faults concern lines."""
+        """As `Pluggable.run`. The output passes line by line, because faults apply to lines."""
         *lines, self._partial = (self._partial + self.wire.read()).split(b'\n')
         for line in lines:
             self._heard.take(line.decode('ascii', 'replace').strip(), self._clock.now_ns())
@@ -273,7 +273,7 @@ class Line:
             self.wire.write(QUESTIONS[self.kind])
 
     def say(self, line: bytes) -> None:
-        """To the host, as if the firmware had said it."""
+        """Send a line to the host, as if it came from the firmware."""
         self._said += line
 
     def restart(self) -> None:
@@ -288,11 +288,11 @@ class Line:
         return said
 
     def next_event_ns(self) -> int | None:
-        """As `Pluggable.next_event_ns`: nobody knows."""
+        """As `Pluggable.next_event_ns`: unknown."""
         return None
 
     def power_cycle(self) -> None:
-        """As `Pluggable.power_cycle`; the line has no power of its own."""
+        """As `Pluggable.power_cycle`; the line has no power supply."""
 
 
 def _no_host() -> None:

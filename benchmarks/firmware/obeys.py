@@ -1,4 +1,4 @@
-"""What a firmware makes of all that the drivers ask for, without any fault."""
+"""Tests all requests of the drivers on a firmware, without any fault."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Beginning = Callable[[Line], None]
 
 
 def obeys(machine: Machine, clock: Clock, folder: Path) -> dict[str, str]:
-    """What was asked for, and what came of it, until something went wrong."""
+    """Each request and its result, up to the first error."""
     found: dict[str, str] = {}
     bench = Bench(machine, FAULTS['none'], clock, folder)
     with bench.plugged() as settings:
@@ -46,7 +46,7 @@ def obeys(machine: Machine, clock: Clock, folder: Path) -> dict[str, str]:
 
 
 def connected(machine: Machine, clock: Clock, folder: Path) -> dict[str, str]:
-    """Connecting again, with something about it that is not as it should be."""
+    """Connect again, each time with something wrong; returns the results."""
     checks: dict[str, tuple[Beginning, CncSettings]] = {
         'connect, all that is sent comes back': (echo, machine.settings)
     }
@@ -124,7 +124,7 @@ def _where(status: CncStatus) -> str:
 
 
 def _jogged(cnc: Cnc, clock: Clock) -> str:
-    """In steps, where it could not be stopped otherwise."""
+    """Jog; in steps if a longer jog could not be stopped."""
     before, longest = cnc.status().position_mm[2], cnc.blind_step_mm or 2.0
 
     def act() -> None:

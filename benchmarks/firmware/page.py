@@ -20,8 +20,8 @@ FOLLOWS = {
     SILENT_MACHINE: 'waits for the machine, then makes the reference press',
     'driver': 'ends',
 }
-"""What a run does once the tip is up, by the kind of trip (`tactile_nodes.collection.run`)."""
-MORE_MM = 0.25  # than was commanded: what is sent elsewhere is stopped within two reports
+"""The reaction of a run once the tip is up, by the kind of trip (`tactile_nodes.collection.run`)."""
+MORE_MM = 0.25  # beyond the commanded depth: a move to a wrong place is stopped within two reports
 
 INTRODUCTION = f"""# Drivers on real firmware
 
@@ -44,12 +44,12 @@ force of the paper's gel at the depth that the firmware reports.
 
 
 def page(result: Mapping[str, Any]) -> str:
-    """All firmware, one after the other."""
+    """The page, with one section per firmware."""
     return '\n\n'.join([INTRODUCTION, *(_section(name, each) for name, each in result[FIRMWARE].items())])
 
 
 def complaints(result: Mapping[str, Any]) -> list[str]:
-    """Presses that went on though something was wrong, or stopped though nothing was."""
+    """Presses that went on despite a fault, or stopped without a reason."""
     return [
         f'{name}, {FAULTS[fault].title}: {outcome["reached_mm"]:.2f} mm, {outcome["said"] or "nothing was said"}'
         for name, each in result[FIRMWARE].items()
@@ -94,7 +94,7 @@ def _faults(found: Mapping[str, Any]) -> str:
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Without filling: sentences stand in it."""
+    """A table without padding, because its cells contain sentences."""
     rule = ['--:' if '[' in head else '---' for head in heads]
     return '\n'.join(f'| {" | ".join(cells)} |' for cells in [heads, rule, *rows])
 
@@ -108,12 +108,12 @@ def _row(title: str, outcome: Mapping[str, Any]) -> list[str]:
 
 
 def _then(outcome: Mapping[str, Any]) -> str:
-    """Where the tip is not up, a run ends whatever it was."""
+    """The reaction of the run; if the tip is not up, it always ends."""
     return '–' if not outcome['kind'] else FOLLOWS.get(outcome['kind'], '–') if outcome['up'] == 'up' else 'ends'
 
 
 def _failed(found: Mapping[str, Any]) -> list[str]:
-    """What failed on the way to a press, which was then begun again."""
+    """Failures before a press, which was then repeated."""
     why = [f'{FAULTS[name].title}: {each}' for name in found for each in found[name].get('failed_before', [])]
     return ['Repeated, because something failed before the press:\n\n' + '\n'.join(f'- {each}' for each in why)] * bool(
         why

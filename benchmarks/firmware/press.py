@@ -1,4 +1,4 @@
-"""One press on a firmware, with a fault in it: as a rig does, on a gel and a sensor that follow the firmware's word."""
+"""One press on a firmware, with a fault, as on a rig; gel and sensor are simulated at the firmware's reported place."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tactile_nodes.errors import TactileError
 
 BEGINS_MM = 0.3
 NOISE = (0.005, 0.0001)
-PORT = 'firmware'  # its name in the folder of a trial
+PORT = 'firmware'  # file name in the folder of a trial
 SETTLE_S, ASKED_S = 1.0, 3.0
 WATCHED = 'what watches over it'
 NEAR_MM = 0.05
@@ -42,14 +42,14 @@ NEAR_MM = 0.05
 
 @dataclass(frozen=True)
 class Machine:
-    """A firmware, and where it presses.
+    """A firmware, and the place of its presses.
 
     Attributes:
-        name: what to call it.
+        name: its name.
         source: command, port or socket.
-        settings: of its driver; `source` is set here.
+        settings: settings of its driver; `source` is set here.
         gel_mm: centre of the gel's surface in its coordinates.
-        box: host and ports of a Net F/T box that stands still; '': one is emulated.
+        box: host and ports of a real Net F/T box at rest; '': one is emulated.
     """
 
     name: str
@@ -60,22 +60,22 @@ class Machine:
 
     @property
     def kind(self) -> str:
-        """What it speaks."""
+        """Its protocol: grbl or marlin."""
         return self.settings.kind
 
 
 @dataclass
 class Outcome:
-    """What a press came to.
+    """The result of a press.
 
     Attributes:
-        said: what stopped it; '': nothing did.
-        kind: of the trip; 'driver': the driver raised it; `WATCHED`: nobody was left but the program that brings it up.
-        reached_mm: greatest depth, by the firmware's own word.
-        noticed_s: from the fault to what stopped it.
-        rest_s: from the fault to the last place that was heard to be another one.
-        up: what came of the way up.
-        up_mm: height above the gel in the end.
+        said: reason of the stop; '': it was not stopped.
+        kind: kind of the trip; 'driver': raised by the driver; `WATCHED`: only the watchdog program was left.
+        reached_mm: largest depth, as reported by the firmware.
+        noticed_s: time from the fault to the detection.
+        rest_s: time from the fault to the last reported change of the place.
+        up: result of the retraction.
+        up_mm: height above the gel at the end.
     """
 
     said: str = ''
@@ -89,7 +89,7 @@ class Outcome:
 
 @dataclass
 class Bench:
-    """A firmware behind a line, a sensor that feels the gel where the firmware says that it is."""
+    """A firmware behind a line, and a sensor with the gel's force at the place that the firmware reports."""
 
     machine: Machine
     fault: Fault
@@ -107,7 +107,7 @@ class Bench:
 
     @contextlib.contextmanager
     def plugged(self) -> Iterator[CncSettings]:
-        """The firmware at a port."""
+        """Connect the firmware to a port."""
         settings = self.machine.settings
         wire: Wire = open_wire(self.machine.source, settings.baud, self.clock)
         try:
@@ -122,15 +122,15 @@ class Bench:
         return self.folder / PORT
 
     def named(self, text: str) -> str:
-        """A sentence with the firmware's name instead of its port's."""
+        """A sentence with 'it' instead of the port's path."""
         return text.replace(str(self._path), 'it')
 
     def begun(self) -> bool:
-        """Whether the fault is there."""
+        """Whether the fault has begun."""
         return self.begun_ns > 0
 
     def wrench_at(self, time_ns: int) -> Wrench:
-        """What the gel gives, as `WrenchSource.wrench_at`: 0.44 N at 1 mm; and what else presses on the tip in it."""
+        """As `WrenchSource.wrench_at`: the gel's force, 0.44 N at 1 mm, and the fault's load on the tip in it."""
         force = Loading(0.0, SLOPE, HERTZ).force_n(self.heard.depth_at(time_ns))
         if not force:
             return NOTHING
@@ -144,10 +144,10 @@ class Bench:
 
 
 def press(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> Outcome:
-    """Home, go above the gel and down; at 0.3 mm the fault; and up again.
+    """Home, move above the gel and down, inject the fault at 0.3 mm, and move up again.
 
     Raises:
-        TactileError, TrippedError: it did not come as far as the press.
+        TactileError, TrippedError: it failed before the press.
     """
     bench = Bench(machine, fault, clock, folder)
     with bench.plugged() as cnc, _sensor(bench) as sensor:
@@ -159,7 +159,7 @@ def press(machine: Machine, fault: Fault, clock: Clock, folder: Path) -> Outcome
 
 
 def _watched(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Outcome:
-    """By this process, which goes up again as a collection does."""
+    """Press from this process, which moves up again as in a collection."""
     rig = station(cnc, sensor, bench.clock)
     try:
         outcome, tare = _pressed(bench, rig)
@@ -171,7 +171,7 @@ def _watched(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Out
 
 
 def require_begun(bench: Bench, outcome: Outcome) -> None:
-    """Raises TactileError: what stopped the press was not its fault, but a computer that had other work."""
+    """Raises TactileError if the press was not stopped by its fault, but because the computer was busy."""
     if not bench.begun():
         raise TactileError(f'before its fault: {outcome.said or "nothing was heard of a tip so deep"}')
     if bench.fault.trip not in {'', outcome.kind} and outcome.kind in PASSING:
@@ -179,10 +179,10 @@ def require_begun(bench: Bench, outcome: Outcome) -> None:
 
 
 def _killed(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Outcome:
-    """By another process, which the fault kills; then nothing is done here but to listen.
+    """Press from another process, which the fault kills; after that, only receive.
 
     Raises:
-        TactileError: it did not come so deep.
+        TactileError: the tip did not reach the depth of the fault.
     """
     commander = Commander(cnc, sensor, bench.machine.gel_mm)
     try:
@@ -243,14 +243,14 @@ def _away(bench: Bench, rig: Station, tare: Tare, outcome: Outcome) -> None:
 
 
 def _reset(hands: Hands, clock: Clock) -> Hands:
-    """Somebody has dealt with the reason; what is still wrong is found again."""
+    """Reset the safety, as a person does after removing the cause; a remaining fault is detected again."""
     hands.safety.watching = False
     hands.safety.reset(clock.now_ns())
     return hands
 
 
 def _asked(bench: Bench, outcome: Outcome) -> None:
-    """Ask the firmware itself, past all faults, where it is in the end."""
+    """Ask the firmware directly, without faults, for its final place."""
     bench.line.cut = True
     bench.clock.sleep_until(bench.clock.now_ns() + round(ASKED_S * NS_PER_S))
     outcome.reached_mm = round(bench.heard.deepest_mm, 3)
@@ -278,7 +278,7 @@ def _bota(bench: Bench) -> Iterator[ForceTorqueSettings]:
 
 
 class _Idle:
-    """A sensor that stands on the bench."""
+    """A sensor without load."""
 
     def wrench_at(self, time_ns: int) -> Wrench:  # noqa: ARG002
         return NOTHING
@@ -286,7 +286,7 @@ class _Idle:
 
 @contextlib.contextmanager
 def _net_ft(bench: Bench) -> Iterator[ForceTorqueSettings]:
-    """A box, real or emulated, to whose records the gel's force is added on their way, and then the lie."""
+    """A real or emulated box; a proxy adds the gel's force to its records, and then the lie."""
     if bench.machine.box:
         host, rdt, http = bench.machine.box.split(':')
         with _proxied(bench, host, int(rdt), int(http)) as settings:
@@ -324,6 +324,6 @@ def _told(bench: Bench, units: tuple[float, ...]) -> Callable[[Values], Values]:
 
 
 def _delay_s(bench: Bench) -> float:
-    """Grows slowly enough that no sample is missed for long: they only become older."""
+    """The delay of samples; it grows slowly, so that samples become older without a gap."""
     since_s = (bench.clock.now_ns() - bench.begun_ns) / NS_PER_S if bench.begun() else 0.0
     return min(bench.fault.late_s, FALTER * since_s)

@@ -32,7 +32,7 @@ QUICK = Plan(train=300, test=16, slow=False, compiled=False)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """What was asked for."""
+    """Measure as requested on the command line."""
     plan = _plan(arguments)
     ways = [way for way in WAYS if (arguments.only or '') in way.name and (plan.slow or not way.slow)]
     if not ways:
@@ -44,7 +44,7 @@ def measure(ways: Sequence[Way], plan: Plan, progress: Progress, part: Part = at
     """All numbers of the page.
 
     Raises:
-        DatasetError: there are too few frames to learn from.
+        DatasetError: there are too few frames for training.
     """
     from benchmarks.front.profiles import measure_profiles
 
@@ -70,7 +70,7 @@ def _contenders(ways: Sequence[Way], plan: Plan, progress: Progress) -> dict[str
 
 
 def fronts(table: dict[str, Any]) -> dict[str, list[str]]:
-    """By error, which contenders no other beats, the cheapest first."""
+    """By error, the contenders that no other beats, the fastest first."""
     names = list(table)
     costs = [table[name]['cpu_ms']['median'] for name in names]
     return {error: [names[i] for i in pareto_front(costs, [table[name][error] for name in names])] for error in ERRORS}

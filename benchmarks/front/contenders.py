@@ -1,4 +1,4 @@
-"""Who takes part in the chart of speed against accuracy: ways to measure, grids, and readouts."""
+"""The contenders in the chart of speed against accuracy: flow methods, grids, and readouts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ GRIDS = (10, 20, 40)
 
 @dataclass(frozen=True)
 class Way:
-    """One way to measure an image: a flow, made for a grid (or for all of them: 0), or no flow at all."""
+    """One method to measure an image: a flow, made for a grid (0: for all grids), or no flow at all."""
 
     name: str
     make: Callable[[int], FlowMethod | SmallPixels]
@@ -69,7 +69,7 @@ WAYS = (
 
 @dataclass(frozen=True)
 class Contender:
-    """A way on a grid with an encoding and a readout."""
+    """A method on a grid, with an encoding and a readout."""
 
     way: str
     regions: int
@@ -78,12 +78,12 @@ class Contender:
 
     @property
     def name(self) -> str:
-        """As tables call it."""
+        """Its name in tables."""
         polar = ', polar' if self.encoding == 'polar_mean' else ''
         return f'{self.way}, {self.regions}x{self.regions}{polar}{", network" if self.readout == "network" else ""}'
 
     def config(self) -> TrainConfig:
-        """What its readout is fitted by: the response as the profiles have it, or the paper's network, made smaller."""
+        """The configuration for its readout: a response as in the profiles, or a smaller network than the paper's."""
         fine = self.regions > 10
         return TrainConfig(
             readout=self.readout,
@@ -95,11 +95,11 @@ class Contender:
 
 
 def contenders(ways: Sequence[Way], networks: bool) -> list[Contender]:
-    """All of some ways, with their grids and encodings; networks where the paper's features and ours meet them."""
+    """All contenders of some methods, by grid and encoding; networks only for the paper's features and ours."""
     made = [
         Contender(way.name, regions, encoding)
         for way in ways for regions in way.grids for encoding in way.encodings
-        if encoding == 'cartesian_mean'  # the response wants motion that adds up, which magnitude and angle do not
+        if encoding == 'cartesian_mean'  # the response needs additive motion; magnitude and angle are not additive
     ]  # fmt: skip
     if networks:
         names = {way.name for way in ways}
@@ -111,7 +111,7 @@ def contenders(ways: Sequence[Way], networks: bool) -> list[Contender]:
 
 @dataclass
 class Measuring:
-    """A way with its rest image set: one flow for all grids of a dense method, one a grid otherwise."""
+    """A method with its rest image: one flow for all grids if it is dense, otherwise one flow per grid."""
 
     way: Way
     wanted: Sequence[tuple[int, str]]
@@ -124,24 +124,24 @@ class Measuring:
         self._encodings = {each: make_encoding(each[1], {'rows': each[0], 'cols': each[0]}) for each in self.wanted}
 
     def set_reference(self, image: np.ndarray) -> None:
-        """Everything that can be known before a frame comes."""
+        """Set the rest image, and compute everything that does not depend on a frame."""
         for each in (*self._flows.values(), *self._encodings.values()):
             each.set_reference(image)
 
     def flows(self) -> list[tuple[int, Callable[[np.ndarray], object]]]:
-        """What is to be done with an image first, by grid (0: once for all)."""
+        """The functions that measure an image, by grid (0: once for all grids)."""
         return [
             (regions, each if isinstance(each, SmallPixels) else each.displacement)
             for regions, each in self._flows.items()
         ]
 
     def encode(self, regions: int, encoding: str, measured: object) -> Features:
-        """Features on a grid of what was measured for it."""
+        """Features on a grid, from the measurement for that grid."""
         if isinstance(measured, Features):
             return measured
         return self._encodings[regions, encoding].encode(measured)  # type: ignore[arg-type]
 
 
 def one_thread() -> None:
-    """What OpenCV is told for all of them."""
+    """Set OpenCV to one thread."""
     cv2.setNumThreads(1)

@@ -1,4 +1,4 @@
-"""Readouts of the chart's contenders: fitted alike, scored on the same frames, and timed in turn."""
+"""Readouts of the chart's contenders: fitted in the same way, scored on the same frames, and timed in turn."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, F
 from tactile_nodes.sensing.features import Features
 
 VALIDATION = 10
-"""One frame in so many of those to learn from is kept to judge the fit by."""
+"""One in this number of training frames is held out for validation."""
 
 
 def fitted(shelf: Shelf, taking_part: Sequence[Contender], train: int, progress: Progress) -> dict[str, dict[str, Any]]:
-    """By name: scores on the frames after the first `train`, times, and what the readout is.
+    """Scores on the frames after the first `train`, times, and a description of the readout; by name.
 
     Raises:
-        DatasetError: there are too few frames to learn from.
+        DatasetError: there are too few frames for training.
     """
     models = {}
     with progress.bar('fitting readouts', len(taking_part)) as bar:
@@ -66,7 +66,7 @@ Answer = tuple[np.ndarray, Time]
 def _answers(
     shelf: Shelf, taking_part: Sequence[Contender], models: dict[str, ForceModel], train: int, progress: Progress
 ) -> dict[str, list[Answer]]:
-    """Forces on bins and the time they took, frame by frame, contenders in turn."""
+    """Forces on bins and their times, frame by frame, with the contenders in turn."""
     estimators = {name: ForceEstimator(model) for name, model in models.items()}
     found: dict[str, list[Answer]] = {each.name: [] for each in taking_part}
     test = range(train, len(shelf.presses))

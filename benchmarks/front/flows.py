@@ -1,7 +1,6 @@
-"""Other people's ways to measure motion, behind the protocol of ours, for the benchmarks alone.
+"""Published flow methods with our interface, only for benchmarks.
 
-None of them ships as a method: the chart shows what each would give and cost. All options are as OpenCV has them,
-unless told.
+None of them is shipped: the chart shows the accuracy and cost of each. All options are OpenCV's defaults unless stated.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ Calculation = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class DenseFlow:
-    """A function of two images that gives the motion of each pixel, at full size or `halvings` times halved."""
+    """A method that gives the motion of each pixel, at full size or on images halved `halvings` times."""
 
     def __init__(self, name: str, calculate: Calculation, halvings: int = 0) -> None:
         self.name, self._calculate, self._halvings = name, calculate, halvings
@@ -42,7 +41,7 @@ class DenseFlow:
 
 
 class OtherFlow:
-    """One of our methods on images that were halved first."""
+    """One of our methods on halved images."""
 
     def __init__(self, flow: FlowMethod) -> None:
         self._flow, self.name = flow, f'{flow.name}, halved'
@@ -59,7 +58,7 @@ class OtherFlow:
 
 
 def _enlarged(flow: np.ndarray, shape: tuple[int, ...], halvings: int) -> DisplacementField:
-    """A field of an image that was halved, at full size: 20 or 40 regions do not divide 220 or 110 pixels."""
+    """The field of a halved image at full size, because 20 or 40 regions do not divide 220 or 110 pixels."""
     if halvings == 0:
         return DisplacementField(flow)
     full = cv2.resize(flow, shape[::-1], interpolation=cv2.INTER_LINEAR)
@@ -79,7 +78,7 @@ def tv_l1(rest: np.ndarray, image: np.ndarray) -> np.ndarray:
 
 
 class _Grid:
-    """Centres of rows x cols regions of the rest image, and windows about them."""
+    """Centres of rows x cols regions of the rest image, and windows around them."""
 
     name = ''
 
@@ -119,7 +118,7 @@ class PyramidalLk(_Grid):
 
 
 class PhaseCorrelation(_Grid):
-    """Phase correlation of a window about each region's centre, under a Hann window."""
+    """Phase correlation around each region's centre, with a Hann window."""
 
     name = 'phase_correlation'
 
@@ -144,7 +143,7 @@ class PhaseCorrelation(_Grid):
 
 @dataclass
 class SmallPixels:
-    """No motion at all: how much brighter or darker each region is than at rest."""
+    """No motion: the change of each region's brightness from the rest image."""
 
     regions: int
 

@@ -1,4 +1,4 @@
-"""The frames of the front: presses and rest images that all contenders measure."""
+"""The frames of `tactile bench front`: presses and rest images that all contenders measure."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tactile_nodes.simulation.optics import Optics, Press
 SIDE = 440
 STILL_SHARE = 0.1
 ACROSS_REST_IMAGES = 100
-"""Frames that are measured against one rest image."""
+"""Number of frames with the same rest image."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Frames to learn from and to be scored by, and whether slow ways, networks and compiled loops take part."""
+    """Numbers of training and test frames, and whether to include slow methods, networks and compiled loops."""
 
     train: int = 1500
     test: int = 400
@@ -32,7 +32,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Frame:
-    """An image, the rest image it is measured against, where and how deep the tip was, and with which force."""
+    """An image, its rest image, and the tip's x, y, depth (mm) and force (N)."""
 
     image: np.ndarray
     rest: np.ndarray
@@ -40,7 +40,7 @@ class Frame:
 
 
 def frames(plan: Plan, seed: int = 11, *, tested_only: bool = False) -> Iterator[Frame]:
-    """Presses anywhere within 27x27 mm and to 2 mm, and frames at rest; rest images of training serve no test."""
+    """Presses within 27x27 mm and to 2 mm, and frames at rest; training and test have different rest images."""
     gel = Gel()
     table = contact_table(gel)
     optics, random = Optics(gel, table), np.random.default_rng(seed)

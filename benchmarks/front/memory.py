@@ -1,4 +1,4 @@
-"""How much memory a way to measure takes: what a process of its own grows by."""
+"""Memory of a flow method: the growth of a separate process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SIDE = 440
 
 
 def memory_mb(way: str) -> float:
-    """MB that a new process grows by when it takes a rest image and measures a few frames by a way of that name."""
+    """Growth (MB) of a new process that sets a rest image and measures a few frames with the named method."""
     with multiprocessing.get_context('spawn').Pool(1) as pool:
         grown: float = pool.apply(_grown_mb, (way,))
     return grown

@@ -55,7 +55,7 @@ def _table(result: Mapping[str, Any]) -> str:
 
 
 def _profiles(result: Mapping[str, Any]) -> str:
-    """Time and error of each model that ships, over those of `paper`."""
+    """Time and error of each shipped model, relative to those of `paper`."""
     shipped = result['profiles']
     paper, medium = shipped['paper'], shipped[MEDIUM]
     rows = []

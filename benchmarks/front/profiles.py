@@ -1,7 +1,7 @@
-"""The models that ship, on the chart's own test frames: what each stage of a frame costs, and what the floor is.
+"""The shipped models on the chart's test frames: the cost of each stage, and of basic operations.
 
-All take turns, ten frames each as a sensor measures one after another, in numpy and with compiled loops where numba is
-installed. The picture as the camera sends it (JPEG, 640x480) is decoded once a frame, timed apart.
+The models run in turn, ten frames at a time, because a sensor measures frames in sequence; in NumPy, and with compiled
+loops if numba is installed. The camera's picture (JPEG, 640x480) is decoded once per frame and timed separately.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ STAGES = ('flow', 'features', 'predict')
 TURN = 10
 JPEG = 'JPEG 640x480 to grey'
 MEDIUM = 'paper, DIS medium'
-"""The paper names no preset: its features by the one that others use most, for the time alone."""
+"""The paper names no preset: its features with the most common one, only for the time."""
 
 
 @dataclass
 class Profile:
-    """A model that ships, as it runs: times by stage (CPU, ms) of each frame, and its answers."""
+    """A shipped model in use: CPU times (ms) by stage for each frame, and its estimates."""
 
     name: str
     loaded: LoadedModel
@@ -56,7 +56,7 @@ class Profile:
         self.estimator = ForceEstimator(self.loaded.model, compiled=self.compiled)
 
     def use_reference(self, rest: np.ndarray) -> None:
-        """Everything that can be known before a frame comes, where it is not known yet."""
+        """Set a new rest image, and compute everything that does not depend on a frame."""
         if rest is self.rest:
             return
         self.rest = rest
@@ -65,7 +65,7 @@ class Profile:
         self.estimator.predict(self.encoding.encode(self.flow.displacement(rest)))
 
     def take(self, image: np.ndarray) -> None:
-        """Answer one frame."""
+        """Process one frame."""
         stamps = [time.process_time_ns()]
         displacement = self.flow.displacement(image)
         stamps.append(time.process_time_ns())
@@ -78,7 +78,7 @@ class Profile:
 
 
 def profiles(compiled: bool) -> list[Profile]:
-    """Those that take part, with compiled loops too where that is wanted and numba installed."""
+    """The profiles to measure, also with compiled loops if requested and numba is installed."""
     compiled = compiled and can_compile()
     made = []
     for name in SHIPPED:
@@ -91,7 +91,7 @@ def profiles(compiled: bool) -> list[Profile]:
 
 
 def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
-    """Scores and times of all profiles on the frames that contenders are scored on; decoding, and floors."""
+    """Scores and times of all profiles on the test frames of the contenders, and times of basic operations."""
     one_thread()
     taking_part = profiles(plan.compiled)
     others: dict[str, list[float]] = {name: [] for name in _FLOORS}
@@ -113,7 +113,7 @@ def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
 
 
 def _turns(plan: Plan) -> list[list[Frame]]:
-    """The test's frames, by rest image and ten at a time."""
+    """The test frames in groups of ten with the same rest image."""
     same_rest = (list(group) for _, group in itertools.groupby(frames(plan, tested_only=True), key=_rest_of))
     return [group[start : start + TURN] for group in same_rest for start in range(0, len(group), TURN)]
 

@@ -1,4 +1,4 @@
-"""What all ways measured of all frames of the front, and how long each took over it."""
+"""The measurements of all methods on all frames, with their times."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Time = tuple[float, float]
 
 
 class Shelf:
-    """What all ways measured of all frames, and how long each took over it.
+    """The measurements of all methods on all frames, with their times.
 
-    `values` and `confidence` are by way, grid and encoding; `times_ms` (CPU, wall) of flow and features together.
+    All are by method, grid and encoding; `times_ms` (CPU, wall) is of flow and features together.
     """
 
     def __init__(self, ways: Sequence[Way], taking_part: Sequence[Contender]) -> None:
@@ -32,7 +32,7 @@ class Shelf:
         self._rest: np.ndarray | None = None
 
     def take(self, frame: Frame) -> None:
-        """Measure one frame by all ways."""
+        """Measure one frame with all methods."""
         if frame.rest is not self._rest:
             self._rest = frame.rest
             for each in self._measuring:

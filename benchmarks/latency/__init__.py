@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 
 STAGES = ('acquire', 'flow', 'features', 'predict', 'transport')
 SETTLES_S = 3.0
-"""The first frames wait for everything that a process does once."""
+"""The first frames are delayed by the initialization of each process."""
 HEARD_S = 4.0
-"""So long what a relay says is taken from sensing: two presses of the pictures."""
+"""Time in which the relay's messages are recorded from real sensing: two presses of the pictures."""
 RELAY = 'a relay in their place'
 ARRANGEMENTS: Mapping[str, tuple[str, ...]] = {
     'motion and force in one process': (),
@@ -61,7 +61,7 @@ CPU shares of the nodes are sums over all cores. Other work on the machine makes
 
 @dataclass
 class Stream(Arrivals):
-    """Forces that came, with what each stage took."""
+    """Received forces, with the time of each stage."""
 
     stages_ms: list[tuple[float, ...]] = field(default_factory=list)
 
@@ -70,7 +70,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     """All numbers of the page.
 
     Raises:
-        ConfigurationError: sensing does not come up.
+        ConfigurationError: sensing does not start.
     """
     extra = (f'compiled:={str(arguments.compiled).lower()}',)
     with tempfile.TemporaryDirectory(prefix='tactile_latency') as folder:
@@ -103,7 +103,7 @@ def _rates(model: str, compiled: bool, arguments: argparse.Namespace, run: Run) 
 
 
 def _relayed(seconds: float, words: Sequence[str], progress: Progress) -> dict[str, Any]:
-    """As `_live`, of a relay that says what is heard of sensing before."""
+    """As `_live`, with a relay that repeats messages recorded from real sensing."""
     with tempfile.TemporaryDirectory(prefix='tactile_relay') as name:
         folder = Path(name)
         with sensing(*words) as running:
@@ -177,7 +177,7 @@ def _stage_table(runs: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _own(run: Mapping[str, Any], stage: str) -> float | None:
-    """How long a stage took; None of a relay, whose messages say that of others."""
+    """The time of a stage; None for a relay, whose messages have the times of other frames."""
     return None if run['arrangement'] == RELAY else run['stages_p50_ms'][stage]
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a pressed gel that are there before anything is timed: in memory, or in a folder that a camera reads."""
+"""Pictures of a pressed gel, made before the measurement: in memory, or in a folder for a camera."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactile_nodes.simulation.optics import Optics, Press
 
 REST_FRAMES, PRESSES = 40, 4
 DOWN, HELD, BETWEEN = 10, 10, 12
-"""Frames in which the tip comes, stays and is away; it leaves as it came."""
+"""Frames in which the tip moves down, stays, and is away; it moves up as fast as down."""
 CONFIG = """\
 /**/camera: {ros__parameters: {fps: 60.0, crop: 440, wait_s: 2.0, loop: true}}
 /**/flow_features: {ros__parameters: {reference_frames: 16}}
@@ -23,9 +23,9 @@ CONFIG = """\
 
 
 def pressed_pictures(side: int, rests: int, count: int, every: int) -> list[np.ndarray]:
-    """The gel at rest, `rests` times, then `count` more: presses anywhere and, of `every` all but one, at rest again.
+    """The gel at rest, `rests` times, then `count` more: one in `every` with a press anywhere, the others at rest.
 
-    No two are the same: each has noise of its own, as a camera's have.
+    All pictures are different, because each has its own noise, as from a camera.
     """
     optics, random = _optics(), np.random.default_rng(3)
     made = [optics.render((), number) for number in range(rests)]
@@ -37,7 +37,7 @@ def pressed_pictures(side: int, rests: int, count: int, every: int) -> list[np.n
 
 
 def recorded_camera(folder: Path) -> tuple[str, str]:
-    """Launch arguments of a camera that reads pictures of presses, over and over, from `folder`, which gets them.
+    """Write pictures of presses into `folder`; returns launch arguments of a camera that reads them in a loop.
 
     Raises:
         ConfigurationError: a picture cannot be written.

@@ -1,4 +1,4 @@
-"""The highest rate of frames that flow features and force estimator answer without a drop, on one core, from memory."""
+"""The highest frame rate of flow features and force estimator without a lost frame, on one core, from memory."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.progress import Progress
 
 KINDS = {'in contact': 1, 'mixed': 2}
-"""One frame in so many is in contact."""
+"""One in this number of frames has contact."""
 REST_FRAMES, IMAGES = 8, 32
 WARM_UP, ANSWERS_WITHIN_S, SETTLES_NS = 20, 2.0, NS_PER_S // 5
 TRIES = 3
-"""Of a rate: other work may take the core for longer than a frame lasts."""
+"""Attempts per rate, because other work may occupy the core for longer than a frame."""
 
 
 @dataclass(frozen=True)
 class Held:
-    """The highest rate at which nothing was dropped (0: none), and the next, which was not held.
+    """The highest rate without a lost frame (0: none), and the next rate, which failed.
 
-    At that rate, from stamp to force and the processor's time for each frame, its publishing included.
+    Also the latency from stamp to force, and the CPU time per frame including its publishing, at that rate.
     """
 
     rate_hz: int
@@ -53,7 +53,7 @@ class Held:
 
 
 def highest(model: str, compiled: bool, rates: Sequence[int], seconds: float, progress: Progress) -> dict[str, Held]:
-    """By kind of frames, in a process of its own that one core has to do for."""
+    """Measure the highest rate by kind of frames, each in a separate process on one core."""
     found = {}
     with progress.bar(f'rates of {model}{", compiled" if compiled else ""}', len(KINDS)) as bar:
         for kind, every in KINDS.items():
@@ -96,7 +96,7 @@ def _highest(model: str, compiled: bool, rates: list[int], seconds: float, every
 def _tried(
     camera: Publisher, forces: Subscription, pictures: Sequence[np.ndarray], rate: int, count: int
 ) -> tuple[int, float, float]:
-    """How many images of `count` were not answered; from stamp to force (99th percentile) and CPU a frame (ms)."""
+    """Number of `count` images without a force; latency from stamp to force (p99) and CPU time per frame (ms)."""
     clock = SystemClock()
     clock.sleep_until(clock.now_ns() + SETTLES_NS)
     while forces.take() is not None:
@@ -111,7 +111,7 @@ def _tried(
 
 
 def _feed(camera: Publisher, pictures: Sequence[np.ndarray], rate: int) -> None:
-    """Publish pictures in time; one that is late is published at once, and those after it keep their own times."""
+    """Publish pictures at their times; a late one is published at once, and later ones keep their times."""
     clock = SystemClock()
     begun_ns = clock.now_ns()
     for number, picture in enumerate(pictures):

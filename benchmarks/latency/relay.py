@@ -1,7 +1,7 @@
-"""What passing on alone takes: ``tactile launch live`` with its nodes of motion and force replaced by two that compute
-nothing, and say with each picture what was said of another one.
+"""Time of the transport alone: ``tactile launch live`` with relays instead of its nodes for motion and force.
 
-Processes, topics and sizes of messages are the same, so the times are the floor of the transport on this machine.
+The relays compute nothing: for each picture they publish a recorded message. Processes, topics and sizes of messages
+are the same, so the times are the minimum for the transport on this machine.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SAID = topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION
 
 
 class RelayedMotion(Node):
-    """With each picture the features of another one."""
+    """Publishes the recorded features for each picture."""
 
     NAME = 'flow_features'
     PARAMS = FlowFeaturesParams
@@ -49,7 +49,7 @@ class RelayedMotion(Node):
 
 
 class RelayedForce(Node):
-    """With all features the force of others."""
+    """Publishes the recorded force for all features."""
 
     NAME = 'force_estimator'
     PARAMS = ForceEstimatorParams
@@ -69,20 +69,20 @@ class RelayedForce(Node):
 
 
 def keep(folder: Path, topic: Topic, message: Any) -> None:
-    """What was said on a topic, for a relay to say."""
+    """Store a message of a topic for a relay."""
     (folder / topic.name).write_bytes(encode(message))
 
 
 def kept(topic: Topic) -> Any:
-    """What `keep` wrote."""
+    """The message stored by `keep`."""
     return decode((Path(os.environ[FOLDER]) / topic.name).read_bytes(), topic.type_name)
 
 
 def relayed(folder: Path) -> Path:
-    """A launch file like that of live sensing, with the relay in a package of its own, both in `folder`.
+    """Write a launch file like that of live sensing, but with the relay from a separate package, both in `folder`.
 
     Raises:
-        ConfigurationError: the launch file starts no such process.
+        ConfigurationError: the launch file does not start the process to replace.
     """
     text = (paths.share_directory() / 'launch' / 'live.launch.yaml').read_text(encoding='utf-8')
     if REPLACED not in text:
@@ -100,12 +100,12 @@ def relayed(folder: Path) -> Path:
 
 
 def relaying(folder: Path) -> AbstractContextManager[None]:
-    """The environment in which such a launch finds its relay."""
+    """The environment in which the launch finds its relay."""
     root = str(Path(__file__).resolve().parents[2])
     return environment(AMENT_PREFIX_PATH=str(folder), PYTHONPATH=root, **{FOLDER: str(folder)})
 
 
 def main() -> int:
-    """The program that takes the place of ``composed_node force_estimator flow_features``."""
+    """The program that replaces ``composed_node force_estimator flow_features``."""
     words = [word for word in sys.argv[1:] if word not in {RelayedForce.NAME, RelayedMotion.NAME}]
     return run_nodes([RelayedForce, RelayedMotion], words)

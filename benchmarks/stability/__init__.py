@@ -37,7 +37,7 @@ QUICK = Plan(presses=3, before=2, coming=6, after=12)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """The disturbances that were asked for."""
+    """Measure the requested disturbances."""
     cases = named(arguments.only) if arguments.only else list(CASES)
     if not cases:
         known = ', '.join(dict.fromkeys(each.family for each in CASES))
@@ -49,7 +49,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 def measure(
     cases: Sequence[Case], profiles: Sequence[str], plan: Plan, parts: Parts, *, largest_only: bool = False
 ) -> Result:
-    """All numbers of the page, of streams that `parts` has measured, as `Run.parts`."""
+    """All numbers of the page; `parts`, such as `Run.parts`, measures the streams."""
     levels = {case: case.levels[-1:] if largest_only else case.levels for case in cases}
     jobs = {'undisturbed': Stream('', 0.0, tuple(profiles), plan)} | {
         f'{case.key} {level:g}': Stream(case.key, float(level), tuple(profiles), plan)
@@ -70,7 +70,7 @@ def measure(
 
 
 class Stream(NamedTuple):
-    """A disturbance, by its key, at a level; '' is none. A task of its own."""
+    """A disturbance, by its key, at a level; '' is none. Each is a task."""
 
     case: str
     level: float
@@ -79,7 +79,7 @@ class Stream(NamedTuple):
 
 
 def _followed(stream: Stream) -> dict[str, Any]:
-    """What each profile makes of a stream, and the least error that is possible where errors shall stay small."""
+    """Scores of each profile on a stream, and the lower bound of the error where errors must stay small."""
     cv2.setNumThreads(1)
     world = _world()
     case = next((each for each in CASES if each.key == stream.case), None)
@@ -93,18 +93,18 @@ def _followed(stream: Stream) -> dict[str, Any]:
 
 @cache
 def _world() -> World:
-    """The gel that the models were made for, once for all streams of a process."""
+    """The gel of the models, once for all streams of a process."""
     return World()
 
 
 def follow(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, Score]:
-    """One stream, read by every profile."""
+    """Scores of every profile on one stream."""
     answers = read(world, change, profiles, plan)
     return {name: score(each, change) for name, each in answers.items()}
 
 
 def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, list[Answer]]:
-    """What every profile says of every frame."""
+    """The answers of every profile for every frame."""
     chains = {name: Chain(name) for name in profiles}
     answers: dict[str, list[Answer]] = {name: [] for name in profiles}
     for moment, picture in world.frames(change, plan):

@@ -1,4 +1,4 @@
-"""The criteria of the stability benchmark: when a stream holds, and when its status at least says that it does not."""
+"""The criteria of the stability benchmark: whether the errors of a stream hold, or its status reports the problem."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 WITHIN, TWICE, FALSE_N, SAID_WITHIN, LEFT_WITHIN = 1.5, 2.0, 0.020, 3, 10
 HELD_SHARE = 0.9
-"""A stream that shall hold gives a force that may be used in so many of the frames held at least."""
+"""A stream that must hold needs a usable force in at least this share of the held frames."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Point:
 
     @property
     def ratio(self) -> float | None:
-        """The error over the undisturbed one."""
+        """The error relative to the undisturbed one."""
         return _ratio(self.score['rmse_n'], self.undisturbed['rmse_n'])
 
     @property
     def times_ok(self) -> float | None:
-        """The error of the frames that say ok, in units of the nominal one; of older results of the undisturbed one."""
+        """Error of frames with status ok, relative to the nominal error; in older results, to the undisturbed error."""
         if 'times_ok' in self.score:
             return float(self.score['times_ok']) if self.score['times_ok'] is not None else None
         return _ratio(self.score['rmse_ok_n'], self.undisturbed['rmse_n'])
@@ -49,19 +49,19 @@ class Point:
 
     @property
     def holds(self) -> bool:
-        """Whether errors stay within 1.5 times the undisturbed ones, or the nominal one, in nearly all frames."""
+        """Whether the error is within 1.5 times the undisturbed one, or nominal, and nearly all frames are usable."""
         ratio, times = self.ratio, self.score.get('times')
         near = ratio is not None and (ratio <= WITHIN or (times is not None and times <= 1.0))
         return near and self.score['held_invalid'] <= 1 - HELD_SHARE
 
     @property
     def silently_wrong(self) -> bool:
-        """Whether errors are more than twice the nominal ones while the status says ok."""
+        """Whether errors are more than twice the nominal ones while the status is ok."""
         return self.times_ok is not None and self.times_ok > TWICE
 
     @property
     def falsely_touched(self) -> bool:
-        """Whether a contact above 20 mN was told with status ok while nothing touched."""
+        """Whether a contact above 20 mN was reported with status ok, but without contact."""
         told: float = self.score['false_ok_n']
         return told > FALSE_N
 
@@ -72,7 +72,7 @@ def _ratio(value: float | None, of: float | None) -> float | None:
 
 @dataclass(frozen=True)
 class Verdict:
-    """At how many of the points judged an aim is held, and what is worst."""
+    """The number of points that meet an aim, the number of all its points, and the worst one."""
 
     held: int
     judged: int
@@ -155,8 +155,10 @@ AIMS: dict[str, Judge] = {
 
 
 def losers(points: Sequence[Point]) -> list[str]:
-    """In words: the points at which the sensor is wrong without saying so, and those at which it should hold and does
-    not, a line for each disturbance."""
+    """Points where the sensor is wrong without reporting it, or where it must hold and does not.
+
+    Returns a line of text for each disturbance.
+    """
     lines: dict[str, list[str]] = {}
     for each in points:
         if told := _loss(each):

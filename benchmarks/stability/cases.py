@@ -1,4 +1,4 @@
-"""The disturbances of the stability benchmark: each from a hardly visible level to one that is far too strong."""
+"""The disturbances of the stability benchmark, each from a hardly visible to a far too strong level."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press, mix
 
 DARK_START = (0.70, 0.97, 0.99)
-"""Light in the first frames of real cameras that set their exposure (the GelSight videos begin like this)."""
+"""Light in the first frames of real cameras that adjust their exposure (the GelSight videos begin like this)."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A disturbance that grows, from little to far too much.
+    """A disturbance with rising levels.
 
-    `held_at` are the levels at which force errors shall stay within 1.5 times the undisturbed ones.
+    `held_at` are the levels at which force errors must stay within 1.5 times the undisturbed ones.
     """
 
     family: str
@@ -47,11 +47,11 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What names it among all."""
+        """Its unique name."""
         return f'{self.family} {self.name} {self.unit}'
 
     def at(self, level: float) -> Change:
-        """What it does at a level."""
+        """The change at a level."""
         return self.change(float(level))
 
 
@@ -82,7 +82,7 @@ def _gone(name: str, levels: tuple[float, ...], gone: Callable[..., np.ndarray],
 
 
 def _during(moment: Moment, share: float) -> float:
-    """How much of a change that comes slowly is there; all of it when two thirds of the presses are over."""
+    """The present part of a slow change; it is complete after two thirds of the presses."""
     return share * min(1.0, max(0, moment.number - 20) / 170)
 
 
@@ -134,7 +134,7 @@ PATTERN = (
 
 
 def _each(change: Callable[[Press, int, ForceTables], Presses]) -> Callable[..., list[Presses]]:
-    """Every press of the usual stream made another."""
+    """Replace every press of the usual stream."""
     return lambda presses, tables: [change(each[0], number, tables) for number, each in enumerate(presses)]
 
 
@@ -159,7 +159,7 @@ def _dragged_right(press: Press, _number: int, _: ForceTables, drag_mm: float) -
 
 
 def _several(press: Press, number: int, _: ForceTables, apart_mm: float, count: int) -> Presses:
-    """Some contacts on a circle about the middle of the gel, so that they are so far apart."""
+    """Some contacts on a circle around the middle of the gel, `apart_mm` from each other."""
     radius_mm, turn = apart_mm / 2 / math.sin(math.pi / count), 2 * math.pi * mix(number) / 2**64
     angles = [turn + 2 * math.pi * each / count for each in range(count)]
     depths = [press.depth_mm * (1, 0.8, 0.9)[each] for each in range(count)]
@@ -222,7 +222,7 @@ def _touched(depth_mm: float, frames: int = 99) -> Change:
 
 
 def _dark(light: np.ndarray, at: Moment, level: float) -> np.ndarray:
-    """Frames before the exposure is set, as so many cameras deliver them; the last ones brighten."""
+    """Dark frames before the exposure is adjusted, as from many cameras; the last ones become brighter."""
     late = at.number - round(level)
     share = 0.0 if late < 0 else DARK_START[late] if late < len(DARK_START) else 1.0
     darker: np.ndarray = light * np.float32(share)
@@ -250,7 +250,7 @@ def _none(values: np.ndarray, share: float) -> np.ndarray:
 
 
 def _frozen(moments: list[Moment]) -> list[Moment]:
-    """Untouched, the camera delivers one picture again and again, noise and all; the rest image is that picture."""
+    """Without contact the camera repeats one picture, including its noise; the rest image is the same picture."""
     return [each if each.touching else dataclasses.replace(each, number=moments[0].number) for each in moments]
 
 
@@ -272,5 +272,5 @@ CASES: tuple[Case, ...] = (
 
 
 def named(text: str, cases: Sequence[Case] = CASES) -> list[Case]:
-    """Cases whose name or family holds a text."""
+    """Cases whose name contains a text, or whose family is that text."""
     return [each for each in cases if text.lower() in each.name.lower() or text.lower() == each.family]

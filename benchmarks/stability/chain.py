@@ -1,7 +1,7 @@
-"""The whole chain as the live nodes run it, without their bus: a picture and its stamp in, a force message out.
+"""The whole chain of the live nodes without their bus: from a picture and its stamp to a force message.
 
-Nothing here decides anything: what follows the images, the model and the drift monitor are those of the live launch,
-with its parameters (config/live.yaml), called in the order in which messages would come.
+This module makes no decisions: image processing, model and drift monitor are those of the live launch, with its
+parameters (config/live.yaml), called in the order of the messages.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.picture.motion import PictureMotion
 
 REST_FRAMES, CHECK_S = 16, DriftMonitorParams().check_s
-"""What config/live.yaml and the drift monitor's parameters say."""
+"""Values from config/live.yaml and from the drift monitor's parameters."""
 
 Values = Callable[[np.ndarray], np.ndarray]
 
 
 class Watching:
-    """The drift monitor, as its node runs it, beside a simulated sensor."""
+    """Runs the drift monitor as its node does, for a simulated sensor."""
 
     def __init__(self, model: str, provenance: types.Provenance) -> None:
         self._calibrated = Calibrated(model, simulated=True)
@@ -44,19 +44,19 @@ class Watching:
         self._stamps = Told()
 
     def rest(self, stamp_ns: int, picture: np.ndarray) -> tuple[int, int]:
-        """Take a new rest image; from which stamp on forces carry which reasons."""
+        """Set a new rest image; returns the stamp from which forces have new reasons, and these reasons."""
         self._monitor.rest(picture)
         return self._told(stamp_ns, of_rest=True)
 
     def look(self, stamp_ns: int, picture: np.ndarray, taken_out: PictureMotion | None) -> tuple[int, int] | None:
-        """The same of a frame, if it is time to look at one again."""
+        """Check a frame if a check is due; returns the same as `rest`."""
         if not self._monitor.is_due(stamp_ns, CHECK_S):
             return None
         self._monitor.frame(stamp_ns, picture, taken_out)
         return self._told(stamp_ns)
 
     def feel(self, stamp_ns: int, force: types.ForceDistribution) -> None:
-        """Take a force as it was published."""
+        """Add a published force."""
         self._monitor.force(stamp_ns, force.total, force.unlikeness, in_contact=force.in_contact, usable=usable(force))
 
     def _told(self, stamp_ns: int, *, of_rest: bool = False) -> tuple[int, int]:
@@ -67,13 +67,13 @@ class Watching:
 
 @cache
 def fresh(model: str, compiled: bool) -> tuple[Estimating, Watching]:
-    """Both before their first frame: reading a model and rendering its gel takes as long as many frames."""
+    """Both before their first frame. Cached, because reading a model and rendering its gel takes long."""
     estimating = Estimating(model, compiled=compiled)
     return estimating, Watching(model, estimating.now.provenance)
 
 
 class Chain:
-    """One profile, from its first picture on."""
+    """The chain of one profile."""
 
     def __init__(self, model: str, *, compiled: bool = False) -> None:
         params = FollowingParams(model=model, reference_frames=REST_FRAMES)
@@ -84,7 +84,7 @@ class Chain:
     def read(
         self, stamp_ns: int, image: np.ndarray, age_s: float = 0.0, values: Values | None = None
     ) -> types.ForceDistribution:
-        """The force message of a picture that is so old. `values` alters features on their way to the model."""
+        """The force message of a picture of age `age_s`. `values` changes the features before the model."""
         head = conversions.header(stamp_ns, '')
         features = self._following.answer(image, head, acquire_s=0.0, waited_s=age_s)
         if (rest := self._following.announced()) is not None:
@@ -98,9 +98,9 @@ class Chain:
         return force
 
     def field(self, force: types.ForceDistribution) -> types.ForceField | None:
-        """The fine maps beside the force that was read last, of a model that knows them."""
+        """The fine maps for the last force, if the model has them."""
         return self._estimating.field(force)
 
     def nominal_n(self, total_n: float) -> float:
-        """The error of such a total that is usual of the model."""
+        """The usual error of the model for this total force."""
         return self._estimating.now.loaded.model.readout.nominal_n(total_n)

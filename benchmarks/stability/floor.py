@@ -1,9 +1,9 @@
-"""How well a press can be known from one picture at all: what noise leaves to a method that knows everything else.
+"""The lower bound of the force error from one picture: the effect of noise on a method that knows everything else.
 
-The Cramér-Rao bound. Let place and depth be the only unknowns, and the light that every place and depth makes in every
-pixel be known without error. Each pixel with its noise then tells so much of the three, and no unbiased method has a
-variance below the inverse of what they tell together. Whatever a method does not know (the gel's response, the light,
-where the camera is) makes it worse than that.
+This is the Cramér-Rao bound. Only x, y and depth are unknown; the light in every pixel for every place and depth is
+known without error. Each pixel, with its noise, gives information about the three unknowns. No unbiased method has a
+variance below the inverse of the total information. Everything that a real method does not know (the gel's response,
+the light, the camera's pose) increases its variance.
 """
 
 from __future__ import annotations
@@ -20,19 +20,21 @@ from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Press
 
 STEP_MM = 0.02
-"""For slopes by differences: light changes in proportion to steps of this size."""
+"""Step for numerical derivatives; the light is linear over steps of this size."""
 
 
 def floor_n(world: World, change: Change, plan: Plan) -> float:
-    """The least standard deviation of force from one picture under a disturbance, in N: root mean square over the
-    presses of a stream. The rest image has its noise, too."""
+    """The least standard deviation of the force from one picture under a disturbance [N].
+
+    It is the root mean square over the presses of a stream. The rest image has noise, too.
+    """
     view = world.under(change)
     variances = [_variance(view, press, world.tables['tip'], plan.capture) for (press,) in random_presses(plan)]
     return math.sqrt(math.fsum(variances) / len(variances))
 
 
 def least_ratio(undisturbed_n: float, undisturbed_floor_n: float, disturbed_floor_n: float) -> float:
-    """How much worse a method gets at least whose other errors stay as they are, of uncorrelated parts."""
+    """The least ratio of a method's error to the undisturbed one, if its other, uncorrelated errors stay the same."""
     other = max(undisturbed_n**2 - undisturbed_floor_n**2, 0.0)
     return math.sqrt(other + disturbed_floor_n**2) / undisturbed_n
 
@@ -44,13 +46,13 @@ def _variance(view: View, press: Press, table: ContactTable, rest_frames: int) -
 
 
 def bound(slopes: Float[np.ndarray, 'pixels unknowns'], noise: Float[np.ndarray, ' pixels']) -> float:
-    """The least variance of the last unknown, with the others unknown, too; `noise` are the pixels' variances."""
+    """The least variance of the last unknown, with the others also unknown; `noise` are the variances of the pixels."""
     information = (slopes / noise[:, None]).T @ slopes
     return float(np.linalg.inv(information)[-1, -1])
 
 
 def _slopes(view: View, press: Press) -> Float[np.ndarray, 'pixels 3']:
-    """Of light along x, y and depth, in grey levels per mm."""
+    """The derivatives of the light along x, y and depth, in grey levels per mm."""
     return np.stack([_difference(view, press, name) for name in ('x_mm', 'y_mm', 'depth_mm')], axis=-1)
 
 
@@ -63,7 +65,7 @@ def _difference(view: View, press: Press, name: str) -> Float[np.ndarray, ' pixe
 
 
 def _stiffness(press: Press, table: ContactTable) -> float:
-    """N per mm of depth."""
+    """Stiffness in N per mm of depth."""
     return (table.force_at(press.depth_mm + STEP_MM) - table.force_at(press.depth_mm - STEP_MM)) / (2 * STEP_MM)
 
 

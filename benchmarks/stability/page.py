@@ -88,7 +88,7 @@ def picture_of(family: str, name: str = 'stability') -> str:
 
 
 def _aim(name: str, judge: Judge) -> Aim:
-    """An aim of each profile, as 'light ±30 %: within 1.5x' names it."""
+    """An aim for each profile, with a name such as 'light ±30 %: within 1.5x'."""
     figure, _, to_reach = name.partition(': ')
 
     def told(result: Mapping[str, Any]) -> dict[str, str]:
@@ -116,7 +116,7 @@ def _undisturbed(result: Mapping[str, Any]) -> str:
 
 
 def _floors(result: Mapping[str, Any]) -> str:
-    """Of the disturbances in which errors shall hold; nothing if none was asked for."""
+    """A table for the disturbances in which errors must hold; empty if none was requested."""
     profiles, undisturbed = result['profiles'], result['undisturbed']
     rows = [
         [f'{case["name"]}, {point["level"]:g} {case["unit"]}', _mn(point['floor_n']),
@@ -134,7 +134,7 @@ def _floors(result: Mapping[str, Any]) -> str:
 
 
 def _beside(score: Mapping[str, Any], undisturbed: Mapping[str, Any], floor_n: float, least_n: float) -> str:
-    """'5.4 (2.7x, least 1.4x); 3.5 (1.8x)'."""
+    """Errors of first frames and of all, with their ratios: '5.4 (2.7x, least 1.4x); 3.5 (1.8x)'."""
     first, usual_n = score['first_rmse_n'], undisturbed['first_rmse_n']
     whole = f'{_mn(score["rmse_n"])} ({_times(_ratio(score["rmse_n"], undisturbed["rmse_n"]))})'
     least = _times(least_ratio(usual_n, floor_n, least_n) if usual_n else None)

@@ -1,4 +1,4 @@
-"""A plot a family of disturbances: error over the undisturbed one against the level, its colour the status."""
+"""A plot for each family of disturbances: relative error against the level; the colour is the status."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _case(axis: Any, points: Sequence[Point], profiles: Sequence[str]) -> None:
 
 
 def _height(point: Point) -> float:
-    """Where there is no force at all the mark stands at the top."""
+    """The height of a mark; without a force it is at the top."""
     return MOST if point.ratio is None else min(max(point.ratio, LEAST), MOST)
 
 

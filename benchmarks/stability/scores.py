@@ -1,4 +1,4 @@
-"""What a stream's force messages are worth: errors, false and missed contacts, and whether the status said so."""
+"""Scores of a stream's force messages: errors, false and missed contacts, and the reaction of the status."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Answer:
-    """One frame: the truth, and what was said of it."""
+    """One frame: the truth, and the reported values."""
 
     moment: Moment
     true_n: float
@@ -43,7 +43,7 @@ class Answer:
         tables: ForceTables,
         nominal_n: float = math.nan,
     ) -> Answer:
-        """From a force message, beside the error that is usual of such a force."""
+        """An answer from a force message, with the usual error of such a force."""
         places = tuple((each.position.x * 1e3, each.position.y * 1e3) for each in message.contacts)
         return cls(
             moment, force_n(moment, tables), message.status, message.reasons, message.total, message.total_sigma,
@@ -56,12 +56,12 @@ class Answer:
 
     @property
     def times(self) -> float:
-        """The error in units of the nominal one."""
+        """The error relative to the nominal one."""
         return self.error_n / self.nominal_n
 
     @property
     def said(self) -> bool:
-        """Whether it is not ok, for more than that contact began, which any stream says."""
+        """Whether it is not ok for another reason than the beginning of contact, which occurs in every stream."""
         return self.status != OK and self.reasons != FORCE.REASON_BEGINNING
 
     @property
@@ -71,17 +71,17 @@ class Answer:
 
 @dataclass(frozen=True)
 class Score:
-    """A stream in numbers, of the time in which the disturbance was there. None: there is nothing to tell it from.
+    """The scores of a stream during its disturbance; None if there are no frames for a score.
 
-    `rmse_n`, and `rmse_ok_n` over frames that say ok, are over held frames; `worst_ok_n` is the largest error of these.
-    `times` and `times_ok` are the same in units of the nominal error (root mean square).
-    `first_rmse_n` is over the first held frame of each press, which is as good as one picture by itself. `error_sigmas`
-    is the error in units of the uncertainty told. `place_mm` is the median over contacts, `missed` the share of true
-    contacts that no reported one answers to. `rest_n` is the largest force told at rest, `false_n` the largest of those
-    told as a contact (0: none), and `false_share` their share. Shares of statuses are over all frames. `until_said` and
-    `until_invalid` count frames from the cause to the first that is not ok for more than a contact that began, and is
-    invalid (1: at once; of what grows in the course from where it goes beyond use); `until_left` is the last frame
-    after its end that is still invalid (0: none), None if it does not end.
+    `rmse_n` is over held frames, `rmse_ok_n` over those with status ok, and `worst_ok_n` is the largest error of these.
+    `times` and `times_ok` are the same relative to the nominal error (root mean square). `first_rmse_n` is over the
+    first held frame of each press, so it has the accuracy of a single picture. `error_sigmas` is the error relative to
+    the stated uncertainty. `place_mm` is the median over contacts. `missed` is the share of true contacts without a
+    reported one. `rest_n` is the largest force reported at rest, `false_n` the largest of those reported as a contact
+    (0: none), and `false_share` their share. Shares of statuses are over all frames. `until_said` counts frames from
+    the cause to the first with `Answer.said`; `until_invalid` to the first that is invalid (1: at once; a growing
+    disturbance counts from `Change.beyond` on). `until_left` is the number of the last invalid frame after the end of
+    the disturbance (0: none); None if it does not end.
     """
 
     rmse_n: float | None
@@ -112,7 +112,7 @@ class Score:
 
 
 def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
-    """Sum a stream up, over the frames on which a change acts; over all of them if it does not end."""
+    """Score a stream over the frames with the change; over all frames if it does not end."""
     change = change or Change()
     endless = change.endless
     during = [each for each in answers if (each.moment.kind != CAPTURE if endless else change.acts(each.moment))]
@@ -204,6 +204,6 @@ def _last(answers: Sequence[Answer], statuses: Sequence[int]) -> int:
 
 
 def _reasons(answers: Sequence[Answer]) -> dict[str, float]:
-    """Shares of frames, the most frequent first."""
+    """Share of frames with each reason, the most frequent first."""
     count = Counter(name for each in answers for bit, name in REASONS.items() if each.reasons & bit)
     return {name: number / len(answers) for name, number in count.most_common()}

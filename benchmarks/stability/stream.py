@@ -1,8 +1,8 @@
-"""A simulated stream of pictures into which a disturbance comes, and the truth of each of them.
+"""A simulated stream of pictures with a disturbance, and the truth for each picture.
 
-    rest image | at rest | the disturbance comes | at rest | presses, at rest after each | it ends | at rest
+    rest image | at rest | the disturbance begins | at rest | presses, at rest after each | it ends | at rest
 
-Pictures are rendered when they are asked for; the light of the undisturbed gel is kept, for every stream shows it.
+Pictures are rendered on demand; the light of the undisturbed gel is cached, because all streams use it.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ Presses = tuple[Press, ...]
 
 @dataclass(frozen=True)
 class Plan:
-    """How long a stream is, in frames and presses.
+    """The length of a stream, in frames and presses.
 
-    Of eight presses the undisturbed error is chance: 1.0 mN with one seed and 3.4 with another, 2.1 and 1.8 of twenty.
-    A press is held for 0.6 s, in which a real camera takes 36 frames.
+    With eight presses the undisturbed error depends on the seed: 1.0 mN with one and 3.4 mN with another; with twenty
+    presses it is 2.1 and 1.8 mN. A press is held for 0.6 s, in which a real camera takes 36 frames.
     """
 
     presses: int = 40
@@ -56,8 +56,10 @@ class Plan:
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame to be: what presses, where in the course it is (`press` numbers the presses, from 0), when it was taken
-    and how long ago that is."""
+    """One frame before rendering: its presses, its place in the course, its stamp, and its age.
+
+    `press` numbers the presses, from 0.
+    """
 
     number: int
     part: str
@@ -69,12 +71,12 @@ class Moment:
 
     @property
     def touching(self) -> Presses:
-        """What is in the gel."""
+        """The presses with contact."""
         return tuple(each for each in self.presses if each.depth_mm > 0)
 
 
 def course(plan: Plan, presses: Sequence[Presses]) -> list[Moment]:
-    """All frames of a stream under some presses, one after another."""
+    """All frames of a stream with these presses, in order."""
     parts: list[tuple[str, str, Presses, int]] = [(BEFORE, CAPTURE, (), -1)] * plan.capture
     parts += [(BEFORE, REST, (), -1)] * plan.before
     parts += [(DURING, REST, (), -1)] * plan.coming
@@ -99,7 +101,7 @@ def _at_share(presses: Presses, share: float) -> Presses:
 
 
 def random_presses(plan: Plan) -> list[Presses]:
-    """Single presses at random places, their depths spread evenly over the range in a random order."""
+    """Single presses at random places, with depths spread evenly over the range, in random order."""
     random = np.random.default_rng(plan.seed)
     places = random.uniform(-REACH_MM, REACH_MM, (plan.presses, 2))
     shares = (random.permutation(plan.presses) + random.uniform(0, 1, plan.presses)) / plan.presses
@@ -112,34 +114,35 @@ Picture = Callable[[np.ndarray, Moment], np.ndarray]
 
 
 def while_it_lasts(moment: Moment) -> bool:
-    """For disturbances that come and go."""
+    """Acts for disturbances that begin and end."""
     return moment.part == DURING
 
 
 def in_the_rest_image(moment: Moment) -> bool:
-    """For disturbances that end when the rest image has been taken."""
+    """Acts for disturbances that end after the rest image."""
     return moment.kind == CAPTURE
 
 
 def always(_: Moment) -> bool:
-    """For disturbances that are in the rest image, too, and stay."""
+    """Acts for disturbances that are also in the rest image, and stay."""
     return True
 
 
 def from_the_third_press(moment: Moment) -> bool:
-    """For what happens while a tip comes down."""
+    """Acts for disturbances that begin while a tip moves down."""
     return moment.part == DURING and moment.press >= 2
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a disturbance does. All of it acts on the frames that `acts` names: the part of the course, or the capture.
+    """The effects of a disturbance. They act on the frames for which `acts` is true.
 
-    `gel`: what the gel and the camera become. `gone`: which markers lose their light. `light`: before noise. `noise`:
-    its standard deviation, in times. `picture`: what the camera delivers. `presses`: what presses instead. `course`:
-    which frames arrive, when, in which order. `values`: what the features become. `speed_mm_s`: held frames are taken
-    while the tip goes down. `contact`: a disturbance that is there only while something touches. `beyond`: of one that
-    grows in the course, the frames in which it has gone beyond what forces may be used in.
+    `gel`: changes the gel and the camera. `gone`: selects dark markers. `light`: changes the light before noise.
+    `noise`: factor of the noise's standard deviation. `picture`: changes the camera's picture. `presses`: replaces the
+    presses. `course`: changes which frames arrive, when, and in which order. `values`: changes the features.
+    `speed_mm_s`: held frames are taken while the tip moves down. `contact`: whether the disturbance exists only during
+    contact. `capture`: presses during the capture of the rest image. `beyond`: for a growing disturbance, the frames in
+    which it is so large that forces may not be used.
     """
 
     gel: Callable[[Gel], Gel] | None = None
@@ -158,7 +161,7 @@ class Change:
 
     @property
     def endless(self) -> bool:
-        """Whether what it does is in the rest image, and so in all that follows."""
+        """Whether it affects the rest image, and so all later frames."""
         return self.acts in (in_the_rest_image, always)
 
 
@@ -166,7 +169,7 @@ ForceTables = dict[str, ContactTable]
 
 
 class World:
-    """The gel that the models were made for, and what disturbances make of it."""
+    """The gel of the models, and its views under disturbances."""
 
     def __init__(self, gel: Gel | None = None, indenters: Sequence[str] = tuple(INDENTERS)) -> None:
         self.gel = gel or Gel()
@@ -177,7 +180,7 @@ class World:
         self._kept: dict[tuple[Presses, ...], np.ndarray] = {}
 
     def frames(self, change: Change, plan: Plan) -> Iterator[tuple[Moment, np.ndarray]]:
-        """Every frame of a stream with its picture, cut as the camera node cuts it."""
+        """Every frame of a stream with its picture, cropped as by the camera node."""
         presses = random_presses(plan)
         if change.presses is not None:
             presses = change.presses(presses, self.tables)
@@ -191,7 +194,7 @@ class World:
             yield moment, under.picture(moment)
 
     def under(self, change: Change) -> View:
-        """What the camera sees while a disturbance comes and goes."""
+        """The camera's view in a stream with a disturbance."""
         gel, gone = self.gel, None
         if change.gel is not None:
             gel = change.gel(gel)
@@ -203,7 +206,7 @@ class World:
         return View(self, change, worn, noise)
 
     def light(self, during: tuple[Presses, ...], *, keep: bool = True) -> np.ndarray:
-        """Of the undisturbed gel, in grey levels before noise; kept for the presses that streams have in common."""
+        """Light of the undisturbed gel, in grey levels before noise; cached for presses that are in many streams."""
         if not keep:
             return self._optics.light(during)
         key = tuple(tuple(press for press in each if press.depth_mm > 0) for each in during)
@@ -214,7 +217,7 @@ class World:
 
 @dataclass(frozen=True)
 class View:
-    """What the camera sees under a disturbance: light by the optics that are `worn` by it, if any, in its `noise`."""
+    """The camera's view under a disturbance, with changed optics (`worn`), if any, and its `noise`."""
 
     world: World
     change: Change
@@ -231,11 +234,11 @@ class View:
         return self.change.light(light, moment) if acts and self.change.light is not None else light
 
     def variance(self, moment: Moment, light: np.ndarray) -> np.ndarray:
-        """Of the grey levels of a picture that such light makes."""
+        """Variance of the grey levels of a picture with this light."""
         return (self.noise if self.change.acts(moment) else self.world.noise).variance(light)
 
     def picture(self, moment: Moment) -> np.ndarray:
-        """What the camera delivers, cut as the camera node cuts it."""
+        """The picture from the camera, cropped as by the camera node."""
         acts, light = self.change.acts(moment), self.light(moment)
         picture = (self.noise if acts else self.world.noise).expose(light, FIRST_NS + moment.number)
         if acts and self.change.picture is not None:
@@ -248,7 +251,7 @@ def _captured(moment: Moment, presses: Callable[[int], Presses]) -> Moment:
 
 
 def _exposed(moment: Moment, speed_mm_s: float) -> tuple[Presses, ...]:
-    """What presses at two moments of the exposure, which have its mean and variance."""
+    """The presses at two moments of the exposure, which together have its mean and variance."""
     if speed_mm_s == 0 or moment.kind != HELD:
         return (moment.presses,)
     off_mm = speed_mm_s * EXPOSURE_S * GAUSS_POINT
@@ -259,5 +262,5 @@ def _exposed(moment: Moment, speed_mm_s: float) -> tuple[Presses, ...]:
 
 
 def force_n(moment: Moment, tables: ForceTables) -> float:
-    """The true normal force of all that presses."""
+    """The true normal force of all presses."""
     return math.fsum(tables[each.indenter].force_at(each.depth_mm) for each in moment.touching)

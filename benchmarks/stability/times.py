@@ -15,13 +15,13 @@ Moments = list[Moment]
 
 
 def dropped(moments: Moments, percent: float) -> Moments:
-    """Frames at random never arrive."""
+    """Random frames never arrive."""
     lost = np.random.default_rng(5).random(len(moments)) < percent / 100
     return [each for each, gone in zip(moments, lost, strict=True) if each.part != DURING or not gone]
 
 
 def doubled(moments: Moments, percent: float) -> Moments:
-    """Frames at random arrive twice, with the same stamp."""
+    """Random frames arrive twice, with the same stamp."""
     twice = np.random.default_rng(6).random(len(moments)) < percent / 100
     return [
         each
@@ -31,7 +31,7 @@ def doubled(moments: Moments, percent: float) -> Moments:
 
 
 def reordered(moments: Moments, by_frames: float) -> Moments:
-    """One frame in three arrives so many frames late."""
+    """One frame in three arrives late by `by_frames`."""
     places = [
         place + (by_frames + 0.5 if each.part == DURING and each.number % 3 == 0 else 0)
         for place, each in enumerate(moments)
@@ -40,7 +40,7 @@ def reordered(moments: Moments, by_frames: float) -> Moments:
 
 
 def late(moments: Moments, by_s: float) -> Moments:
-    """Every frame arrives so long after its capture."""
+    """Every frame arrives `by_s` after its capture."""
     return [dataclasses.replace(each, age_s=by_s) if each.part == DURING else each for each in moments]
 
 
@@ -54,7 +54,7 @@ def paced(moments: Moments, fps: float) -> Moments:
 
 
 def jumped(moments: Moments, by_s: float) -> Moments:
-    """The stamps of all frames of the disturbance are off by so much; then they are right again."""
+    """The stamps of all frames of the disturbance have an offset of `by_s`."""
     return [
         dataclasses.replace(each, stamp_ns=each.stamp_ns + round(by_s * NS_PER_S)) if each.part == DURING else each
         for each in moments
@@ -62,15 +62,15 @@ def jumped(moments: Moments, by_s: float) -> Moments:
 
 
 def stood_still(moments: Moments, _: float) -> Moments:
-    """All frames of the disturbance carry its first stamp."""
+    """All frames of the disturbance have the same stamp, that of the first."""
     first_ns = next(each.stamp_ns for each in moments if each.part == DURING)
     return [dataclasses.replace(each, stamp_ns=first_ns) if each.part == DURING else each for each in moments]
 
 
 def caught_once(moments: Moments, speed_mm_s: float) -> Moments:
-    """Each tip comes down at an even speed and goes up again: one frame catches it where it would be held.
+    """Each tip moves down at constant speed and up again; only one frame shows it at the depth of the hold.
 
-    The frames before show it as far above as it has come since.
+    The frames before show it at the height that follows from this speed.
     """
     arrived: dict[int, Moment] = {}
     for each in moments:
@@ -80,7 +80,7 @@ def caught_once(moments: Moments, speed_mm_s: float) -> Moments:
 
 
 def pressed_slowly(moments: Moments, speed_mm_s: float) -> Moments:
-    """Each tip goes on down at an even speed while it is held; the last frame shows it where it would have been."""
+    """Each tip moves down at constant speed during the hold; the last frame shows it at the depth of the hold."""
     last_ns: dict[int, int] = {each.press: each.stamp_ns for each in moments if each.kind == HELD}
     return [
         dataclasses.replace(
@@ -106,7 +106,7 @@ def _raised(presses: Presses, by_mm: float) -> Presses:
 
 
 def begun_late(moments: Moments, by_s: float) -> Moments:
-    """A pause between rest image and sensing, as after a pause of recording."""
+    """A pause between rest image and sensing."""
     return [
         each if each.kind == CAPTURE else dataclasses.replace(each, stamp_ns=each.stamp_ns + round(by_s * NS_PER_S))
         for each in moments

@@ -44,16 +44,16 @@ WORST = ('p50', 'p99', 'worst')
 
 
 def measured(arguments: argparse.Namespace, _: Run) -> Result:
-    """All stops at each feed."""
+    """Measure all stops at each feed."""
     found = {feed: measure(feed, arguments.stops, arguments.divider) for feed in arguments.feeds}
     return {'limit_n': LIMIT_N, 'feeds': {f'{feed:g} mm/min': _result(stops) for feed, stops in found.items()}}
 
 
 def measure(feed_mm_min: float, stops: int, divider: int = 7) -> list[Seen]:
-    """Go down into the gel that often, each time until the force limit stops it.
+    """Move down into the gel `stops` times, each time until the force limit stops the tip.
 
     Raises:
-        DeviceError: a device failed, or the limit did not act.
+        DeviceError: a device failed, or the limit did not stop the tip.
     """
     with tempfile.TemporaryDirectory() as folder, _rig(Path(folder), divider) as (rig, cnc, force_torque):
         limits = LimitSettings(force_n=LIMIT_N, force_rate_n_s=1e6, force_silence_ms=2000.0)
@@ -73,7 +73,7 @@ def _result(stops: Sequence[Seen]) -> dict[str, Any]:
 
 
 def measures(stops: Sequence[Seen]) -> list[tuple[str, list[float], str]]:
-    """What is told of the stops."""
+    """The measures of the stops: name, values, unit."""
     return [
         ('sample to stop on the wire', [(each.stop_ns - each.sample_ns) / 1e6 for each in stops], 'ms'),
         ('sample to rest', [(each.rest_ns - each.sample_ns) / 1e6 for each in stops], 'ms'),
@@ -83,7 +83,7 @@ def measures(stops: Sequence[Seen]) -> list[tuple[str, list[float], str]]:
 
 
 def summary(values: Sequence[float]) -> tuple[float, float, float]:
-    """Median, 99th percentile (the value that one in a hundred exceeds) and the worst. 1 to 100: 50.5, 99.01, 100."""
+    """Median, 99th percentile and maximum. The numbers 1 to 100 give 50.5, 99.01 and 100."""
     return float(np.median(values)), float(np.percentile(values, 99)), max(values)
 
 
@@ -101,7 +101,7 @@ def _rig(folder: Path, divider: int) -> Iterator[tuple[Worker, CncSettings, Forc
 
 
 def _one(station: Station, settings: CollectionSettings, rig: Worker, feed_mm_min: float) -> Seen:
-    """One stop; a stop for another reason than the force, as a busy machine brings it about, is not counted."""
+    """One stop. Stops for another reason than the force, as on a busy machine, are repeated."""
     reason = ''
     for _ in range(PATIENCE):
         try:
@@ -139,7 +139,7 @@ def _down(feed_mm_min: float) -> Procedure[None]:
 
 
 def told(result: Mapping[str, Any]) -> str:
-    """The table: a row for each feed and measure."""
+    """The table with a row for each feed and measure."""
     rows = []
     for feed, found in result['feeds'].items():
         numbers = {name: each for name, each in found.items() if isinstance(each, dict)}

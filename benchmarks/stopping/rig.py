@@ -1,4 +1,4 @@
-"""The rig of the stopping benchmark: emulated devices in a process of its own that watches force, wire and tip."""
+"""The rig of the stopping benchmark: emulated devices in a separate process that monitors force, line and tip."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ QUIET = {ord('?')}
 STEP_NS = NS_PER_S // 2000
 WATCHED_S = 2.0
 NEVER = -1
-NOISE = (2e-5, 2e-6)  # N and N m: a sensor without any would count as one that stands still, and more would be seen
+NOISE = (2e-5, 2e-6)  # N and N m: without noise the sensor would count as frozen; more would affect the result
 
 
 @dataclass
 class Seen:
-    """What happened at one stop, by the rig's own clock, which is that of the host.
+    """Measurements at one stop, with times of the host's clock.
 
     Attributes:
-        sample_ns: when the first sample above the limit was taken.
-        stop_ns: when the stop arrived at the controller.
-        rest_ns: when the tip was at rest.
-        before: bytes that arrived in between.
-        sample_n: the force of that sample; greatest_n: the greatest until the tip went up again.
-        way_mm: how far the tip went on down from that sample.
+        sample_ns: time of the first sample above the limit.
+        stop_ns: arrival of the stop at the controller.
+        rest_ns: time when the tip was at rest.
+        before: bytes that arrived between sample and stop.
+        sample_n: force of that sample; greatest_n: largest force until the tip was at rest.
+        way_mm: distance that the tip moved down after that sample.
     """
 
     sample_ns: int = NEVER
@@ -49,7 +49,7 @@ class Seen:
 
 @dataclass
 class Watch:
-    """What is looked for."""
+    """The force limit, and the measurements so far."""
 
     limit_n: float
     seen: Seen = field(default_factory=Seen)
@@ -58,7 +58,7 @@ class Watch:
 
 
 class WatchedForce:
-    """Notes the first sample above the limit."""
+    """Records the first sample above the limit."""
 
     def __init__(self, world: World, watch: Watch) -> None:
         self._mounted = Mounted(world)
@@ -75,7 +75,7 @@ class WatchedForce:
 
 
 class WatchedGrbl(Grbl):
-    """Notes what arrives after that sample."""
+    """Records the bytes that arrive after that sample."""
 
     watch: Watch
 
@@ -90,7 +90,7 @@ class WatchedGrbl(Grbl):
 
 
 def serve(pipe: Connection, folder: Path, limit_n: float, divider: int) -> None:
-    """The process: 'arm' begins to look, 'tell' gives what was seen."""
+    """The process: 'arm' starts a measurement, 'tell' returns it."""
     clock, watch = SystemClock(), Watch(limit_n)
     world = World()
     grbl = WatchedGrbl(world, clock)
@@ -107,7 +107,7 @@ def serve(pipe: Connection, folder: Path, limit_n: float, divider: int) -> None:
 
 
 def _followed(world: World, seen: Seen) -> Seen:
-    """The tip from the sample to the first rest, out of the world's memory."""
+    """Add the motion of the tip from the sample to the first rest, from the world's history."""
     if NEVER in {seen.sample_ns, seen.stop_ns}:
         return seen
     begin, time_ns = world.tip_at(seen.sample_ns)[2], seen.sample_ns

@@ -31,14 +31,14 @@ RATES_HZ = (5.0, 10.0, 20.0)
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """One part, on a bus of its own."""
+    """Measure one part, on a separate bus."""
     (part,) = arguments.only
     with tempfile.TemporaryDirectory(prefix='ts') as scratch, own_bus(Path(scratch) / 'run'):
         return measure(part, arguments, Path(scratch) / part, run.progress)
 
 
 def measure(part: str, arguments: argparse.Namespace, folder: Path, progress: Progress) -> Result:
-    """One part. Raises ConfigurationError if sensing does not come up."""
+    """Measure one part. Raises ConfigurationError if sensing does not start."""
     folder.mkdir(parents=True)
     if part == 'kills':
         chosen = [victim for victim in VICTIMS if arguments.kill is None or victim.process in arguments.kill]

@@ -1,4 +1,4 @@
-"""There is no broker to kill. What stands in its place, the run folder, is spoilt in each way; and garbage is sent."""
+"""Damages the run folder in several ways, because the bus has no broker to kill; and sends invalid messages."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ SPOILT: dict[str, Callable[[Path], None]] = {
 
 @dataclass(frozen=True)
 class Spoilt:
-    """A fault of the run folder under a running sensor.
+    """A fault of the run folder during sensing.
 
     Attributes:
-        forces: that one who was connected before received in the 4 s after it; `before`: in the 4 s before it.
-        newcomer_s: until one who joins afterwards hears the forces; NaN: not within 10 s.
+        forces: forces that an existing subscriber received in the 4 s after it; `before`: in the 4 s before it.
+        newcomer_s: time until a new subscriber gets forces; NaN: not within 10 s.
         died: processes of the launch that ended.
     """
 
@@ -70,7 +70,7 @@ class Spoilt:
 
 
 def spoil(running: Sensor, what: str, watch_s: float = WATCH_S) -> Spoilt:
-    """One fault, and what it costs."""
+    """Apply one fault, and measure its effect."""
     folder = run_directory() / f'd{domain_from_environment()}'
     alive = _alive(running)
     before = len(running.watch(running.clock.now_ns() + round(watch_s * NS_PER_S)))
@@ -92,7 +92,7 @@ def _newcomer(running: Sensor) -> float:
 
 
 def garbage(running: Sensor, frames: int, watch_s: float = WATCH_S, seed: int = 1) -> dict[str, Any]:
-    """Random frames to every socket of a running sensor, and random messages of every topic; what became of it."""
+    """Send random frames to every socket of a running sensor, and random messages of every topic; counts effects."""
     chance = random.Random(seed)  # noqa: S311 - garbage
     alive = _alive(running)
     sockets = _to_sockets(frames, chance)
@@ -108,7 +108,7 @@ def garbage(running: Sensor, frames: int, watch_s: float = WATCH_S, seed: int = 
 
 
 def _to_sockets(frames: int, chance: random.Random) -> int:
-    """To each socket file there is, as a subscriber that says nonsense and as a caller that calls nonsense."""
+    """Send random frames to each socket file, as a subscriber or as a caller of a service."""
     folder = run_directory() / f'd{domain_from_environment()}'
     found = sorted(folder.glob('*.sock'))
     with zmq.Context() as context:
@@ -124,7 +124,7 @@ def _to_sockets(frames: int, chance: random.Random) -> int:
 
 
 def _to_topics(frames: int, chance: random.Random) -> int:
-    """From a forged participant that announces itself as a publisher of every topic."""
+    """Send random messages from a forged participant that announces itself as a publisher of every topic."""
     meeting = Meeting('f0f0f0f0', domain_from_environment())
     sent = 0
     with zmq.Context() as context:
@@ -139,7 +139,7 @@ def _to_topics(frames: int, chance: random.Random) -> int:
         participant = Participant('f0f0f0f0', os.getpid(), 'here', ('/forger',), tuple(ends))
         meeting.announce(Record(participant, tuple(outlets), meeting.socket_address(0)))
         for socket, outlet in zip(sockets, outlets, strict=True):
-            if socket.poll(2000):  # somebody listens
+            if socket.poll(2000):  # there is a subscriber
                 key = wire.type_key(outlet.type_name)
                 for number in range(frames):
                     head = wire.pack_header(outlet.gid.encode(), key, number + 1, 1)

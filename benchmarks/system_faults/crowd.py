@@ -1,4 +1,4 @@
-"""Too many of everything: a hundred nodes, each a process, and sixteen sensors, on one bus."""
+"""Overload: a hundred nodes, each in its own process, and sixteen sensors, on one bus."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ _CONTEXT.set_forkserver_preload(['benchmarks.system_faults.crowd'])
 
 
 class LightNode(Node):
-    """Does nothing but what every node does: diagnostics, log, parameters."""
+    """A node with only the common functions: diagnostics, log, parameters."""
 
     NAME = 'light'
 
 
 def many_nodes(count: int, idle_s: float, progress: Progress) -> dict[str, Any]:
-    """So many processes of one node each: how long until one of them knows all, and what they cost at rest."""
+    """Start `count` processes of one node each; measures the time until all are known, and their cost at rest."""
     clock, bus = SystemClock(), ZmqBus()
     try:
         start_ns = clock.now_ns()
@@ -69,7 +69,7 @@ def many_nodes(count: int, idle_s: float, progress: Progress) -> dict[str, Any]:
 
 
 def many_sensors(count: int, rates_hz: Sequence[float], seconds: float, progress: Progress) -> list[dict[str, Any]]:
-    """So many sensors in namespaces of their own, two processes of nodes: which share of the images is answered."""
+    """Run `count` sensors in separate namespaces, in two processes; measures the share of images with a force."""
     clock, bus = SystemClock(), ZmqBus()
     kind = topics.FORCE_DISTRIBUTION
     ends = [bus.subscribe(f'/s{number:02d}/{kind.name}', kind.type_name, Qos('queue', 4000)) for number in range(count)]
@@ -91,7 +91,7 @@ def many_sensors(count: int, rates_hz: Sequence[float], seconds: float, progress
 
 
 def _answered(ends: Sequence[Any], images: float) -> dict[str, Any]:
-    """Of all images, and of the sensor with the fewest answers; `mixed` counts answers to another sensor's image."""
+    """Shares of images with a force, over all and for the worst sensor; `mixed` counts forces for a wrong sensor."""
     counts, mixed, late_ms = [], 0, []
     for number, end in enumerate(ends):
         count = 0
@@ -108,7 +108,7 @@ def _answered(ends: Sequence[Any], images: float) -> dict[str, Any]:
 
 
 def _place() -> dict[str, str]:
-    """Where this process meets others; the server that makes the children may have begun elsewhere."""
+    """The environment of this process's bus; the fork server may have started with another one."""
     return {name: os.environ[name] for name in ('TACTILE_RUN_DIR', 'ROS_DOMAIN_ID') if name in os.environ}
 
 
@@ -136,7 +136,7 @@ def _sense(said: Connection, numbers: Sequence[int], model: str) -> None:
 
 
 def _film(said: Connection, count: int, rate_hz: float, seconds: float) -> None:
-    """Cameras of noise; the last two digits of a stamp tell the sensor."""
+    """Cameras with a random pattern; the last two digits of a stamp identify the sensor."""
     clock, bus, rng = SystemClock(), ZmqBus(), np.random.default_rng(3)
     pattern = np.kron(rng.integers(40, 200, (SIDE_PX // 4, SIDE_PX // 4)), np.ones((4, 4))).astype(np.uint8)
     kind = topics.IMAGE
@@ -148,14 +148,14 @@ def _film(said: Connection, count: int, rate_hz: float, seconds: float) -> None:
         for number, end in enumerate(ends):
             at_ns = clock.now_ns() // 100 * 100 + number
             end.publish(conversions.image_message(pattern + frame % 3, conversions.header(at_ns, 'camera')))
-    clock.sleep_until(clock.now_ns() + NS_PER_S // 2)  # what has been sent may still be under way
+    clock.sleep_until(clock.now_ns() + NS_PER_S // 2)  # for messages that are still on their way
     bus.close()
     said.send('done')
 
 
 @contextmanager
 def _children(tasks: Sequence[tuple[Any, tuple[Any, ...]]]) -> Iterator[list[BaseProcess]]:
-    """Processes, each of which has said that it is ready, or done; killed in the end."""
+    """Start processes, and wait until each has reported that it is ready or done; kill them at the end."""
     children: list[BaseProcess] = []
     told = []
     for target, arguments in tasks:

@@ -1,4 +1,4 @@
-"""Files that were cut off or altered: a bag at every byte, and a model file at as many bytes as there is time for."""
+"""Damaged files: a bag truncated at every byte, and a model file with one changed byte at many places."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ HEAD_BYTES = 64
 
 @dataclass
 class Damaged:
-    """What became of damaged files.
+    """The results with damaged files.
 
     Attributes:
-        tried: how many.
-        outcomes: how often it was read, wholly or in part, and refused in one sentence.
-        wrong: what must not be, in words: another exception, a message that nobody wrote, a sentence of several lines.
+        tried: number of files.
+        outcomes: how often a file was read, wholly or in part, or refused in one sentence.
+        wrong: failures, as text: another exception, a message that was not written, a reason with several lines.
     """
 
     what: str
@@ -44,7 +44,7 @@ class Damaged:
 
 
 def bag_cuts(folder: Path, progress: Progress, every: int = 1) -> list[dict[str, Any]]:
-    """A small bag, plain and compressed, cut after each byte."""
+    """Read a small bag, plain and compressed, truncated after each byte."""
     return [_cuts(folder, compression, every, progress).told() for compression in ('none', 'zstd')]
 
 
@@ -66,14 +66,14 @@ def _cuts(folder: Path, compression: str, every: int, progress: Progress) -> Dam
                 found.outcomes['read up to the cut' if read else 'read, no message in it yet'] += 1
             except TactileError as error:
                 _refused(found, error, f'cut at {size}')
-            except Exception as error:  # noqa: BLE001 - that there is none is what is looked at
+            except Exception as error:  # noqa: BLE001 - any other exception is a failure
                 found.wrong.append(f'cut at {size}: {error!r}')
             bar.advance()
     return found
 
 
 def model_bytes(folder: Path, name: str, count: int, progress: Progress, seed: int = 1) -> dict[str, Any]:
-    """A model file that ships, one byte altered at a time: the first ones, and as many drawn by chance as asked for."""
+    """Load a shipped model file with one changed byte: the first bytes in turn, then random ones, `count` in all."""
     file = find_model(name)
     data, altered = file.read_bytes(), folder / 'altered.safetensors'
     chance = random.Random(seed)  # noqa: S311 - places, not secrets
@@ -89,7 +89,7 @@ def model_bytes(folder: Path, name: str, count: int, progress: Progress, seed: i
                 found.wrong.append(f'byte {place} altered by {flip}: taken')
             except TactileError as error:
                 _refused(found, error, f'byte {place} altered by {flip}')
-            except Exception as error:  # noqa: BLE001 - that there is none is what is looked at
+            except Exception as error:  # noqa: BLE001 - any other exception is a failure
                 found.wrong.append(f'byte {place} altered by {flip}: {error!r}')
             bar.advance()
     return found.told()

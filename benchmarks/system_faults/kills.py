@@ -1,4 +1,4 @@
-"""kill -9 of each process of live sensing while the gel is touched: how long is it blind, is it right afterwards?"""
+"""kill -9 of each process of live sensing during contact: time without forces, and errors afterwards."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WATCH_S, LEAST_GAP_S = 20.0, 0.25
 
 @dataclass(frozen=True)
 class Victim:
-    """A process of the launch, the node that tells that it is back, and the words of the launch that has it."""
+    """A process to kill, the node that shows its return, and the arguments of its launch."""
 
     process: str
     node: str
@@ -47,17 +47,17 @@ VICTIMS = (
 
 @dataclass
 class Kill:
-    """What a kill did.
+    """The effect of a kill.
 
     Attributes:
-        blind_s: from the kill to the end of the longest time without a force that is not invalid.
-        missed: images, 60 a second, of that time.
-        back_s: until the node was on the bus again; NaN: not while it was watched.
-        before_n, after_n: greatest error of the force against the truth while touched, of the last second before the
-            kill and of the rest of the same touch after it; NaN where there was no touch left.
-        same_rest, same_model: whether rest image and model were those from before; None: no force came.
-        found: what else was looked at.
-        load: of the machine.
+        blind_s: time from the kill to the end of the longest gap without a valid force.
+        missed: number of images in that gap, at 60 per second.
+        back_s: time until the node was on the bus again; NaN: not during the observation.
+        before_n, after_n: largest force error during contact, in the last second before the kill and in the rest of
+            the same contact after it; NaN without contact.
+        same_rest, same_model: whether rest image and model were the same as before; None: no force came.
+        found: other results.
+        load: load of the machine.
     """
 
     process: str
@@ -74,7 +74,7 @@ class Kill:
 
 @dataclass
 class _Return:
-    """Notes when a node is back on the bus, and when the page is."""
+    """Records when a node, and the page, is back."""
 
     running: Sensor
     victim: Victim
@@ -95,7 +95,7 @@ class _Return:
 
 
 def kills(folder: Path, victims: Sequence[Victim], period_s: float, progress: Progress) -> list[dict[str, Any]]:
-    """Kill each in turn, those of a launch in the same one."""
+    """Kill each process in turn; processes with the same launch arguments share a launch."""
     found = []
     with progress.bar('kill -9', len(victims)) as bar:
         for number, words in enumerate(dict.fromkeys(victim.words for victim in victims)):
@@ -129,10 +129,10 @@ def _kill(running: Sensor, victim: Victim) -> Kill:
 
 
 def blindness(killed_ns: int, good: Sequence[Seen]) -> tuple[float, int]:
-    """Seconds from the kill to the end of the longest gap between forces, and how many images that gap holds.
+    """Seconds from the kill to the end of the longest gap between forces, and the number of images in that gap.
 
-    Forces published 0.1, 0.2 and 1.5 s after the kill make 1.5 s, and a gap of 1.3 s holds 77 images between its ends.
-    A gap of less than a quarter of a second is none: 0 s.
+    Forces published 0.1, 0.2 and 1.5 s after the kill give 1.5 s, and a gap of 1.3 s has 77 images between its ends.
+    A gap of less than a quarter of a second does not count: 0 s.
     """
     if not good:
         return float('nan'), 0
@@ -144,13 +144,13 @@ def blindness(killed_ns: int, good: Sequence[Seen]) -> tuple[float, int]:
 
 
 def _worst(running: Sensor, seen: Sequence[Seen]) -> float:
-    """The greatest error while something touched, [N]."""
+    """The largest force error during contact [N]."""
     known = ((each, running.truths.get(each.stamp_ns, 0.0)) for each in seen)
     return max((abs(each.total_n - true_n) for each, true_n in known if true_n > TOUCHED_N), default=float('nan'))
 
 
 def _recorded(folder: Path) -> str:
-    """What the bags of a recorder that was killed hold, and how long nothing was recorded between them."""
+    """The content of the bags of a killed recorder, and the gap between them, as text."""
     ends = []
     for bag in sorted(folder.glob('rosbag2_*')):
         with BagReader(bag) as reader:

@@ -1,4 +1,4 @@
-"""The page of the faults of the whole system, and what of it is wrong."""
+"""The page of the faults of the whole system, and the list of failures."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ time was changed: each of the first 64, and others at random."""
 
 
 def complaints(parts: Mapping[str, Any]) -> list[str]:
-    """What is wrong, in words."""
+    """The failures, as sentences."""
     checks: dict[str, Callable[[Any], list[str]]] = {'kills': _kills, 'bus': _bus, 'crowd': _crowd, 'files': _files}
     return [text for name, check in checks.items() if name in parts for text in check(parts[name])]
 
 
 def page(parts: Mapping[str, Any]) -> str:
-    """All tables there are."""
+    """The page with the tables of all measured parts."""
     makers = {'kills': kills_page, 'bus': bus_page, 'crowd': crowd_page, 'files': files_page}
     texts = [HEAD.strip()]
     for name, make in makers.items():

@@ -1,4 +1,4 @@
-"""A real ``tactile launch live`` whose tip presses for seconds, and whoever watches its forces against the truth."""
+"""A real ``tactile launch live`` with presses that last seconds; its forces are compared with the truth."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ CONFIG = """\
 /**/force_estimator: {{ros__parameters: {{least_confidence: 0.85}}}}
 """
 SHARE_DOWN, SHARE_LIFTS = 0.4, 0.65
-"""Shares of a period at which the tip has arrived and starts up (`simulation.scene.PressSchedule`)."""
+"""Shares of a period at which the tip has arrived, and starts to move up (`simulation.scene.PressSchedule`)."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """One force: when it was published, the stamp of its image, and what it says."""
+    """One force: its time of publication, the stamp of its image, and its content."""
 
     published_ns: int
     stamp_ns: int
@@ -51,14 +51,14 @@ class Sensor:
 
     Attributes:
         launch: its processes.
-        bus: of the one who watches.
-        clock: the host's.
-        start_ns: when its first period began.
-        period_s: from press to press.
+        bus: the bus of the subscriber.
+        clock: the host's clock.
+        start_ns: start of its first period.
+        period_s: time from press to press.
         page: the address of its page.
-        bags: where its recorder writes.
-        truths: what truly pressed [N], by the stamp of the image.
-        malformed: messages that were none.
+        bags: folder of its recorder.
+        truths: true force [N], by the stamp of the image.
+        malformed: number of invalid messages.
     """
 
     launch: Launch
@@ -76,7 +76,7 @@ class Sensor:
         self._truth = self._subscribe(topics.TRUE_FORCE)
 
     def watch(self, until_ns: int, look: Callable[[], None] = lambda: None) -> list[Seen]:
-        """The forces that come until then; `look` is called at least ten times a second."""
+        """The forces received until `until_ns`; `look` is called at least ten times a second."""
         seen = []
         while self.clock.now_ns() < until_ns:
             received = self._forces.get(0.1)
@@ -90,14 +90,14 @@ class Sensor:
         return seen
 
     def await_touch(self) -> None:
-        """Return when the tip has just arrived in the gel, with as much time as ever until it leaves."""
+        """Wait until the tip has just arrived in the gel, so that the whole contact is left."""
         share = (self.clock.now_ns() - self.start_ns) / NS_PER_S / self.period_s
         number = int(share) + (share % 1.0 > SHARE_DOWN)
         self.watch(self.start_ns + round((number + SHARE_DOWN) * self.period_s * NS_PER_S))
 
     @property
     def touches_until_ns(self) -> int:
-        """When the tip starts up again."""
+        """The time when the tip starts to move up again."""
         number = (self.clock.now_ns() - self.start_ns) // round(self.period_s * NS_PER_S)
         return self.start_ns + round((number + SHARE_LIFTS) * self.period_s * NS_PER_S)
 
@@ -109,7 +109,7 @@ class Sensor:
                 raise ConfigurationError(result.reason)
 
     def call(self, service: str) -> str:
-        """Call a trigger; what it says. Raises ServiceError."""
+        """Call a trigger service; returns its message. Raises ServiceError."""
         return str(self.bus.call(service, services.TRIGGER, types.Trigger_Request(), 10.0).message)
 
     def has(self, node: str) -> bool:
@@ -133,10 +133,10 @@ def _seen(received: Received) -> Seen:
 
 @contextmanager
 def sensor(folder: Path, period_s: float, *words: str) -> Iterator[Sensor]:
-    """Start one, wait for its first force, and end it with all its processes.
+    """Start a sensor, and wait for its first force; at the end, stop all its processes.
 
     Raises:
-        ConfigurationError: it does not come up.
+        ConfigurationError: it does not start.
     """
     folder.mkdir(parents=True, exist_ok=True)
     clock = SystemClock()

@@ -50,18 +50,18 @@ if TYPE_CHECKING:
     from tactile_nodes.simulation.gel import Gel
 
 TEST_FRAMES, TEST_SEED, UNTOUCHED = 1500, 5003, 20
-"""A fifth of the frames are without contact, all others are tested; nothing was learned from presses of this seed."""
+"""A fifth of the frames are without contact, all others are tested; no training uses presses of this seed."""
 TRAINED_PRESSES, TRAINED_SEED = 3000, 5005
-"""On the very gel, by so many presses anywhere; at other places than those tested."""
+"""Presses to train a model on the tested gel; at random places, which differ from those of the test."""
 LEAST_TRAINED, TRAINED_UNTOUCHED = 150, 40
-"""About so many frames are without contact at least."""
+"""The least number of presses for this training, and the approximate minimum of frames without contact."""
 MANY_PRESSES = 400
-"""On each of the gels that a model without any press of the new gel is trained on; none of them is a test gel."""
+"""Presses on each gel for a model that needs no press on the new gel; none of these gels is a test gel."""
 REFUSED = 'refused'
 
 
 def measured(arguments: argparse.Namespace, run: Run) -> Result:
-    """On so many gels."""
+    """Measure the requested number of gels."""
     from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.model_file import find_model, load_model
 
@@ -78,7 +78,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
 
 
 def name_of(arguments: argparse.Namespace) -> str:
-    """Other gels, and another number of pictures, make other results."""
+    """The name of the result, which depends on the gels and the number of pictures."""
     seed, pictures = arguments.gels_seed, arguments.pictures
     gels = '' if seed == TESTED_SEED else f'_gels_{seed}'
     return f'transfer{gels}' + ('' if pictures == PICTURES else f'_pictures_{pictures}')
@@ -89,14 +89,14 @@ def measure(
     counts: Sequence[int] = COUNTS, frames: int = TEST_FRAMES, trained: int = 0,
     pictures: int = PICTURES, part: Part = at_once,
 ) -> tuple[Score, list[Score]]:  # fmt: skip
-    """The model's score on its own gel, and all further scores; with a model of `many` further gels beside.
+    """The model's score on its own gel, and all further scores, also of a model of `many` other gels unless 0.
 
-    Every gel is calibrated by `counts` presses, of so many `pictures` each, and tested on those of `frames` frames.
-    Where `trained` is not 0 a model is trained on each of them by so many presses, and on the model's own gel, which
-    tells what their number does.
+    Every gel is calibrated with `counts` presses, of `pictures` each, and tested on `frames` frames. Unless `trained`
+    is 0, a model is trained on each gel with that number of presses; the same on the model's own gel shows the effect
+    of this number.
 
     Raises:
-        ModelError: it cannot be transferred.
+        ModelError: the model cannot be transferred.
     """
     from tactile_nodes.learning.evaluation.evaluate import config_of
     from tactile_nodes.learning.transfer.checks import source_readout
@@ -145,7 +145,7 @@ def _of_many(loaded: LoadedModel, gel: Gel, many: int, progress: Progress) -> Ax
 
 
 def _trained(loaded: LoadedModel, gel: Gel, number: int, presses: int, tested: Dataset, progress: Progress) -> Score:
-    """The score of a model trained in full on the very gel, with as many profiles as a calibration takes over."""
+    """The score of a model trained in full on this gel, with the same number of profiles as a calibrated one."""
     from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
     from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig
     from tactile_nodes.learning.datasets.simulated import simulate
@@ -153,7 +153,7 @@ def _trained(loaded: LoadedModel, gel: Gel, number: int, presses: int, tested: D
 
     known = source_readout(loaded).response
     config = AxisymmetricConfig(lateral=known.lateral, vertical=len(known.profiles) - known.lateral)
-    # By default random presses lie a little further out and deeper than those tested, as the source's own ones do.
+    # By default, random presses reach a little further out and deeper than the tested ones, as for the source model.
     data = DataConfig(seed=TRAINED_SEED, crop=loaded.card['crop_px'])
     at_rest = max(data.without_contact, TRAINED_UNTOUCHED / (presses + TRAINED_UNTOUCHED))
     data = dataclasses.replace(data, presses=round(presses / (1 - at_rest)), without_contact=at_rest)
@@ -165,26 +165,26 @@ def _trained(loaded: LoadedModel, gel: Gel, number: int, presses: int, tested: D
 
 
 def _rest_of(dataset: Dataset) -> np.ndarray:
-    """What the first images of the untouched gel show, which needs no press."""
+    """The mean features of the first images of the untouched gel, which need no press."""
     untouched = np.flatnonzero(dataset.presses[:, 2] <= 0)[:UNTOUCHED]
     mean: np.ndarray = dataset.features[untouched].astype(np.float32).mean(axis=0)
     return mean
 
 
 def _at_rest(readout: AxisymmetricReadout, rest: np.ndarray) -> AxisymmetricReadout:
-    """The readout about the new gel's own rest."""
+    """The readout, relative to the new gel at rest."""
     return dataclasses.replace(readout, scaling=dataclasses.replace(readout.scaling, mean=rest))
 
 
 def _presses(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int) -> Dataset:
-    """Presses at random places and depths, to learn from."""
+    """Presses at random places and depths, for training."""
     from tactile_nodes.learning.datasets.pressed_gels import anywhere
 
     return anywhere(_config(loaded, gel), progress, frames)
 
 
 def _tested(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int) -> tuple[Dataset, np.ndarray]:
-    """Presses to test on, at the same random places and depths on every gel; and what the gel shows at rest."""
+    """Presses for the test, at the same random places and depths on every gel; and the features at rest."""
     from tactile_nodes.learning.datasets.pressed_gels import anywhere
 
     dataset = anywhere(_config(loaded, gel), progress, frames, TEST_SEED)
@@ -192,7 +192,7 @@ def _tested(loaded: LoadedModel, gel: Gel, progress: Progress, frames: int) -> t
 
 
 def _planned(loaded: LoadedModel, gel: Gel, progress: Progress, pictures: int = 1) -> Dataset:
-    """As many presses of the plan of a calibration as the longest one has, about a rest image of their own."""
+    """All presses of the longest calibration plan, with their own rest image."""
     from tactile_nodes.learning.datasets.pressed_gels import planned
 
     return planned(_config(loaded, gel), progress, pictures)
@@ -208,7 +208,7 @@ def _config(loaded: LoadedModel, gel: Gel) -> TrainConfig:
 def _on_gel(
     source: AxisymmetricReadout, planned: Dataset, tested: Dataset, number: int, counts: Sequence[int]
 ) -> list[Score]:
-    """Scores of all that `planned` presses make of the source, on the presses of another data set."""
+    """Scores of all calibrations of the source with the `planned` presses, on the presses of another data set."""
     from tactile_nodes.learning.datasets.pressed_gels import first_presses
     from tactile_nodes.learning.transfer.fit import transfer
 
@@ -231,7 +231,7 @@ def _on_gel(
 
 
 def _alone(few: Dataset, presses: int, source: AnyReadout) -> ResponseReadout:
-    """A response fitted to the few presses alone, as finely as they allow."""
+    """A response fitted to the few presses alone, with a resolution that depends on their number."""
     from tactile_nodes.learning.config import ResponseConfig
     from tactile_nodes.learning.measured.fit import fit_response
     from tactile_nodes.learning.progress import Progress

@@ -1,4 +1,4 @@
-"""The page of transfer: errors against presses as a table and a figure, and the gels they were measured on."""
+"""The page of transfer: errors against presses as a table and a figure, and the tested gels."""
 
 from __future__ import annotations
 
@@ -75,12 +75,12 @@ Ratios to the source model on its own gel, for errors in newtons (in brackets: f
 `force ratio` is the mean force of the gel divided by that of the source gel at the same depths. A gel that is read as
 well as the source's own gel has this number in newtons, and 1 in brackets."""
 AIMS = {100: 1.1, 25: 1.5}
-"""Times the source's own error, by presses."""
+"""Largest error relative to the source's own error, by number of presses."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What the page tells of, with the errors of chance that the JSON file does not hold."""
+    """The content of the page, with the statistical errors that are not in the JSON file."""
 
     own: Score
     scores: Sequence[Score]
@@ -146,7 +146,7 @@ def _of_trained(trained: Sequence[Score]) -> list[str]:
 
 
 def _against_each(own: Score, scores: Sequence[Score], trained: Sequence[Score]) -> list[str]:
-    """What of the errors is the gels' and what the calibrations', where models were trained on each gel."""
+    """Separate the errors due to the gels from those due to calibration, if models were trained on each gel."""
     levels = [each for each in scores if each.way == TRAINED]
     if not levels:
         return []
@@ -164,7 +164,7 @@ def _against_each(own: Score, scores: Sequence[Score], trained: Sequence[Score])
 
 
 def _aims(own: Score, scores: Sequence[Score]) -> list[Aim]:
-    """Times the source's own error, by presses."""
+    """The aims: error relative to the source's own error, by number of presses."""
     return [
         Aim(f'{presses} presses', f'{AIMS[presses]:.1f}x' if presses in AIMS else '', partial(_reached, own, chosen))
         for presses, chosen in _calibrated(scores).items()
@@ -183,13 +183,13 @@ def _of_force(own: Score, scores: Sequence[Score]) -> list[list[str]]:
 
 
 def _calibrated(scores: Sequence[Score]) -> dict[int, list[Score]]:
-    """The scores of calibrations by their presses, where there are any."""
+    """The scores of calibrations by number of presses; numbers without scores are left out."""
     of = {n: [each for each in scores if (each.way, each.presses) == (CALIBRATED, n)] for n in COUNTS}
     return {presses: chosen for presses, chosen in of.items() if chosen}
 
 
 def _gel_by_gel(own: Score, scores: Sequence[Score]) -> list[str]:
-    """What of the worst is due to how much force a gel bears at a depth."""
+    """Ratios gel by gel, which show the part due to the gel's force at a depth."""
     asked = {f'{presses} presses': (CALIBRATED, presses) for presses in sorted(AIMS)}
     asked |= {each.way: (TRAINED, each.presses) for each in scores if each.way == TRAINED}
     asked = {told: way for told, way in asked.items() if way in {(each.way, each.presses) for each in scores}}
@@ -216,7 +216,7 @@ def _gel(number: int, gel: Gel) -> list[str]:
 
 
 def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
-    """Error against number of presses: median over the gels as lines, all gels as a band.
+    """Plot the error against the number of presses: median over the gels as lines, all gels as a band.
 
     Raises:
         ConfigurationError, DatasetError: see `tactile_nodes.learning.figures`.
@@ -243,7 +243,7 @@ def draw(result: Mapping[str, Any], folder: Path, name: str) -> None:
 
 
 def _band(panel: Any, name: str, trained: Sequence[Score]) -> None:
-    """The level of models trained on each gel: the median, and all of them as a band."""
+    """Draw the level of models trained on each gel: the median as a line, all of them as a band."""
     if not trained:
         return
     values = [getattr(each, name) for each in trained]

@@ -1,8 +1,8 @@
-"""How well a readout does on presses, and by how much chance has a part in that.
+"""Scores of a readout on presses, and their statistical errors.
 
-The paper's aRMSE is ruled by the few presses that lie closer to a border between bins than their place is known: some
-eight of 1200 on the paper's grid. Where the borders lie is nothing that a gel knows of. So the aRMSE is taken too as
-the mean over many placements of the same grid, in which every press lies close to a border now and then.
+The paper's aRMSE depends mostly on the few presses whose distance to a border between bins is smaller than the error of
+their place: some eight of 1200 on the paper's grid. But the borders are not a property of the gel. So the aRMSE is also
+computed as the mean over many placements of the same grid, where every press is sometimes close to a border.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ if TYPE_CHECKING:
     from tactile_nodes.sensing.explain.arrays import AnyReadout
 
 COUNTS, PICTURES = (10, 25, 50, 100), 8
-"""Presses to calibrate by, and pictures of each: as many as config/calibrate.yaml has the rig take."""
+"""Numbers of presses for calibration, and pictures of each, as in config/calibrate.yaml."""
 AS_IT_IS, MANY, CALIBRATED, ALONE = 'as it is', 'of many gels', 'calibrated', 'fitted alone'
 TRAINED = 'trained on it'
 OWN_GEL = -1
 """The number of the model's own gel."""
 MEASURES = ('force_rmse_n', 'place_median_mm', 'armse_n', 'placed_armse_n', 'd_loc_mm', 'rmse_mc_n')
 COMPARED = {'force': 'force_rmse_n', 'place': 'place_median_mm', 'aRMSE': 'placed_armse_n'}
-"""What is told in times the source's own; in the order of `Score.drawn`."""
+"""Errors that are compared with the source's own; in the order of `Score.drawn`."""
 PLACEMENTS, STRIDE = 89, 55
-"""Of the grid of bins, evenly over one bin: a Fibonacci lattice (Niederreiter, Random Number Generation and Quasi-Monte
-Carlo Methods, 1992, section 5)."""
+"""Placements of the grid of bins, evenly over one bin: a Fibonacci lattice (Niederreiter, Random Number Generation and
+Quasi-Monte Carlo Methods, 1992, section 5)."""
 DRAWS, DRAWS_SEED = 200, 9001
 
 
 @dataclass(frozen=True)
 class Score:
-    """What one readout does on the test presses of one gel; `seconds` is how long it took to make.
+    """Scores of one readout on the test presses of one gel; `seconds` is the time of its calibration.
 
     `armse_n` is on the grid of the model, `placed_armse_n` the mean over placements of it. `covered` is the share of
-    forces within the 90 % interval that the readout states; NaN where it states none. `drawn` are the values of
-    `COMPARED` on presses drawn anew, by the same draws for every readout. `pressed_n` is the mean force of the presses.
+    forces within the readout's 90 % interval; NaN if it states none. `drawn` are the values of `COMPARED` on resampled
+    presses, with the same samples for every readout. `pressed_n` is the mean force of the presses.
     """
 
     gel: int
@@ -61,18 +61,18 @@ class Score:
     drawn: Float[np.ndarray, 'compared draws'] | None = field(default=None, compare=False)
 
     def as_dict(self) -> dict[str, Any]:
-        """For a file, without what was drawn."""
+        """Plain data for a file, without `drawn`."""
         told = asdict(self)
         del told['drawn']
         return told
 
     def kept(self) -> dict[str, Any]:
-        """For a part of a run, with what was drawn."""
+        """Plain data for a part of a run, with `drawn`."""
         return {**self.as_dict(), 'drawn': None if self.drawn is None else self.drawn.tolist()}
 
     @classmethod
     def of(cls, told: Mapping[str, Any]) -> Score:
-        """What was kept."""
+        """The score from the data of `kept`."""
         return cls(**{**told, 'drawn': None if told['drawn'] is None else np.array(told['drawn'])})
 
 
@@ -107,8 +107,8 @@ def placed_squares(
 ) -> Float[np.ndarray, 'n placements bins']:
     """Squared errors of the bins' forces (N^2) for every placement of the grid.
 
-    Of what was found (x, y in mm, force in N, standard deviation of the place in mm) a bin gets what `spread_over_bins`
-    gives it; the truth (x, y, force) is in one bin.
+    The estimate (x, y in mm, force in N, standard deviation of the place in mm) is spread over the bins as by
+    `spread_over_bins`; the truth (x, y, force) is in one bin.
     """
     count = bins.rows * bins.cols
     squares = np.empty((len(found), PLACEMENTS, count), np.float32)
@@ -127,7 +127,7 @@ def placed_squares(
 def _shares(
     at_mm: Float[np.ndarray, ' n'], sigma_mm: Float[np.ndarray, ' n'], count: int, size_mm: float
 ) -> np.ndarray:
-    """How probable it is that places with normal errors lie in each of `count` equal intervals: (n, count)."""
+    """Probability that places with normal errors lie in each of `count` equal intervals: (n, count)."""
     from scipy.special import ndtr
 
     borders = size_mm * (np.arange(1, count) / count - 0.5)
@@ -136,7 +136,7 @@ def _shares(
 
 
 def draws(presses: int) -> Int[np.ndarray, 'draws presses']:
-    """Presses drawn anew from as many (the bootstrap: Efron and Tibshirani, 1993), always alike."""
+    """Resampled presses (the bootstrap: Efron and Tibshirani, 1993), the same in every run."""
     drawn: np.ndarray = np.random.default_rng(DRAWS_SEED).integers(presses, size=(DRAWS, presses))
     return drawn
 
@@ -155,7 +155,7 @@ def _drawn(
 def _placed_armse(
     squares: Float[np.ndarray, 'n placements bins'], times: Float[np.ndarray, 'draws n']
 ) -> Float[np.ndarray, ' draws']:
-    """The mean over the placements of the aRMSE of presses that count so many times each."""
+    """The mean over the placements of the aRMSE, with each press counted `times`."""
     summed = times.astype(np.float32) @ squares.reshape(len(squares), -1)
     armse: np.ndarray = np.sqrt(summed / times.sum(axis=1, keepdims=True)).mean(axis=1)
     return armse
@@ -163,7 +163,7 @@ def _placed_armse(
 
 @dataclass(frozen=True)
 class Ratio:
-    """Times a level on the median and on the worst gel, and their standard errors over the presses tested."""
+    """Error relative to a level, for the median and the worst gel, with standard errors over the tested presses."""
 
     median: float
     worst: float
@@ -172,11 +172,11 @@ class Ratio:
 
 
 def ratio(level: Score | Sequence[Score], chosen: Sequence[Score], measured: str, of_force: bool = False) -> Ratio:
-    """Of some gels' scores, in one of `COMPARED`, and the source's, or as many of the same gels in their order.
+    """The ratio of some gels' scores to a level, in one of `COMPARED`.
 
-    Errors are 0 where nothing was drawn. Twice and three times as far off as the source are 2.5 on the median and 3 on
-    the worst. With `of_force` errors count as shares of the force that was pressed with: twice as far off on a gel
-    twice as hard is 1.
+    The level is the source's score, or scores of the same gels in the same order. Standard errors are 0 without
+    `drawn`. Two gels with twice and three times the source's error give 2.5 for the median and 3 for the worst. With
+    `of_force` errors are relative to the mean force of the presses: twice the error on a gel twice as hard is 1.
     """
     name = COMPARED[measured]
     levels = [level] * len(chosen) if isinstance(level, Score) else list(level)
