@@ -4,7 +4,7 @@ export const MARK = '#5be0ff';
 export const HALO = 'rgba(0, 0, 0, 0.6)';
 const HEAD = 0.38; // of an arrow's length
 
-/** The context of a canvas whose pixels fit the screen's, scaled to CSS pixels, and its size in those. */
+/** The context of a canvas in screen pixels, scaled to CSS pixels, and its size in CSS pixels. */
 export function fitted(canvas) {
   const { clientWidth: width, clientHeight: height } = canvas;
   const ratio = window.devicePixelRatio || 1;
@@ -29,7 +29,7 @@ export function stroked(context, path, rim, line, paint) {
   }
 }
 
-/** An arrow from a place, by so many pixels. */
+/** Add an arrow from (x, y) to (x + dx, y + dy), in pixels. */
 export function addArrow(path, x, y, dx, dy) {
   path.moveTo(x, y);
   path.lineTo(x + dx, y + dy);

@@ -15,7 +15,7 @@ export class Chart {
     matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => { this.plot.destroy(); this.build(); });
   }
 
-  /** [stamp in s, total, true total] of each new frame. */
+  /** Add [stamp in s, total, true total] of each new frame. */
   add(samples) {
     const [stamps, totals, truths] = this.columns;
     for (const [stamp, total, truth] of samples) {

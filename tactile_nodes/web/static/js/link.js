@@ -4,7 +4,7 @@
 const RETRY_MS = [200, 500, 1000, 2000];
 
 export class Link {
-  /** Of a sensor by name, where the node shows several. */
+  /** `sensor` is the name of a sensor, if the node shows several. */
   constructor(onPacket, onChange, sensor = null) {
     this.query = sensor === null ? {} : { sensor };
     this.open = false;
@@ -45,12 +45,12 @@ export class Link {
     this.onChange(open);
   }
 
-  /** The last packet is on the screen. */
+  /** Acknowledge the last packet, which is on the screen. */
   drawn() {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send('drawn');
   }
 
-  /** Does an action of the node's; resolves to {done, text, insistable}. */
+  /** Requests an action from the node; resolves to {done, text, insistable}. */
   async act(action, insist = false) {
     try {
       const path = `/control/${action}?${new URLSearchParams({ ...this.query, ...(insist ? { insist: 'yes' } : {}) })}`;

@@ -23,7 +23,7 @@ export function takeApart(buffer) {
   };
 }
 
-/** [stamp in s, total in N, true total in N] of each frame; NaN where nobody knows. */
+/** [stamp in s, total in N, true total in N] of each frame; NaN if unknown. */
 function samplesFrom(view, start) {
   const found = [];
   for (let place = start; place + SAMPLE_BYTES <= view.byteLength; place += SAMPLE_BYTES) {
@@ -32,7 +32,7 @@ function samplesFrom(view, start) {
   return found;
 }
 
-/** The picture of a packet, decoded; null when it has none, or one that cannot be. */
+/** The decoded picture of a packet; null if it has none, or if it cannot be decoded. */
 export async function pictureOf({ told, jpeg }) {
   if (!told.image || !jpeg.byteLength) return null;
   try {

@@ -9,7 +9,7 @@ const STEPS = INFERNO.length / 6;
 const COLOURS = Array.from({ length: STEPS }, (_, step) => `#${INFERNO.slice(6 * step, 6 * step + 6)}`);
 const SMOOTH = Uint32Array.from({ length: 4 * STEPS }, (_, place) => between((place / (4 * STEPS - 1)) * (STEPS - 1)));
 const LAST = SMOOTH.length - 1;
-// Negative (pulling) force, which a gel under a probe cannot measure: the model is wrong there.
+// Negative (pulling) force, which a gel under a probe cannot measure: the estimate is wrong there.
 const BELOW = ['#0b1d3a', '#123a6b', '#1c5a9e', '#3f86cf'];
 const NOT_FINITE = '#c026d3';
 const FAINT = 0.02; // of the full scale: below, noise would make the map flicker
@@ -32,7 +32,7 @@ export function colour(force, fullScale) {
   return COLOURS[Math.max(0, Math.min(STEPS - 1, Math.floor(share * STEPS)))];
 }
 
-/** The same for many values at once, without steps: a pixel of an ImageData each. */
+/** The same for many values at once, without steps: each value is a pixel of an ImageData. */
 export function colourPixels(values, fullScale, pixels) {
   for (let index = 0; index < values.length; index += 1) {
     const share = values[index] / fullScale;

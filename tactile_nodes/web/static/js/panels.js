@@ -5,7 +5,7 @@ const CONTACTS = 4;
 const FRAME_MS = 1000 / 60; // full length of the latency bars: one frame at 60 Hz
 const NONE = '–';
 
-/** 0.730, 12.34, −0.004: as many digits as fit, without a negative nought. */
+/** 0.730, 12.34, −0.004: as many digits as fit, without a negative zero. */
 export function newtons(force) {
   if (force === null || force === undefined || !Number.isFinite(force)) return NONE;
   const text = force.toFixed(Math.abs(force) < 9.9995 ? 3 : 2);
@@ -35,7 +35,7 @@ export function showStatus(status, word, reason, stale) {
   $('reason').title = reason;
 }
 
-/** Total, its deviation, and the truth where it is known. */
+/** Total, its standard deviation, and the truth if it is known. */
 export function showTotal(force, truth, isLive, age) {
   const trusted = isLive && force !== null && force.status !== 'invalid';
   say('total', trusted ? newtons(force.total_n) : NONE);
@@ -48,7 +48,7 @@ export function showTotal(force, truth, isLive, age) {
   say('truth', trusted && truth ? `true ${newtons(truth.total_n)} N` : ' ');
 }
 
-/** What the map shows: the highest pressure of a field or the largest bin, and whether that is beyond the colours. */
+/** The highest pressure of a field, or the largest bin, and whether it is above the colour scale. */
 export function showMap(force, field, isLive, fullScale) {
   const trusted = isLive && force !== null && force.status !== 'invalid';
   const most = field ? field.pressure.reduce((high, each) => Math.max(high, each || 0), 0) : force?.peak_n;
@@ -61,7 +61,7 @@ export function showMap(force, field, isLive, fullScale) {
   $('pressure-scale').hidden = !field;
 }
 
-/** Net shear with its direction, torsion, and how the motion was explained; nothing of models that do not look for it. */
+/** Net shear with direction, torsion, and how the motion was explained; empty if the model does not estimate shear. */
 export function showNet(net, isLive) {
   const known = isLive && net ? net : null;
   $('net').hidden = !known?.explanation && (known?.shear_n ?? null) === null;
@@ -100,7 +100,7 @@ function contactRow(index, contact, otherwise) {
   return row;
 }
 
-/** Rates, latencies, nodes, model: what comes twice a second. */
+/** Rates, latencies, nodes, model: values that are updated twice a second. */
 export function showSlow(slow, updates, isLive) {
   const namespace = slow.namespace === '/' ? '' : slow.namespace;
   say('namespace', namespace ? ` ${namespace}` : '');
@@ -148,7 +148,7 @@ function showProvenance(known, calibration) {
   }));
 }
 
-/** Its id, and whether it still holds; a model that is its own calibration has no id. */
+/** Id and validity of the calibration; a model that is its own calibration has no id. */
 function calibrated(known, state) {
   const told = [known.calibration_id, state?.level].filter(Boolean).join(', ');
   return told || (known.model ? 'none' : '');

@@ -12,7 +12,7 @@ class Scale {
     this.neededAt = 0;
   }
 
-  /** Takes in values of a force, at its stamp in s. */
+  /** Adapts the scale to the values of a force, at its stamp in s. */
   fit(values, at) {
     const most = values.reduce((least, value) => Math.max(least, Math.abs(value) || 0), 0);
     const enough = this.steps.find((step) => step >= most) ?? this.steps.at(-1);
@@ -23,13 +23,13 @@ class Scale {
   }
 }
 
-/** Of all that is drawn of a sensor: the force on each bin, and pressure and shear where there is a force field. */
+/** The scales of all drawings of a sensor: force per bin, and pressure and shear if there is a force field. */
 export class Scales {
   bins = new Scale(NEWTONS);
   pressure = new Scale(KILOPASCALS);
   shear = new Scale(KILOPASCALS);
 
-  /** Takes in what is drawn of a force, unless it is no reading. */
+  /** Adapts the scales to a force, unless it is invalid. */
   fit(force, bins, field) {
     if (!force || force.status === 'invalid') return;
     this.bins.fit(bins, force.stamp_s);

@@ -27,7 +27,7 @@ function stretched(values, lines, count, factor, apart, along) {
   return made;
 }
 
-/** The four cells about a place so far from the middle of a cell, and their weights. */
+/** The four cells around a place at distance `away` from the middle of a cell, and their weights. */
 function cubic(away) {
   const t = away < 0 ? away + 1 : away;
   const weights = [

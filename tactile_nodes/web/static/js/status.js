@@ -3,7 +3,7 @@
 export const OLD_S = 0.6; // a force older than this is not shown as current
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 
-/** A status, its word, and a sentence on it: of what was told, so many seconds old. */
+/** A status, its word, and a sentence about it, for received data of this age in seconds. */
 export function statusOf(told, age, isLive, isOpen) {
   if (!isOpen) {
     const since = told?.force ? `, no data for ${age.toFixed(0)} s` : '';
@@ -17,12 +17,12 @@ export function statusOf(told, age, isLive, isOpen) {
   return [told.force.status, WORDS[told.force.status], [...told.force.reasons, ...advice].join(' ') || touch];
 }
 
-/** 'on robot' of a sensor of another machine; '' of this one. */
+/** 'on robot' for a sensor on another machine; '' on this machine. */
 export function hostOf(told) {
   return told?.slow.host ? ` on ${told.slow.host}` : '';
 }
 
-/** The worst that a node says of itself. */
+/** The worst report of a node. */
 function complaint(told) {
   const health = told?.slow.health ?? [];
   const silent = health.filter((entry) => entry.silent_s !== null).map((entry) => `${entry.node} is silent.`);

@@ -17,7 +17,7 @@ const GRID = 'rgba(255, 255, 255, 0.09)';
 
 const drawn = document.createElement('canvas');
 
-/** The numbers of a packet's cells one by one, and the shear in means over blocks, x and y of the middle in mm. */
+/** The numbers of a packet's cells, and mean shear over blocks with x and y of their middles in mm. */
 export function takeCells(told, cells) {
   const count = told.rows * told.cols;
   const part = (number) => Float32Array.from({ length: count }, (_, cell) => cells[SIDE * cell + number]);
@@ -45,7 +45,7 @@ function blockMeans({ rows, cols, cell_mm: [width, height], origin_mm: [fromX, f
   return { spacing: size * width, found };
 }
 
-/** Draws a field on scales from nought to so many kPa, with the contacts of its force. */
+/** Draws a field, with full scales in kPa, and the contacts of its force. */
 export function drawSurface(canvas, field, contacts, pressureScale, shearScale) {
   const { context, width, height } = fitted(canvas);
   const { rows, cols, cell_mm: [cellX, cellY], origin_mm: origin } = field;
@@ -100,7 +100,7 @@ function drawShear(context, { spacing, found }, { left, top, scale }, [fromX, fr
   stroked(context, path, 4.2, 2, '#ffffff');
 }
 
-/** The numbers of the contacts, as the table has them, beside their centres; one alone needs none. */
+/** The numbers of the contacts, as in the table, beside their centres; a single contact has none. */
 function drawPlaces(context, contacts, { left, top, scale }, [fromX, fromY], look) {
   context.font = `650 13px ${look.font}`;
   context.textAlign = 'center';
@@ -117,7 +117,7 @@ function drawPlaces(context, contacts, { left, top, scale }, [fromX, fromY], loo
   });
 }
 
-/** How long an arrow of the full scale is, below the bar of the colours. */
+/** An arrow of full-scale length, below the colour bar. */
 function drawLegend(context, { top, down, end }, long, fullScale, look) {
   const y = top + down + 25;
   context.fillStyle = look.dim;
