@@ -205,7 +205,7 @@ class Collection:
         return self._session.folder / f'collected_{number}'
 
     def _keep(self, ended: str) -> dict[str, Any]:
-        """Store the result of all sessions so far; of a killed session, the last state stays."""
+        """Store the result of all sessions so far; a killed session keeps its last stored state."""
         file = self._session.folder / RESULT
         earlier = [each for each in _sessions(file) if each['begin_ns'] != self._begin_ns]
         progress, clock, gel = self._campaign.progress, self._rig.clock, self._scene.gel

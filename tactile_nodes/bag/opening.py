@@ -29,8 +29,8 @@ class Opening:
     With `begins_with`, a full name or a shell pattern, it always waits for a message on that topic. It never holds more
     than `most_bytes`.
 
-    The bag begins when the last topic that was already running has been heard. Earlier messages of awaited topics are
-    dropped, because other topics have no counterpart. Earlier messages of other topics are dropped too, unless they
+    The bag begins when every topic that was already running has delivered a message. Earlier messages of awaited topics
+    are dropped, because other topics have no counterpart. Earlier messages of other topics are dropped too, unless they
     were received from their publisher's first message on, such as the first press of a plan. Latched messages are kept.
     """
 
@@ -78,7 +78,7 @@ class Opening:
 
     @property
     def begin_ns(self) -> int:
-        """When all topics that were already running had been heard."""
+        """The time when every awaited topic that was already running had delivered a message."""
         joined = [each for each in self._first.values() if each.sequence > 1 and each.topic not in self._latched]
         return max((each.received_ns for each in joined if each.topic in self._awaited), default=self._begun_ns)
 

@@ -208,7 +208,7 @@ def _bins(force: Any) -> bytes:
 
 
 def _cells(surface: Surface | None, force: Any) -> bytes:
-    """Of each cell: pressure, shear along x and y [kPa], and pressure over half of the maximum of its contact."""
+    """For each cell: pressure, shear along x and y [kPa], and pressure over half of the maximum of its contact."""
     if surface is None:
         return b''
     outlines = over_half(surface, force.contacts)
