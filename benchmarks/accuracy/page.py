@@ -37,8 +37,7 @@ Coverage: the share of true values within the stated 90 % intervals (for places:
 class Results:
     """Measurements of some models; the evaluations are in the order of the models.
 
-    `aside` is the evaluation on the presses that the training of the `paper` plan's model set aside. It is empty if no
-    model has such presses.
+    `aside` is on the presses that the training of the `paper` plan's model set aside; empty if no model has such.
     """
 
     plain: dict[str, Any]

@@ -68,9 +68,8 @@ class UdpProxy:
         port: port of the box.
         lie: changes the counts; None: they stay the same.
         status: status bits to add, called for each record.
-        delay_s: delay of a record, called for each.
+        delay_s: delay of a record, called for each; now_s: the time for these delays.
         every: one of this number of records is passed on, called for each.
-        now_s: the time, for the delays.
     """
 
     def __init__(

@@ -2,9 +2,8 @@
 
 It has the commands that an indentation rig uses: G0, G1, G4 (P is milliseconds), G28, G90, G91, M17, M84, M106/M107 as
 the digital line, M110, M112, M114, M115, M220, M400, M410; and M92, M201, M203, M204 and M503 as queries. X and Y home
-to their lower ends and Z to its upper end, so coordinates run from 0 to the room's size. Moves of fewer than 6 steps
-are dropped, as with MIN_STEPS_PER_SEGMENT. Blocks start and end at rest (see `motion`). M410 stops immediately, as in
-Marlin.
+to their lower ends and Z to its upper end, so coordinates run from 0 to the room's size. Moves of under 6 steps are
+dropped (MIN_STEPS_PER_SEGMENT). Blocks start and end at rest (see `motion`). M410 stops immediately, as in Marlin.
 """
 
 from __future__ import annotations

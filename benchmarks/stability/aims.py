@@ -155,10 +155,8 @@ AIMS: dict[str, Judge] = {
 
 
 def losers(points: Sequence[Point]) -> list[str]:
-    """Points where the sensor is wrong without reporting it, or where it must hold and does not.
-
-    Returns a line of text for each disturbance.
-    """
+    """A line of text for each disturbance with points where the sensor is wrong without reporting it, or where it must
+    hold and does not."""
     lines: dict[str, list[str]] = {}
     for each in points:
         if told := _loss(each):

@@ -24,10 +24,8 @@ STEP_MM = 0.02
 
 
 def floor_n(world: World, change: Change, plan: Plan) -> float:
-    """The least standard deviation of the force from one picture under a disturbance [N].
-
-    It is the root mean square over the presses of a stream. The rest image has noise, too.
-    """
+    """The least standard deviation of the force from one picture under a disturbance [N]: root mean square over the
+    presses of a stream. The rest image has noise, too."""
     view = world.under(change)
     variances = [_variance(view, press, world.tables['tip'], plan.capture) for (press,) in random_presses(plan)]
     return math.sqrt(math.fsum(variances) / len(variances))

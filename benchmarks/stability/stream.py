@@ -56,10 +56,8 @@ class Plan:
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame before rendering: its presses, its place in the course, its stamp, and its age.
-
-    `press` numbers the presses, from 0.
-    """
+    """One frame before rendering: its presses, its place in the course (`press` numbers the presses, from 0), its stamp
+    and its age."""
 
     number: int
     part: str
@@ -137,12 +135,11 @@ def from_the_third_press(moment: Moment) -> bool:
 class Change:
     """The effects of a disturbance. They act on the frames for which `acts` is true.
 
-    `gel`: changes the gel and the camera. `gone`: selects dark markers. `light`: changes the light before noise.
-    `noise`: factor of the noise's standard deviation. `picture`: changes the camera's picture. `presses`: replaces the
-    presses. `course`: changes which frames arrive, when, and in which order. `values`: changes the features.
-    `speed_mm_s`: held frames are taken while the tip moves down. `contact`: whether the disturbance exists only during
-    contact. `capture`: presses during the capture of the rest image. `beyond`: for a growing disturbance, the frames in
-    which it is so large that forces may not be used.
+    `gel`: changes gel and camera. `gone`: selects dark markers. `light`: changes the light before noise. `noise`:
+    factor of the noise's standard deviation. `picture`: changes the picture. `presses`: replaces the presses. `course`:
+    changes which frames arrive, when, in which order. `values`: changes the features. `speed_mm_s`: speed of the tip
+    during held frames. `contact`: the disturbance exists only during contact. `capture`: presses in the rest image.
+    `beyond`: for a growing disturbance, the frames in which it is so large that forces may not be used.
     """
 
     gel: Callable[[Gel], Gel] | None = None

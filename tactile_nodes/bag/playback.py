@@ -81,8 +81,7 @@ class Playback:
     def announce(self, start_offset_s: float = 0.0) -> None:
         """Publish the latched messages up to the start, so that subscribers have them before the first picture.
 
-        A recorder may have received a latched message only after the first pictures; its stamp then shows that it is
-        older.
+        A recorder may have received one after the first pictures, although its stamp is older.
         """
         start_ns = self._start_ns(start_offset_s)
         latched = [name for name in self._topics if self._reader.topics[name].latched]

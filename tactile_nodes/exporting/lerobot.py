@@ -51,9 +51,8 @@ def export_lerobot(
     progress: Progress,
     over: Callable[[Source, Start], None] = lambda _source, _start: None,
 ) -> Meta:
-    """Write a data set of `bags` into `folder`.
-
-    `over` is called for each bag after it was read, with the place where its episodes could begin.
+    """Write a data set of `bags` into `folder`; `over` is called for each bag after it was read, with the place where
+    its episodes could begin.
 
     Raises:
         ConfigurationError: pyarrow is not installed, or the plan names a topic that is no vector.
