@@ -1,9 +1,10 @@
 """Presses the gel as in a plan; publishes machine state, force/torque samples, and images of a camera node.
 
 Publishes ``force_torque``, ``force_torque_counts``, ``serial_traffic``, ``rig_state``, ``sync_edge``, ``press``,
-``press_image`` and ``reference_image``; subscribes to ``image_raw``; offers ``~/pause``, ``~/resume``, ``~/stop`` and
-``~/acknowledge`` (std_srvs/Trigger). It ends with the plan. If it was killed, it can be started again at once. It then
-asks a person before anything moves, unless ``after_kill`` is ``go_on``; after a failed run, a person has to check.
+``press_image`` and ``reference_image``; subscribes to ``image_raw`` and ``camera_info``; offers ``~/pause``,
+``~/resume``, ``~/stop`` and ``~/acknowledge`` (std_srvs/Trigger). It ends with the plan. If it was killed, it can be
+started again at once. It then asks a person before anything moves, unless ``after_kill`` is ``go_on``; after a failed
+run, a person has to check.
 """
 
 from __future__ import annotations
@@ -56,6 +57,8 @@ class RigNode(Node):
         self._session = Session(self.params, publishers, self.clock, self.log, answer)
         self.diagnostics.hardware |= {'cnc': self.params.cnc.source, 'force_torque': self.params.force_torque.source}
         self._session.campaign.paused = self.kept.get(_PAUSED) is not None
+        self._cropped_px = 0, 0
+        self.create_subscription(topics.CAMERA_INFO, self._on_camera_info)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/pause', lambda: self._pause(True))
         self.create_trigger('~/resume', lambda: self._pause(False))
@@ -91,9 +94,15 @@ class RigNode(Node):
         if sys.stderr.isatty() or math.fmod(self.clock.now_ns() / NS_PER_S, SELDOM_S) < STATUS_S:
             self.log.info(text)
 
+    def _on_camera_info(self, received: Received) -> None:
+        cut = received.message.roi
+        self._cropped_px = cut.width, cut.height
+
     def _on_image(self, received: Received) -> None:
         message = received.message
-        picture = middle_part(conversions.image_array(message))  # the same crop as the flow features node
+        picture = conversions.image_array(message)
+        if self._cropped_px != (message.width, message.height):  # else our camera node has cropped it, to any shape
+            picture = middle_part(picture)  # as the flow features node does
         self._session.image(stamp_ns(message.header.stamp), picture)
 
     def _pause(self, paused: bool) -> str:

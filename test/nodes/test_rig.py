@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from feeding import run
 
 from tactile_nodes import conversions, messages, params
 from tactile_nodes.bus import topics
@@ -28,6 +29,7 @@ from tactile_nodes.drivers.cnc.contract import SIMULATED
 from tactile_nodes.errors import NOT_AGAIN, ConfigurationError, DeviceFaultError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
+from tactile_nodes.sensing.geometry import Crop
 
 PATIENCE_S = 30.0
 HURRY = 5
@@ -186,6 +188,26 @@ def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Ca
     assert [edge.level for edge in drained(edges)] == [True, False, True, False]
     assert any(state.press == 2 and state.depth > 0.4e-3 for state in drained(states))
     assert len(drained(rest)) == 1
+
+
+def test_a_picture_that_the_camera_node_has_cropped_is_recorded_whole_whatever_its_shape(
+    bus: InProcessBus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A described sensor may have pictures that are not square, and its calibration reads them to the rim."""
+    came: list[tuple[int, ...]] = []
+    monkeypatch.setattr(Session, 'image', lambda _self, _stamp_ns, picture: came.append(picture.shape))
+    image, info = (
+        bus.advertise(f'/{each.name}', each.type_name, each.qos) for each in (topics.IMAGE, topics.CAMERA_INFO)
+    )
+    node = RigNode(bus, arguments(tmp_path, 'require_recorder: true'), SystemClock())
+    head = conversions.header(0, 'camera')
+    for crop in (Crop(0, 0, 64, 48), Crop(0, 0, 0, 0)):  # ours, and of a driver that crops nothing
+        info.publish(conversions.camera_info(head, 64, 48, crop))
+        run(node)
+        image.publish(conversions.image_message(np.full((48, 64), 100, np.uint8), head))
+        run(node)
+    node.close()
+    assert came == [(48, 64), (40, 40)]
 
 
 def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -> None:
