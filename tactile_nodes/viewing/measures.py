@@ -214,7 +214,7 @@ class Comparison:
             self._count(Pair(stamp_ns, self._forces.pop(stamp_ns), self._truths.pop(stamp_ns)))
 
     def _count(self, pair: Pair) -> None:
-        if self.last is None or pair.stamp_ns >= self.last.stamp_ns:
+        if self.last is None or not 0 < self.last.stamp_ns - pair.stamp_ns < NS_PER_S:  # else it only came late
             self.last = pair
         if pair.force.status == pair.force.STATUS_INVALID or not math.isfinite(pair.error_n):
             return

@@ -160,6 +160,17 @@ def test_the_snapshot_shows_estimate_and_truth_of_one_instant() -> None:
     assert shot.pair.distance_mm == pytest.approx(5.0)
 
 
+def test_a_recording_that_is_played_again_is_shown_from_its_beginning() -> None:
+    """Also one of an earlier day, after one of today; a pair that only came a frame late stays behind the newer one."""
+    state = ViewState()
+    for number, (stamp, arrival) in enumerate(((10, 20), (5000, 5010), (10, 5020), (26, 5036), (10, 5050)), start=1):
+        state.add_truth(received(force(stamp, (0, 0.5, 0, 0)), arrival, number))
+        state.add_force(received(force(stamp, (0, 0.01 * number, 0, 0)), arrival, number))
+        if number == 3:
+            assert state.snapshot(arrival * MS).force.total == pytest.approx(0.03)
+    assert state.snapshot(5060 * MS).force.total == pytest.approx(0.04)
+
+
 def test_without_truth_the_last_force_is_shown() -> None:
     state = ViewState()
     state.add_force(received(force(10, (0, 0.4, 0, 0)), 20))
