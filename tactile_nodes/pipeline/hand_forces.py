@@ -38,10 +38,15 @@ class HandForces:
         self._waiting: dict[str, deque[types.ForceDistribution]] = {name: deque() for name in hand.names}
         self._silent = {name for name in hand.names if self._has_ended(name, 0)}
         self._newest_ns = 0
+        self._latest_ns: dict[str, int] = {}
 
     def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
         """Add a force of the sensor `name`; returns the sums that are now complete, mostly one or none."""
         at_ns = stamp_ns(force.header.stamp)
+        if at_ns < self._latest_ns.get(name, at_ns) - NS_PER_S:  # a recording began again
+            self._waiting[name].clear()
+            self._newest_ns = min(self._newest_ns, at_ns)
+        self._latest_ns[name] = at_ns
         self._silent.discard(name)
         if self._has_ended(name, at_ns):
             self._silent.add(name)

@@ -107,6 +107,20 @@ def test_a_force_that_is_late_by_a_frame_or_two_is_in_its_sum() -> None:
     assert [each.missing for each in made] == [[], [], []]
 
 
+@pytest.mark.parametrize('ahead', [0, 2])
+def test_a_recording_that_begins_again_is_summed_again(ahead: int) -> None:
+    """Also if the left finger begins again while the last two forces of the right one are still to come.
+
+    Then its first three are not summed with the last ones of the right finger, but alone.
+    """
+    left, right = ([(name, pressed(17 * frame, 1.0)) for frame in range(120)] * 2 for name in ('left', 'right'))
+    both = [force for pair in zip(left[ahead:], right, strict=False) for force in pair]
+    made = sums(HandForces(HAND), *left[:ahead], *both, *right[240 - ahead :])
+    whole = [stamp_ns(each.header.stamp) for each in made if not each.missing]
+    assert whole[-117:] == [START + 17 * frame * MS for frame in range(3, 120)]
+    assert len(whole) >= 117 + 118
+
+
 def test_a_picture_that_was_lost_is_missing_from_its_own_sum_alone() -> None:
     order = [('left', 0), ('right', 8), ('left', 17), ('left', 34), ('right', 42)]
     made = sums(HandForces(HAND), *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
