@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from tactile_nodes.bus.protocol import Received
+from tactile_nodes.viewing.measures import NS_PER_S
+from tactile_nodes.viewing.state import SILENT_AFTER_S
 
 RECORDER = 'recorder'
 _PART = 'bag'
@@ -25,24 +27,31 @@ class Recording:
                 self._status = status
                 self._heard_ns = received.received_ns
 
-    def told(self) -> dict[str, Any] | None:
+    def told(self, now_ns: int) -> dict[str, Any] | None:
         """On or off, how much, and the recorder's message; None if there is no recorder.
 
         After a recording, `text` says where the bag is, what was lost on which topics, and what this means for its use.
+        A recorder that was recording and has been silent for a while counts as off.
         """
         if self._status is None:
             return None
         values = {each.key: each.value for each in self._status.values}
+        silent_s, on = (now_ns - self._heard_ns) / NS_PER_S, 'seconds' in values
+        lost_touch = on and silent_s > SILENT_AFTER_S
         return {
-            'on': 'seconds' in values,
+            'on': on and not lost_touch,
             'seconds': float(values.get('seconds', 0.0)),
             'messages': int(values.get('messages', 0)),
             'lost': int(values.get('lost', 0)),
             'bag': values.get('bag', ''),
             'lost_of': values.get('lost_of', ''),
-            'well': _is_ok(self._status.level),
-            'text': self._status.message,
+            'well': _is_ok(self._status.level) and not lost_touch,
+            'text': _of_silent(silent_s, values.get('bag', '')) if lost_touch else self._status.message,
         }
+
+
+def _of_silent(seconds: float, bag: str) -> str:
+    return f'no message from the recorder for {seconds:.0f} s: it has ended or hangs; its bag is {bag}'
 
 
 def _is_ok(level: Any) -> bool:

@@ -185,7 +185,7 @@ class Scene:
             told = {
                 **telling.slowly(self.view.snapshot(now_ns)),
                 'calibration': telling.calibration(self._calibration),
-                'recording': self.recording.told(),
+                'recording': self.recording.told(now_ns),
                 'controls': self.controls,
                 'host': self.host,
             }

@@ -230,9 +230,9 @@ def recorder(name: str, text: str, **values: str) -> types.DiagnosticArray:
 
 def test_recording_is_what_the_recorder_says_of_itself() -> None:
     found = Recording('/left')
-    assert found.told() is None
+    assert found.told(0) is None
     found.add_diagnostics(received(recorder('left/recorder: bag', 'nothing is being recorded')))
-    told = found.told()
+    told = found.told(0)
     assert told is not None
     assert told['on'] is False
     busy = recorder(
@@ -240,13 +240,27 @@ def test_recording_is_what_the_recorder_says_of_itself() -> None:
     )
     found.add_diagnostics(received(busy))
     found.add_diagnostics(received(recorder('right/recorder: bag', 'another')))
-    told = found.told()
+    told = found.told(0)
     lost = {'lost': 3, 'lost_of': '/image_raw 3'}
     assert told == {'on': True, 'seconds': 2.5, 'messages': 300, **lost, 'bag': '/x', 'well': True, 'text': 'into x'}
     found.add_diagnostics(received(recorder('left/recorder: bag', 'wrote it into /x', messages='300', bag='/x')))
-    ended = found.told()
+    ended = found.told(0)
     assert ended is not None
     assert (ended['on'], ended['bag'], ended['text']) == (False, '/x', 'wrote it into /x')
+
+
+def test_a_recorder_that_ended_no_longer_records() -> None:
+    """Ctrl-C or a kill ends it without a last report; nodes report once a second."""
+    scene = Scene()
+    busy = recorder('recorder: bag', 'recording into /x', seconds='2.5', messages='300', bag='/x')
+    scene.add_diagnostics(received(busy, 1000))
+    assert seen(scene, 4000)[0]['slow']['recording']['on'] is True
+    told = seen(scene, 6000)[0]['slow']['recording']
+    assert (told['on'], told['well']) == (False, False)
+    assert told['text'] == 'no message from the recorder for 5 s: it has ended or hangs; its bag is /x'
+    scene.add_diagnostics(received(recorder('recorder: bag', 'wrote 300 messages into /x', bag='/x'), 7000))
+    told = seen(scene, 60_000)[0]['slow']['recording']
+    assert (told['well'], told['text']) == (True, 'wrote 300 messages into /x')  # what ended well stays said
 
 
 def test_the_words_of_nodes_reach_the_page() -> None:
