@@ -79,7 +79,8 @@ class FlowFeaturesNode(Node):
         self._learned: tuple[object, ...] = ()
         self._came, self._size = '', image_size(self.params.model)
         self._heard_ns = self._apart_ns = 0
-        self._about = ''
+        self._about = self._trouble = ''
+        self._rest: tuple[Level, str] | None = None
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/capture_reference', self._capture_again)
@@ -189,8 +190,11 @@ class FlowFeaturesNode(Node):
         self._tell_reference()
 
     def _tell_reference(self) -> None:
-        if self._following.trouble:
-            self.report('rest image', Level.WARN, self._following.trouble)
+        before, self._trouble = self._trouble, self._following.trouble
+        if self._trouble:
+            self.report('rest image', Level.WARN, self._trouble)
+        elif before and self._rest is not None:
+            self.report('rest image', *self._rest)
         if (message := self._following.announced()) is None:
             return
         if self.params.reference != 'topic':
@@ -201,10 +205,10 @@ class FlowFeaturesNode(Node):
         if self._following.doubtful:
             text += ', but the picture never was still: do not touch the gel, then call capture_reference'
             self.log.warn(f'{how} rest image {text}')
-            self.report('rest image', Level.WARN, text)
         else:
             self.log.info(f'{how} rest image {self._following.reference_id}')
-            self.report('rest image', Level.OK, text)
+        self._rest = Level.WARN if self._following.doubtful else Level.OK, text
+        self.report('rest image', *self._rest)
 
     def _capture_again(self) -> str:
         if self.params.reference == 'topic':

@@ -285,6 +285,8 @@ def test_image_of_another_size_is_said_and_does_not_end_the_node(
     camera.publish(image(PATTERN))
     run(tested)
     assert features.take() is not None
+    (rest,) = (each for each in tested.diagnostics.message(0).status if each.name == 'flow_features: rest image')
+    assert (rest.level, '160x160' in rest.message) == (Level.OK, True)  # pictures are of the right size again
 
 
 def test_dark_image_is_marked(bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise) -> None:
