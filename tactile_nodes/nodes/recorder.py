@@ -151,7 +151,11 @@ class RecorderNode(Node):
             self.log.warn(
                 f'{waiting} messages still wait for the disk; they are lost if this ends before they are written'
             )
-        totals = writer.close()
+        try:
+            totals = writer.close()
+        except BagError as error:
+            self._fail(error)
+            raise
         silent = sorted(name for name in self._filter.names if not writer.counts[name])
         nothing = f'; no messages on {", ".join(silent)}' if silent else ''
         losses = self.tally.losses(writer.dropped_of, _lost)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -231,6 +232,23 @@ def test_stopping_nothing_is_refused(bus, start: Start) -> None:
     with spinning(start(autostart=False)) as node:
         answer = call(bus, node, 'stop')
     assert (answer.success, answer.message) == (False, 'nothing is being recorded')
+
+
+def test_a_bag_that_could_not_be_ended_stays_reported(bus, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk is full when the index is written: whoever looks later must not read that all is well."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    with spinning(start()) as node:
+        assert node.writer is not None
+        monkeypatch.setattr(node.writer._file, 'close', full)
+        answer = call(bus, node, 'stop')
+        (status,) = diagnosed(node)
+    assert not answer.success
+    assert (status.level, status.message) == (Level.ERROR, answer.message)
+    assert 'No space left on device' in status.message
+    assert node.failure is not None  # its program ends with status 1
 
 
 def call(bus: InProcessBus, node: RecorderNode, name: str) -> types.Trigger_Response:
