@@ -95,8 +95,11 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
 
 
 def _named(file: Path, one: Evaluation, evaluated: list[Evaluation]) -> Path:
-    """A file name for each of several models."""
-    return file if len(evaluated) == 1 else file.with_name(f'{file.stem}_{one.name}{file.suffix}')
+    """A file name for each of several models, with the id if their files have the same name."""
+    if len(evaluated) == 1:
+        return file
+    name = one.name if sum(each.name == one.name for each in evaluated) == 1 else f'{one.name}_{one.model_id}'
+    return file.with_name(f'{file.stem}_{name}{file.suffix}')
 
 
 def _tell(evaluated: Evaluation, table: Path) -> None:
