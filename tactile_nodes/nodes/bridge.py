@@ -73,7 +73,7 @@ class BridgeNode(Node):
             raise ConfigurationError('discover also needs listen, e.g. -p listen:=0.0.0.0:7460')
         self._security = _security(chosen)
         self._group = Group(self._listen) if chosen.discover and self._listen else None
-        self._bridge, self._reopens = self._opened(), False
+        self._bridge, self._reopens, self._strange = self._opened(), False, False
         self._finder = Finder(self._group, self._security, chosen.plain_tcp) if self._group else None
         self.create_timer(_CHECK_PERIOD_S, self._report)
         if self._finder is not None:
@@ -114,19 +114,24 @@ class BridgeNode(Node):
             self._say_ends()
 
     def _report(self) -> None:
-        connected = self._bridge.connected()
-        if not connected:
+        if connected := self._bridge.connected():
+            self._report_connected([(host, (clock.ahead_ns or 0) / 1e6) for host, clock in connected])
+        else:
             self.report('connection', Level.WARN, self._alone())
-        for host, clock in connected:
-            apart_ms = (clock.ahead_ns or 0) / 1e6
-            level = Level.WARN if abs(apart_ms) > _CLOCKS_APART_MS else Level.OK
-            words = 'the clocks of both machines differ: synchronize them with chrony or PTP' if level else 'connected'
-            self.report(
-                'connection', level, f'{host}: {words}', clock_ahead_ms=apart_ms, malformed=self._bridge.malformed
-            )
-        for version in set(self._bridge.strangers.values()):
-            words = f'a machine there has version {version} of the bridge, this one has {VERSION}: update the older one'
-            self.report('version', Level.WARN, words)
+        versions = sorted(set(self._bridge.strangers.values()))
+        if versions or self._strange:
+            words = [f'a machine there has version {each} of the bridge, this one has {VERSION}' for each in versions]
+            text = f'{"; ".join(words)}: update the older one' if versions else 'all machines have the same version'
+            self.report('version', Level.WARN if versions else Level.OK, text)
+        self._strange = bool(versions)
+
+    def _report_connected(self, machines: list[tuple[str, float]]) -> None:
+        """One report on all machines: `clock_ahead_ms` is that of the clock that is furthest off."""
+        differ = 'the clocks of both machines differ: synchronize them with chrony or PTP'
+        texts = [f'{host}: {differ if abs(ms) > _CLOCKS_APART_MS else "connected"}' for host, ms in machines]
+        furthest_ms = max((ms for _, ms in machines), key=abs)
+        level = Level.WARN if abs(furthest_ms) > _CLOCKS_APART_MS else Level.OK
+        self.report('connection', level, '; '.join(texts), clock_ahead_ms=furthest_ms, malformed=self._bridge.malformed)
 
     def _alone(self) -> str:
         if self._group:
