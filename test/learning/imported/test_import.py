@@ -248,6 +248,20 @@ def test_arrays_of_another_project_are_the_same_presses(folder: Path) -> None:
         import_arrays(images, x[:3], y, force, options=options_of('fast'))
 
 
+def test_consecutive_rows_of_arrays_with_equal_values_are_pictures_of_one_press(folder: Path) -> None:
+    """Depth and shear are not given, so they are unknown in each row, which is no difference between two rows.
+
+    Otherwise pictures of one press would be in the training and in the test set.
+    """
+    rows = [row for row in rows_of(folder)[RESTS:] for _ in range(2)]
+    images = np.stack([cv2.imread(str(folder / name)) for name in ['rest0.png', *(row[0] for row in rows)]])
+    x, y, force = (np.array([np.nan, *(float(row[column]) for row in rows)]) for column in (1, 2, 3))
+    force[0] = 0.0
+    made = import_arrays(images, x, y, force, options=options_of('fast', frames='each'))
+    _, pictures = np.unique(made.press_number[made.contact], return_counts=True)
+    assert pictures.tolist() == [2] * 12
+
+
 def test_places_near_one_another_say_nothing_of_the_axes() -> None:
     random = np.random.default_rng(1)
     assert places_objection(random.uniform(-1, 1, (20, 2)), random.uniform(0, 1, (20, 2))) == ''
