@@ -126,7 +126,8 @@ def _name_and_unit(name: str) -> tuple[str, str]:
 
     A final 'in', or a separate quotation mark, means inches: 'x_in', 'x (\")'.
     """
-    plain = re.sub(r'(?<![a-z])(m?n)[ ·*.]+(m?m)(?![a-z])', r'\1\2', name.strip().lower().replace('µ', 'u'))
+    plain = name.strip().lower().replace('µ', 'u').replace('\u03bc', 'u')  # the sign for micro, and the Greek letter
+    plain = re.sub(r'(?<![a-z])(m?n)[ ·*.]+(m?m)(?![a-z])', r'\1\2', plain)
     plain = re.sub(r'(?<![a-z])["″]+(?=\W*$)', ' in', plain)
     words = [SPELT.get(word, word) for word in re.split(r'[^a-z0-9]+', plain) if word]
     words = [word for word in words[:-1] if word != 'in'] + words[-1:]

@@ -110,6 +110,14 @@ def test_components_torques_depth_and_indenter_are_read(tmp_path: Path) -> None:
     assert (press.depth_mm, press.indenter) == (pytest.approx(0.7), 'ball:5')
 
 
+def test_micrometres_may_be_written_with_the_sign_for_micro_or_the_greek_letter(tmp_path: Path) -> None:
+    """Both look alike; without its first letter the unit would be the metre, and the depth a million times as large."""
+    for micro in '\u00b5\u03bc':
+        table = written(tmp_path, f'picture,x [{micro}m],y_mm,force_n,depth ({micro}m)\na.png,-8000,3,0.5,700\n')
+        (press,) = read_table(table).rows
+        assert (press.x_mm, press.depth_mm) == pytest.approx((-8.0, 0.7))
+
+
 def test_all_rows_with_a_fault_are_named_at_once(tmp_path: Path) -> None:
     rows = 'a.png,1,2,1\nb.png,1,2,-1\nc.png,1,99,1\nd.png,1,2,three\n'
     with pytest.raises(DatasetError, match=r'line 3: force_n must not be negative.*; 2 more .*: line 4, 5$'):
