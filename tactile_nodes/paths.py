@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import stat
 import tempfile
 from functools import cache
@@ -103,19 +104,19 @@ def check_output(file: Path, *read: Path | None) -> None:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write all of a file or nothing: an existing file stays until all is written.
+    """Write all of a file or nothing: an existing file stays until all is written. Several processes may write it.
 
     Raises:
         ConfigurationError: no file can be written there; see `check_output`.
         OSError: writing failed, as on a full disk.
     """
     check_output(file)
-    draft = file.with_name(f'.{file.name}.part')
+    draft = file.with_name(f'.{file.name}.{secrets.token_hex(4)}.part')
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         draft.write_bytes(content)
         draft.replace(file)
-    except OSError:
+    except BaseException:
         with contextlib.suppress(OSError):
             draft.unlink()
         raise

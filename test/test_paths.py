@@ -135,6 +135,24 @@ def test_an_output_that_can_be_is_left_as_it_is(name: str, tmp_path: Path, monke
     assert Path('there').read_text() == 'before'
 
 
+def test_a_file_that_two_processes_write_at_once_is_whole_and_neither_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As two trainings with the same simulated presses do: the second begins while the first has yet to rename."""
+    file, write = tmp_path / 'block.npz', Path.write_bytes
+
+    def written_meanwhile(draft: Path, content: bytes) -> int:
+        count = write(draft, content)
+        if content == b'first':
+            paths.write_whole(file, b'second')
+        return count
+
+    monkeypatch.setattr(Path, 'write_bytes', written_meanwhile)
+    paths.write_whole(file, b'first')
+    assert file.read_bytes() == b'first'
+    assert list(tmp_path.iterdir()) == [file]
+
+
 def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
     assert not paths.is_file(tmp_path / ('x' * 300))
 
