@@ -93,7 +93,7 @@ class GelList:
         Raises:
             ConfigurationError: as above.
         """
-        if not self.file.exists():
+        if not self._exists():
             return False
         with self._open() as database:
             asked = database.execute('SELECT looked_ns FROM calibrations WHERE model_id = ?', (model_id,))
@@ -104,7 +104,7 @@ class GelList:
 
     def forget(self, model_id: str) -> bool:
         """Remove a calibration from the list, not its file; false if it is not listed. Raises ConfigurationError."""
-        if not self.file.exists():
+        if not self._exists():
             return False
         with self._open() as database:
             return bool(database.execute('DELETE FROM calibrations WHERE model_id = ?', (model_id,)).rowcount)
@@ -115,10 +115,22 @@ class GelList:
         Raises:
             ConfigurationError: the file cannot be read, or is not such a list.
         """
-        if not self.file.exists():
+        if not self._exists():
             return []
         with self._open() as database:
             return _listed(database)
+
+    def _exists(self) -> bool:
+        try:
+            return self.file.exists()
+        except OSError as error:  # a folder of its path may not be entered
+            raise self._unusable(error) from error
+
+    def _unusable(self, error: Exception) -> ConfigurationError:
+        return ConfigurationError(
+            f'{self.file} is not a usable list of calibrations ({error}); move it away, '
+            'or set TACTILE_GELS to another file'
+        )
 
     @contextmanager
     def _open(self, *, create: bool = False) -> Iterator[sqlite3.Connection]:
@@ -132,10 +144,7 @@ class GelList:
                 _require_table(database)
                 yield database
         except (sqlite3.Error, OSError, TypeError) as error:
-            raise ConfigurationError(
-                f'{self.file} is not a usable list of calibrations ({error}); move it away, '
-                'or set TACTILE_GELS to another file'
-            ) from error
+            raise self._unusable(error) from error
 
 
 def _listed(database: sqlite3.Connection) -> list[Calibration]:

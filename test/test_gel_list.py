@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -115,6 +116,14 @@ def test_another_file_is_one_sentence(gels: GelList, content: bytes) -> None:
     gels.file.write_bytes(content)
     with pytest.raises(ConfigurationError, match='not a usable list of calibrations'):
         gels.calibrations()
+
+
+@pytest.mark.parametrize('use', [GelList.calibrations, lambda gels: gels.look('a1', 'valid', '', 1),
+                                 lambda gels: gels.forget('a1')])  # fmt: skip
+def test_a_path_that_cannot_be_looked_at_is_one_sentence(use: Callable[[GelList], object], tmp_path: Path) -> None:
+    """As in a home folder that a service may not enter, where the drift monitor ended; a long name does the same."""
+    with pytest.raises(ConfigurationError, match=r'not a usable list of calibrations .*set TACTILE_GELS to another'):
+        use(GelList(tmp_path / ('x' * 300)))
 
 
 def test_a_file_that_defines_more_than_tables_is_refused(gels: GelList) -> None:
