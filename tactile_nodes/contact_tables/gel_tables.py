@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import zipfile
+import zlib
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -51,29 +54,47 @@ def contact_table(gel: Gel, indenter: str = 'tip') -> ContactTable:
 
 
 def solution_of(problem: Problem) -> Solution:
-    """The solution of a problem: shipped with the package, read from the cache, or solved and then cached."""
-    kept = paths.cache_directory() / 'contacts' / f'{problem.key}.npz'
-    for file in (paths.share_directory() / 'config' / 'gels' / 'paper_table.npz', kept):
-        if (found := _read(file, problem.key)) is not None:
-            return found
+    """The solution of a problem: shipped with the package, read from the cache, or solved and cached if possible."""
+    shipped = _read(paths.share_directory() / 'config' / 'gels' / 'paper_table.npz', problem.key)
+    if (found := shipped or _cached(problem.key)) is not None:
+        return found
     solution = solve_problem(problem)
-    write_solution(kept, solution)
+    with suppress(OSError):
+        write_solution(_in_cache(problem.key), solution)
     return solution
+
+
+def _in_cache(key: str) -> Path:
+    return paths.cache_directory() / 'contacts' / f'{key}.npz'
+
+
+def _cached(key: str) -> Solution | None:
+    with suppress(OSError):
+        return _read(_in_cache(key), key)
+    return None
 
 
 def write_solution(file: Path, solution: Solution) -> None:
     """Write a solution; it is safe if another process writes the same one at the same time."""
     file.parent.mkdir(parents=True, exist_ok=True)
     draft = file.with_name(f'{file.stem}.{os.getpid()}.part.npz')
-    np.savez_compressed(draft, allow_pickle=False, **solution.to_arrays())
-    draft.replace(file)
+    try:
+        np.savez_compressed(draft, allow_pickle=False, **solution.to_arrays())
+        draft.replace(file)
+    except OSError:
+        draft.unlink(missing_ok=True)
+        raise
 
 
 def _read(file: Path, key: str) -> Solution | None:
-    """The solution in a file, if it belongs to the key."""
-    if not file.is_file():
-        return None
-    with np.load(file, allow_pickle=False) as arrays:
-        if str(arrays.get('key')) != key:
+    """The solution in a file, if it belongs to the key and is not damaged."""
+    try:
+        if not file.is_file():
             return None
-        return Solution.from_arrays(dict(arrays), key)
+        # numpy does not close a file that it opened itself and cannot read
+        with file.open('rb') as opened, np.load(opened, allow_pickle=False) as arrays:
+            if str(arrays.get('key')) != key:
+                return None
+            return Solution.from_arrays(dict(arrays), key)
+    except (EOFError, ValueError, zipfile.BadZipFile, zlib.error):  # as a cut of power leaves it
+        return None

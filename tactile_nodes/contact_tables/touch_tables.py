@@ -16,7 +16,10 @@ from __future__ import annotations
 
 import math
 import os
+import zipfile
+import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,7 +29,7 @@ import numpy as np
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.touch_bodies import HEIGHTS, LARGEST_BYTES, body_of, is_mesh, is_number
 from tactile_nodes.errors import ConfigurationError, in_a_line
-from tactile_nodes.files import check_size, read_text
+from tactile_nodes.files import open_plain, read_text
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.touch.table import TouchTable, table_steps_mm
 
@@ -85,7 +88,7 @@ class Contact:
 
 
 def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> TouchTable:
-    """The table of a contact with a gel: shipped with the package, read from the cache, or solved and then cached.
+    """The table of a contact with a gel: shipped with the package, from the cache, or solved and cached if possible.
 
     Solving takes some ten seconds. `tell` is called with the number of finished stages and the total.
 
@@ -100,7 +103,8 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> Touc
         return found
     track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell)
     table = TouchTable.of_track(track, -gel.skin_mm)
-    write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)
+    with suppress(OSError):
+        write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)
     return table
 
 
@@ -154,24 +158,35 @@ def table_key(track: str, gel: Gel) -> str:
 
 def known_table(key: str) -> TouchTable | None:
     """The table with a key if it is shipped or in the cache, else None."""
-    folders = paths.share_directory() / 'config' / 'touches', paths.cache_directory() / 'touches'
-    return next((table for folder in folders if (table := _read(folder / f'{key}.npz')) is not None), None)
+    if (shipped := _read(paths.share_directory() / 'config' / 'touches' / f'{key}.npz')) is not None:
+        return shipped
+    with suppress(OSError):
+        return _read(paths.cache_directory() / 'touches' / f'{key}.npz')
+    return None
 
 
 def write_table(file: Path, table: TouchTable) -> None:
     """Write a table; it is safe if another process writes the same one at the same time."""
     file.parent.mkdir(parents=True, exist_ok=True)
     draft = file.with_name(f'{file.stem}.{os.getpid()}.part.npz')
-    np.savez_compressed(draft, allow_pickle=False, **table.to_arrays())
-    draft.replace(file)
+    try:
+        np.savez_compressed(draft, allow_pickle=False, **table.to_arrays())
+        draft.replace(file)
+    except OSError:
+        draft.unlink(missing_ok=True)
+        raise
 
 
 def _read(file: Path) -> TouchTable | None:
-    if not file.is_file():
+    """The table in a file, if there is one and it is not damaged."""
+    try:
+        if not file.is_file():
+            return None
+        # numpy does not close a file that it opened itself and cannot read
+        with open_plain(file, LARGEST_BYTES) as opened, np.load(opened, allow_pickle=False) as arrays:
+            return TouchTable.from_arrays(dict(arrays))
+    except (EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error):  # as a cut of power leaves it
         return None
-    check_size(file, LARGEST_BYTES)
-    with np.load(file, allow_pickle=False) as arrays:
-        return TouchTable.from_arrays(dict(arrays))
 
 
 def _way(contact: Contact, gel: Gel) -> Way:

@@ -57,6 +57,22 @@ def test_a_kept_file_of_another_problem_is_not_taken(own_cache: Path):
     assert gel_tables.solution_of(other).key == other.key
 
 
+@pytest.mark.parametrize('content', [b'', b'PK\x03\x04 and no more', bytes(4096)])
+def test_a_damaged_file_of_the_cache_is_solved_and_written_again(content: bytes, own_cache: Path):
+    """A cut of power leaves an empty file or zeros under the right name; every later start would end there."""
+    own_cache.mkdir()
+    (own_cache / f'{QUICK.key}.npz').write_bytes(content)
+    solution = gel_tables.solution_of(QUICK)
+    with np.load(own_cache / f'{QUICK.key}.npz') as arrays:
+        np.testing.assert_array_equal(arrays['moved_mm'], solution.moved_mm)
+
+
+def test_a_gel_needs_no_cache(monkeypatch: pytest.MonkeyPatch):
+    """Below a device no folder can be made, as little as in a home folder that a service may only read."""
+    monkeypatch.setenv('XDG_CACHE_HOME', '/dev/null')
+    assert gel_tables.solution_of(QUICK).key == QUICK.key
+
+
 def test_the_linear_gel_has_its_own_tip_only():
     with pytest.raises(ConfigurationError, match='finite_strain'):
         gel_tables.contact_table(Gel(mechanics='linear'), 'ball')

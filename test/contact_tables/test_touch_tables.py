@@ -47,6 +47,22 @@ def test_a_contact_is_solved_once_and_then_known(monkeypatch: pytest.MonkeyPatch
     np.testing.assert_allclose(again.coefficients, first.coefficients, atol=1e-3)
 
 
+@pytest.mark.parametrize('content', [b'', b'PK\x03\x04 and no more', bytes(4096)])
+def test_a_damaged_table_of_the_cache_counts_as_none(content: bytes):
+    """A cut of power leaves an empty file or zeros under the right name; every later start would end there."""
+    file = paths.cache_directory() / 'touches' / 'damaged.npz'
+    file.parent.mkdir()
+    file.write_bytes(content)
+    assert touch_tables.known_table('damaged') is None
+
+
+def test_the_usual_contacts_need_no_cache(monkeypatch: pytest.MonkeyPatch):
+    """Below a device no folder can be made, as little as in a home folder that a service may only read."""
+    monkeypatch.setenv('XDG_CACHE_HOME', '/dev/null')
+    assert list(ready_contacts(load_gel('paper'))) == ['ring', 'edge', 'two']
+    assert ready_contacts(load_gel('thin')) == {}
+
+
 def test_a_description_says_what_presses_and_how(tmp_path: Path):
     file = tmp_path / 'pair.yaml'
     file.write_text(
