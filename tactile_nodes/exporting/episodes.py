@@ -6,6 +6,7 @@ import dataclasses
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, PRESS
@@ -16,6 +17,8 @@ from tactile_nodes.exporting.source import Source
 from tactile_nodes.messages import stamp_ns, types
 
 BAG, PRESSES = 'bag', 'presses'
+LONGEST_GAP_NS = 24 * 3600 * NS_PER_S
+"""No recording pauses that long. A clock that is set may leave a gap of decades, with a frame every 1/fps s."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ def find_episodes(source: Source, cut: str, start: Start) -> list[Episode]:
     own press. With several sensors, the last episode ends at the last force of the sensor that stops first.
 
     Raises:
-        BagError: there is no force from `start` on, or the bag is to be cut at presses and has none.
+        BagError: there is no force from `start` on, their stamps jump, or the bag is to be cut at presses and has none.
     """
     stamps = [source.stamps_ns(topic) for topic in _force_topics(source)]
     end_ns = min(each[-1] for each in stamps)
@@ -59,9 +62,20 @@ def find_episodes(source: Source, cut: str, start: Start) -> list[Episode]:
             f'{start.topic} of {source.bag.path} has no message until after the last force; '
             f'leave it out with --exclude {start.topic}'
         )
+    _require_no_gap(source, stamps[0], start.at_ns, end_ns)
     if cut == BAG:
         return [Episode(start.at_ns, end_ns)]
     return _cut(stamps[0], start.at_ns, end_ns, _presses(source))
+
+
+def _require_no_gap(source: Source, stamps: list[int], start_ns: int, end_ns: int) -> None:
+    known = (each for each in stamps if start_ns <= each <= end_ns)
+    gap_ns = max((after - before for before, after in pairwise([start_ns, *known])), default=0)
+    if gap_ns > LONGEST_GAP_NS:
+        raise BagError(
+            f'the stamps of the forces in {source.bag.path} jump by {gap_ns / NS_PER_S / 86_400:.0f} days, as when a '
+            'clock is set; export parquet or zarr, or record again with the clock set before'
+        )
 
 
 def _force_topics(source: Source) -> list[str]:

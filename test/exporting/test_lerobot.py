@@ -186,6 +186,19 @@ def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys:
     assert not (tmp_path / 'set').exists()
 
 
+def test_a_clock_that_was_set_while_recording_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A computer without a clock of its own begins in 1970; frames of the decades until then would fill every disk."""
+    writer = BagWriter(tmp_path / 'set')
+    writer.add_topic(BagTopic.of_type(f'/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
+    for number in range(20):
+        stamp_ns = (START_NS if number >= 10 else 60 * NS_PER_S) + number * STEP_NS
+        writer.write(f'/{FORCE_DISTRIBUTION.name}', messages.encode(force(number, stamp_ns)), stamp_ns, stamp_ns)
+    writer.close()
+    assert main(['export', 'lerobot', str(tmp_path / 'set'), '-o', str(tmp_path / 'out')]) == 1
+    assert 'jump by 19676 days, as when a clock is set; export parquet or zarr' in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()
+
+
 def test_a_state_that_is_not_in_the_bag_is_refused_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_bag(tmp_path / 'bag', 5)
     words = ['--state', 'image_raw', '-o', str(tmp_path / 'set')]
