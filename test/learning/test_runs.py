@@ -3,13 +3,16 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import resource
 from pathlib import Path
 
 import pytest
 from tiny_training import tiny_config
 
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.learning.config import load_train_config
+from tactile_nodes.learning.run import checkpoint
+from tactile_nodes.learning.run.checkpoint import Counters, Snapshot
 from tactile_nodes.learning.run.comparison import draw, table
 from tactile_nodes.learning.run.folder import RunFolder, read_run, run_id
 
@@ -50,6 +53,23 @@ def test_epochs_after_the_checkpoint_are_forgotten(tmp_path: Path):
     with RunFolder(tmp_path, tiny_config(), 'data') as run:
         assert run.resume() is None
     assert read_run(path).epochs == []
+
+
+def test_a_full_disk_keeps_the_checkpoint_before_and_says_what_to_do(tmp_path: Path):
+    """A limit for the size of files stands in for the disk: both end a write with an error of the system."""
+    torch = pytest.importorskip('torch')
+    file, before = tmp_path / 'checkpoint.safetensors', resource.getrlimit(resource.RLIMIT_FSIZE)
+    checkpoint.write(file, Snapshot(Counters(epoch=1), {'weight': torch.ones(3)}))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+    try:
+        with pytest.raises(ModelError, match=r'cannot write the checkpoint .*make room, and the same command'):
+            checkpoint.write(file, Snapshot(Counters(epoch=2), {'weight': torch.ones(10_000)}))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    kept = checkpoint.read(file)
+    assert kept is not None
+    assert kept.counters.epoch == 1
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_fresh_forgets_what_was_reached(tmp_path: Path):

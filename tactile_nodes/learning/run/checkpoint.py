@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_nodes.errors import ModelError
+from tactile_nodes.errors import ModelError, in_a_line
 from tactile_nodes.files import check_size
 
 if TYPE_CHECKING:
@@ -58,16 +58,27 @@ class Snapshot:
 
 
 def write(path: Path, snapshot: Snapshot) -> None:
-    """Replace the previous snapshot."""
+    """Replace the previous snapshot.
+
+    Raises:
+        ModelError: writing failed, as on a full disk; the previous snapshot stays.
+    """
     import safetensors.torch
+    from safetensors import SafetensorError
 
     tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in snapshot.tensors.items()}
     counters = {name: value for name, value in asdict(snapshot.counters).items() if value != float('inf')}
     draft = path.with_name(f'.{path.name}.part')
-    safetensors.torch.save_file(tensors, draft, {FORMAT: json.dumps(counters)})
-    with draft.open('rb') as written:
-        os.fsync(written.fileno())
-    draft.replace(path)
+    try:
+        safetensors.torch.save_file(tensors, draft, {FORMAT: json.dumps(counters)})
+        with draft.open('rb') as written:
+            os.fsync(written.fileno())
+        draft.replace(path)
+    except (SafetensorError, OSError) as error:
+        draft.unlink(missing_ok=True)
+        raise ModelError(
+            f'cannot write the checkpoint {path} ({in_a_line(error)}); make room, and the same command continues'
+        ) from error
 
 
 def read(path: Path) -> Snapshot | None:
