@@ -45,7 +45,7 @@ def _coverage(axis: Any, presses: RecordedPresses) -> None:
     # y points down, as in the image
     axis.set(
         title='coverage, and the bins', xlabel='x [mm]', ylabel='y [mm]', aspect='equal',
-        xlim=(left, -left), ylim=(-top, top),
+        xlim=(left, left + bins.width_mm), ylim=(top + bins.height_mm, top),
     )  # fmt: skip
 
 
@@ -69,7 +69,8 @@ def _force_map(figure: Any, axis: Any, presses: RecordedPresses) -> None:
     chosen = int(np.argmax(presses.force_n))
     bins = presses.bins
     (left, top), forces = bins.origin_mm, presses.labels[chosen].reshape(bins.rows, bins.cols)
-    shown = axis.imshow(forces, extent=(left, -left, -top, top), cmap='magma', vmin=0)
+    extent = left, left + bins.width_mm, top + bins.height_mm, top
+    shown = axis.imshow(forces, extent=extent, cmap='magma', vmin=0)
     figure.colorbar(shown, ax=axis, label='force [N]')
     axis.plot(*presses.position_mm[chosen], '+', color='cyan')
     axis.set(

@@ -74,7 +74,8 @@ def import_arrays(
     }  # fmt: skip
     if wrong := [each for each, values in columns.items() if len(values) != count]:
         raise DatasetError(f'{name}: {wrong[0]} has {len(columns[wrong[0]])} rows, but there are {count} images')
-    reach_mm = options.bins.width_mm / 2, options.bins.height_mm / 2
+    right, down = map(abs, options.bins.centre_mm)
+    reach_mm = right + options.bins.width_mm / 2, down + options.bins.height_mm / 2
     rows = tuple(_row(line, columns) for line in range(count))
     table = PressTable(Path(name), 'rows of arrays', rows, 'row')
     faults = table.faults

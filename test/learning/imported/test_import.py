@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,6 +14,7 @@ from tactile_nodes.cli.main import main
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.agreement.objections import places_objection
+from tactile_nodes.learning.datasets import picture
 from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.imported.arrays import import_arrays, options_of
 from tactile_nodes.simulation.gel import Gel
@@ -260,6 +262,33 @@ def test_consecutive_rows_of_arrays_with_equal_values_are_pictures_of_one_press(
     made = import_arrays(images, x, y, force, options=options_of('fast', frames='each'))
     _, pictures = np.unique(made.press_number[made.contact], return_counts=True)
     assert pictures.tolist() == [2] * 12
+
+
+def test_bins_beside_the_middle_hold_places_up_to_their_own_rim(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twelve millimetres about x = 4 mm reach from -2 to 10 mm: 8 mm is on them, though more than half their width.
+
+    The force of the first press, at x = 3 and y = -5 mm, belongs to row 0, column 1 of bins of 3 mm.
+    """
+    bins = 'bins: {rows: 4, cols: 4, width_mm: 12.0, height_mm: 12.0, centre_mm: [4.0, 0.0]}'
+    (folder / 'beside.yaml').write_text(f'{DESCRIPTION.splitlines()[0]}\n{bins}\n')
+    rows = [row for row in rows_of(folder) if row[3] == '0' or float(row[1]) > 0]
+    words = ['-o', str(tmp_path / 'beside.npz'), '--sensor', str(folder / 'beside.yaml')]
+    assert main(['dataset', 'import', str(written(folder / 'beside.csv', rows)), *words]) == 0
+    presses = load_dataset(tmp_path / 'beside.npz')
+    assert presses.position_mm[presses.contact, 0].tolist() == [3.0, 8.0] * 3
+    assert presses.labels[presses.contact][0].argmax() == 1
+    images = np.stack([cv2.imread(str(folder / row[0])) for row in rows])
+    x, y, force = (np.array([float(row[column] or 'nan') for row in rows]) for column in (1, 2, 3))
+    made = import_arrays(images, x, y, force, options=replace(options_of('fast'), bins=presses.bins))
+    assert np.array_equal(made.labels, presses.labels)
+    drawn = []
+    monkeypatch.setattr(picture, 'save', lambda figure, _: drawn.append(figure))
+    picture.draw(presses, tmp_path / 'beside.png')
+    coverage, force_map = drawn[0].axes[0], drawn[0].axes[3]
+    assert (coverage.get_xlim(), coverage.get_ylim()) == ((-2.0, 10.0), (6.0, -6.0))
+    assert force_map.images[0].get_extent() == [-2.0, 10.0, 6.0, -6.0]
 
 
 def test_places_near_one_another_say_nothing_of_the_axes() -> None:
