@@ -84,10 +84,18 @@ def test_a_process_that_is_killed_each_time_is_given_twice_the_time_each_time(tm
     assert delays[:4] == pytest.approx([0.01, 0.02, 0.04, 0.08])
 
 
-def test_the_wait_for_a_restart_grows_to_half_a_minute_at_most() -> None:
+def test_a_process_that_ends_each_time_waits_longer_each_time_without_a_delay_in_the_file_too(tmp_path: Path) -> None:
+    _, _, delays = run(tmp_path, action('exit 1', tmp_path, "respawn: 'true'"), stop_at=4)
+    assert delays[:3] == pytest.approx([0.0, 0.2, 0.4])
+
+
+@pytest.mark.parametrize('ends', [40, 1025, 100_000])
+@pytest.mark.parametrize('delay_s', [0.0, 0.1])
+def test_the_wait_for_a_restart_grows_to_half_a_minute_at_most(delay_s: float, ends: int) -> None:
+    """Also over days: 2.0 to the power of 1024 is no float."""
     made = object.__new__(supervisor.Supervisor)
-    made.plan = type('Plan', (), {'respawn_delay_s': 0.1})()  # type: ignore[assignment]
-    made._quick = 40
+    made.plan = type('Plan', (), {'respawn_delay_s': delay_s})()  # type: ignore[assignment]
+    made._quick = ends
     assert made._delay_s == 30.0
 
 

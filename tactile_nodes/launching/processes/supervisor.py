@@ -15,6 +15,9 @@ from tactile_nodes.launching.processes.plan import ProcessPlan
 SETTLED_S = 10.0
 """A process that fails sooner has never worked: a restart would not help."""
 LONGEST_DELAY_S = 30.0
+_WITHOUT_DELAY_S = 0.1
+"""What is doubled where a launch file sets no delay."""
+_MOST_DOUBLINGS = 100  # over the largest float from 1024 on
 
 
 class Supervisor:
@@ -113,7 +116,10 @@ class Supervisor:
     def _delay_s(self) -> float:
         """Doubles each time the process ends soon, so that a broken program does not fill disk and log."""
         delay_s = self.plan.respawn_delay_s
-        return delay_s if self._quick <= 1 else min(delay_s * 2.0 ** (self._quick - 1), max(delay_s, LONGEST_DELAY_S))
+        if self._quick <= 1:
+            return delay_s
+        doubled_s = (delay_s or _WITHOUT_DELAY_S) * 2.0 ** min(self._quick - 1, _MOST_DOUBLINGS)
+        return min(doubled_s, max(delay_s, LONGEST_DELAY_S))
 
     def _may_respawn(self, code: int, quick: bool) -> bool:
         plan = self.plan
