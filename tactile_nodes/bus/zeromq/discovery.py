@@ -66,8 +66,8 @@ class Meeting:
         Raises:
             BusError, ConfigurationError: the folder cannot be used.
         """
-        base = (self._base or run_directory()).absolute()
-        self.folder = base / f'd{self._domain_id}'
+        self.folder = self._meeting_place()
+        base = self.folder.parent
         if len(os.fsencode(base / _LONGEST_NAME)) > _LONGEST_SOCKET_PATH:
             raise BusError(f'the path {base} is too long for sockets; set TACTILE_RUN_DIR to a shorter path')
         try:
@@ -81,9 +81,14 @@ class Meeting:
         self._sweep()
 
     def is_present(self) -> bool:
-        """Whether the others still see us; false when our files were removed."""
+        """Whether the others see us; false when our files were removed, or when those who come now meet elsewhere.
+
+        Raises:
+            ConfigurationError: the folder where they meet cannot be used.
+        """
         try:
-            return (self.folder / f'{self.uid}.lock').stat().st_ino == os.fstat(self._lock).st_ino
+            found = (self.folder / f'{self.uid}.lock').stat()
+            return found.st_ino == os.fstat(self._lock).st_ino and self.folder == self._meeting_place()
         except OSError:
             return False
 
@@ -144,6 +149,10 @@ class Meeting:
         if self._lock >= 0:
             os.close(self._lock)
             self._lock = -1
+
+    def _meeting_place(self) -> Path:
+        """The folder of the domain. The last logout removes that of a login, and the next login makes it again."""
+        return (self._base or run_directory()).absolute() / f'd{self._domain_id}'
 
     def _meet(self, uid: str, trusting: bool) -> Record | None:
         if (trusting and uid in self._records) or self._is_alive(uid):

@@ -120,6 +120,35 @@ def test_participants_meet_again_after_their_folder_was_removed(folder: Path, jo
     until(lambda: publisher.publish(types.Int64(data=2)) or (late.waiting and subscription.waiting), 'old and new ones')
 
 
+def test_who_logs_in_again_meets_those_who_ran_on_after_the_last_logout(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """systemd removes the folder of a login at the last logout, and makes it again at the next login."""
+    login, elsewhere = folder / 'login', folder / 'tmp'
+    monkeypatch.delenv('TACTILE_RUN_DIR', raising=False)
+    monkeypatch.setenv('XDG_RUNTIME_DIR', str(login))
+    monkeypatch.setattr('tempfile.tempdir', str(elsewhere))
+    login.mkdir()
+    elsewhere.mkdir()
+    buses = [ZmqBus(7), ZmqBus(7)]
+    try:
+        publisher, subscription = buses[0].advertise('/n', NUMBER, QUEUE), buses[1].subscribe('/n', NUMBER, QUEUE)
+        until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
+        shutil.rmtree(login)
+        until(lambda: len(list(elsewhere.glob('*/d7/*.lock'))) == 2, 'both to meet elsewhere')
+        login.mkdir()
+        buses.append(ZmqBus(7))
+        late = buses[2].subscribe('/n', NUMBER, QUEUE)
+        while subscription.take():
+            pass
+        until(lambda: publisher.publish(types.Int64(data=2)) or (late.waiting and subscription.waiting), 'all to meet')
+        until(lambda: len(buses[2].peers()) == 2, 'both to be back')
+    finally:
+        for bus in buses:
+            bus.close()
+    assert list(login.glob('tactile/d7/*')) == []
+
+
 def test_removed_lock_file_alone_is_put_back(folder: Path, join: Join) -> None:
     bus = join()
     (folder / 'd7' / f'{bus.uid}.lock').unlink()
