@@ -114,6 +114,7 @@ class Meeting:
         with self._writing:
             # File stamps are as coarse as 4 ms; readers tell a new text by its stamp, so each gets one of its own.
             self._written_ns = max(self._written_ns + 1, clock.wall_ns())
+            self._said_ns = -1  # until it is written, the others cannot read it
             try:
                 draft.write_text(record.to_json(), encoding='utf-8')
                 os.utime(draft, ns=(self._written_ns, self._written_ns))

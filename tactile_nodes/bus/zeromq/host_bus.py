@@ -7,6 +7,7 @@ receives, answers calls and follows who comes and goes; publishing happens in th
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import resource
 from collections.abc import Callable
@@ -25,7 +26,7 @@ from tactile_nodes.bus.zeromq.publishing import ZmqPublisher, ZmqRelay
 from tactile_nodes.bus.zeromq.receiving import Hub, Key
 from tactile_nodes.bus.zeromq.records import Outlet, Record
 from tactile_nodes.clock import Clock
-from tactile_nodes.errors import ServiceUnavailableError
+from tactile_nodes.errors import BusError, ServiceUnavailableError
 
 _MANY_FILES = 8192  # each connection is one
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
@@ -235,7 +236,8 @@ class ZmqBus(InProcessBus):
 
     def _changed(self) -> None:
         if not self._closed:
-            self.announce()
+            with contextlib.suppress(BusError):  # the disk is full: the hub says so, and tries again (`stay_present`)
+                self.announce()
             self._hub.look_soon()
 
     def _find_service(self, name: str, type_name: str) -> ServiceHandler | None:

@@ -210,6 +210,25 @@ def test_folder_that_cannot_be_made_again_is_said_once_and_ends_nobody(
     assert has_said().count('\n') == 2
 
 
+def test_what_could_not_be_announced_on_a_full_disk_is_announced_once_there_is_room(
+    folder: Path, join: Join, capfd: pytest.CaptureFixture[str]
+) -> None:
+    bus, other = join(), join()
+    bus.add_node('/before')
+    subscription = other.subscribe('/n', NUMBER, QUEUE)
+    in_the_way = folder / 'd7' / f'.{bus.uid}.json'
+    in_the_way.mkdir()  # instead of a full disk
+    bus.add_node('/after')
+    publisher = bus.advertise('/n', NUMBER, QUEUE)
+    said: list[str] = []
+    until(lambda: said.append(capfd.readouterr().err) or any(said), 'it to be said')
+    assert 'cannot announce this process on the bus' in ''.join(said)
+    assert other.graph().nodes() == ['/before']
+    in_the_way.rmdir()
+    until(lambda: other.graph().nodes() == ['/after', '/before'], 'the node to be seen')
+    until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take(), 'the publisher to be heard')
+
+
 def test_forked_child_does_not_keep_its_dead_parent_alive(folder: Path, join: Join) -> None:
     bus = join()
     read, write = os.pipe()
