@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import multiprocessing
 import os
@@ -53,6 +54,13 @@ def image(number: int) -> types.Image:
 def number_of(received: Received) -> int:
     message = received.message
     return int(message.data if received.type_name == NUMBER else message.header.stamp.nanosec)
+
+
+class FullDisk(io.StringIO):
+    """A stream that is redirected to a file for which there is no room."""
+
+    def write(self, text: str) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 class Agent:

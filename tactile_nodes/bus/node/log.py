@@ -44,8 +44,9 @@ class Log:
             self._said.add(once)
         now_ns = self._clock.now_ns()
         stamp = f'{now_ns // NS_PER_S}.{now_ns % NS_PER_S:09d}'
-        sys.stderr.write(f'[{level.upper()}] [{stamp}] [{self._node}]: {text}\n')
-        sys.stderr.flush()
+        with contextlib.suppress(OSError):  # a full disk, a closed pipe: no reason to end a node
+            sys.stderr.write(f'[{level.upper()}] [{stamp}] [{self._node}]: {text}\n')
+            sys.stderr.flush()
         publisher = self.publisher
         if publisher is not None:
             stamp_message = time_from_ns(now_ns)

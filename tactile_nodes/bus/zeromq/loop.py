@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import threading
@@ -90,7 +91,8 @@ class Loop(threading.Thread):
             text = traceback.format_exc()
             if text not in self._said:
                 self._said.add(text)
-                sys.stderr.write(f'a bug in the thread {self.name!r}, which continues:\n{text}')
+                with contextlib.suppress(OSError):  # a full disk, a closed pipe
+                    sys.stderr.write(f'a bug in the thread {self.name!r}, which continues:\n{text}')
 
     def _end(self) -> None:
         self._running = False

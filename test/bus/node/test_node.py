@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
-from agents import until
+from agents import FullDisk, until
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
@@ -140,6 +140,17 @@ def test_error_of_ours_in_a_callback_is_reported_and_the_node_goes_on(
     assert received.message.status[0].message == 'the camera is gone; plug it in'
     assert len(seen) == 2
     assert 'the camera is gone' in capsys.readouterr().err
+
+
+def test_a_full_disk_under_the_log_does_not_end_a_node(
+    node: Plain, bus: InProcessBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard = bus.subscribe('/rosout', topics.ROSOUT.type_name, Qos('queue', 10))
+    monkeypatch.setattr('sys.stderr', FullDisk())
+    node.log.warn('the light flickers')
+    received = heard.take()
+    assert received is not None
+    assert received.message.msg == 'the light flickers'
 
 
 def test_a_node_that_has_said_nothing_yet_is_told_to_run(node: Plain, bus: InProcessBus, clock: SteppedClock) -> None:

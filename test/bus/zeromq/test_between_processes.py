@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from agents import IMAGE, NUMBER, Other, image, number_of, until
+from agents import IMAGE, NUMBER, FullDisk, Other, image, number_of, until
 
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
@@ -291,3 +291,15 @@ def test_a_hundred_participants_meet(start: Start, join: Join) -> None:
     for index, publisher in enumerate(publishers):
         publisher.publish(types.Int64(data=index))
     until(lambda: sorted(listener.heard('/n')) == list(range(99)), 'all of their messages')
+
+
+def test_fault_that_cannot_be_said_because_the_disk_is_full_makes_nobody_deaf(
+    join: Join, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publisher = join().advertise('/n', NUMBER, QUEUE)
+    listening = join()
+    monkeypatch.setattr('sys.stderr', FullDisk())
+    listening._hub.post(lambda: {}['a bug'])
+    until(lambda: listening._hub.faults, 'the fault')
+    subscription = listening.subscribe('/n', NUMBER, QUEUE)
+    until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take(), 'a message')
