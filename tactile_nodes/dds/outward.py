@@ -12,7 +12,7 @@ from tactile_nodes.bus.bridge.talk import fits
 from tactile_nodes.bus.protocol import Bus, Endpoint, Graph, Received
 from tactile_nodes.bus.tapping import Tap
 from tactile_nodes.dds.names import NodeEnds
-from tactile_nodes.errors import BusError, MessageError
+from tactile_nodes.errors import BusError, ConfigurationError, MessageError
 
 if TYPE_CHECKING:
     from tactile_nodes.dds.endpoints import CdrWriter
@@ -122,7 +122,16 @@ class Outward:
 
 
 def other_bridges(graph: Graph, own: str) -> list[str]:
-    """The bridges of this kind on this bus, except the one with the full name `own`."""
+    """The bridges of this kind on this bus, except the one with the full name `own`.
+
+    Raises:
+        ConfigurationError: that one was renamed, and the others, which know a bridge by its name, would not see it.
+    """
+    if own.rpartition('/')[2] != BRIDGE:
+        raise ConfigurationError(
+            f'a DDS bridge must be called {BRIDGE}, because others know it by this name: leave out the remap __node:='
+            f'{own.rpartition("/")[2]}; a namespace is allowed'
+        )
     found = [node for node in graph.nodes() if node.rpartition('/')[2] == BRIDGE]
     found.remove(own)
     return found

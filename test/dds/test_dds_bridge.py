@@ -17,6 +17,7 @@ from dds_sides import Other
 from tactile_nodes import messages
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.errors import NOT_AGAIN, BusError, ConfigurationError
@@ -190,6 +191,11 @@ def test_a_second_bridge_on_a_bus_is_refused(bridge: Start, bus: InProcessBus) -
     bus.add_node('/left/dds_bridge')
     with pytest.raises(ConfigurationError, match='/left/dds_bridge already shows this bus over DDS'):
         bridge()
+
+
+def test_a_bridge_under_another_name_is_refused_in_a_sentence(cyclone: None, domain: int, bus: InProcessBus) -> None:
+    with pytest.raises(ConfigurationError, match=r'must be called dds_bridge.* leave out the remap __node:=mine'):
+        DdsBridgeNode(bus, parse_arguments(['--ros-args', '-r', '__node:=mine']))
 
 
 def test_a_domain_is_joined_once_by_a_process(bridge: Start, domain: int) -> None:
