@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
@@ -74,8 +75,10 @@ class BagReader:
             end_ns: only those received before this time.
         """
         selection = Selection(None if topics is None else frozenset(topics), start_ns, end_ns)
-        parts = [storage.messages(selection) for storage in self._storages]
-        merged = parts[0] if len(parts) == 1 else heapq.merge(*parts, key=attrgetter('log_ns'))
+        merged = chain.from_iterable(
+            heapq.merge(*(storage.messages(selection) for storage in together), key=attrgetter('log_ns'))
+            for together in _overlapping(self._storages)
+        )
         return self._decompressed(merged) if self.metadata.compression_mode == 'message' else merged
 
     def decode(self, message: BagMessage) -> Any:
@@ -171,6 +174,18 @@ class BagReader:
                 self._complain(f'{self.path}: messages on {message.topic} cannot be unpacked and are left out')
                 continue
             yield BagMessage(message.topic, message.type_name, message.log_ns, message.publish_ns, data)
+
+
+def _overlapping(storages: list[Storage]) -> list[list[Storage]]:
+    """The files in groups that follow each other in time: each file that is being read keeps a chunk in memory."""
+    groups: list[list[Storage]] = []
+    end_ns = 0
+    for storage in sorted(storages, key=lambda each: each.extent.start_ns):
+        if not groups or storage.extent.start_ns >= end_ns:
+            groups.append([])
+        groups[-1].append(storage)
+        end_ns = max(end_ns, storage.extent.end_ns)
+    return groups
 
 
 def _unpacked(data: bytes) -> bytes:
