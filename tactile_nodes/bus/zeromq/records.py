@@ -53,7 +53,7 @@ class Record:
             remotes = tuple(participant_from(entry) for entry in fields['remotes'])
             record = cls(participant_from(fields['participant']), outlets, fields['service_address'], remotes)
             addresses = [record.service_address, *(outlet.address for outlet in outlets)]
-            own = re.compile(re.escape(address_prefix) + r'\.[0-9]{1,5}\.sock', re.ASCII)
+            own = re.compile(re.escape(address_prefix) + r'\.[0-9]{1,7}\.sock', re.ASCII)
             if not all(own.fullmatch(address) for address in addresses):
                 raise ValueError('an address that is not its own')
         except (KeyError, TypeError, AttributeError, RecursionError) as error:

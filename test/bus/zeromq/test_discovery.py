@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import signal
@@ -105,6 +106,16 @@ def test_record_written_twice_at_once_is_read_anew(folder: Path, join: Join) -> 
     for number in range(50):  # many of them within one tick of the file system's clock
         other.add_node(f'/node{number}')
         assert f'/node{number}' in bus.graph().nodes()
+
+
+def test_publishers_of_a_process_that_has_made_a_hundred_thousand_are_heard(folder: Path, join: Join) -> None:
+    """As a bridge does whose connection comes and goes for days: each time it speaks for the others anew."""
+    bus, other = join(), join()
+    bus._numbers = itertools.count(99_999)
+    for name in ('/a', '/b'):
+        publisher, subscription = bus.advertise(name, NUMBER, QUEUE), other.subscribe(name, NUMBER, QUEUE)
+        until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take(), name)  # noqa: B023
+    assert bus.next_number() == 100_001
 
 
 def test_participants_meet_again_after_their_folder_was_removed(folder: Path, join: Join) -> None:
