@@ -36,7 +36,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 NOT_AGAIN = 3
-"""Exit status of a program that needs a person's help; a launch does not restart it."""
+"""Exit status of a program that needs a person's help; a launch that needs the program ends with it."""
 
 
 class TactileError(Exception):

@@ -78,6 +78,13 @@ def test_a_needed_process_that_only_a_person_can_set_right_ends_the_launch(
     assert (status, starts(shown)) == (1, 1)
 
 
+def test_a_program_that_the_launch_does_not_need_is_started_again_whatever_its_status(tmp_path: Path) -> None:
+    """A second DDS bridge ends with this status while the first one runs, and is to take over after it."""
+    options = "respawn: 'true', respawn_delay: 0.01"
+    status, shown, _ = run(tmp_path, action(f'exit {NOT_AGAIN}', tmp_path, options))
+    assert (status, starts(shown)) == (0, 2)
+
+
 def test_a_process_that_is_killed_each_time_is_given_twice_the_time_each_time(tmp_path: Path) -> None:
     options = "respawn: 'true', respawn_delay: 0.01"
     _, _, delays = run(tmp_path, action('kill -9 $$', tmp_path, options), stop_at=5)
