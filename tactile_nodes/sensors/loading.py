@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.params import Located, from_mapping, load_mapping
+from tactile_nodes.params import Located, from_mapping, load_mapping, to_values
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensors.camera_file import read_camera_file
 from tactile_nodes.sensors.covering import MaskSettings, mask_of
@@ -36,11 +37,19 @@ def load_sensor(name: Path | str) -> Sensor:
     values = _calibrated(written, file)
     values.pop(MASK, None)
     sensor = from_mapping(Sensor, values, source=str(file), exact=False)
+    _require_finite(sensor, str(file))
     if MASK not in written:
         return sensor
     if sensor.mask.polygons_px:
         raise ConfigurationError(f'{file}: it has both mask.file and mask.polygons_px; remove one')
     return masked(sensor, mask_of(_beside(file, MASK, written), sensor.image.width, sensor.image.height), str(file))
+
+
+def _require_finite(sensor: Sensor, source: str) -> None:
+    for name, value in to_values(sensor).items():
+        numbers = value if isinstance(value, list) else [value]
+        if not all(math.isfinite(number) for number in numbers if isinstance(number, float)):
+            raise ConfigurationError(f'{source}: {name} must be finite, got {value}')
 
 
 def mounting_of(name: Path | str) -> Mounting:

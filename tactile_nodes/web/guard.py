@@ -30,6 +30,8 @@ def is_known_host(host: str, names: Collection[str] = ()) -> bool:
 
     >>> is_known_host('127.0.0.1:7470'), is_known_host('localhost:9000'), is_known_host('evil.example:7470')
     (True, True, False)
+    >>> is_known_host('robot-2.local', ['Robot-2.local'])
+    True
     """
     match = _HOST.fullmatch(host)
     if match is None:
@@ -38,7 +40,7 @@ def is_known_host(host: str, names: Collection[str] = ()) -> bool:
     try:
         ipaddress.ip_address(name)
     except ValueError:
-        return name == 'localhost' or name in names
+        return name == 'localhost' or name in map(str.lower, names)
     return True
 
 

@@ -109,3 +109,9 @@ def test_every_sensor_that_ships_shows_its_gel_to_enough_regions(name: str) -> N
 def test_a_sensor_that_is_not_there_is_told_with_those_that_ship() -> None:
     with pytest.raises(ConfigurationError, match=r"no sensor 'other'.*simulated"):
         load_sensor('other')
+
+
+@pytest.mark.parametrize('text', ['camera: {roll_deg: .nan}', 'camera: {tilt_deg: [0.0, .inf]}'])
+def test_a_value_that_is_not_finite_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigurationError, match=r'sensor\.yaml: .*(roll_deg|tilt_deg) must be finite'):
+        load_sensor(described(tmp_path, text))

@@ -30,6 +30,7 @@ def test_a_name_that_somebody_pointed_here_is_not_known(host: str) -> None:
 
 def test_a_name_is_known_when_it_was_given() -> None:
     assert guard.is_known_host('lab-pc:7470', {'lab-pc'})
+    assert guard.is_known_host('lab-pc:7470', {'Lab-PC'})
 
 
 @pytest.mark.parametrize(

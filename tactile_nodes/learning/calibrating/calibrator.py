@@ -107,7 +107,7 @@ class PressRead:
 class Calibrator:
     """Takes presses in their order; `made` is the calibration so far, `objection` says why there is none.
 
-    `live_rest` is the rest image of the running sensor, if there is one.
+    `left_out` says why the last unusable press cannot be used, `live_rest` is the rest image of the running sensor, if there is one.
 
     Args:
         loaded: the model to begin with.
@@ -157,18 +157,13 @@ class Calibrator:
         self.made: Transfer | None = None
         self.recordings: RecordedPresses | None = None
         self.objection = 'no fit was tried yet'
+        self.left_out = ''
         self._next = self.rule.first
 
     @property
     def presses(self) -> int:
         """The number of usable presses so far."""
         return self._builder.presses
-
-    @property
-    def left_out(self) -> str:
-        """Why the last unusable press cannot be used; empty if there is none."""
-        out = self._builder.left_out
-        return f'press {out[-1].press}: {out[-1].reason} ({out[-1].detail})' if out else ''
 
     def take(self, press: RecordedPress, bag: int = 0) -> PressRead | None:
         """Measure and estimate one press with the present fit; None if it cannot be used (see `left_out`).
@@ -177,9 +172,13 @@ class Calibrator:
             DatasetError: it shows another gel than earlier presses.
             ModelError: its image has another size than the model needs.
         """
+        known = len(self._builder.left_out)
         samples = [sample for sample in self._builder.take(bag, press) if sample.contact]
         self._measurer.keep()
         if not samples:
+            out = self._builder.left_out[known:]
+            why = f'{out[-1].reason} ({out[-1].detail})' if out else press.told.reason
+            self.left_out = f'press {press.told.press}: {why}'
             return None
         self._require_fitting(press, samples[0].reference_id)
         self.require_live_gel()

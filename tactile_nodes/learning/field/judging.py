@@ -2,7 +2,7 @@
 
 Motion determines the depths of each region's markers, and the softness of the gel as far as the layer explains motion.
 A gel under a tip that goes deep moves an eighth less than a linear layer. Presses between printed dots are
-underestimated by a third. In such cases the gain follows from the estimated forces.
+underestimated by a fifth. In such cases the gain follows from the estimated forces.
 """
 
 from __future__ import annotations

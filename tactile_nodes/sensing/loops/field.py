@@ -145,9 +145,12 @@ def _hold(pressed, cols, told, near, held):
         more = max(pressed[k] - solver.UNSEEN_N / 2, 0.0)
         total, above, squared = total + pressed[k], above + more, squared + more * more
     wide = solver.WIDE / max(above * above / max(squared, 1e-12), 1.0)
-    weight = solver.HELD * told * min(1.0, wide * wide)
+    weight, total, mean = solver.HELD * told * min(1.0, wide * wide), max(total, solver.LEAST_N), 0.0
     for k in range(pressed.shape[0]):
-        held[k] = weight / (near[k] + solver.SPREAD * max(total, solver.LEAST_N))
+        held[k] = weight / (near[k] + solver.SPREAD * total)
+        mean += pressed[k] * held[k] / total
+    for k in range(pressed.shape[0]):
+        held[k] -= solver.CENTRED * (1 - told) * mean
 
 
 @compiled()

@@ -191,6 +191,9 @@ def test_a_press_that_the_rig_rejected_is_left_out_with_its_reason(
     rejected = told_otherwise(pressed[0], status=types.Press.STATUS_REJECTED, reason='the camera was silent')
     assert calibrator.take(rejected) is None
     assert calibrator.left_out.endswith('rejected by the rig (the camera was silent)')
+    suspect = told_otherwise(pressed[5], status=types.Press.STATUS_SUSPECT, reason='an axis sticks')
+    assert calibrator.take(suspect) is None
+    assert calibrator.left_out == f'press {suspect.told.press}: an axis sticks'
 
 
 def test_presses_on_two_gels_are_refused(calibrator: Calibrator, pressed: list[RecordedPress], tmp_path: Path) -> None:
