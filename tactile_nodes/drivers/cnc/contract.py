@@ -61,6 +61,10 @@ class CncSettings:
                 raise ValueError(f'lowest_mm and highest_mm must be x, y, z or empty, got {len(corner)} numbers')
         if unknown := set(self.accept) - set(RISKS):
             raise ValueError(f'accept may contain {", ".join(map(repr, RISKS))}, not {", ".join(sorted(unknown))}')
+        if self.retract_mm_min > self.fastest_mm_min:  # every retract would be refused, with the tip in the gel
+            raise ValueError(
+                f'retract_mm_min, {self.retract_mm_min:g}, must be at most fastest_mm_min, {self.fastest_mm_min:g}'
+            )
 
 
 class CncState(Enum):

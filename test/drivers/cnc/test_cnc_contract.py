@@ -287,6 +287,13 @@ def test_settings_come_from_a_parameter_file() -> None:
             from_mapping(CncSettings, wrong)
 
 
+def test_a_retract_that_every_move_would_be_refused_for_is_refused_at_once() -> None:
+    """Found only at the first retract, it would leave the tip in the gel: nothing else brings it up."""
+    with pytest.raises(ConfigurationError, match='retract_mm_min, 600, must be at most fastest_mm_min, 500'):
+        from_mapping(CncSettings, {'fastest_mm_min': 500.0})
+    assert from_mapping(CncSettings, {'fastest_mm_min': 500.0, 'retract_mm_min': 500.0}).retract_mm_min == 500.0
+
+
 def raised_by(call: object) -> BaseException:
     with pytest.raises(TactileError) as raised:
         call()  # type: ignore[operator]
