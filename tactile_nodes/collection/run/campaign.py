@@ -122,6 +122,7 @@ class Campaign:
         except InterruptedRunError:
             ended = 'stopped on request'
         except TrippedError as tripped:
+            self._recovery.write_down(tripped)
             raise DeviceFaultError(f'stopped: {tripped.trip.reason}') from tripped
         finally:
             self.now = None

@@ -112,7 +112,7 @@ class GuardedRun:
             return None
         except TrippedError as tripped:
             why = f'the approach gave up: {tripped}'
-            self._write_down(tripped)
+            self._write_down()
             raise DeviceFaultError(why) from tripped
         except DeviceError as error:
             why = str(error)
@@ -141,10 +141,10 @@ class GuardedRun:
         self._tare = hands.run(above_gel(self._settings, self._feel))
         return hands.run(guarded_approach(self._settings, hands.readings, self._feel, self._tare))
 
-    def _write_down(self, tripped: TrippedError) -> None:
+    def _write_down(self) -> None:
         """Note that a person must check, before the tip goes up."""
-        trip = self.station.safety.trip or tripped.trip
-        if trip.kind == OVERLOAD:
+        trip = self.station.safety.trip
+        if trip is not None and trip.kind == OVERLOAD and not self._record.halted:
             self._note(HALTED, trip.reason)
 
     def _note(self, step: str, reason: str = '') -> None:
@@ -158,6 +158,8 @@ class GuardedRun:
             bring_up(hands, self._tare, self._settings, doubted)
         except DeviceError as error:
             raise DeviceFaultError(f'{error} (before that: {why})' if why else str(error)) from error
+        finally:
+            self._write_down()  # of a force on the way up
         self._note(ENDED)
 
 

@@ -58,6 +58,8 @@ class Recovery:
         except DeviceError as error:
             self._outlet.say(f'the tip could not be brought up: {error}')
             return False
+        finally:
+            self._write_down(self._hands.safety.trip)  # of a force on the way up
         self._note(ENDED)
         return True
 
@@ -77,9 +79,7 @@ class Recovery:
 
     def write_down(self, tripped: TrippedError) -> None:
         """Note that a person must check, before anything moves, so that no other process continues either."""
-        trip = self._worst(tripped)
-        if trip.kind == OVERLOAD and not self._record.halted:
-            self._note(HALTED, trip.reason)
+        self._write_down(self._worst(tripped))
 
     def go_on_after(self, tripped: TrippedError) -> None:
         """The tip is up; check whether the run can continue.
@@ -120,6 +120,10 @@ class Recovery:
                     raise
                 self.go_on_after(tripped)
         return self._hands.run(procedure())
+
+    def _write_down(self, trip: Trip | None) -> None:
+        if trip is not None and trip.kind == OVERLOAD and not self._record.halted:
+            self._note(HALTED, trip.reason)
 
     def _await_well(self, reason: str) -> None:
         self._outlet.say(f'{reason}; the tip is up, waiting until it has recovered')

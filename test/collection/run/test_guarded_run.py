@@ -19,6 +19,7 @@ from tactile_nodes.collection.press.guarded import Felt, GuardSettings
 from tactile_nodes.collection.run import guarded_run
 from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSettings
 from tactile_nodes.collection.run.person import Person
+from tactile_nodes.collection.safety import OVERLOAD
 from tactile_nodes.collection.settings import LimitSettings, PressSettings, SurfaceSettings
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, Sample
@@ -300,6 +301,26 @@ def test_a_force_that_was_not_bearable_halts_whatever_is_started_next(record: Pa
         wait_until(lambda: 'more than the bearable 5 N' in run._person.question)
         run.stop()
         thread.join()
+
+
+def test_a_force_that_was_not_bearable_on_the_way_up_after_a_stop_halts_as_well(record: Path) -> None:
+    turn = count()
+
+    def stopping(run: GuardedRun, now_ns: int) -> Felt:
+        if next(turn) == 10:
+            run.stop()
+        return truth(run, now_ns)
+
+    with opened(stopping) as run:
+        retreat = run.station.hands.retreat
+
+        def up() -> None:
+            run.station.safety.fail(OVERLOAD, 'saturated', SystemClock().now_ns())
+            retreat()
+
+        run.station.hands.retreat = up  # type: ignore[method-assign]
+        assert run.run() is None
+    assert 'saturated' in MachineRecord(record).question(unasked=True)
 
 
 def test_an_approach_that_a_person_need_not_be_asked_about_is_not(record: Path) -> None:

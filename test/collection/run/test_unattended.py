@@ -93,6 +93,45 @@ def test_what_was_hit_is_written_down_before_the_tip_goes_up(tmp_path: Path) -> 
     assert of_the_machine(run) == ['begun', 'halted', 'ended']
 
 
+def test_an_unbearable_force_that_ends_the_run_halts_the_machine_as_well(tmp_path: Path) -> None:
+    """With a single attempt nothing is repeated; the run ends, but who starts the next one must look first."""
+    run, seen = Run(tmp_path, changed(limits={'rejects_in_a_row': 1})), []
+    retreat = run.rig.hands.retreat
+
+    def up() -> None:
+        seen.append(of_the_machine(run))
+        retreat()
+
+    run.rig.hands.retreat = up  # type: ignore[method-assign]
+    run.after(30.0, bump(run))  # in the search for the surface
+    with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
+        run.campaign.run()
+    assert seen == [['begun', 'halted']]  # before the tip goes up
+    assert of_the_machine(run) == ['begun', 'halted', 'ended']
+
+
+def test_an_unbearable_force_while_homing_halts_the_machine(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+    run.after(4.0, bump(run))
+    with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
+        run.campaign.run()
+    assert run.said[0] == 'homing' and not run.told
+    assert of_the_machine(run) == ['begun', 'halted']
+
+
+def test_an_unbearable_force_on_the_way_up_at_the_end_halts_the_machine(tmp_path: Path) -> None:
+    run = Run(tmp_path)
+
+    def stop() -> None:
+        run.rig.hands.asked_to_stop = True
+        run.after(0.1, bump(run, seconds=0.3))
+
+    run.at(3, run.in_the_gel(stop))
+    assert 'stopped on request' in run.campaign.run()
+    assert of_the_machine(run) == ['begun', 'halted', 'ended']
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
+
+
 @pytest.mark.parametrize('saturated', [False, True], ids=['sensor silent', 'sensor saturated'])
 def test_a_doubt_about_the_machine_lasts_until_a_force_says_that_nothing_touches(
     tmp_path: Path, saturated: bool
