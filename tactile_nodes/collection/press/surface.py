@@ -18,7 +18,7 @@ from tactile_nodes.collection.actions import Go, Look, Procedure, Seen
 from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import Tare, pressing_n, wrenches
-from tactile_nodes.errors import DeviceFaultError
+from tactile_nodes.errors import ConfigurationError, DeviceFaultError
 
 HERTZ, FLAT = 2 / 3, 1.0  # powers of the force that are linear in the depth
 BACK_OFF_STEPS = 6
@@ -84,6 +84,19 @@ def corners(settings: CollectionSettings) -> Sequence[tuple[float, float]]:
     """Places where the surface is measured, on the gel in mm."""
     reach = settings.surface.reach_mm
     return [(x * reach, y * reach) for x, y in CORNERS[: settings.surface.corners]]
+
+
+def check_safe_height(settings: CollectionSettings, safe_z_mm: float) -> None:
+    """Refuse a safe height below the height from which the surface search starts: the tip might already be in the gel.
+
+    Raises:
+        ConfigurationError: names both heights.
+    """
+    if safe_z_mm < settings.surface.top_mm:
+        raise ConfigurationError(
+            f'cnc.safe_z_mm is {safe_z_mm:g} mm, below surface.top_mm, {settings.surface.top_mm:g} mm, so the tip '
+            'could move sideways in the gel; raise cnc.safe_z_mm'
+        )
 
 
 def feel_corner(

@@ -32,7 +32,14 @@ from tactile_nodes.collection.plan.progress import Progress
 from tactile_nodes.collection.press.cycle import Ground, Record, press_cycle
 from tactile_nodes.collection.press.rest import await_recovery, breath, go_to_gel, image_noise, rest_frames
 from tactile_nodes.collection.press.speed import check_speeds
-from tactile_nodes.collection.press.surface import Corner, Surface, corners, feel_corner, surface_through
+from tactile_nodes.collection.press.surface import (
+    Corner,
+    Surface,
+    check_safe_height,
+    corners,
+    feel_corner,
+    surface_through,
+)
 from tactile_nodes.collection.press.sync_pattern import pattern_gaps, sync_pattern
 from tactile_nodes.collection.run.anchors import anchor_press
 from tactile_nodes.collection.run.outlet import Outlet
@@ -60,7 +67,8 @@ class Campaign:
         unasked: whether a person has allowed in advance to continue after a run that was cut off.
 
     Raises:
-        ConfigurationError: a plan that is too deep, or a feed too fast to be stopped in time.
+        ConfigurationError: a plan that is too deep, a feed too fast to be stopped in time, or a safe height that is
+            perhaps in the gel.
     """
 
     def __init__(
@@ -82,6 +90,7 @@ class Campaign:
                 'change one of them'
             )
         check_speeds(settings, period_s, hands.cnc.blind_step_mm)
+        check_safe_height(settings, safe_z_mm)
         self._plan_id = plan.plan_id
         self._order = order
         self._journal = journal

@@ -19,6 +19,7 @@ from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
 from tactile_nodes.collection.machine_record import BEGUN, ENDED, HALTED, MachineRecord, record_file
 from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
 from tactile_nodes.collection.press.rest import zero
+from tactile_nodes.collection.press.surface import check_safe_height
 from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.run.person import AFTER_KILL, ASK, GO_ON, Person, require_looked
@@ -82,6 +83,7 @@ class GuardedRun:
 
     Raises:
         ConfigurationError, DeviceError: a device that cannot be opened.
+        ConfigurationError: a safe height that is perhaps in the gel.
     """
 
     def __init__(self, settings: GuardedRunSettings, clock: Clock, feel: Feel, person: Person) -> None:
@@ -90,6 +92,7 @@ class GuardedRun:
         self._clock = clock
         self._person = person
         self._begun = self._homed = False
+        check_safe_height(s, s.cnc.safe_z_mm)
         self._tare: Tare | None = None
         nothing: Callable[[object], None] = lambda _: None  # noqa: E731
         self.station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)

@@ -24,7 +24,7 @@ from tactile_nodes.collection.settings import LimitSettings, PressSettings, Surf
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, Sample
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError
 from tactile_nodes.messages import types
 
 SAFE_Z_MM = -4.0
@@ -89,6 +89,12 @@ def test_the_force_is_reached_held_told_and_left() -> None:
         assert force_n.mean() == pytest.approx(guard.target_n, abs=1.5 * guard.band_n)
     assert outcome.seconds >= guard.hold_s
     assert outcome.greatest_n <= guard.target_n + guard.band_n
+
+
+def test_a_safe_height_that_may_be_in_the_gel_is_refused() -> None:
+    surface = dataclasses.replace(SETTINGS.surface, top_mm=SAFE_Z_MM + 0.5)
+    with pytest.raises(ConfigurationError, match=r'safe_z_mm is -4 mm, below surface\.top_mm, -3\.5 mm'):
+        opened(truth, dataclasses.replace(SETTINGS, surface=surface)).__enter__()
 
 
 def test_it_goes_up_when_the_force_becomes_invalid() -> None:

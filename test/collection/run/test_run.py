@@ -228,6 +228,12 @@ def test_recorder_that_goes_away_ends_the_run(tmp_path: Path) -> None:
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
+def test_safe_height_below_the_start_of_the_search_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    """For a thicker gel only the heights of the search were raised: the tip would go sideways through the gel."""
+    with pytest.raises(ConfigurationError, match=r'safe_z_mm is -26 mm, below surface\.top_mm, -24 mm'):
+        Run(tmp_path, changed(surface={'top_mm': -24.0, 'bottom_mm': -27.0}))
+
+
 def test_plan_that_is_too_deep_is_refused_before_anything_moves(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r'limits\.depth_mm allows 1'):
         Run(tmp_path, changed(limits={'depth_mm': 1.0}))
