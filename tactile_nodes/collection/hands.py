@@ -81,6 +81,7 @@ class Hands:
         self._expect: Callable[[Place, Sequence[Sample]], str] | None = None
         self._passed: tuple[int, Place] | None = None
         self.asked_to_stop = False
+        self.homing = False
         self.machine_failed = False
         """Whether the machine failed to perform a command."""
 
@@ -139,12 +140,16 @@ class Hands:
     def home(self) -> None:
         """Home the machine at its end switches. Raises as `run`."""
         self._await_stopped()
+        self.homing = True
         try:
+            self.check()
             self.cnc.home()
         except DeviceError:
-            self.check()  # if the safety has stopped the machine, homing fails because of that
+            self.check()  # if the machine was stopped on purpose, homing fails because of that
             self.machine_failed = True
             raise
+        finally:
+            self.homing = False
         self.check()
 
     def wait(self, seconds: float) -> None:
@@ -297,6 +302,10 @@ class Guard:
     def trip(self, trip: Trip) -> None:
         """Stop the machine now; returns at once."""
         del trip
+        self.stop()
+
+    def stop(self) -> None:
+        """As `trip`."""
         self.stopped.clear()
         self._tripped.set()
 

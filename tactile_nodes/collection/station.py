@@ -87,6 +87,12 @@ class Station:
         self.safety.frame(self._clock.now_ns())
         self.readings.put_frame(frame_of(stamp_ns, image))
 
+    def stop(self) -> None:
+        """Ask the run to end, with the tip up; returns at once. Homing is stopped here: a run cannot."""
+        self.hands.asked_to_stop = True
+        if self.hands.homing:
+            self.guard.stop()
+
     def close_after(self, run: threading.Thread | None, within_s: float) -> bool:
         """Close after the run has ended; returns whether it ended in time.
 

@@ -8,10 +8,11 @@ import time
 import pytest
 
 from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.collection.hands import InterruptedRunError
 from tactile_nodes.collection.safety import MACHINE
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.station import Station
-from tactile_nodes.drivers.cnc.contract import CncSettings
+from tactile_nodes.drivers.cnc.contract import CncSettings, Place
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, Sample
 from tactile_nodes.drivers.health import Health
 from tactile_nodes.emulators.world import WorldSettings
@@ -50,14 +51,14 @@ def test_a_sample_that_nobody_can_be_told_after_closing_ends_the_pump_quietly() 
     assert not station._pump.is_alive()
 
 
-def near() -> Station:
+def near(start_mm: Place = (-3.0, -3.0, -1.0)) -> Station:
     """A rig whose end switches and gel are near."""
     clock = SystemClock()
 
     def nothing(_: object) -> None:
         return None
 
-    world = WorldSettings(start_mm=(-3.0, -3.0, -1.0), gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-9.0)
+    world = WorldSettings(start_mm=start_mm, gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-9.0)
     settings = CollectionSettings(limits=LimitSettings(force_silence_ms=5000.0))
     return Station(
         settings, CncSettings(safe_z_mm=SAFE_Z_MM), ForceTorqueSettings(), world, clock, nothing, nothing, nothing
@@ -86,6 +87,35 @@ def test_a_run_that_takes_longer_than_closing_waits_brings_its_tip_up() -> None:
     assert station.close_after(runner, 0.05)
     with pytest.raises(DeviceError, match='not connected'):
         station.cnc.status()
+
+
+def test_homing_ends_at_once_when_the_run_is_asked_to_end() -> None:
+    """A tip that meets something on its way to the end switches must not go on there for seconds."""
+    station, caught = near((-60.0, -60.0, -1.0)), []
+
+    def run() -> None:
+        try:
+            station.hands.home()
+        except InterruptedRunError as error:
+            caught.append(error)
+
+    def x_mm() -> float:
+        assert station.world is not None
+        return station.world.motor_at(SystemClock().now_ns())[0]
+
+    runner = threading.Thread(target=run)
+    try:
+        runner.start()
+        deadline_s = monotonic_s() + PATIENCE_S
+        while x_mm() < -59.0 and monotonic_s() < deadline_s:
+            time.sleep(0.01)
+        station.stop()
+        runner.join(PATIENCE_S)
+        assert caught
+        assert x_mm() < -10.0  # the switches are at 0
+        assert not station.cnc.status().homed
+    finally:
+        station.close()
 
 
 def test_a_bug_in_what_watches_the_rig_stops_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -126,7 +126,7 @@ class GuardedRun:
 
     def stop(self) -> None:
         """Ask the run to end, with the tip up; returns at once."""
-        self.station.hands.asked_to_stop = True
+        self.station.stop()
 
     def close(self, run: threading.Thread | None = None, within_s: float = 0.0) -> bool:
         """Close the devices when the run has ended, as `Station.close_after`."""

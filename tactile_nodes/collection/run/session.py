@@ -135,7 +135,7 @@ class Session:
 
     def stop(self) -> None:
         """Ask the run to end, with the tip up; returns at once."""
-        self.station.hands.asked_to_stop = True
+        self.station.stop()
 
     def close(self) -> None:
         """End the run and close everything, except what a run still needs while its tip is not up."""
