@@ -16,7 +16,7 @@ LONGEST_BODY = 32 * 1024 * 1024
 
 @dataclass(frozen=True)
 class Part:
-    """One part's body, and the arrival time of its delimiter."""
+    """One part's body, and the arrival time of its first byte."""
 
     body: bytes
     arrival_ns: int
@@ -34,7 +34,7 @@ class MultipartParser:
         self._buffer = bytearray()
         self._state = self._seek
         self._now_ns = 0
-        self._arrival_ns = 0
+        self._arrival_ns: int | None = None
         self._length: int | None = None
         self._parts: list[Part] = []
 
@@ -54,7 +54,6 @@ class MultipartParser:
             del self._buffer[: -len(self._delimiter)]
             return False
         del self._buffer[: start + len(self._delimiter)]
-        self._arrival_ns = self._now_ns
         self._state = self._header
         return True
 
@@ -68,10 +67,13 @@ class MultipartParser:
         length = re.search(rb'(?im)^content-length:[ \t]*(\d{1,9})[ \t]*\r?$', self._buffer[: end.start()])
         self._length = int(length.group(1)) if length is not None else None
         del self._buffer[: end.end()]
+        self._arrival_ns = None
         self._state = self._body
         return True
 
     def _body(self) -> bool:
+        if self._arrival_ns is None and self._buffer:  # its delimiter and header may have come with the part before it
+            self._arrival_ns = self._now_ns
         if self._length is not None and 0 < self._length <= min(len(self._buffer), LONGEST_BODY):
             end = self._buffer.find(b'\n' + self._delimiter, 0, self._length)
             return self._hand_out(end if end >= 0 else self._length)
@@ -84,7 +86,7 @@ class MultipartParser:
         return False
 
     def _hand_out(self, end: int) -> bool:
-        self._parts.append(Part(bytes(self._buffer[:end]), self._arrival_ns))
+        self._parts.append(Part(bytes(self._buffer[:end]), self._arrival_ns or self._now_ns))
         del self._buffer[:end]
         self._state = self._seek
         return True

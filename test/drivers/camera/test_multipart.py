@@ -47,11 +47,27 @@ def test_a_part_with_a_length_comes_before_the_next_delimiter_has_arrived() -> N
     assert bodies(MultipartParser('cut'), text) == [b'abcd']
 
 
-def test_a_part_is_stamped_when_its_delimiter_arrives() -> None:
+def test_a_part_is_stamped_when_its_first_byte_arrives() -> None:
     parser = MultipartParser('cut')
     assert parser.feed(b'--cut\r\nContent-Le', 100) == []
-    (part,) = parser.feed(b'ngth: 4\r\n\r\nabcd', 200)
-    assert part.arrival_ns == 100
+    assert parser.feed(b'ngth: 4\r\n\r\n', 200) == []
+    assert parser.feed(b'a', 300) == []
+    (part,) = parser.feed(b'bcd', 400)
+    assert part.arrival_ns == 300
+
+
+@pytest.mark.parametrize('lengths', [True, False])
+def test_a_delimiter_that_is_sent_right_after_a_part_does_not_date_the_next_one_back(lengths: bool) -> None:
+    """mjpg-streamer and many ESP32 cameras send it with the picture before, a frame's time too early."""
+    parser, found = MultipartParser('cut'), parser_input(lengths)
+    parts = [part for number, piece in enumerate(found) for part in parser.feed(piece, 100 * number)]
+    assert [part.arrival_ns for part in parts] == [100, 200, 300]
+
+
+def parser_input(lengths: bool) -> list[bytes]:
+    """A delimiter, and then each part with the delimiter of the next one."""
+    head, *rest = stream(lengths).split(b'--cut\r\n')
+    return [head + b'--cut\r\n', *(part + b'--cut\r\n' for part in rest[:-1])]
 
 
 def test_a_length_that_is_too_great_swallows_nothing_beyond_the_next_delimiter() -> None:
