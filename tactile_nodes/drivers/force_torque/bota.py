@@ -137,9 +137,9 @@ class BotaConnection:
         self._parser = FrameParser()
         self._gaps = Gaps(US_PER_S / self.rate_hz)
         self._last_us = -1
-        self._good_s = clocks.monotonic_s()
         self._temperature_c = math.nan
         set_up(port, self._sinc, settings.baud or BAUD)
+        self._good_s = clocks.monotonic_s()
 
     @property
     def rate_hz(self) -> float:

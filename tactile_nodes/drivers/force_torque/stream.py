@@ -13,7 +13,7 @@ from tactile_nodes.drivers.force_torque.queue import SampleQueue, closed
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError, TactileError
 
-FIRST_SAMPLE_S = 3.0
+FIRST_SAMPLE_S = 5.0  # a board that restarts when its port is opened needs two, and a slow converter another one
 JOIN_S = 3.0
 FIRST_DELAY_S = 0.25
 LONGEST_DELAY_S = 5.0
@@ -194,7 +194,7 @@ class StreamedForceTorque:
         if connection is None:
             return
         try:
-            self._queue.rate_hz = connection.rate_hz
+            self._queue.rate_hz = connection.rate_hz or self._expected_hz
             connection.fetch(self._queue)
             self._watch()
         except DeviceError as error:
@@ -203,10 +203,10 @@ class StreamedForceTorque:
             self._drop()
 
     def _watch(self) -> None:
-        newest, now_ns = self._queue.newest, self._clock.now_ns()
+        newest, now_ns, rate_hz = self._queue.newest, self._clock.now_ns(), self._expected_hz
         heard_ns = max(self._heard_ns, newest.arrival_ns if newest else 0)
-        rate_hz = self._expected_hz
-        patience_s = max(self._settings.lost_s, 5 / rate_hz if rate_hz > 0 else FIRST_SAMPLE_S)
+        runs = rate_hz > 0 and heard_ns > self._heard_ns
+        patience_s = max(self._settings.lost_s, 5 / rate_hz if runs else FIRST_SAMPLE_S)
         if (now_ns - heard_ns) / NS_PER_S > patience_s:
             raise DeviceLostError(self._silent((now_ns - heard_ns) / NS_PER_S))
 

@@ -96,7 +96,7 @@ class TextLineConnection:
         self._gaps = Gaps(US_PER_S / settings.rate_hz if settings.rate_hz else 0.0)
         self._last_us = -1
         self._wrong = 0
-        self._good_s = clocks.monotonic_s()
+        self._good_s = 0.0
 
     @property
     def rate_hz(self) -> float:
@@ -132,6 +132,8 @@ class TextLineConnection:
         """Read what has arrived."""
         data = self._port.read(WAIT_S)
         arrival_ns = self._clock.now_ns()
+        if data and not self._good_s:  # a board that restarts when its port is opened first sends nothing for seconds
+            self._good_s = clocks.monotonic_s()
         for line in self._parser.feed(data):
             self._put(line, arrival_ns, queue)
         if data and clocks.monotonic_s() - self._good_s > GARBAGE_S:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from ft_rigs import Rig, assert_counted, read, read_until, rig_of
 
-from tactile_nodes.clock import SystemClock
+from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.drivers.force_torque import bota, text
+from tactile_nodes.drivers.force_torque.check import SampleCheck
 from tactile_nodes.drivers.force_torque.contract import Flag, ForceTorqueSettings, TextLineSettings
+from tactile_nodes.drivers.force_torque.queue import SampleQueue
 from tactile_nodes.drivers.force_torque.serial_line import Gaps
-from tactile_nodes.errors import DeviceError, DeviceTimeoutError
+from tactile_nodes.drivers.force_torque.stream import StreamedForceTorque
+from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError
 
 # Status 0; 1, -2, 0.5 N; 0, 0.25, -0.125 N·m; 1 000 000 µs; 25 °C.
 BODY = bytes.fromhex('0000 0000803f 000000c0 0000003f 00000000 0000803e 000000be 40420f00 0000c841')
@@ -240,3 +244,76 @@ def test_bytes_that_are_never_a_sample_are_told_from_silence(tmp_path: Path, mon
         )
         with pytest.raises(DeviceTimeoutError, match='no lines of t_us and 2 channels'):
             rig.make(wrong)
+
+
+class Board:
+    """An Arduino: it restarts whenever its port is opened, and sends nothing until it has started."""
+
+    name = 'board'
+
+    def __init__(self, boot_s: float, rate_hz: float = 100.0) -> None:
+        self._begin_s = monotonic_s() + boot_s
+        self._rate_hz = rate_hz
+        self._sent = 0
+        self.pulled = False
+
+    def write(self, data: bytes) -> None:
+        raise AssertionError('nothing is sent to it')
+
+    def read(self, timeout_s: float) -> bytes:
+        if self.pulled:
+            raise DeviceLostError('the board is gone')
+        due_s = self._begin_s + (self._sent + 1) / self._rate_hz
+        time.sleep(max(0.0, min(timeout_s, due_s - monotonic_s())))
+        if monotonic_s() < due_s:
+            return b''
+        self._sent += 1
+        return b'%d,%d\n' % (round(self._sent * 1e6 / self._rate_hz), self._sent * 7 % 11)
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def test_a_board_that_starts_longer_than_garbage_is_borne_with_is_not_garbage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An Arduino takes two seconds, and the first of its lines is not believed."""
+    monkeypatch.setattr(text, 'GARBAGE_S', 0.2)
+    settings, clock = ForceTorqueSettings('text:board'), SystemClock()
+    connection = text.TextLineConnection(Board(0.4), settings, clock)
+    queue = SampleQueue('board', 100, SampleCheck())
+    while queue.newest is None:
+        connection.fetch(queue)
+
+
+def test_a_board_that_starts_longer_than_silence_is_borne_with_comes_back() -> None:
+    """Giving up while it starts would open its port again, and so restart it, for ever."""
+    boards: list[Board] = []
+
+    def connect() -> text.TextLineConnection:
+        boards.append(Board(0.8, rate_hz=50.0))
+        return text.TextLineConnection(boards[-1], settings, clock)
+
+    settings, clock = ForceTorqueSettings('text:board', lost_s=0.3), SystemClock()
+    sensor = StreamedForceTorque('the board', connect, settings, clock, ('fz',))
+    sensor.open()
+    try:
+        boards[0].pulled = True
+        again = read_until(sensor, lambda sample: bool(sample.flags & Flag.RESTARTED))
+        assert len(boards) == 2
+        assert again.dropped > 40  # it was away for more than 0.8 s
+    finally:
+        sensor.close()
+
+
+def test_a_bota_that_takes_long_to_start_may_send_half_a_frame_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bota, 'GARBAGE_S', 0.1)
+
+    class Slow(ScriptedPort):
+        def read(self, timeout_s: float) -> bytes:
+            if self._to_say and self._to_say[0].startswith(b'App'):
+                time.sleep(0.2)
+            return super().read(timeout_s)
+
+    port = Slow(b'App Init\r\n', list(DIALOGUE))
+    connection = bota.BotaConnection(port, ForceTorqueSettings('bota:port'), SystemClock())
+    port._to_say = [FRAME[:20]]
+    connection.fetch(SampleQueue('bota', 100, SampleCheck()))
