@@ -187,7 +187,7 @@ class BotaConnection:
         self._good_s = clocks.monotonic_s()
         self._temperature_c = frame.temperature_c
         ticks = self._ticks.unwrapped(frame.time_us)
-        require_no_restart(ticks, self._last_us, self._port.name)
+        require_no_restart(ticks, self._last_us, self._ticks.lead_ns(ticks, arrival_ns), self._port.name)
         flags = flags_of(frame.status)
         if ticks == self._last_us:
             flags |= Flag.STALLED

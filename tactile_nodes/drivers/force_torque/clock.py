@@ -112,6 +112,13 @@ class TickClock:
         self._ticks += ahead
         return self._ticks
 
+    def lead_ns(self, ticks: int, arrival_ns: int) -> float:
+        """How far the counter is ahead of the line; 0 if unknown. Only a counter that jumped or began again is."""
+        if not self._settled or not self._keeps_time:
+            return 0.0
+        x, y = self._place(ticks, arrival_ns)
+        return self._line[0] + self._line[1] * x - y
+
     def stamp(self, ticks: int, arrival_ns: int) -> int:
         """Measurement time of the sample with these ticks (unwrapped); strictly increasing, never after arrival."""
         if self._seen == 0:

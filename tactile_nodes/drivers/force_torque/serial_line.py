@@ -10,9 +10,12 @@ WAIT_S = 0.05
 RESTART_US = 1_000_000
 
 
-def require_no_restart(time_us: int, last_us: int, port: str) -> None:
-    """Raise DeviceLostError if the sensor's clock went back: it was power-cycled, and must be configured again."""
-    if time_us < last_us - RESTART_US:
+def require_no_restart(time_us: int, last_us: int, lead_ns: float, port: str) -> None:
+    """Raise DeviceLostError if the sensor's clock went back: it was power-cycled, and must be configured again.
+
+    Later than half-way to its wrap-around, a clock that begins again seems to jump ahead (`TickClock.lead_ns`).
+    """
+    if time_us < last_us - RESTART_US or lead_ns > 1000 * RESTART_US:
         raise DeviceLostError(f'the sensor at {port} has restarted (its clock went back); check its power supply')
 
 

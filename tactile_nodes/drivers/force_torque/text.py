@@ -153,7 +153,7 @@ class TextLineConnection:
             return
         self._good_s = clocks.monotonic_s()
         ticks = self._ticks.unwrapped(line.time_us)
-        require_no_restart(ticks, self._last_us, self._port.name)
+        require_no_restart(ticks, self._last_us, self._ticks.lead_ns(ticks, arrival_ns), self._port.name)
         flags = self._flags(line, ticks)
         missing = self._gaps.missing(ticks)
         stamp_ns = self._ticks.stamp(ticks, arrival_ns)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from ft_rigs import Rig, assert_counted, read, read_until, rig_of
 
-from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.clock import SteppedClock, SystemClock, monotonic_s
 from tactile_nodes.drivers.force_torque import bota, text
 from tactile_nodes.drivers.force_torque.check import SampleCheck
 from tactile_nodes.drivers.force_torque.contract import Flag, ForceTorqueSettings, TextLineSettings
@@ -234,6 +234,25 @@ def test_a_sensor_that_was_switched_off_and_on_is_set_up_anew(rig: Rig) -> None:
     rig.device.talker.clock = rig.device.talker.clock.altered(SystemClock().now_ns(), 0.0, -10.0)
     assert not read_until(sensor, lambda sample: bool(sample.flags & Flag.RESTARTED)).flags & Flag.UNTIMED
     assert int(sensor.description['times lost']) >= 1  # a busy computer may lose it once more
+
+
+@pytest.mark.parametrize('minutes', [10, 50, 100])
+def test_a_clock_that_begins_again_is_noticed_however_long_it_has_run(minutes: int) -> None:
+    """In 32 bits, microseconds wrap after 71 minutes; from the half of that on, zero lies ahead."""
+    port = ScriptedPort(b'', [])
+    connection = text.TextLineConnection(port, ForceTorqueSettings('text:port'), stepped := SteppedClock(10**18))
+    queue, begin_us = SampleQueue('port', 100, SampleCheck()), minutes * 60_000_000
+
+    def send(time_us: int) -> None:
+        stepped.advance(0.0125)
+        port._to_say = [b'%d,%d\n' % (time_us % 2**32, time_us % 7)]
+        connection.fetch(queue)
+
+    for number in range(20):
+        send(begin_us + 12_500 * number)
+    assert queue.newest is not None
+    with pytest.raises(DeviceLostError, match='has restarted'):
+        send(12_500)
 
 
 def test_bytes_that_are_never_a_sample_are_told_from_silence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
