@@ -99,6 +99,21 @@ def check_safe_height(settings: CollectionSettings, safe_z_mm: float) -> None:
         )
 
 
+def check_search_depth(settings: CollectionSettings) -> None:
+    """Refuse a search that goes deeper than `limits.depth_mm`. The first step into the gel may not be felt yet.
+
+    Raises:
+        ConfigurationError: names both depths.
+    """
+    surface = settings.surface
+    deepest_mm = (surface.beyond + 1) * max(surface.step_mm, surface.fine_step_mm)
+    if deepest_mm > settings.limits.depth_mm + 1e-9:
+        raise ConfigurationError(
+            f'the surface search goes {deepest_mm:g} mm deep (a step to contact and surface.beyond more), '
+            f'limits.depth_mm allows {settings.limits.depth_mm:g}; change one of them, or surface.step_mm'
+        )
+
+
 def feel_corner(
     settings: CollectionSettings,
     safe_z_mm: float,

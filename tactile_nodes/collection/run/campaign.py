@@ -36,6 +36,7 @@ from tactile_nodes.collection.press.surface import (
     Corner,
     Surface,
     check_safe_height,
+    check_search_depth,
     corners,
     feel_corner,
     surface_through,
@@ -67,8 +68,8 @@ class Campaign:
         unasked: whether a person has allowed in advance to continue after a run that was cut off.
 
     Raises:
-        ConfigurationError: a plan that is too deep, a feed too fast to be stopped in time, or a safe height that is
-            perhaps in the gel.
+        ConfigurationError: a plan or search that is too deep, a feed too fast to be stopped in time, or a safe height
+            that is perhaps in the gel.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Campaign:
             )
         check_speeds(settings, period_s, hands.cnc.blind_step_mm)
         check_safe_height(settings, safe_z_mm)
+        check_search_depth(settings)
         self._plan_id = plan.plan_id
         self._order = order
         self._journal = journal

@@ -12,6 +12,7 @@ from rehearsing import SAFE_Z_MM, TABLE, Run, changed
 
 from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import Journal
+from tactile_nodes.collection.plan.plan import PlanSettings
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, TactileError
 
@@ -237,6 +238,18 @@ def test_safe_height_below_the_start_of_the_search_is_refused_before_anything_mo
 def test_plan_that_is_too_deep_is_refused_before_anything_moves(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r'limits\.depth_mm allows 1'):
         Run(tmp_path, changed(limits={'depth_mm': 1.0}))
+
+
+@pytest.mark.parametrize('beyond', [3, 4])
+def test_search_that_is_too_deep_is_refused_before_anything_moves(tmp_path: Path, beyond: int) -> None:
+    """A step of 0.1 mm to contact and three more are 0.4 mm."""
+    plan = PlanSettings(columns=2, rows=1, pitch_mm=2.0, depths_mm=(0.3,))
+    settings = changed(limits={'depth_mm': 0.4}, surface={'beyond': beyond})
+    if beyond == 3:
+        Run(tmp_path, settings, plan)
+        return
+    with pytest.raises(ConfigurationError, match=r'search goes 0\.5 mm deep .*, limits\.depth_mm allows 0\.4'):
+        Run(tmp_path, settings, plan)
 
 
 def test_feed_that_cannot_be_stopped_in_time_is_refused_before_anything_moves(tmp_path: Path) -> None:
