@@ -107,7 +107,8 @@ class PressRead:
 class Calibrator:
     """Takes presses in their order; `made` is the calibration so far, `objection` says why there is none.
 
-    `left_out` says why the last unusable press cannot be used, `live_rest` is the rest image of the running sensor, if there is one.
+    `left_out` says why the last unusable press cannot be used. `live_rest` is the rest image of the running sensor, if
+    there is one.
 
     Args:
         loaded: the model to begin with.
