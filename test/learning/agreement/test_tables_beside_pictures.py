@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 from coarse_table import linear_table
+from scipy.stats import spearmanr
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import DatasetError
@@ -223,6 +225,17 @@ def test_motion_cannot_follow_forces_that_are_all_alike() -> None:
     strength = np.random.default_rng(1).uniform(0, 1, (20, 3, 3))
     assert force_objection(np.full(20, 0.49), strength) == ''
     assert 'do not move more' in force_objection(strength.sum(axis=(1, 2)).max() - strength.sum(axis=(1, 2)), strength)
+
+
+def test_motion_that_also_depends_on_the_place_still_follows_forces() -> None:
+    """As between a few printed dots: of 30 presses with 12 to 26 g some move the dots three times as much as others."""
+    random = np.random.default_rng(0)
+    force_n = np.tile([0.14, 0.19, 0.23], 10) * random.uniform(0.85, 1.15, 30)
+    strength = (force_n * random.uniform(0.5, 1.5, 30))[:, None, None] * np.ones((30, 3, 3))
+    correlation = float(spearmanr(force_n, strength.sum(axis=(1, 2))).statistic)
+    assert 2 / math.sqrt(29) < correlation < 0.5
+    assert force_objection(force_n, strength) == ''
+    assert 'rows or columns are mixed up' in force_objection(random.permutation(force_n), strength)
 
 
 def appended(*rows: Row) -> Change:
