@@ -29,11 +29,12 @@ from tactile_nodes.params.files import (
     normal_pattern,
     parse_parameters,
     parse_scalar,
+    parse_value,
     resolve_parameters,
 )
 
 __all__ = [
     'Located', 'NodeParameters', 'ParameterDescription', 'Scalar', 'Value', 'compose', 'describe', 'exact_names',
     'from_mapping', 'load_listed', 'load_mapping', 'load_parameter_file', 'matches', 'normal_pattern', 'parameter',
-    'parse_parameters', 'parse_scalar', 'resolve_parameters', 'to_values',
+    'parse_parameters', 'parse_scalar', 'parse_value', 'resolve_parameters', 'to_values',
 ]  # fmt: skip

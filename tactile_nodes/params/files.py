@@ -89,6 +89,20 @@ def parse_parameters(text: str, source: str) -> list[NodeParameters]:
     return list(_node_blocks(root, '', source))
 
 
+def parse_value(text: str, source: str, name: str) -> Located:
+    """The value `text` of the parameter `name`, read alone, as rcl reads ``-p``: ``a, b`` is one string.
+
+    Raises:
+        ConfigurationError: not YAML, empty, or no scalar and no list of scalars.
+    """
+    node = compose(text, source)
+    if node is None:
+        raise ConfigurationError(f'{source}: {name!r} has no value')
+    if isinstance(node, yaml.MappingNode):
+        raise _refusal(source, node, f'{name!r} cannot hold a map; put the text in quotes, or set {name}.key')
+    return Located(_value(node, source, name), source, _line(node.start_mark))
+
+
 def load_mapping(path: str | Path) -> dict[str, Located]:
     """A plain YAML file with one mapping (a gel, a training run), flattened to dotted names, typed by the same rules.
 

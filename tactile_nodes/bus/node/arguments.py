@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from tactile_nodes.bus.names import absolute, absolute_namespace
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.params import NodeParameters, load_parameter_file, parse_parameters
+from tactile_nodes.params import NodeParameters, load_parameter_file, parse_value
 
 _REMAP = re.compile(r'(?:(?P<node>[A-Za-z_]\w*):)?(?P<source>[^:=]+):=(?P<target>.+)', re.ASCII)
 LEVELS = {'debug': 10, 'info': 20, 'warn': 30, 'error': 40, 'fatal': 50}
@@ -104,10 +104,7 @@ def _parse_parameter(rule: str) -> list[NodeParameters]:
     if not separator or not name:
         raise ConfigurationError(f'the parameter {rule!r} is not of the form name:=value')
     node, _, name = name.rpartition(':')
-    return [
-        NodeParameters(node or '/**', block.values)
-        for block in parse_parameters(f'_: {{ros__parameters: {{{name}: {value}}}}}', f'-p {rule}')
-    ]
+    return [NodeParameters(node or '/**', {name: parse_value(value, f'-p {rule}', name)})]
 
 
 def _level(text: str) -> int:

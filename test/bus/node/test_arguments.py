@@ -24,6 +24,29 @@ def test_parameter_of_one_node_is_kept_apart_from_those_of_all() -> None:
     assert [block.pattern for block in found.parameters] == ['camera', '/**']
 
 
+@pytest.mark.parametrize(
+    ('text', 'value'),
+    [
+        ('/bags/a,b', '/bags/a,b'),
+        ('pad[1]', 'pad[1]'),
+        ('a}b', 'a}b'),
+        ('[a, b]', ['a', 'b']),
+        ('[1.0, 2.0]', [1.0, 2.0]),
+        ("'[a, b]'", '[a, b]'),
+        ('0x10', 16),
+    ],
+)
+def test_value_of_p_is_read_alone_as_rcl_reads_it(text: str, value: object) -> None:
+    (block,) = parse_arguments(['--ros-args', '-p', f'camera:folder:={text}']).parameters
+    assert (block.pattern, {name: each.value for name, each in block.values.items()}) == ('camera', {'folder': value})
+
+
+@pytest.mark.parametrize(('text', 'reason'), [('', 'has no value'), ('#1', 'has no value'), ('{a: 1}', 'hold a map')])
+def test_value_of_p_that_a_parameter_cannot_hold_is_refused(text: str, reason: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"^-p folder:=.*'folder' .*{reason}"):
+        parse_arguments(['--ros-args', '-p', f'folder:={text}'])
+
+
 def test_name_and_namespace_are_set_by_rules() -> None:
     names = _names('__node:=left', '__ns:=/skin/finger')
     assert (names.name, names.full_name) == ('left', '/skin/finger/left')
