@@ -1,12 +1,13 @@
 """What a launched process leaves running: it ends with the launch, and hides nothing that was written."""
 
 import os
+import signal
 import subprocess
 import time
 
 import pytest
 
-from tactile_nodes.launching.processes import orphans
+from tactile_nodes.launching.processes import child, orphans
 
 
 def test_a_grandchild_goes_with_its_parent(launch, program, tmp_path):
@@ -59,6 +60,34 @@ def test_processes_of_other_accounts_are_not_waited_for(monkeypatch):
         assert orphans.environment(1) == b''
     finally:
         os.seteuid(0)
+
+
+def test_a_process_of_another_account_is_named_and_the_others_are_ended(launch, monkeypatch):
+    """As with launch-prefix: sudo. The person ends it, as the launch asks; the launch waits for that."""
+    signalled = os.killpg
+    foreign = []
+
+    def refuse(leader, number):
+        if leader in foreign:
+            raise PermissionError(1, 'Operation not permitted')
+        signalled(leader, number)
+
+    def interrupt(service):
+        foreign.append(service._supervisors[1]._child.pid)
+        service.interrupt()
+
+    def end_it(_):
+        signalled(foreign[0], signal.SIGKILL)
+
+    monkeypatch.setattr(child.os, 'killpg', refuse)
+    actions = '- executable: {cmd: sleep 60}\n- executable: {cmd: sleep 61}\n'
+    when = {'[sleep-2]: process started': interrupt, '[sleep-1]: process has died': end_it}
+    status, shown, _ = launch(actions, when)
+    assert status == 0
+    assert [line for line in shown if 'may not be signalled' in line] == [
+        '[ERROR] [sleep-2]: process[sleep-2] belongs to another user and may not be signalled; the launch waits for '
+        f'it: end it with sudo kill {foreign[0]}'
+    ]
 
 
 def living(pid):

@@ -80,12 +80,15 @@ class Child:
             self._readers.append(self._thread(self._read, pipe, stream))
         self._thread(self._wait)
 
-    def signal(self, number: signal.Signals) -> None:
-        """Signal the whole process group, if it still exists."""
+    def signal(self, number: signal.Signals) -> bool:
+        """Signal the whole process group, if it still exists; returns False if it belongs to another user."""
         try:
             os.killpg(self.pid, number)
         except ProcessLookupError:
-            return
+            return True
+        except PermissionError:
+            return False
+        return True
 
     def _thread(self, target: Callable[..., None], *arguments: object) -> threading.Thread:
         thread = threading.Thread(target=target, args=arguments, name=self._plan.name, daemon=True)

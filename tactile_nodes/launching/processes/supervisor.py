@@ -75,7 +75,8 @@ class Supervisor:
             return
         if told:
             self._say('INFO', f"sending signal 'SIGINT' to process[{self.plan.name}]")
-        self._child.signal(signal.SIGINT)
+        if not self._signal(signal.SIGINT):
+            return
         to_term, to_kill = float(self.plan.sigterm_timeout), float(self.plan.sigkill_timeout)
         self._escalate(to_term, self.plan.sigterm_timeout, signal.SIGINT, signal.SIGTERM)
         self._escalate(to_term + to_kill, str(to_term + to_kill), signal.SIGTERM, signal.SIGKILL)
@@ -88,10 +89,19 @@ class Supervisor:
                 f"escalating to '{number.name}'",
             )
             self._say('INFO', f"sending signal '{number.name}' to process[{self.plan.name}]")
-            if self._child is not None:
-                self._child.signal(number)
+            self._signal(number)
 
         self._appointments.append(self._agenda.after(seconds, send))
+
+    def _signal(self, number: signal.Signals) -> bool:
+        if self._child is None or self._child.signal(number):
+            return True
+        self._say(
+            'ERROR',
+            f'process[{self.plan.name}] belongs to another user and may not be signalled; the launch waits for it: '
+            f'end it with sudo kill {self._child.pid}',
+        )
+        return False
 
     def _report(self, code: int) -> None:
         self._agenda.post(lambda: self._exited(code))
