@@ -21,6 +21,10 @@ class Level(IntEnum):
 
 NO_HARDWARE = 'none'  # as diagnostic_updater of ROS 2 has it for software
 
+_LOGGED_EVERY_S = 60.0
+_MOST_LOGGED = 10
+_OVER_AFTER_S = 10.0
+
 
 @dataclass
 class _Part:
@@ -65,6 +69,33 @@ class Diagnostics:
             hardware_id=hardware_id,
             values=[types.KeyValue(key=key, value=_text(value)) for key, value in part.values.items()],
         )
+
+
+class RecentErrors:
+    """Which errors of a node's callbacks to log, and when they are over.
+
+    A text is logged once a minute, and no more than ten a minute: a text may hold a number that differs in each frame.
+    """
+
+    def __init__(self) -> None:
+        self._logged_s: dict[str, float] = {}
+        self._last_s: float | None = None
+
+    def add(self, text: str, now_s: float) -> bool:
+        """Note an error; returns whether to log it."""
+        self._last_s = now_s
+        self._logged_s = {each: at_s for each, at_s in self._logged_s.items() if now_s - at_s < _LOGGED_EVERY_S}
+        if text in self._logged_s or len(self._logged_s) >= _MOST_LOGGED:
+            return False
+        self._logged_s[text] = now_s
+        return True
+
+    def are_over(self, now_s: float) -> bool:
+        """Whether there were errors, and none for some seconds; true once."""
+        if self._last_s is None or now_s - self._last_s < _OVER_AFTER_S:
+            return False
+        self._last_s = None
+        return True
 
 
 def _text(value: Any) -> str:

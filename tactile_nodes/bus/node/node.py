@@ -15,7 +15,7 @@ from tactile_nodes import params
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.answering import in_turn, trigger
 from tactile_nodes.bus.node.arguments import Names, NodeArguments
-from tactile_nodes.bus.node.diagnostics import Diagnostics, Level
+from tactile_nodes.bus.node.diagnostics import Diagnostics, Level, RecentErrors
 from tactile_nodes.bus.node.keeping import Kept
 from tactile_nodes.bus.node.log import Log
 from tactile_nodes.bus.node.parameters import ParameterServer, from_message
@@ -24,7 +24,7 @@ from tactile_nodes.bus.node.taking import take
 from tactile_nodes.bus.protocol import Bus, Closing, Publisher, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
-from tactile_nodes.clock import NS_PER_S, Clock, SteppedClock, SystemClock
+from tactile_nodes.clock import NS_PER_S, Clock, SteppedClock, SystemClock, monotonic_s
 from tactile_nodes.errors import AskedToEndError, MessageError, TactileError
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.params import parameter
@@ -72,6 +72,7 @@ class Node:
         self.clock: Clock = clock or (SteppedClock() if self.params.use_sim_time else SystemClock())
         self.log = Log(self.full_name, arguments.log_level, self.clock)
         self.diagnostics = Diagnostics(self.full_name)
+        self._errors = RecentErrors()
         self._offer_standard_ends()
 
     @property
@@ -261,12 +262,17 @@ class Node:
         self.bus.add_node(self.full_name)
         self.log.publisher = self.create_publisher(topics.ROSOUT)
         told = self.create_publisher(topics.DIAGNOSTICS)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, lambda: told.publish(self.diagnostics.message(self.clock.now_ns())))
+        self.create_timer(DIAGNOSTICS_PERIOD_S, lambda: told.publish(self._diagnosis()))
         prepare = None if type(self).prepare_parameters is Node.prepare_parameters else self._prepare
         for name, (type_name, answer) in self._parameters.answers().items():
             self.create_service(f'~/{name}', type_name, answer, prepare if name.startswith('set_') else None)
         if self.params.use_sim_time:
             self.create_subscription(topics.CLOCK, self._on_clock)
+
+    def _diagnosis(self) -> types.DiagnosticArray:
+        if self._errors.are_over(monotonic_s()):
+            self.report('errors', Level.OK, '')
+        return self.diagnostics.message(self.clock.now_ns())
 
     def _on_clock(self, received: Received) -> None:
         assert isinstance(self.clock, SteppedClock)
@@ -282,7 +288,9 @@ class Node:
         try:
             work()
         except TactileError as error:
-            self.report('errors', Level.ERROR, str(error))
+            self.diagnostics.report('errors', Level.ERROR, str(error))
+            if self._errors.add(str(error), monotonic_s()):
+                self.log.error(f'errors: {error}')
 
     def _run_timers(self) -> None:
         now_ns = self.clock.now_ns()
