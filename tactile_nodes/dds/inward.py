@@ -70,7 +70,7 @@ class Inward:
 
     @property
     def apart_s(self) -> float:
-        """The age of the last message by its header, on the clock of this bus; 0 if no message has a header."""
+        """The age of the last message by its header, on the clock of this bus; 0 if none was stamped."""
         return self._apart_ns / NS_PER_S
 
     @property
@@ -87,8 +87,9 @@ class Inward:
         except MessageError:
             self.malformed += 1
             return
-        if hasattr(message, 'header'):
-            self._apart_ns = self._clock.now_ns() - messages.stamp_ns(message.header.stamp)
+        stamp_ns = messages.stamp_ns(message.header.stamp) if hasattr(message, 'header') else 0
+        if stamp_ns:  # else its publisher does not stamp, which is no clock that differs
+            self._apart_ns = self._clock.now_ns() - stamp_ns
         publisher.publish_bytes(data)
         self.taken += 1
 

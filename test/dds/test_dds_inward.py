@@ -68,6 +68,14 @@ def test_clocks_that_are_apart_are_told(
     assert ('the clocks differ' in tested.complaint) is complains
 
 
+def test_a_message_without_a_stamp_is_no_clock_that_differs(participant: Any, bus: InProcessBus, work: Work) -> None:
+    tested = Inward(participant, bus, '/dds_bridge', [Wish('/robot/wrench', WRENCH)], work.put)
+    writer = participant.writer('/robot/wrench', WRENCH, Qos('queue', 10))
+    writer.write(messages.encode(types.WrenchStamped()))
+    run_until(work, lambda: tested.taken == 1)
+    assert (tested.apart_s, tested.complaint) == (0.0, '')
+
+
 def test_bytes_in_another_encoding_are_counted(participant: Any, work: Work) -> None:
     got: list[bytes] = []
     reader = participant.reader('/a', WRENCH, Qos('queue', 10), lambda: work.put(lambda: got.extend(reader.take())))
