@@ -14,6 +14,8 @@ from tactile_nodes.errors import ConfigurationError
 
 PACKAGE = 'tactile_nodes'
 OF_BAGS = '.mcap', '.db3', '.yaml'
+_LONGEST_SOCKET_PATH = 107  # bytes: sockaddr_un.sun_path holds 108, the last one a NUL, see unix(7)
+_LONGEST_SOCKET_NAME = 'd232/01234567.99999.sock'  # of the bus, see `bus.zeromq.discovery`
 
 
 @cache
@@ -51,6 +53,11 @@ def run_directory() -> Path:
     if (base := os.environ.get('XDG_RUNTIME_DIR')) and _is_own(Path(base)):
         return _private(Path(base) / 'tactile')
     return _private(Path(tempfile.gettempdir()) / f'tactile-{os.getuid()}')
+
+
+def is_short_enough(folder: Path) -> bool:
+    """Whether a run folder leaves room for the names of the bus's sockets."""
+    return len(os.fsencode(folder / _LONGEST_SOCKET_NAME)) <= _LONGEST_SOCKET_PATH
 
 
 def log_directory() -> Path:

@@ -20,11 +20,9 @@ from pathlib import Path
 from tactile_nodes import clock
 from tactile_nodes.bus.zeromq.records import LONGEST_TEXT, Record
 from tactile_nodes.errors import BusError, ConfigurationError
-from tactile_nodes.paths import run_directory
+from tactile_nodes.paths import is_short_enough, run_directory
 
 LOOK_EVERY_S = 0.05
-_LONGEST_SOCKET_PATH = 107  # sockaddr_un.sun_path holds 108 bytes, the last one a NUL
-_LONGEST_NAME = 'd232/01234567.99999.sock'
 _OWN_FILE = re.compile(r'(?P<uid>[0-9a-f]{8})\.(lock|json|\d+\.sock)')
 
 
@@ -68,7 +66,7 @@ class Meeting:
         """
         self.folder = self._meeting_place()
         base = self.folder.parent
-        if len(os.fsencode(base / _LONGEST_NAME)) > _LONGEST_SOCKET_PATH:
+        if not is_short_enough(base):
             raise BusError(f'the path {base} is too long for sockets; set TACTILE_RUN_DIR to a shorter path')
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)

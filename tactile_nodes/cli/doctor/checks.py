@@ -30,8 +30,6 @@ LEAST_MEMORY = 1 * GB
 LEAST_DISK = 5 * GB
 LEAST_SHARED_MEMORY = 64e6
 SHARED_MEMORY = Path('/dev/shm')  # noqa: S108, the mount itself is checked
-LONGEST_SOCKET_PATH = 107  # bytes: sockaddr_un.sun_path holds 108 with the final NUL, see unix(7)
-SOCKET_NAME = 'd232/' + 'x' * 32 + '.999.sock'
 IMAGES_PER_S, IMAGE_BYTES = 60, 440 * 440
 NARROWEST_TERMINAL = 80
 
@@ -148,7 +146,7 @@ def run_directory(locate: Callable[[], Path] = paths.run_directory) -> Finding:
         return Finding('run folder', 'problem', str(error), 'set TACTILE_RUN_DIR to a folder of your own, mode 700')
     if not os.access(folder, os.W_OK | os.X_OK):
         return Finding('run folder', 'problem', f'{folder} is not writable', 'set TACTILE_RUN_DIR to a writable folder')
-    if len(os.fsencode(folder / SOCKET_NAME)) > LONGEST_SOCKET_PATH:
+    if not paths.is_short_enough(folder):
         return Finding(
             'run folder', 'problem', f'{folder} is too long for sockets', 'set TACTILE_RUN_DIR to a shorter path'
         )
