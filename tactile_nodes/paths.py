@@ -158,7 +158,11 @@ def _private(folder: Path) -> Path:
             f'cannot use {folder} for the sockets of the bus ({error.strerror}); '
             'set TACTILE_RUN_DIR to a folder of your own'
         ) from error
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+    if not stat.S_ISDIR(found.st_mode):
+        raise ConfigurationError(
+            f'{folder} is a symbolic link, which others could change; set TACTILE_RUN_DIR to the folder itself'
+        )
+    if found.st_uid != os.getuid():
         raise ConfigurationError(
             f'{folder} is not owned by user {os.getuid()}; set TACTILE_RUN_DIR to a folder that is'
         )
