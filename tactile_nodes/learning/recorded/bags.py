@@ -278,7 +278,7 @@ class CollectionBag:
         if len(found) > 1:
             raise DatasetError(
                 f'{self.path} holds the topic {topic.name} of several sensors, {", ".join(found)}; choose one with '
-                '--namespace'
+                '--namespace (which a launch does not have: use tactile calibrate instead)'
             )
         if needed and not found:
             raise DatasetError(

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from press_bags import DEPTHS_MM, FRAME_NS, FRAMES, PLACES_MM, SECOND_NS, START_NS, Collection, Sensor
 
+from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bus.topics import REFERENCE_IMAGE
+from tactile_nodes.bus.topics import PRESS, REFERENCE_IMAGE
 from tactile_nodes.conversions import image_array
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import Choice
@@ -369,3 +370,11 @@ def test_a_sensor_is_chosen_by_its_namespace(tmp_path: Path, sensor: Sensor) -> 
     assert len(build([folder], dataclasses.replace(COARSE, namespace='left'))) == 1
     with pytest.raises(DatasetError, match='holds no topic /right/'):
         build([folder], dataclasses.replace(COARSE, namespace='right'))
+
+
+def test_presses_of_several_sensors_are_refused_saying_which_command_can_choose(tmp_path: Path, sensor: Sensor) -> None:
+    """Also the node of a launch says this, and has no namespace that could be chosen."""
+    collection = Collection(tmp_path / 'two', sensor, namespace='/left')
+    collection.writer.add_topic(BagTopic.of_type('/right/press', PRESS.type_name))
+    with pytest.raises(DatasetError, match=r'/left/press, /right/press; .*--namespace .*use tactile calibrate instead'):
+        CollectionBag(collection.close())
