@@ -8,6 +8,8 @@ from __future__ import annotations
 import io
 import multiprocessing
 import signal
+import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -58,7 +60,7 @@ def make_files(
     title: str,
     steps: Callable[[Job], int] = lambda _: 1,
 ) -> None:
-    """Make the file of each job that has none yet, from the arrays that `make` returns for it.
+    """Make the file of each job that has none yet, or a damaged one, from the arrays that `make` returns for it.
 
     A file is written as soon as its task is done. Finished work is thus not lost when a worker, this process or the
     scheduler is killed. `progress` shows `steps` steps for each job.
@@ -66,7 +68,7 @@ def make_files(
     Raises:
         ConfigurationError: the cluster cannot be used; the message says why.
     """
-    missing = [(file, job) for file, job in jobs if not file.is_file()]
+    missing = [(file, job) for file, job in jobs if not _is_whole(file)]
     if not missing:
         return
     with progress.bar(title, sum(steps(job) for _, job in missing)) as bar:
@@ -76,6 +78,17 @@ def make_files(
             np.savez(content, **arrays)  # type: ignore[arg-type]
             write_whole(file, content.getvalue())
             bar.advance(steps(job))
+
+
+def _is_whole(file: Path) -> bool:
+    if not file.is_file():
+        return False
+    try:
+        # numpy does not close a file that it opened itself and cannot read
+        with file.open('rb') as opened, np.load(opened, allow_pickle=False) as arrays:
+            return bool(dict(arrays))
+    except (EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error):  # as a cut of power leaves it
+        return False
 
 
 def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> Iterator[tuple[int, Result]]:

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -160,6 +160,26 @@ def test_what_is_there_is_not_made_again(tmp_path: Path) -> None:
         np.savez(file, numbers=np.zeros(3))
     make_files(drawn, jobs, 2, Progress(), 'drawing')
     assert [len(np.load(file)['numbers']) for file, _ in jobs] == [3, 3, 3, 1000, 1000, 1000]
+
+
+@pytest.mark.parametrize(
+    'damaged',
+    [
+        lambda whole: b'',
+        lambda whole: bytes(len(whole)),
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: whole[:4096] + bytes(512) + whole[4608:],
+    ],
+)
+def test_a_file_that_a_cut_of_power_left_damaged_is_made_again(
+    tmp_path: Path, damaged: Callable[[bytes], bytes]
+) -> None:
+    jobs = [(tmp_path / f'{seed}.npz', seed) for seed in JOBS[:2]]
+    make_files(drawn, jobs, 1, Progress(), 'drawing')
+    whole = jobs[0][0].read_bytes()
+    jobs[0][0].write_bytes(damaged(whole))
+    make_files(drawn, jobs, 1, Progress(), 'drawing')
+    assert jobs[0][0].read_bytes() == whole
 
 
 def test_results_come_with_the_number_of_their_job() -> None:
