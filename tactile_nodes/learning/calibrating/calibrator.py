@@ -175,7 +175,6 @@ class Calibrator:
         """
         known = len(self._builder.left_out)
         samples = [sample for sample in self._builder.take(bag, press) if sample.contact]
-        self._measurer.keep()
         if not samples:
             out = self._builder.left_out[known:]
             why = f'{out[-1].reason} ({out[-1].detail})' if out else press.told.reason

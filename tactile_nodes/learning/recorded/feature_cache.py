@@ -13,8 +13,6 @@ from jaxtyping import Float16, Float32
 
 from tactile_nodes.errors import DatasetError
 
-COMMIT_EVERY = 50
-
 
 @dataclass(frozen=True)
 class Measured:
@@ -33,11 +31,11 @@ class FeatureCache:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._fresh = 0
         with self._translated():
             # Other threads than the one that opened it may use it, one at a time.
             self._open = sqlite3.connect(file, timeout=30.0, check_same_thread=False)
-            self._open.execute('PRAGMA journal_mode=WAL')
+            with contextlib.suppress(sqlite3.OperationalError):  # where another does the same: it does not wait
+                self._open.execute('PRAGMA journal_mode=WAL')
             self._open.execute('PRAGMA synchronous=NORMAL')
             self._open.execute('CREATE TABLE IF NOT EXISTS features (key BLOB PRIMARY KEY, vals BLOB, confidence BLOB)')
 
@@ -56,19 +54,11 @@ class FeatureCache:
         row = (key, measured.values.astype('<f2').tobytes(), measured.confidence.astype('<f4').tobytes())
         with self._translated():
             self._open.execute('INSERT OR REPLACE INTO features VALUES (?, ?, ?)', row)
-            self._fresh += 1
-            if self._fresh % COMMIT_EVERY == 0:
-                self._open.commit()
-
-    def keep(self) -> None:
-        """Write pending entries, and release the file: other processes wait until then."""
-        with self._translated():
-            self._open.commit()
+            self._open.commit()  # at once: other processes wait until then
 
     def close(self) -> None:
-        """Write pending entries."""
+        """Close the file."""
         with self._translated():
-            self._open.commit()
             self._open.close()
 
     @contextlib.contextmanager

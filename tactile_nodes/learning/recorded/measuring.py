@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from types import TracebackType
 
 import cv2
@@ -17,7 +18,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from tactile_nodes import paths
-from tactile_nodes.errors import ImageError
+from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
 from tactile_nodes.sensing.features import make_encoding
@@ -53,9 +54,7 @@ class Measurer:
         self._crop = (crop, crop) if isinstance(crop, int) else crop
         self._reference = b''
         self._shape = 0, 0, 0
-        folder = paths.cache_directory() / 'features'
-        folder.mkdir(exist_ok=True)
-        self._cache = FeatureCache(folder / f'{self.recipe_id}.sqlite')
+        self._cache = FeatureCache(_cache_folder() / f'{self.recipe_id}.sqlite')
 
     @property
     def recipe_id(self) -> str:
@@ -107,12 +106,8 @@ class Measurer:
         self.computed += 1
         return measured
 
-    def keep(self) -> None:
-        """Write measurements made so far, in case of a pause."""
-        self._cache.keep()
-
     def close(self) -> None:
-        """Write all measurements."""
+        """Close the cache."""
         self._cache.close()
 
     def __enter__(self) -> Measurer:
@@ -137,3 +132,15 @@ class Measurer:
         rows, cols = (int(str(self.encoding.options[name])) for name in ('rows', 'cols'))
         side = largest_side(width, height, self._crop[0], math.lcm(rows, cols))
         return side, side
+
+
+def _cache_folder() -> Path:
+    try:
+        folder = paths.cache_directory() / 'features'
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise DatasetError(
+            f'cannot make the folder {error.filename} for the cache of features ({error.strerror}); '
+            'set XDG_CACHE_HOME to a folder that you may write'
+        ) from error
+    return folder
