@@ -111,7 +111,7 @@ def check_output(file: Path, *read: Path | None) -> None:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write all of a file or nothing: an existing file stays until all is written. Several processes may write it.
+    """Write all of a file or nothing: an existing file stays until all is on the disk. Several processes may write it.
 
     Raises:
         ConfigurationError: no file can be written there; see `check_output`.
@@ -122,11 +122,27 @@ def write_whole(file: Path, content: bytes) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         draft.write_bytes(content)
+        flush(draft)
         draft.replace(file)
     except BaseException:
         with contextlib.suppress(OSError):
             draft.unlink()
         raise
+    with contextlib.suppress(OSError):  # which some network drives cannot
+        flush(file.parent)
+
+
+def flush(path: Path) -> None:
+    """Bring the content of a file, or the names in a folder, onto the disk, so that a cut of power leaves them.
+
+    Raises:
+        OSError: it is not on the disk.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def is_file(path: Path) -> bool:

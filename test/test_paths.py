@@ -155,6 +155,31 @@ def test_a_file_that_two_processes_write_at_once_is_whole_and_neither_fails(
     assert list(tmp_path.iterdir()) == [file]
 
 
+def test_a_written_file_is_on_the_disk_before_it_has_its_name_and_then_the_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a cut of power soon after may leave an empty file under that name."""
+    done: list[str] = []
+    sync, replace = os.fsync, Path.replace
+
+    def note_sync(descriptor: int) -> None:
+        name = Path(f'/proc/self/fd/{descriptor}').readlink().name
+        done.append(f'{name} with {os.fstat(descriptor).st_size}')
+        sync(descriptor)
+
+    def note_replace(draft: Path, file: Path) -> Path:
+        done.append('named')
+        return replace(draft, file)
+
+    monkeypatch.setattr(os, 'fsync', note_sync)
+    monkeypatch.setattr(Path, 'replace', note_replace)
+    monkeypatch.setattr(paths.secrets, 'token_hex', lambda _: 'abcd')
+    (tmp_path / 'models').mkdir()
+    paths.write_whole(tmp_path / 'models' / 'gel.safetensors', b'12345')
+    folder = f'models with {(tmp_path / "models").stat().st_size}'
+    assert done == ['.gel.safetensors.abcd.part with 5', 'named', folder]
+
+
 def test_a_name_that_is_too_long_is_no_file(tmp_path: Path) -> None:
     assert not paths.is_file(tmp_path / ('x' * 300))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -174,6 +175,14 @@ def test_an_answer_that_no_press_can_be_is_asked_again_and_never_written(
 def test_a_name_of_an_indenter_that_would_break_the_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match='holds a comma'):
         PressFolder(tmp_path, 'g', 'ball, steel', REACH)
+
+
+def test_a_picture_is_on_the_disk_before_its_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the table may name an empty picture after a cut of power, and the press is lost."""
+    synced: list[str] = []
+    monkeypatch.setattr(os, 'fsync', lambda end: synced.append(Path(f'/proc/self/fd/{end}').readlink().name))
+    folder_of(tmp_path).add_rest(np.zeros((20, 20), np.uint8))
+    assert synced == ['rest_0001.png', 'presses.csv']
 
 
 def test_a_press_beside_its_mark_is_asked_for_its_place(tmp_path: Path) -> None:

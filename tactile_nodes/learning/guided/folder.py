@@ -16,6 +16,7 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.guided.targets import Done
 from tactile_nodes.learning.tables.columns import NEWTONS
 from tactile_nodes.learning.tables.presses import TablePress, read_table, require_possible
+from tactile_nodes.paths import flush
 
 TABLE = 'presses.csv'
 
@@ -102,6 +103,7 @@ class PressFolder:
     def _add(self, picture: str, row: str) -> None:
         new = not self.table.exists()
         try:
+            flush(self.folder / picture)
             with self.table.open('ab') as opened:
                 opened.write(f'{self._header if new else ""}{picture},{row}\n'.encode())
                 opened.flush()
