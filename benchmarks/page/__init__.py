@@ -99,7 +99,7 @@ def _measure_one(running: Sensing, condition: Condition, seconds: float, settle_
         for received in running.forces(seconds):
             captured_ns = stamp_ns(received.message.header.stamp)
             latencies.append((received.source_ns - captured_ns) / 1e6)
-            gaps.add(captured_ns)
+            gaps.add(captured_ns, received.received_ns)
         took_s = monotonic_s() - began_s
         seen.latencies_ms.append(latencies)
         seen.skipped += gaps.total

@@ -117,20 +117,30 @@ class StampGaps:
     """Frames that were captured, or should have been, but have no force.
 
     The usual interval is the median of the recent ones; in an interval of more than 1.5 times that, frames are missing.
+    Stamps that run ahead of the arrivals by more than 10 s, or back, are those of another stream, such as the next bag.
     """
 
     _ENOUGH = 10
+    _AHEAD_NS = 10 * NS_PER_S
 
     def __init__(self) -> None:
         self.total = 0
-        self._last_ns: int | None = None
+        self._last_ns: tuple[int, int] | None = None
         self._intervals_ns: deque[int] = deque(maxlen=120)
+        self._intervals = self._span_ns = 0
 
-    def add(self, stamp_ns: int) -> None:
-        interval_ns = stamp_ns - self._last_ns if self._last_ns is not None else 0
-        self._last_ns = stamp_ns
-        if interval_ns <= 0:  # the first one, or another stream
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second by their stamps, over the whole time; NaN for fewer than two."""
+        return self._intervals * NS_PER_S / self._span_ns if self._intervals else math.nan
+
+    def add(self, stamp_ns: int, arrival_ns: int) -> None:
+        before_ns, self._last_ns = self._last_ns or (stamp_ns, arrival_ns), (stamp_ns, arrival_ns)
+        interval_ns = stamp_ns - before_ns[0]
+        if not 0 < interval_ns <= arrival_ns - before_ns[1] + self._AHEAD_NS:  # the first one, or another stream
             return
+        self._intervals += 1
+        self._span_ns += interval_ns
         if len(self._intervals_ns) >= self._ENOUGH:
             usual_ns = statistics.median(self._intervals_ns)
             if interval_ns > 1.5 * usual_ns:

@@ -95,8 +95,8 @@ class ViewState:
         self.frames = self._invalid = 0
         self._force: Any = None
         self._arrival_ns = 0
-        self._first_ns: tuple[int, int] | None = None
-        self._last_ns: tuple[int, int] = (0, 0)
+        self._first_ns: int | None = None
+        self._last_ns = 0
         self._recent = Recent(WINDOW_S)
         self._overall = [Histogram() for _ in STAGES]
         self._lost = SequenceGaps()
@@ -117,13 +117,14 @@ class ViewState:
         self._invalid += message.status == message.STATUS_INVALID
         self._force, self._arrival_ns = message, received.received_ns
         self._lost.add(received.publisher, received.sequence)
-        self._skipped.add(captured_ns)
+        self._skipped.add(captured_ns, received.received_ns)
         self._recent.add(received.received_ns, captured_ns, times)
         for histogram, seconds in zip(self._overall, times, strict=True):
             histogram.add(seconds)
         self._comparison.add_force(captured_ns, message)
-        self._first_ns = self._first_ns or (received.received_ns, captured_ns)
-        self._last_ns = (received.received_ns, captured_ns)
+        if self._first_ns is None:
+            self._first_ns = received.received_ns
+        self._last_ns = received.received_ns
 
     def add_truth(self, received: Received) -> None:
         """Add a true force distribution.
@@ -215,7 +216,7 @@ class ViewState:
             logs=tuple(str(said) for said in self._logs),
             estimators=self.estimators,
             advice=self.advice,
-            first_after_s=(self._first_ns[0] - self._start_ns) / NS_PER_S if self._first_ns else math.nan,
+            first_after_s=math.nan if self._first_ns is None else (self._first_ns - self._start_ns) / NS_PER_S,
             sensors=sensors,
             wrench=self._wrench,
         )
@@ -230,9 +231,8 @@ class ViewState:
     def _overall_hz(self) -> tuple[float, float]:
         if self._first_ns is None or self.frames < 2:
             return math.nan, math.nan
-        spans = [(last - first) / NS_PER_S for first, last in zip(self._first_ns, self._last_ns, strict=True)]
-        arrivals, stamps = ((self.frames - 1) / span if span > 0 else math.nan for span in spans)
-        return arrivals, stamps
+        span_s = (self._last_ns - self._first_ns) / NS_PER_S
+        return (self.frames - 1) / span_s if span_s > 0 else math.nan, self._skipped.rate_hz
 
     def _is_ours(self, node: str) -> bool:
         return f'/{node.lstrip("/")}'.startswith(f'{self.namespace.rstrip("/")}/')

@@ -78,22 +78,40 @@ def test_durations_beyond_the_histogram_count_at_its_ends() -> None:
 def test_gaps_in_the_stamps_are_frames_that_were_skipped() -> None:
     gaps = StampGaps()
     for number in (*range(12), 13, 14, 18):  # one is missing, then three
-        gaps.add(number * 16 * MS)
+        gaps.add(number * 16 * MS, number * 16 * MS)
     assert gaps.total == 4
 
 
 def test_a_few_intervals_are_too_few_to_know_the_usual_one() -> None:
     gaps = StampGaps()
     for number in (0, 1, 2, 9):
-        gaps.add(number * 16 * MS)
+        gaps.add(number * 16 * MS, number * 16 * MS)
     assert gaps.total == 0
 
 
 def test_a_stream_that_begins_again_is_no_gap() -> None:
     gaps = StampGaps()
-    for number in (*range(100, 112), 3, 4):
-        gaps.add(number * 16 * MS)
+    for arrival, number in enumerate((*range(100, 112), 3, 4)):
+        gaps.add(number * 16 * MS, arrival * 16 * MS)
     assert gaps.total == 0
+
+
+def test_a_recording_of_a_later_day_is_no_gap_and_does_not_change_the_rate() -> None:
+    state = ViewState()
+    day_ms = 24 * 3600 * 1000
+    for number in range(40):  # each recording has 19 intervals of 20 ms
+        stamp_ms = 20 * number + (day_ms if number >= 20 else 0)
+        state.add_force(received(force(stamp_ms), 20 * number + 5, number + 1))
+    shot = state.summary(S)
+    assert shot.skipped == 0
+    assert shot.stamps_hz == pytest.approx(50.0)
+
+
+def test_a_camera_that_was_away_for_a_minute_has_skipped_its_frames() -> None:
+    gaps = StampGaps()
+    for number in (*range(20), 20 + 60 * 50):  # at 50 Hz
+        gaps.add(number * 20 * MS, number * 20 * MS + 5 * MS)
+    assert gaps.total == 60 * 50
 
 
 def test_forces_that_did_not_come_are_counted_from_their_numbers() -> None:
