@@ -127,7 +127,9 @@ class FlowFeaturesNode(Node):
     def _keep(self) -> None:
         """Save what was learned from many frames, for a restart; rarely, as parts of it change in every frame."""
         learned, now_ns = self._following.memory.learned, self.clock.now_ns()
-        if self.params.reference == 'topic' or learned == self._learned or now_ns - self._kept_ns < KEEP_NS:
+        if self.params.reference == 'topic' or learned == self._learned:
+            return
+        if 0 <= now_ns - self._kept_ns < KEEP_NS:  # less than 0 when a bag begins again
             return
         self._learned, self._kept_ns = learned, now_ns
         self.kept.put(_MEMORY, self._following.memory.saved())

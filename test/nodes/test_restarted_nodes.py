@@ -138,6 +138,24 @@ def test_what_flow_features_learned_of_a_knock_is_not_lost_by_a_restart(
     np.testing.assert_allclose(killed.values, lived.values, atol=0.02)
 
 
+def test_what_is_learned_is_kept_also_when_a_bag_begins_again(launch: Path, born: Born, clock: SteppedClock) -> None:
+    node, bus = born(FlowFeaturesNode, *SMALL)
+    camera = bus.advertise('/image_raw', topics.IMAGE.type_name, Qos('latest', 1))
+
+    def show(pixels: np.ndarray) -> bytes:
+        for _ in range(2):  # the first becomes the rest image
+            camera.publish(image(pixels, clock.now_ns()))
+            run(node)
+            clock.advance(0.02)
+        return (launch / 'flow_features.memory').read_bytes()
+
+    before = show(PATTERN)
+    clock.advance(-10.0)
+    assert isinstance(node, FlowFeaturesNode)
+    node._capture_again()
+    assert show(PRESSED) != before
+
+
 def test_a_kept_memory_that_is_damaged_leaves_the_rest_image(
     launch: Path, born: Born, capsys: pytest.CaptureFixture[str]
 ) -> None:
