@@ -8,6 +8,7 @@ Subscribes to ``image_raw`` (and ``reference_image`` if the rest image comes fro
 from __future__ import annotations
 
 import math
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,6 +82,7 @@ class FlowFeaturesNode(Node):
         self._heard_ns = self._apart_ns = 0
         self._about = self._trouble = ''
         self._rest: tuple[Level, str] | None = None
+        self._drawn: tuple[Path | None, int] = None, 0  # the folder of drawings, and the last number before this start
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/capture_reference', self._capture_again)
@@ -225,8 +227,17 @@ class FlowFeaturesNode(Node):
         return f'saved {write_png(file, self._following.reference)}'
 
     def _save_overlay(self) -> str:
-        file = Path(self.params.overlay_folder or '.') / f'flow_{self._frames:06d}.png'
+        folder = Path(self.params.overlay_folder or '.')
+        if folder != self._drawn[0]:
+            self._drawn = folder, _last_number(folder)
+        file = folder / f'flow_{self._drawn[1] + self._frames:06d}.png'
         return f'saved {write_png(file, self._following.overlay())}'
+
+
+def _last_number(folder: Path) -> int:
+    """The highest number of the drawings in a folder; 0 if there are none."""
+    found = (re.fullmatch(r'flow_([0-9]+)\.png', each.name) for each in folder.glob('flow_*.png'))
+    return max((int(each[1]) for each in found if each), default=0)
 
 
 def main() -> int:

@@ -341,3 +341,17 @@ def test_overlay_is_saved_on_request(
     assert answer.success
     assert cv2.imread(str(tmp_path / 'flow_000001.png')).shape == (160, 160, 3)
     assert bus._services['/flow_features/save_overlay'].type_name == services.TRIGGER
+
+
+def test_a_restarted_node_draws_over_no_earlier_picture(
+    bus: InProcessBus, clock: SteppedClock, publisher: Advertise, tmp_path: Path
+) -> None:
+    camera = publisher(topics.IMAGE)
+    for _ in range(2):  # frames 1 and 3 of each start are drawn
+        tested = node(bus, clock, f'overlay_folder:={tmp_path / "drawn"}', 'overlay_every:=2')
+        for number in range(4):  # the first becomes the rest image
+            camera.publish(image(np.roll(PATTERN, number, axis=0)))
+            run(tested)
+        tested.close()
+    drawn = sorted(each.name for each in (tmp_path / 'drawn').iterdir())
+    assert drawn == [f'flow_00000{number}.png' for number in (1, 3, 4, 6)]
