@@ -13,7 +13,8 @@ from pathlib import Path
 from tactile_nodes.errors import ConfigurationError
 
 PACKAGE = 'tactile_nodes'
-OF_BAGS = '.mcap', '.db3', '.yaml'
+OF_BAGS = frozenset({'.mcap', '.db3', '.yaml'})
+OF_PICTURES = frozenset({'.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp'})
 _LONGEST_SOCKET_PATH = 107  # bytes: sockaddr_un.sun_path holds 108, the last one a NUL, see unix(7)
 _LONGEST_SOCKET_NAME = 'd232/01234567.99999.sock'  # of the bus, see `bus.zeromq.discovery`
 
@@ -83,7 +84,7 @@ def check_output(file: Path, *read: Path | None) -> None:
     """Check that a file can be written under a name, before the work that produces its content.
 
     An existing file that is not regular, such as a device, is never replaced. Nor are the inputs of the work: files,
-    and the files that make a folder a bag.
+    the files that make a folder a bag, and the pictures in a folder.
 
     Raises:
         ConfigurationError: it cannot be written; the message gives the reason.
@@ -103,7 +104,8 @@ def check_output(file: Path, *read: Path | None) -> None:
     place = Path(os.path.realpath(file))
     for source in filter(None, read):
         real = Path(os.path.realpath(source))
-        if place == real or (real in place.parents and place.suffix in OF_BAGS and place.exists()):
+        is_of_folder = real in place.parents and place.suffix.lower() in OF_BAGS | OF_PICTURES and place.exists()
+        if place == real or is_of_folder:
             raise ConfigurationError(f'cannot write {file}: {source} is read for it; choose another file')
     folder = next(each for each in file.absolute().parents if each.exists())
     if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):

@@ -161,6 +161,16 @@ def test_a_description_that_is_there_is_kept(folder: Path, capsys: pytest.Captur
     assert Path('mine.yaml').read_text() == 'name: precious\n'
 
 
+@pytest.mark.parametrize('words', [['-o', 'rest/0.yaml'], ['-o', 'mine.yaml', '--figure', 'rest/1.png']])
+def test_no_picture_of_the_folder_that_is_read_is_drawn_over(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    before = {each.name: each.read_bytes() for each in Path('rest').iterdir()}
+    assert main(['sensor', 'new', 'rest', *words, '--width', '18', '--yes']) == 1
+    assert '.png: rest is read for it; choose another file' in capsys.readouterr().err
+    assert {each.name: each.read_bytes() for each in Path('rest').iterdir()} == before
+
+
 def test_dots_that_are_not_there_are_bad(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cv2.imwrite('flat.png', np.full((240, 320), 90, np.uint8))
     assert main(['sensor', 'check', 'printed_dots', 'flat.png']) == 1

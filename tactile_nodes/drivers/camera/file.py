@@ -22,8 +22,9 @@ from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.files import open_plain
+from tactile_nodes.paths import OF_PICTURES
 
-IMAGE_SUFFIXES = frozenset({'.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp'})
+IMAGE_SUFFIXES = OF_PICTURES
 FASTEST_CLAIM = 1000.0  # broken headers state 90000 frames per second and more
 
 
