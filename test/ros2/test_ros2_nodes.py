@@ -19,7 +19,7 @@ from tactile_nodes.bus.node.parameter_client import ParameterClient
 from tactile_nodes.bus.node.parameters import to_message
 from tactile_nodes.bus.node.runtime import open_bus
 from tactile_nodes.bus.protocol import Qos
-from tactile_nodes.errors import NOT_AGAIN, ConfigurationError
+from tactile_nodes.errors import NOT_AGAIN, BusError, ConfigurationError
 from tactile_nodes.messages import services, types
 from tactile_nodes.params import parameter
 
@@ -189,6 +189,38 @@ def test_image_is_received_in_the_thread_of_the_node(start: Start, join: Join, u
     publisher.publish(types.Image(header=types.Header(stamp=types.Time(sec=3))))
     until(lambda: node.images)
     assert node.images[0].message.header.stamp.sec == 3
+
+
+class Refusing:
+    """A publisher or client of rclpy's that the middleware refuses (RCLError) or that is gone (InvalidHandle).
+
+    Both are RuntimeErrors.
+    """
+
+    def publish(self, data: bytes) -> None:
+        raise RuntimeError('Failed to publish: cannot publish data')
+
+    def wait_for_service(self, timeout_sec: float) -> bool:
+        raise RuntimeError('cannot use Destroyable because destruction was requested')
+
+
+def test_a_message_that_the_middleware_refuses_does_not_end_the_node(
+    start: Start, until: Until, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = start()
+    node.forces._handle = Refusing()
+    node.post(lambda: node.forces.publish(types.WrenchStamped()))
+    went_on: list[int] = []
+    node.post(lambda: went_on.append(1))
+    until(lambda: went_on)
+    assert 'errors: ROS 2 did not publish a message on /wrench (Failed to publish: cannot' in capfd.readouterr().err
+
+
+def test_a_call_while_the_bus_is_closed_is_refused_in_a_sentence(join: Join) -> None:
+    bus = join()
+    bus._clients['/s', services.TRIGGER] = Refusing()
+    with pytest.raises(BusError, match=r'ROS 2 could not call /s \(cannot use Destroyable'):
+        bus.call('/s', services.TRIGGER, types.Trigger_Request())
 
 
 # --- programs ---------------------------------------------------------------------------------------------------

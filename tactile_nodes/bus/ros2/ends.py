@@ -44,7 +44,10 @@ class Ros2Publisher:
         with self._lock:
             if self.shut:
                 raise BusError(f'the publisher of {self.topic} is closed')
-            self._handle.publish(bytes(data))  # rclpy takes bytes proper, and passes them on as they are
+            try:
+                self._handle.publish(bytes(data))  # rclpy takes bytes proper, and passes them on as they are
+            except RuntimeError as error:  # RCLError, as of a middleware that has no room left
+                raise BusError(f'ROS 2 did not publish a message on {self.topic} ({error})') from error
 
     def close(self) -> None:
         with self._lock:

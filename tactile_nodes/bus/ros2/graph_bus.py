@@ -122,8 +122,11 @@ class Ros2Bus:
 
     def call(self, service: str, type_name: str, request: Any, timeout_s: float = 5.0) -> Any:
         self._check_open()
-        client = self._client(service, type_name)
-        return ros2_calls.call(client, type_name, request, timeout_s, lambda: self._served_as(service))
+        try:
+            client = self._client(service, type_name)
+            return ros2_calls.call(client, type_name, request, timeout_s, lambda: self._served_as(service))
+        except RuntimeError as error:  # RCLError, and InvalidHandle when the bus is closed meanwhile
+            raise BusError(f'ROS 2 could not call {service} ({error})') from error
 
     def ping(self, uid: str, timeout_s: float = 1.0) -> float | None:
         """The seconds that the node of this full name took to list its parameters; None when it did not."""
