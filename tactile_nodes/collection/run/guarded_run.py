@@ -8,7 +8,7 @@ and the tip may meet something other than the gel.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -197,9 +197,20 @@ def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Fee
     """
     seen = yield Look(LOOK_S)
     guarded = Guarded(settings.guard, seen.now_ns)
-    yield from felt_for(guarded, settings.surface.top_mm, settings.motion.press_mm_min, feel)
+    measured: list[tuple[int, float]] = []
+
+    def measure() -> None:
+        """Keep the samples since the force is held: `readings` forgets them after some seconds."""
+        if guarded.hold.stamps_ns:
+            since_ns = measured[-1][0] + 1 if measured else guarded.hold.stamps_ns[0]
+            samples = readings.samples(since_ns)
+            forces_n = pressing_n(wrenches(samples), tare, settings.mounting).tolist()
+            measured.extend(zip((sample.stamp_ns for sample in samples), forces_n, strict=True))
+
+    yield from felt_for(guarded, settings.surface.top_mm, settings.motion.press_mm_min, feel, measure)
     yield Look(LATE_S)
-    return outcome(guarded, seen.now_ns, readings, tare, settings)
+    measure()
+    return outcome(guarded, seen.now_ns, measured)
 
 
 def first_force(wait_s: float, feel: Feel) -> Procedure[Felt]:
@@ -213,11 +224,14 @@ def first_force(wait_s: float, feel: Feel) -> Procedure[Felt]:
     return felt
 
 
-def felt_for(guarded: Guarded, top_mm: float, feed_mm_min: float, feel: Feel) -> Procedure[None]:
-    """Step by step down from a height until the hold is over."""
+def felt_for(
+    guarded: Guarded, top_mm: float, feed_mm_min: float, feel: Feel, measure: Callable[[], None]
+) -> Procedure[None]:
+    """Step by step down from a height until the hold is over; `measure` is called at each look."""
     z_mm = top_mm
     while not guarded.done:
         seen = yield Look(LOOK_S)
+        measure()
         step_mm = guarded.step_mm(seen.now_ns, feel())
         if step_mm:
             z_mm -= step_mm
@@ -225,15 +239,23 @@ def felt_for(guarded: Guarded, top_mm: float, feed_mm_min: float, feel: Feel) ->
             guarded.rested(seen.now_ns)
 
 
-def outcome(guarded: Guarded, start_ns: int, readings: Readings, tare: Tare, settings: GuardedRunSettings) -> Outcome:
-    """Forces of gel and force/torque sensor at the same time."""
+def outcome(guarded: Guarded, start_ns: int, measured: Sequence[tuple[int, float]]) -> Outcome:
+    """Forces of gel and force/torque sensor at the same time; after a hold of no duration, the sensor's next one.
+
+    Args:
+        guarded: with a hold.
+        start_ns: start of the approach.
+        measured: stamp and force of each sample of the force/torque sensor since the hold began.
+    """
     stamps = guarded.hold.stamps_ns
-    samples = readings.samples(stamps[0], stamps[-1])
-    if not samples:
-        raise TactileError('the force/torque sensor measured nothing while the force was held')
+    sensor_n = [force_n for stamp_ns, force_n in measured if stamp_ns < stamps[-1]] or [
+        force_n for _, force_n in measured[:1]
+    ]
+    if not sensor_n:
+        raise TactileError('the force/torque sensor measured nothing while the force was held; check it')
     return Outcome(
         gel_n=np.array(guarded.hold.forces_n),
-        sensor_n=pressing_n(wrenches(samples), tare, settings.mounting),
+        sensor_n=np.array(sensor_n),
         seconds=guarded.hold.seconds,
         steps=guarded.steps,
         approach_s=(stamps[0] - start_ns) / NS_PER_S,

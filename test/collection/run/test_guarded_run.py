@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes.clock import NS_PER_S, SystemClock
+from tactile_nodes.collection import readings
 from tactile_nodes.collection.machine_record import BEGUN, MachineRecord
 from tactile_nodes.collection.press.guarded import Felt, GuardSettings
 from tactile_nodes.collection.run import guarded_run
@@ -89,6 +90,26 @@ def test_the_force_is_reached_held_told_and_left() -> None:
         assert force_n.mean() == pytest.approx(guard.target_n, abs=1.5 * guard.band_n)
     assert outcome.seconds >= guard.hold_s
     assert outcome.greatest_n <= guard.target_n + guard.band_n
+
+
+def test_a_force_that_is_reached_and_not_held_is_told() -> None:
+    with opened(truth, dataclasses.replace(SETTINGS, guard=dataclasses.replace(SETTINGS.guard, hold_s=0.0))) as run:
+        outcome = run.run()
+        assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
+    assert outcome is not None
+    assert (len(outcome.gel_n), len(outcome.sensor_n), outcome.seconds) == (1, 1, 0.0)
+    assert outcome.sensor_n[0] == pytest.approx(SETTINGS.guard.target_n, abs=SETTINGS.guard.band_n + 0.03)
+
+
+def test_the_force_sensor_tells_of_the_whole_hold_however_long_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Readings keep some seconds only; here a tenth of one."""
+    monkeypatch.setattr(readings, 'KEPT_NS', NS_PER_S // 10)
+    guard = dataclasses.replace(SETTINGS.guard, hold_s=0.6)
+    with opened(truth, dataclasses.replace(SETTINGS, guard=guard)) as run:
+        outcome = run.run()
+    assert outcome is not None
+    # 500 samples a second, from the first to the last frame of the hold.
+    assert len(outcome.sensor_n) == pytest.approx(500 * outcome.seconds, abs=3)
 
 
 def test_a_safe_height_that_may_be_in_the_gel_is_refused() -> None:
