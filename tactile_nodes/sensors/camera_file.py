@@ -59,7 +59,7 @@ class _CameraFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            text = read_text(path)
+            text = read_text(path, encoding='utf-8-sig')  # some editors write a byte order mark
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigurationError(f'cannot read the calibration {path}: {error}') from error
         # OpenCV begins with a line that is not YAML, and `ros2 topic echo` ends each message with one.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import os
 import shlex
@@ -247,6 +248,16 @@ def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:
     folder_of(tmp_path).add_rest(np.full((480, 640), 90, np.uint8))
     with pytest.raises(DatasetError, match='does not begin with picture,x_mm,y_mm,force_n,indenter'):
         folder_of(tmp_path, 'n')
+
+
+def test_a_table_that_a_spreadsheet_has_saved_is_gone_on_with(tmp_path: Path) -> None:
+    """A wrong weight was corrected; Excel adds a byte order mark, and ends lines as Windows does."""
+    folder_of(tmp_path).add_press(np.zeros((64, 64), np.uint8), (1.0, 2.0), 20.0)
+    table = tmp_path / 'presses.csv'
+    table.write_bytes(codecs.BOM_UTF8 + table.read_bytes().replace(b',20,', b',25,').replace(b'\n', b'\r\n'))
+    folder = folder_of(tmp_path)
+    folder.add_press(np.ones((64, 64), np.uint8), (3.0, 4.0), 50.0)
+    assert [row.force_n for row in folder.rows] == pytest.approx([25 * NEWTON_PER_GRAM, 50 * NEWTON_PER_GRAM])
 
 
 def test_the_next_press_is_far_from_all_before_and_of_the_rarest_force() -> None:

@@ -76,6 +76,15 @@ def test_a_file_that_opencv_wrote_is_read_with_its_four_coefficients(tmp_path: P
     assert sensor.camera.lens == (0.05, -0.01, 0.001, 0.002, 0.0)
 
 
+def test_a_file_of_opencv_that_an_editor_has_saved_is_read(tmp_path: Path) -> None:
+    """With a byte order mark before the first line, which is not YAML."""
+    matrix = '!!opencv-matrix {rows: 3, cols: 3, dt: d, data: [500.0, 0.0, 310.0, 0.0, 505.0, 250.0, 0.0, 0.0, 1.0]}'
+    lens = '!!opencv-matrix {rows: 1, cols: 4, dt: d, data: [0.05, -0.01, 0.001, 0.002]}'
+    size = 'image_width: 640\nimage_height: 480\n'
+    text = f'\ufeff%YAML:1.0\n---\n{size}camera_matrix: {matrix}\ndistortion_coefficients: {lens}\n'
+    assert load_sensor(written(tmp_path, text)).camera.matrix == ((500.0, 0, 310.0), (0, 505.0, 250.0), (0, 0, 1))
+
+
 def test_a_fisheye_of_opencv_sees_as_opencv_says() -> None:
     """Against cv2.fisheye.projectPoints; and each pixel's ray leads back to it."""
     points = np.random.default_rng(1).uniform((-2, -2, 1), (2, 2, 2), (50, 3))

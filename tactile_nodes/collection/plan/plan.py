@@ -172,7 +172,7 @@ def read_points(path: str | Path) -> list[Triple]:
     """
     file = Path(path)
     try:
-        text = read_text(file)
+        text = read_text(file, encoding='utf-8-sig')  # spreadsheets write a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read the list of points {str(path)!r}: {error}') from error
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')]

@@ -5,6 +5,7 @@ An image is written before its row, and each row is written at once, so no press
 
 from __future__ import annotations
 
+import codecs
 import os
 from pathlib import Path
 
@@ -49,10 +50,11 @@ class PressFolder:
 
     def _require_same_header(self) -> None:
         with self.table.open('rb') as opened:
-            text = opened.read(len(self._header) + 1)
+            # A spreadsheet that has saved the table may have added a byte order mark and carriage returns.
+            first = opened.readline(2 * len(self._header)).removeprefix(codecs.BOM_UTF8).rstrip(b'\r\n')
             opened.seek(-1, os.SEEK_END)
             ended = opened.read() == b'\n'
-        if not text.startswith(self._header.encode()) or not ended:
+        if first != self._header.strip().encode() or not ended:
             raise DatasetError(
                 f'{self.table} does not begin with {self._header.strip()}, or its last line is incomplete; use the '
                 'unit that it has, or another folder'

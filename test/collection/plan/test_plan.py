@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import itertools
 import math
 from pathlib import Path
@@ -69,6 +70,14 @@ def test_list_of_points_is_read(tmp_path: Path) -> None:
     (tmp_path / 'plan.yaml').write_text('kind: list\nfile: points.csv\n')
     plan = make_plan(load_plan_settings(tmp_path / 'plan.yaml'))
     assert [point[1:] for point in plan.points] == [(1.0, 2.0, 0.5), (-1.0, 0.0, 1.0)]
+
+
+def test_a_list_that_a_spreadsheet_has_saved_is_read(tmp_path: Path) -> None:
+    """Excel's "CSV UTF-8" begins with a byte order mark, and its lines end as on Windows."""
+    (tmp_path / 'points.csv').write_bytes(codecs.BOM_UTF8 + b'x_mm,y_mm,depth_mm\r\n1,2,0.5\r\n')
+    (tmp_path / 'plan.yaml').write_bytes(codecs.BOM_UTF8 + b'kind: list\r\nfile: points.csv\r\n')
+    plan = make_plan(load_plan_settings(tmp_path / 'plan.yaml'))
+    assert [point[1:] for point in plan.points] == [(1.0, 2.0, 0.5)]
 
 
 @pytest.mark.parametrize('row', ['1,2', '1,2,-0.5', '1,2,nan', '1,2,1e308', '1,2,1\n1,2,1', '1,2,deep', ''])
