@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.press.guarded import INVALID, NS_PER_MS, OK, Felt
@@ -19,6 +20,10 @@ from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
 
 THERE_MM = 0.01
+STILL_MM = 0.05  # noise of a reported opening
+STILL_NS = NS_PER_S // 5  # also for a gripper to start moving after a command
+NEAR_MM = 1.0  # resolution, play and scale of real grippers
+RESTLESS_NS = 3 * NS_PER_S
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,7 @@ class GraspSettings:
     least_mm: float = parameter(5.0, 'opening at which there is no object to grip [mm]', minimum=0.0)
     stale_ms: float = parameter(
         1000.0,
-        'the gripper moves only on a newer force; if the force is older than this, the grasp ends [ms]',
+        'the gripper moves only on a newer force; if the force or the reported opening is older, the grasp ends [ms]',
         minimum=1.0,
     )
     seconds: float = parameter(60.0, 'time after which the grasp gives up if nothing is held [s]', minimum=0.1)
@@ -55,6 +60,13 @@ class GraspSettings:
             )
         if not self.band_n <= self.touch_n < self.target_n:
             raise ValueError('band_n < touch_n < target_n must hold')
+
+
+class Opening(NamedTuple):
+    """The opening that the gripper reported last, and when the report arrived."""
+
+    arrival_ns: int
+    mm: float
 
 
 @dataclass(frozen=True)
@@ -132,9 +144,10 @@ class Grasp:
 
     def __init__(self, settings: GraspSettings, start_ns: int) -> None:
         self._settings = settings
-        self._start_ns = self._rest_ns = start_ns
-        self._last_ns = 0
+        self._start_ns = self._rest_ns = self._rested_ns = start_ns
+        self._last_ns = self._commanded_ns = 0
         self._command_mm = math.nan
+        self._still = Opening(start_ns, math.nan)
         self._target_n = settings.target_n
         self._most_n = settings.limit_n - settings.step_mm * settings.stiffness_n_mm - 3 * settings.band_n
         self._margin = math.inf
@@ -150,31 +163,53 @@ class Grasp:
         """Whether the force is at its limit and the margin is smaller than wanted."""
         return self._margin < self._settings.margin and self._target_n >= self._most_n
 
-    def command_mm(self, now_ns: int, opening_mm: float, felt: FeltByHand | None) -> float | None:
+    def command_mm(self, now_ns: int, opening: Opening, felt: FeltByHand | None) -> float | None:
         """The next command to the gripper; None: no new command.
 
         Raises:
             DeviceFaultError: the grasp must end; the object stays held until the gripper gets another command.
         """
         if math.isnan(self._command_mm):
-            self._command_mm = opening_mm
-        if abs(opening_mm - self._command_mm) > THERE_MM:
+            self._command_mm, self._still = opening.mm, opening
+        self._check(now_ns, opening, felt)
+        if not self._rests(opening):
             self._rest_ns = now_ns
-        self._check(now_ns, opening_mm, felt)
+        if now_ns - self._rest_ns >= STILL_NS:
+            self._rested_ns = now_ns
+        elif now_ns - self._rested_ns > RESTLESS_NS:
+            raise DeviceFaultError(
+                f'the gripper does not come to rest near {self._command_mm:.1f} mm: it reports {opening.mm:.2f} mm; '
+                'check that it follows gripper_command, and the noise of its reports'
+            )
         if felt is None or felt.stamp_ns <= max(self._rest_ns, self._last_ns):
             return None
-        self._last_ns = felt.stamp_ns
-        self._note(felt, opening_mm)
+        self._last_ns, self._rested_ns = felt.stamp_ns, now_ns
+        self._note(felt, opening.mm)
         closing_mm = self._closing_mm(felt) if felt.status == OK else 0.0
         if closing_mm == 0:
             return None
         self.grasped.steps += 1
         self._command_mm -= closing_mm
-        self._rest_ns = now_ns
+        self._rest_ns = self._commanded_ns = now_ns
         return self._command_mm
 
-    def _check(self, now_ns: int, opening_mm: float, felt: FeltByHand | None) -> None:
+    def _rests(self, opening: Opening) -> bool:
+        """Whether the gripper rests where it was commanded, or has stopped as near to it as its resolution allows."""
+        if abs(opening.mm - self._still.mm) > STILL_MM:
+            self._still = opening
+        gap_mm = abs(opening.mm - self._command_mm)
+        if gap_mm <= THERE_MM:
+            return opening.arrival_ns > self._commanded_ns
+        still_ns = opening.arrival_ns - max(self._still.arrival_ns, self._commanded_ns)
+        return gap_mm <= NEAR_MM and still_ns >= STILL_NS
+
+    def _check(self, now_ns: int, opening: Opening, felt: FeltByHand | None) -> None:
         s = self._settings
+        if (silent_ms := (now_ns - opening.arrival_ns) / NS_PER_MS) > s.stale_ms:
+            raise DeviceFaultError(
+                f'the gripper has not reported its opening for {silent_ms:.0f} ms, above {s.stale_ms:g} ms; check its '
+                'driver, which publishes joint_states'
+            )
         newest_ns = self._start_ns if felt is None else felt.stamp_ns
         if (age_ms := (now_ns - newest_ns) / NS_PER_MS) > s.stale_ms:
             valid = 'valid ' if felt is not None and felt.status == INVALID else ''
@@ -183,8 +218,8 @@ class Grasp:
             )
         if felt is not None and felt.greatest_n > s.limit_n:
             raise DeviceFaultError(f'a finger presses with {felt.greatest_n:.2f} N, above the limit of {s.limit_n:g} N')
-        if opening_mm <= s.least_mm:
-            raise DeviceFaultError(f'no contact down to an opening of {opening_mm:.1f} mm')
+        if opening.mm <= s.least_mm:
+            raise DeviceFaultError(f'no contact down to an opening of {opening.mm:.1f} mm')
         if not self.grasped.began_ns and now_ns - self._start_ns > s.seconds * NS_PER_S:
             raise DeviceFaultError(f'{s.target_n:g} N was not reached within {s.seconds:g} s')
         if self.grasped.began_ns and felt is not None and felt.status == OK and felt.greatest_n < s.touch_n:

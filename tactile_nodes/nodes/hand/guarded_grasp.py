@@ -2,12 +2,14 @@
 
 Subscribes to ``hand_wrench``, ``joint_states`` and the ``force_distribution`` of each finger; publishes
 ``gripper_command``; offers ``~/stop`` (std_srvs/Trigger). It closes until each finger measures ``target_n``, then holds
-with the force that the slip margin requires, and opens at the end. If a force is old or too large, it reports the
-reason and leaves the gripper as it is, because a held object would fall (docs/robots.md).
+with the force that the slip margin requires, and opens at the end. If a force is old or too large, or the gripper does
+not report or follow, it reports the reason and leaves the gripper as it is, because a held object would fall
+(docs/hands.md).
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -22,7 +24,7 @@ from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.collection.press.guarded import INVALID, Felt
-from tactile_nodes.collection.press.guarded_grasp import FeltByHand, Grasp, GraspSettings
+from tactile_nodes.collection.press.guarded_grasp import FeltByHand, Grasp, GraspSettings, Opening
 from tactile_nodes.errors import DeviceError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
@@ -59,7 +61,7 @@ class GuardedGraspNode(Node):
         self._fingers: dict[str, Felt] = {}
         self._valid: dict[str, Felt] = {}
         self._wrench: Any = None
-        self._opening_mm: float | None = None
+        self._opening: Opening | None = None
         self._opened_mm = 0.0
         self._grasp: Grasp | None = None
         self._command = self.create_publisher(topics.GRIPPER_COMMAND)
@@ -76,7 +78,10 @@ class GuardedGraspNode(Node):
         self._wrench = received.message
 
     def _on_state(self, received: Received) -> None:
-        self._opening_mm = conversions.opening_mm(received.message)
+        """Keep the opening. States of other joints on this topic, such as those of an arm, are not the gripper's."""
+        opening_mm = conversions.opening_mm(received.message)
+        if opening_mm is not None and math.isfinite(opening_mm):
+            self._opening = Opening(self.clock.now_ns(), opening_mm)
 
     def _taking(self, name: str) -> Callable[[Received], None]:
         def take(received: Received) -> None:
@@ -90,15 +95,15 @@ class GuardedGraspNode(Node):
         return take
 
     def _look(self) -> None:
-        felt, opening_mm = self._felt(), self._opening_mm
-        if opening_mm is None or felt is None:
+        felt, opening = self._felt(), self._opening
+        if opening is None or felt is None:
             return
         if self._grasp is None:  # both have arrived: start
             self._grasp = Grasp(self.params.grasp, self.clock.now_ns())
-            self._opened_mm = opening_mm
-            self.log.info(f'closing from {opening_mm:.1f} mm')
+            self._opened_mm = opening.mm
+            self.log.info(f'closing from {opening.mm:.1f} mm')
         try:
-            command_mm = self._grasp.command_mm(self.clock.now_ns(), opening_mm, felt)
+            command_mm = self._grasp.command_mm(self.clock.now_ns(), opening, felt)
         except DeviceError as error:
             self.fail('grasp', error)
             return
@@ -120,7 +125,7 @@ class GuardedGraspNode(Node):
         if self._grasp is None:
             missing = [name for name in self._names if name not in self._fingers]
             lacks = ', '.join(filter(None, [
-                'no gripper opening' if self._opening_mm is None else '',
+                'no gripper opening' if self._opening is None else '',
                 f'no force of {" and ".join(missing)}' if missing else '',
                 'no hand_wrench' if self._wrench is None else '',
             ]))  # fmt: skip

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import cycle, repeat
 
 import pytest
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.press.guarded import Felt
-from tactile_nodes.collection.press.guarded_grasp import FeltByHand, Grasp, GraspSettings
+from tactile_nodes.collection.press.guarded_grasp import NEAR_MM, FeltByHand, Grasp, GraspSettings, Opening
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.conversions import header
 from tactile_nodes.emulators.gripper import Gripper, GripperSettings, pull_along
@@ -35,7 +37,9 @@ def finger() -> Finger:
 class Loop:
     """Gripper, object and grasp, tick by tick."""
 
-    def __init__(self, finger: Finger, gripper: GripperSettings, settings: GraspSettings = SETTINGS) -> None:
+    def __init__(
+        self, finger: Finger, gripper: GripperSettings, settings: GraspSettings = SETTINGS, resolution_mm: float = 0.0
+    ) -> None:
         self.gripper = Gripper(gripper, [finger, finger], 0)
         self.grasp = Grasp(settings, 0)
         self.forces_n: list[float] = []
@@ -43,6 +47,15 @@ class Loop:
         self._finger = finger
         self._seen: deque[FeltByHand] = deque()
         self._ticks = 0
+        self._resolution_mm = resolution_mm
+        self._told = Opening(0, gripper.open_mm)
+        self.commands_mm: list[float] = []
+        self.mute = False
+        self.flicker_mm: Iterator[float] = repeat(0.0)
+
+    def _rounded(self, opening_mm: float) -> float:
+        """As a gripper with this resolution reports an opening, and understands a command."""
+        return round(opening_mm / self._resolution_mm) * self._resolution_mm if self._resolution_mm else opening_mm
 
     def run(self, seconds: float) -> None:
         felt = None
@@ -57,9 +70,12 @@ class Loop:
                 self._seen.append(FeltByHand(now_ns, hold.normal_n, hold.normal_n, margin))
             while self._seen and self._seen[0].stamp_ns <= now_ns - LATE_TICKS * TICK_NS:
                 felt = self._seen.popleft()
-            command_mm = self.grasp.command_mm(now_ns, self.gripper.opening_mm, felt) if felt else None
+            if not self.mute:
+                self._told = Opening(now_ns, self._rounded(self.gripper.opening_mm) + next(self.flicker_mm))
+            command_mm = self.grasp.command_mm(now_ns, self._told, felt) if felt else None
             if command_mm is not None:
-                self.gripper.command(command_mm)
+                self.commands_mm.append(command_mm)
+                self.gripper.command(self._rounded(command_mm))
             if self.grasp.done:
                 return
 
@@ -111,16 +127,62 @@ def test_it_holds_no_less_hard_when_the_pull_ceases(finger: Finger) -> None:
     assert loop.forces_n[-1] == pytest.approx(hard_n, abs=1e-6)
 
 
+def test_gripper_that_moves_in_coarse_steps_holds_and_answers_a_pull(finger: Finger) -> None:
+    """A gripper of 85 mm with 8 bits: it never arrives exactly where it was commanded."""
+    pulled = GripperSettings(object_mm=30.0, pull_n=0.4, pull_after_s=1.0)
+    loop = Loop(finger, pulled, replace(SETTINGS, hold_s=15.0), resolution_mm=85 / 255)
+    loop.run(60.0)
+    assert loop.grasp.done
+    assert not loop.gripper.lost
+    # Its next step is at most 0.33 mm, which at 0.3 N/mm is 0.1 N.
+    assert SETTINGS.target_n - SETTINGS.band_n <= loop.forces_n[-1] < SETTINGS.limit_n
+    assert max(loop.forces_n) < SETTINGS.limit_n
+
+
+def test_gripper_that_does_not_follow_is_said_to_and_not_commanded_ever_further(finger: Finger) -> None:
+    loop = Loop(finger, GripperSettings(object_mm=30.0))
+    loop.gripper.command = lambda _: None  # type: ignore[method-assign]
+    with pytest.raises(DeviceFaultError, match=r'does not come to rest near 48\.8 mm: it reports 50\.00 mm'):
+        loop.run(60.0)
+    assert min(loop.commands_mm) >= 50.0 - NEAR_MM - SETTINGS.search_mm
+
+
+@pytest.mark.parametrize('holding', [False, True])
+def test_gripper_that_reports_nothing_any_more_ends_the_grasp(finger: Finger, holding: bool) -> None:
+    loop = Loop(finger, GripperSettings(object_mm=45.0))
+    loop.run(5.0 if holding else 0.3)
+    assert bool(loop.grasp.grasped.began_ns) == holding
+    loop.mute = True
+    with pytest.raises(DeviceFaultError, match=r'has not reported its opening for 100[0-5] ms, above 1000 ms'):
+        loop.run(1.1)
+
+
+@pytest.mark.parametrize('flicker_mm', [(0.33, 0.0), (0.4, 0.2)])
+def test_gripper_that_does_not_come_to_rest_ends_the_grasp(finger: Finger, flicker_mm: tuple[float, ...]) -> None:
+    loop = Loop(finger, GripperSettings(object_mm=45.0))
+    loop.run(5.0)
+    loop.flicker_mm = cycle(flicker_mm)
+    with pytest.raises(DeviceFaultError, match=r'does not come to rest near 4\d\.\d mm: it reports 4\d\.\d\d mm'):
+        loop.run(6.0)
+
+
+def test_noise_of_the_reported_opening_is_no_motion(finger: Finger) -> None:
+    loop = Loop(finger, GripperSettings(object_mm=45.0))
+    loop.flicker_mm = cycle([0.0, 0.02, -0.02])
+    loop.run(40.0)
+    assert loop.grasp.done
+
+
 def _felt(now_ns: int, force_n: float = 0.0, **more: float) -> FeltByHand:
     return FeltByHand(now_ns, force_n, force_n, **more)  # type: ignore[arg-type]
 
 
 def test_it_moves_only_on_a_force_that_was_seen_after_the_last_step() -> None:
     grasp = Grasp(SETTINGS, 0)
-    assert grasp.command_mm(10, 50.0, _felt(5)) == pytest.approx(50.0 - SETTINGS.search_mm)
-    assert grasp.command_mm(20, 50.0, _felt(15)) is None  # it has not moved yet
-    assert grasp.command_mm(30, 49.6, _felt(18)) is None  # it has, and that was seen before
-    assert grasp.command_mm(40, 49.6, _felt(35)) == pytest.approx(49.2)
+    assert grasp.command_mm(10, Opening(10, 50.0), _felt(5)) == pytest.approx(50.0 - SETTINGS.search_mm)
+    assert grasp.command_mm(20, Opening(20, 50.0), _felt(15)) is None  # it has not moved yet
+    assert grasp.command_mm(30, Opening(30, 49.6), _felt(18)) is None  # it has, and that was seen before
+    assert grasp.command_mm(40, Opening(40, 49.6), _felt(35)) == pytest.approx(49.2)
 
 
 @pytest.mark.parametrize(
@@ -133,13 +195,14 @@ def test_it_moves_only_on_a_force_that_was_seen_after_the_last_step() -> None:
     ],
 )
 def test_it_gives_up_with_a_sentence(felt: FeltByHand, opening_mm: float, now_s: float, sentence: str) -> None:
+    now_ns = round(now_s * NS_PER_S)
     with pytest.raises(DeviceFaultError, match=sentence):
-        Grasp(SETTINGS, 0).command_mm(round(now_s * NS_PER_S), opening_mm, felt)
+        Grasp(SETTINGS, 0).command_mm(now_ns, Opening(now_ns, opening_mm), felt)
 
 
 def test_invalid_force_lets_it_wait() -> None:
     invalid = replace(_felt(5), status=types.ForceDistribution.STATUS_INVALID)
-    assert Grasp(SETTINGS, 0).command_mm(10, 50.0, invalid) is None
+    assert Grasp(SETTINGS, 0).command_mm(10, Opening(10, 50.0), invalid) is None
 
 
 def test_of_a_hand_the_oldest_picture_the_worst_status_and_the_least_margin_count() -> None:
@@ -155,7 +218,7 @@ def test_a_finger_that_measures_nothing_does_not_hide_what_the_other_feels(names
     found = FeltByHand.of(types.HandWrench(header=header(30, 'gripper')), {name: felt[name] for name in names})
     assert (found.least_n, found.greatest_n, found.status) == (5.0, 5.0, types.ForceDistribution.STATUS_INVALID)
     with pytest.raises(DeviceFaultError, match=r'a finger presses with 5.00 N, above the limit of 0.9 N'):
-        Grasp(SETTINGS, 0).command_mm(30, 50.0, found)
+        Grasp(SETTINGS, 0).command_mm(30, Opening(30, 50.0), found)
 
 
 def test_settings_that_could_press_too_hard_are_refused() -> None:

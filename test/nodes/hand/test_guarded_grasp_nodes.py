@@ -143,6 +143,29 @@ def test_stopping_leaves_the_gripper_as_it_is(finger: Finger) -> None:
         assert loop.commands_mm[-1] < 47.0
 
 
+@pytest.mark.parametrize('others', [[0.1, 0.2], [math.nan]])
+def test_states_of_other_joints_on_the_topic_are_not_taken_for_the_gripper(others: list[float]) -> None:
+    """An arm publishes its joints there too; and a gripper may report nan while it does not know where it is."""
+    bus = InProcessBus()
+    grasp, states = GuardedGraspNode(bus), topics.JOINT_STATES
+    out = bus.advertise(f'/{states.name}', states.type_name, states.qos)
+    for position in ([0.05], others):
+        out.publish(types.JointState(name=['a'] * len(position), position=np.array(position)))
+        grasp.spin_once(1.0)
+    assert grasp._opening is not None and grasp._opening.mm == pytest.approx(50.0)
+    grasp.close()
+
+
+def test_gripper_whose_driver_ends_ends_the_grasp(finger: Finger) -> None:
+    with Loop(finger, 'object_mm:=47.0', 'grasp.hold_s:=60.0') as loop:
+        loop.go_on(lambda: loop.said() == 'holding')
+        loop.gripper._tell = lambda: None  # type: ignore[method-assign]
+        loop.gripper._states.publish = lambda _: None  # type: ignore[method-assign]
+        loop.go_on(lambda: loop.grasp.failure is not None)
+        assert loop.commands_mm[-1] < 47.0
+    assert re.search(r'has not reported its opening for \d+ ms, above 1000 ms', str(loop.grasp.failure))
+
+
 def test_hand_of_one_finger_is_no_gripper(tmp_path: Path) -> None:
     (tmp_path / 'one.yaml').write_text('frame: hand\nsensors: [{name: left}]\n')
     with pytest.raises(ConfigurationError, match=r'a gripper has two fingers; .*one.yaml has 1'):
