@@ -26,7 +26,10 @@ from tactile_nodes.simulation import worlds
 
 WORLD = 'rig'
 READ_S = 0.1
-NOT_UP_YET = 'the run has not ended in time, so the tip may not be up yet; it is lifted when this process has ended'
+NOT_UP_YET = (
+    'the run has not ended in time, so the tip may not be up yet; if the machine still obeys, it is lifted when this '
+    'process has ended'
+)
 
 
 class Station:

@@ -6,7 +6,7 @@ from tactile_nodes.collection.actions import Look, Procedure
 from tactile_nodes.collection.hands import Hands
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import Tare, mean_change, mean_noise
-from tactile_nodes.errors import DeviceFaultError
+from tactile_nodes.errors import DeviceError, DeviceFaultError
 
 UNLOADED_S = 0.1
 FREE_LOOKS = 20  # not seconds: a computer that pauses is not a silent sensor
@@ -31,6 +31,14 @@ def check_free(tare: Tare, settings: CollectionSettings) -> Procedure[None]:
         raise DeviceFaultError(
             f'{force:.2f} N remain after the tip went up to the safe height; does z move, does the gel stick?'
         )
+
+
+def not_up(error: DeviceError) -> str:
+    """What a person must know when `bring_up` has failed. Closing the machine also dismisses its dead man's switch."""
+    return (
+        f'the tip could not be brought up: {error}; nothing lifts it when this program has ended, so see where it is '
+        'before anything moves'
+    )
 
 
 def bring_up(hands: Hands, tare: Tare | None, settings: CollectionSettings, doubted: bool = False) -> None:

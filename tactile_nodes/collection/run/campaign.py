@@ -137,7 +137,9 @@ class Campaign:
             raise DeviceFaultError(f'stopped: {tripped.trip.reason}') from tripped
         finally:
             self.now = None
-            self._leave()
+            not_up = self._leave()
+        if not_up:
+            raise DeviceFaultError(not_up)
         done = 'the plan is done except for presses that were set aside' if self._journal.aside else 'the plan is done'
         return f'{ended or done}: {self.progress.summary(self._journal)}'
 
@@ -256,11 +258,13 @@ class Campaign:
         assert ground is not None
         return self._recovery.patiently(lambda: anchor_press(point, ground, self._settings))
 
-    def _leave(self) -> None:
-        """Bring the tip up, unless nothing has moved."""
+    def _leave(self) -> str:
+        """Bring the tip up, unless nothing has moved; empty, or why it is not up."""
         moved = self._ground is not None or self._hands.safety.watching
-        if moved and self._recovery.end():
+        not_up = self._recovery.end() if moved else ''
+        if moved and not not_up:
             self._journal.note_run(ENDED, self._hands.clock.now_ns())
+        return not_up
 
     def _wait_while_paused(self) -> None:
         if self.paused:

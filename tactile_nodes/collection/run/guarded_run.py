@@ -20,7 +20,7 @@ from tactile_nodes.collection.machine_record import BEGUN, ENDED, HALTED, Machin
 from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
 from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.press.surface import check_safe_height
-from tactile_nodes.collection.press.up import bring_up
+from tactile_nodes.collection.press.up import bring_up, not_up
 from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.run.person import AFTER_KILL, ASK, GO_ON, Person, require_looked
 from tactile_nodes.collection.safety import OVERLOAD
@@ -160,7 +160,7 @@ class GuardedRun:
         try:
             bring_up(hands, self._tare, self._settings, doubted)
         except DeviceError as error:
-            raise DeviceFaultError(f'{error} (before that: {why})' if why else str(error)) from error
+            raise DeviceFaultError(f'{not_up(error)} (before that: {why})' if why else not_up(error)) from error
         finally:
             self._write_down()  # of a force on the way up
         self._note(ENDED)

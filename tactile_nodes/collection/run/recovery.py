@@ -9,7 +9,7 @@ from tactile_nodes.collection.actions import Procedure
 from tactile_nodes.collection.hands import Hands, TrippedError
 from tactile_nodes.collection.machine_record import BEGUN, ENDED, HALTED, MachineRecord
 from tactile_nodes.collection.press.rest import await_recovery
-from tactile_nodes.collection.press.up import bring_up, check_free
+from tactile_nodes.collection.press.up import bring_up, check_free, not_up
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import require_looked
 from tactile_nodes.collection.safety import FORCE, MACHINE, OVERLOAD, PASSING, SILENT_MACHINE, Trip
@@ -51,17 +51,21 @@ class Recovery:
         """Note that the machine moves from now on, for a run of this name."""
         self._note(BEGUN, what)
 
-    def end(self) -> bool:
-        """Go up at the end of the run; returns whether the tip is up. Reports an error instead of raising it."""
+    def end(self) -> str:
+        """Go up at the end of the run; empty, or why the tip is not up, which is also reported.
+
+        It does not raise that, because the run may have ended for another reason.
+        """
         try:
             self.up()
         except DeviceError as error:
-            self._outlet.say(f'the tip could not be brought up: {error}')
-            return False
+            why = not_up(error)
+            self._outlet.say(why)
+            return why
         finally:
             self._write_down(self._hands.safety.trip)  # of a force on the way up
         self._note(ENDED)
-        return True
+        return ''
 
     def ask_first(self, unasked: bool) -> None:
         """Ask a person after a halted run, and, if not `unasked`, after a run that was cut off.

@@ -183,7 +183,8 @@ def test_a_tip_that_is_still_felt_is_not_believed_to_be_up() -> None:
     with opened(slipping()) as run, pytest.raises(DeviceFaultError) as caught:
         run.run()
     # 0.2 N within the band of 0.005 N and the noise of the sensor.
-    assert re.match(r'0\.(19|20|21) N remain although the machine reports the tip up', str(caught.value))
+    assert re.search(r': 0\.(19|20|21) N remain although the machine reports the tip up', str(caught.value))
+    assert 'nothing lifts it when this program has ended' in str(caught.value)
 
 
 def test_a_tip_is_not_believed_to_be_up_because_forces_come_late(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -259,6 +259,21 @@ def test_a_tip_that_did_not_come_up_is_asked_about(tmp_path: Path) -> None:
     assert 'cut off' in second.said[0]
 
 
+def test_a_run_that_was_stopped_with_the_tip_in_the_gel_did_not_end_well(tmp_path: Path) -> None:
+    """z sticks while the run is stopped. Nobody may read "stopped on request" and walk to the gel."""
+    run = Run(tmp_path)
+
+    def stop() -> None:
+        run.world.stick(2, run.rig.clock.now_ns())
+        run.rig.hands.asked_to_stop = True
+
+    run.at(3, run.in_the_gel(stop))
+    with pytest.raises(DeviceFaultError, match=r'the tip could not be brought up: .* N remain .*; nothing lifts it'):
+        run.campaign.run()
+    assert 'ended' not in of_the_machine(run)
+    assert run.machine.question(unasked=False)
+
+
 def test_torque_is_limited_where_nobody_set_a_limit(tmp_path: Path) -> None:
     run = Run(tmp_path)
     run.at(3, run.in_the_gel(bump(run, (0.0, 0.0, 0.2, 0.25, 0.0, 0.0))))
