@@ -27,7 +27,7 @@ from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import NOT_UP_YET, Station
 from tactile_nodes.contact_tables.gel_tables import load_gel
 from tactile_nodes.drivers.cnc.contract import SIMULATED, CncSettings, CncStatus
-from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSensor, ForceTorqueSettings
 from tactile_nodes.drivers.waiting import opened_within
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import BusError, DeviceBusyError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
@@ -76,6 +76,11 @@ def with_indenter(settings: RigSettings) -> RigSettings:
     return dataclasses.replace(settings, press=dataclasses.replace(settings.press, indenter=name))
 
 
+def longest_period_s(sensor: ForceTorqueSensor) -> float:
+    """Time between two samples, as expected or as observed; also of a sensor that is lost now. 0: unknown."""
+    return max((1 / hz for hz in (sensor.rate_hz, sensor.expected_hz) if hz > 0), default=0.0)
+
+
 class Session:
     """Opens everything; `run` does the rest of the plan.
 
@@ -118,10 +123,9 @@ class Session:
                 self.person,
             )  # fmt: skip
             machine = MachineRecord(record_file(s.cnc.source, Path(s.folder)))  # no other process has its port now
-            order, period_s = ordered(self.plan, plan), 1 / station.sensor.rate_hz
             self.campaign = Campaign(
-                self.plan, order, self._journal, machine, station.hands, s, s.cnc.safe_z_mm, outlet, period_s,
-                s.after_kill == GO_ON,
+                self.plan, ordered(self.plan, plan), self._journal, machine, station.hands, s, s.cnc.safe_z_mm, outlet,
+                longest_period_s(station.sensor), s.after_kill == GO_ON,
             )  # fmt: skip
         except BaseException:
             self.close()

@@ -5,8 +5,11 @@ from __future__ import annotations
 import pytest
 
 from tactile_nodes import params
-from tactile_nodes.collection.run.session import RigSettings, with_indenter
+from tactile_nodes.clock import SystemClock
+from tactile_nodes.collection.run.session import RigSettings, longest_period_s, with_indenter
 from tactile_nodes.drivers.cnc.contract import CncSettings
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
+from tactile_nodes.drivers.force_torque.simulated import SimulatedForceTorque
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.paths import share_directory
 
@@ -37,3 +40,10 @@ def test_shipped_emulated_rig_names_what_its_world_presses_with() -> None:
     sources += params.parse_parameters(launched, 'the test')
     values = params.resolve_parameters('/rig', sources)
     assert named(params.from_mapping(RigSettings, values, source='the test')) == 'flat punch 3 mm'
+
+
+def test_a_sensor_that_is_lost_while_the_plan_is_ordered_still_has_a_period() -> None:
+    """Ordering a plan of thousands of presses takes minutes; a lost sensor has no rate until it is found again."""
+    lost = SimulatedForceTorque(ForceTorqueSettings(rate_hz=100.0), SystemClock())
+    assert lost.rate_hz == 0.0
+    assert longest_period_s(lost) == pytest.approx(0.01)
