@@ -151,7 +151,11 @@ def _settle(record: Record, ground: Ground, settings: CollectionSettings) -> Pro
 def _window(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
     switched = (yield Switch(True)).switched
     record.start_ns = switched.latest_ns if switched is not None else 0
-    samples, record.frames = yield from _gathered(record.start_ns, settings)
+    try:
+        samples, record.frames = yield from _gathered(record.start_ns, settings)
+    except RejectedError:
+        yield Switch(False)
+        raise
     record.samples = len(samples)
     record.end_ns = max(samples[-1].stamp_ns, record.frames[-1].stamp_ns)
     yield Switch(False)

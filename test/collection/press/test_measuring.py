@@ -7,13 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from tactile_nodes.collection.actions import Seen, SetTare
+from tactile_nodes.collection.actions import Look, Seen, SetTare, Switch
+from tactile_nodes.collection.plan.plan import Point
+from tactile_nodes.collection.press.cycle import Ground, Record, RejectedError, _window
 from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.press.steady import Settling
 from tactile_nodes.collection.press.surface import Surface, loading_line, plane
 from tactile_nodes.collection.readings import change, frame_of
 from tactile_nodes.collection.settings import CollectionSettings, MountingSettings
 from tactile_nodes.collection.wrench import Tare, on_gel, pressing_n, slope, tare_of
+from tactile_nodes.drivers.cnc.contract import Switched
 from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.errors import DeviceFaultError
 
@@ -134,3 +137,16 @@ def test_sensor_that_stays_silent_is_named_after_some_seconds() -> None:
     with pytest.raises(DeviceFaultError, match='no valid force samples'):
         for second in range(20):
             taking.send(Seen(second * 1000 * MS, 0, (0.0, 0.0, 0.0)))
+
+
+def test_line_goes_low_again_when_a_window_is_rejected() -> None:
+    """Else the next press raises a line that is high already, and clocks are fitted to an edge that never was."""
+    window = _window(Record(Point(1, 0.0, 0.0, 1.0), 1), Ground(Surface(-30.0), -5.0, ZERO, 0.0), SETTINGS)
+    assert next(window) == Switch(True)
+    asked = window.send(Seen(0, 0, (0.0, 0.0, 0.0), switched=Switched(True, 0, 0)))
+    for tenth in range(100):  # without an image or a sample
+        if isinstance(asked, Look):
+            asked = window.send(Seen(tenth * 100 * MS, 0, (0.0, 0.0, 0.0)))
+    assert asked == Switch(False)
+    with pytest.raises(RejectedError, match='0 images and 0 force samples are too few'):
+        window.send(Seen(10_000 * MS, 0, (0.0, 0.0, 0.0), switched=Switched(False, 0, 0)))
