@@ -10,6 +10,7 @@ from tactile_nodes.drivers.cnc.contract import CncSettings, Envelope, Place
 from tactile_nodes.errors import ConfigurationError
 
 TOLERANCE_MM = 0.002  # positions are reported to 0.001 mm
+ROUNDING_MM = 0.02  # half a step of a coarse machine
 AXES = 'xyz'
 
 
@@ -23,13 +24,13 @@ class Guard:
     fastest_mm_min: float
 
     def check(self, start: Place, target: Place, feed: float) -> None:
-        """Refuse a forbidden move.
+        """Refuse a forbidden move. A tip that rests outside the workspace may go up, and back towards it.
 
         Raises:
             ConfigurationError: names the violated rule.
         """
         self._check_feed(feed)
-        self._check_box(target)
+        self._check_box(start, target)
         lateral = max(abs(target[0] - start[0]), abs(target[1] - start[1]))
         low = min(start[2], target[2])
         if lateral > TOLERANCE_MM and low < self.safe_z_mm - TOLERANCE_MM and not self.lateral_when_low:
@@ -37,6 +38,18 @@ class Guard:
                 f'refused to move sideways by {lateral:g} mm at z {low:g} mm, below the safe height of '
                 f'{self.safe_z_mm:g} mm; move up first, or set lateral_when_low'
             )
+
+    def nearest(self, target: Place) -> Place:
+        """A target just outside the workspace, where rounding to steps has left the tip, as one inside.
+
+        The controller would refuse it, even for a way straight up.
+        """
+        box = zip(target, self.envelope.lowest_mm, self.envelope.highest_mm, strict=True)
+        x, y, z = (
+            min(max(value, low), high) if low - ROUNDING_MM <= value <= high + ROUNDING_MM else value
+            for value, low, high in box
+        )
+        return (x, y, z)
 
     def check_up(self, way: Place, feed: float) -> None:
         """From an unknown position, refuse any move except straight up.
@@ -54,10 +67,10 @@ class Guard:
                 f'refused to move at {feed:g} mm/min; the feed must be above 0 and at most {self.fastest_mm_min:g}'
             )
 
-    def _check_box(self, target: Place) -> None:
-        box = zip(AXES, target, self.envelope.lowest_mm, self.envelope.highest_mm, strict=True)
-        for axis, value, low, high in box:
-            if not low - TOLERANCE_MM <= value <= high + TOLERANCE_MM:
+    def _check_box(self, start: Place, target: Place) -> None:
+        box = zip(AXES, start, target, self.envelope.lowest_mm, self.envelope.highest_mm, strict=True)
+        for axis, here, value, low, high in box:
+            if not min(low - TOLERANCE_MM, here) <= value <= max(high + TOLERANCE_MM, here):
                 raise ConfigurationError(f'refused to move to {axis} {value:g} mm; the range is {low:g} to {high:g}')
 
 

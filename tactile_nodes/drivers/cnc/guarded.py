@@ -47,6 +47,7 @@ class GuardedCnc(ABC):
         rules, start = self._rules(), self._known_place()
         target = (start[0] if x is None else x, start[1] if y is None else y, start[2] if z is None else z)
         rules.check(start, target, feed)
+        target = rules.nearest(target)
         if self._motion.jogging:
             self.wait_idle()
         self._motion.moving = True
@@ -69,6 +70,7 @@ class GuardedCnc(ABC):
         start = self._known_place()
         target = (start[0] + dx, start[1] + dy, start[2] + dz)
         rules.check(start, target, feed)
+        target = rules.nearest(target)
         if self._motion.moving and not self._motion.jogging:
             self.wait_idle()
         self._expect_jog(way, feed)

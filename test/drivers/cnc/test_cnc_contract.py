@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from cnc_rigs import KINDS, Rig, direct_rig, pty_rig
 
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.drivers.cnc.contract import CncSettings, CncState
+from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, Envelope
 from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError, TactileError
@@ -185,6 +186,38 @@ def test_a_retract_goes_straight_up_to_the_safe_height(homed: Rig) -> None:
     homed.cnc.jog(dz=-1.5, feed=60.0)
     homed.cnc.retract()
     assert homed.tip == pytest.approx(homed.at(-60, -60, -5), abs=0.01)
+
+
+@pytest.mark.parametrize('beyond_mm', [0.006, 1.0])
+def test_a_retract_is_not_refused_because_the_tip_rests_at_the_edge_of_the_workspace_or_beyond(
+    homed: Rig, beyond_mm: float
+) -> None:
+    """A stop, or rounding to steps, leaves the tip a little outside; a person may have moved it there."""
+    homed.go(-60, -60, -20)
+    x, y, _ = homed.at(-60 + beyond_mm, -60, 0)
+    guard = homed.cnc._guard  # type: ignore[attr-defined]
+    low, high = guard.envelope.lowest_mm, guard.envelope.highest_mm
+    box = Envelope((x, low[1], low[2]), (high[0], y - beyond_mm, high[2]))
+    homed.cnc._guard = replace(guard, envelope=box)  # type: ignore[attr-defined]
+    homed.cnc.retract()
+    assert homed.tip == pytest.approx(homed.at(-60, -60, -5), abs=0.01)
+    with pytest.raises(ConfigurationError, match='the range is'):
+        homed.cnc.move(x=homed.at(-60.1, 0, 0)[0], feed=100.0)
+
+
+def test_grbl_lifts_a_tip_that_rests_beyond_its_own_travel_by_less_than_a_step() -> None:
+    """It refuses a jog to such a place even straight up (error 15)."""
+    rig = direct_rig('grbl')
+    rig.cnc.connect()
+    rig.cnc.home()
+    rig.go(-60.006, -60, -5)
+    rig.go(-60.006, -60, -20)
+    rig.device.machine.memory[130] = '60.000'
+    guard = rig.cnc._guard  # type: ignore[attr-defined]
+    box = replace(guard.envelope, lowest_mm=(-60.0, *guard.envelope.lowest_mm[1:]))
+    rig.cnc._guard = replace(guard, envelope=box)  # type: ignore[attr-defined]
+    rig.cnc.retract()
+    assert rig.tip == pytest.approx((-60.0, -60.0, -5.0), abs=0.001)
 
 
 def test_a_retract_from_above_the_safe_height_stays(homed: Rig) -> None:
