@@ -56,7 +56,7 @@ class Safety:
     ) -> None:
         self._limits = limits
         self._on_trip = on_trip
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._recent: deque[tuple[int, float]] = deque()
         self._zero: Wrench | None = None
         self._newest: Sample | None = None
@@ -65,7 +65,7 @@ class Safety:
         self.settling_ns = round(SETTLING_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
         self._since_ns = self._ticked_ns = 0
         self._absent_ns = {SENSOR: 0, CAMERA: 0}
-        self.trip: Trip | None = None
+        self._trip: Trip | None = None
         self.greatest_n = 0.0
         self.watching = False
         self.watching_camera = False
@@ -75,6 +75,12 @@ class Safety:
         self.fell_silent = False
         """Whether sensor or camera was ever at fault, or the machine was ever silent."""
         self._late = False
+
+    @property
+    def trip(self) -> Trip | None:
+        """Why everything stopped. Who sees a reason finds the stop begun, and can wait until it is over."""
+        with self._lock:
+            return self._trip
 
     def tare(self, zero: Wrench) -> None:
         """Measure the force from now on as the change since this value."""
@@ -91,7 +97,7 @@ class Safety:
         """Clear the reason after it was handled."""
         with self._lock:
             self._recent.clear()
-            self.trip = None
+            self._trip = None
             self._since_ns = now_ns
 
     def sample(self, sample: Sample) -> None:
@@ -201,11 +207,11 @@ class Safety:
         with self._lock:
             self.machine_tripped |= kind in {MACHINE, SILENT_MACHINE}
             self.fell_silent |= kind in PASSING
-            if self.trip is not None and not (kind == OVERLOAD != self.trip.kind):
+            if self._trip is not None and not (kind == OVERLOAD != self._trip.kind):
                 return
-            self.trip = Trip(kind, reason, now_ns)
-        if self._on_trip is not None:
-            self._on_trip(self.trip)
+            self._trip = trip = Trip(kind, reason, now_ns)
+            if self._on_trip is not None:
+                self._on_trip(trip)
 
 
 def _length(values: list[float]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from math import ceil
 
 import pytest
@@ -220,3 +221,19 @@ def test_fault_of_the_machine_that_a_pause_of_this_process_made_is_looked_at_twi
     safety.tick(710 * MS, silent)
     assert [trip.kind for trip in trips] == [SILENT_MACHINE]
     assert safety.machine_tripped  # only a force may say that the tip is up
+
+
+def test_whoever_sees_a_reason_finds_the_stop_begun() -> None:
+    """Else a retract that does not wait for the stop is aborted by it, with the tip in the gel."""
+    begun, seen = threading.Event(), list[tuple[bool, bool]]()
+    reader = threading.Thread(target=lambda: seen.append((safety.trip is not None, begun.is_set())))
+
+    def stop(_: Trip) -> None:
+        reader.start()
+        reader.join(0.1)
+        begun.set()
+
+    safety = Safety(LimitSettings(), stop)
+    safety.fail(MACHINE, 'off its way', 0)
+    reader.join()
+    assert seen == [(True, True)]
