@@ -108,6 +108,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         """As `Cnc.home`, with the command from the settings."""
         dialogue = self._talk()
         dialogue.require_sound()
+        self._homed = False
         if self._settings.home_command:
             dialogue.ask(self._settings.home_command, self._settings.home_s, due_ns=None)
         elif NO_HOMING not in self._settings.accept:

@@ -88,7 +88,7 @@ class SimulatedCnc(GuardedCnc):
         """As `Cnc.home`: up, then to the upper ends, then off the switches."""
         self._rules()
         self._path.clear()
-        self._held = None
+        self._held, self._homed = None, False
         here = self._machine.motor_at(self._clock.now_ns())
         off = -PULL_OFF_MM
         for target in ((here[0], here[1], 0.0), (0.0, 0.0, 0.0), (off, off, off)):

@@ -71,6 +71,22 @@ def test_homing_gives_a_place_within_the_limits(rig: Rig) -> None:
     assert rig.cnc.health.level == Level.OK
 
 
+def test_homing_again_that_is_broken_off_leaves_no_known_place(homed: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Marlin sets its coordinates while it homes, so those of before are no longer true."""
+
+    def stopped(*_: object, **__: object) -> None:
+        raise DeviceFaultError('aborted by a stop')
+
+    dialogue = getattr(homed.cnc, '_dialogue', None)
+    monkeypatch.setattr(*(homed.cnc, '_wait_until_arrived') if dialogue is None else (dialogue, 'ask'), stopped)
+    with pytest.raises(DeviceFaultError):
+        homed.cnc.home()
+    monkeypatch.undo()
+    assert not homed.cnc.status().homed
+    with pytest.raises(DeviceFaultError, match='home it'):
+        homed.cnc.move(*homed.at(-60, -60, -6), feed=100.0)
+
+
 def test_it_goes_where_it_is_told_and_says_so(homed: Rig) -> None:
     homed.go(-50.125, -61, -4.5)
     assert homed.tip == pytest.approx(homed.at(-50.125, -61, -4.5), abs=0.001)
