@@ -196,6 +196,11 @@ class NetFtConnection:
             data, sender = self._socket.recvfrom(LARGEST_DATAGRAM)
         except (TimeoutError, ConnectionRefusedError):
             return None
+        except OSError as error:
+            raise DeviceLostError(
+                f'cannot receive from the box at {self._host} ({error.strerror or error}); check the network of this '
+                'computer'
+            ) from error
         return (data, self._clock.now_ns()) if sender[0] == self._address else None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
 import threading
 import time
@@ -205,6 +206,26 @@ def test_a_box_that_was_restarted_is_found_again_with_a_clock_that_begins_anew(r
     after = read_until(sensor, lambda sample: bool(sample.flags & Flag.RESTARTED))
     assert after.device_ticks < before.device_ticks
     assert after.stamp_ns > before.stamp_ns
+
+
+def test_a_network_that_goes_down_and_comes_back_is_no_end_of_the_sensor(rig_with: Make) -> None:
+    """As when the cable of the adapter is pulled: an error of the socket is neither silence nor a refusal."""
+    sensor = rig_with().open()
+    connection = sensor._connection  # type: ignore[attr-defined]
+    socket_of_the_system, failed = connection._socket, threading.Event()
+
+    class Down:
+        def __getattr__(self, name: str) -> object:
+            return getattr(socket_of_the_system, name)
+
+        def recvfrom(self, _: int) -> tuple[bytes, tuple[str, int]]:
+            failed.set()
+            raise OSError(errno.ENETDOWN, 'Network is down')
+
+    connection._socket = Down()
+    assert failed.wait(3.0)
+    assert read_until(sensor, lambda sample: bool(sample.flags & Flag.RESTARTED)).usable
+    assert sensor.description['times lost'] == '1'
 
 
 def test_stamps_are_those_of_the_boxs_own_clock(rig_with: Make) -> None:
