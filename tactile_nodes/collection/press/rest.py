@@ -12,6 +12,7 @@ from tactile_nodes.collection.readings import Frame, change
 from tactile_nodes.collection.safety import MACHINE
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.wrench import Tare, tare_of
+from tactile_nodes.drivers.force_torque.stream import told
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
 ZERO_PATIENCE_S = 5.0
@@ -85,8 +86,13 @@ def breath() -> Procedure[None]:
     yield Look(0.1)
 
 
-def await_recovery(hands: Hands, limits: LimitSettings, reason: str) -> None:
+def await_recovery(hands: Hands, limits: LimitSettings, reason: str = '') -> None:
     """Return when sensor and camera have been fine for a while.
+
+    Args:
+        hands: the machine.
+        limits: how long to wait.
+        reason: what was wrong; empty: nothing is known yet.
 
     Raises:
         DeviceTimeoutError: they are not fine again within `recover_s`.
@@ -97,17 +103,25 @@ def await_recovery(hands: Hands, limits: LimitSettings, reason: str) -> None:
     well_since_ns = begin_ns
     while True:
         now_ns = hands.clock.now_ns()
-        if not _is_well(hands, limits, now_ns):
+        if wrong := _wrong(hands, limits, now_ns):
             well_since_ns = now_ns
         if now_ns - well_since_ns >= limits.steady_again_s * NS_PER_S:
             return
         if well_since_ns - begin_ns > limits.recover_s * NS_PER_S:
-            raise DeviceTimeoutError(f'{reason}; it did not recover within {limits.recover_s:g} s: check it')
+            last = f' ({wrong})' if reason else ''
+            raise DeviceTimeoutError(
+                f'{reason or wrong}; it did not recover within {limits.recover_s:g} s{last}: check it'
+            )
         hands.clock.sleep_until(now_ns + NS_PER_S // 50)
 
 
-def _is_well(hands: Hands, limits: LimitSettings, now_ns: int) -> bool:
-    """Whether recent data is fine. Resets the safety each time; raises for a fault of the machine."""
+def _wrong(hands: Hands, limits: LimitSettings, now_ns: int) -> str:
+    """What is wrong with recent data; empty: nothing. Resets the safety each time.
+
+    Raises:
+        TrippedError: the machine has a fault.
+        InterruptedRunError: the run was asked to end.
+    """
     if hands.asked_to_stop:
         raise InterruptedRunError
     trip = hands.safety.trip
@@ -116,4 +130,9 @@ def _is_well(hands: Hands, limits: LimitSettings, now_ns: int) -> bool:
     hands.safety.reset(now_ns)
     samples = hands.readings.samples(now_ns - round(2e6 * hands.safety.silence_ms))
     frames = hands.readings.frames(now_ns - round(1e6 * limits.camera_silence_ms))
-    return trip is None and bool(frames) and bool(samples) and samples[-1].usable
+    wrong = [] if frames else ['the camera sends no images']
+    if not samples:
+        wrong.append('the force/torque sensor sends no samples')
+    elif not samples[-1].usable:
+        wrong.append(f'the force/torque sensor reports: {told(samples[-1].flags)}')
+    return '; '.join(wrong) or (trip.reason if trip is not None else '')

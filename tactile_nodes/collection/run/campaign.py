@@ -101,6 +101,7 @@ class Campaign:
         self._safe_z_mm = safe_z_mm
         self._outlet = outlet
         self._unasked = unasked
+        self._begun = False
         self._ground: Ground | None = None
         self._since_reference = 0
         self._since_pattern = self._patterns = 0
@@ -259,12 +260,13 @@ class Campaign:
         return self._recovery.patiently(lambda: anchor_press(point, ground, self._settings))
 
     def _leave(self) -> str:
-        """Bring the tip up, unless nothing has moved; empty, or why it is not up."""
-        moved = self._ground is not None or self._hands.safety.watching
-        not_up = self._recovery.end() if moved else ''
-        if moved and not not_up:
+        """Bring the tip up, unless nothing has moved; empty, or why it is not up. Homing takes it no further down."""
+        if not self._begun:
+            return ''
+        not_up = self._recovery.end()
+        if not not_up:
             self._journal.note_run(ENDED, self._hands.clock.now_ns())
-        return not_up
+        return not_up if self._ground is not None else ''
 
     def _wait_while_paused(self) -> None:
         if self.paused:
@@ -283,8 +285,9 @@ class Campaign:
         self._recovery.ask_first(self._unasked)
         self._await_recorder()
         hands.safety.watch(hands.clock.now_ns(), camera=True)
-        await_recovery(hands, self._settings.limits, 'force/torque sensor or camera do not work properly')
+        await_recovery(hands, self._settings.limits)
         self._recovery.begin(f'plan {self._plan_id} in {self._journal.path.parent}')
+        self._begun = True
         self._outlet.say('homing')
         self._home()
         zero = self._recovery.tare = self._recovery.patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))

@@ -50,14 +50,38 @@ def test_sensor_that_falls_silent_while_homing_for_good_is_named_as_the_reason(t
     run = Run(tmp_path)
     begins_s = SETTINGS.limits.steady_again_s
     run.after(begins_s + 0.5, lambda: setattr(run.rig, 'silent_sensor', True))
-    with pytest.raises(DeviceTimeoutError, match=r'force/torque sensor has been silent .* did not recover'):
+    with pytest.raises(DeviceTimeoutError, match=r'sensor has been silent .* did not recover .*no samples'):
         run.campaign.run()
 
 
-def test_nothing_moves_before_sensor_and_camera_are_well(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('parts', 'reason'),
+    [
+        (['silent_sensor'], 'the force/torque sensor sends no samples; it'),
+        (['silent_camera'], 'the camera sends no images; it'),
+        (['silent_camera', 'silent_sensor'], 'the camera sends no images; the force/torque sensor'),
+    ],
+)
+def test_nothing_moves_before_sensor_and_camera_are_well(tmp_path: Path, parts: list[str], reason: str) -> None:
     run = Run(tmp_path, changed(limits={'recover_s': 3.0}))
-    run.rig.silent_sensor = True
+    for part in parts:
+        setattr(run.rig, part, True)
     height_mm = run.height_mm
-    with pytest.raises(DeviceTimeoutError, match='do not work properly'):
+    with pytest.raises(DeviceTimeoutError, match=f'^{reason}'):
         run.campaign.run()
     assert run.height_mm == height_mm
+    assert not any('tip' in line for line in run.said)
+
+
+@pytest.mark.parametrize('begins', [False, True], ids=['before it homes', 'while it homes'])
+def test_run_that_is_stopped_before_its_tip_went_down_ends_well(tmp_path: Path, begins: bool) -> None:
+    run = Run(tmp_path)
+
+    def stop() -> None:
+        run.rig.hands.asked_to_stop = True
+        if run.rig.hands.homing:
+            run.rig.cnc.stop()
+
+    run.after(SETTINGS.limits.steady_again_s + (0.5 if begins else -0.5), stop)
+    assert 'stopped on request' in run.campaign.run()
+    assert ('homing' in run.said) == begins
