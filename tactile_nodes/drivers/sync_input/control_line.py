@@ -161,11 +161,12 @@ class WatchedLine:
         self._thread.start()
 
     def read(self, timeout_s: float) -> Sequence[Edge]:
-        """Every edge since the last call."""
-        if self._thread is None:
-            raise DeviceError(f'{self._name} is closed; open it before reading')
+        """Every edge since the last call; `close` in another thread ends the wait."""
         with self._changed:
-            if not self._changed.wait_for(lambda: self._edges or self._failure, timeout_s):
+            over = self._changed.wait_for(lambda: self._edges or self._failure or self._thread is None, timeout_s)
+            if self._thread is None:
+                raise DeviceError(f'{self._name} is closed; open it before reading')
+            if not over:
                 raise DeviceTimeoutError(f'{self._name} has not changed within {timeout_s:g} s')
             if not self._edges:
                 raise DeviceLostError(str(self._failure)) from self._failure
@@ -175,7 +176,9 @@ class WatchedLine:
 
     def close(self) -> None:
         """Stop watching; a thread that waits in the driver ends with the next edge."""
-        thread, self._thread = self._thread, None
+        with self._changed:
+            thread, self._thread = self._thread, None
+            self._changed.notify_all()
         if thread is None:
             return
         self._stopping.set()

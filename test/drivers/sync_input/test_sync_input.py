@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import itertools
 import os
+import threading
 import time
 from collections.abc import Iterator, Sequence
 
@@ -120,6 +121,15 @@ def test_reading_after_closing_is_an_error(watched: WatchedLine) -> None:
     watched.close()
     with pytest.raises(DeviceError, match='open it before reading'):
         watched.read(0.1)
+
+
+def test_closing_ends_a_wait_in_another_thread() -> None:
+    line = watch(EmulatedControlLine(Line([]), SystemClock()))
+    begin_s = time.monotonic()
+    threading.Timer(0.2, line.close).start()
+    with pytest.raises(DeviceError, match='is closed'):
+        line.read(20.0)
+    assert time.monotonic() - begin_s < 5.0
 
 
 def test_where_the_driver_can_wait_nothing_is_polled() -> None:
