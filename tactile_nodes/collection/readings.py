@@ -17,7 +17,8 @@ from tactile_nodes.errors import ImageError
 
 Picture = npt.NDArray[np.uint8]
 BLOCK_PX = 16
-KEPT_NS, KEPT_FRAMES = 20 * NS_PER_S, 90
+KEPT_S, KEPT_FRAMES = 20, 90
+KEPT_NS = KEPT_S * NS_PER_S
 
 
 class Frame:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from tactile_nodes.collection.readings import KEPT_FRAMES, KEPT_S
 from tactile_nodes.params import parameter
 
 SHORTEST_TOOL_MM = 10.0  # a tool without length would allow no torque at all
@@ -73,9 +74,11 @@ class PressSettings:
     )
     settle_s: float = parameter(5.0, 'a press that is not steady after this time is rejected', minimum=0.1)
     shows_n: float = parameter(0.2, 'force that must be visible in the images; 0.0: off [N]', minimum=0.0)
-    frames: int = parameter(5, 'images to record', minimum=1)
-    rest_frames: int = parameter(1, 'images of the untouched gel to record before each press', minimum=0)
-    window_s: float = parameter(0.1, 'shortest time for which the force is recorded', minimum=0.01)
+    frames: int = parameter(5, 'images to record', minimum=1, maximum=KEPT_FRAMES)
+    rest_frames: int = parameter(
+        1, 'images of the untouched gel to record before each press', minimum=0, maximum=KEPT_FRAMES
+    )
+    window_s: float = parameter(0.1, 'shortest time for which the force is recorded', minimum=0.01, maximum=KEPT_S / 2)
     depth_error_mm: float = parameter(0.03, 'largest error of the depth reported by the machine', minimum=0.001)
     indenter: str = parameter('sphere 1.2 mm', 'shape and size of the tip; empty or simulated: that of world')
 
@@ -149,7 +152,7 @@ class CollectionSettings:
     mounting: MountingSettings = field(default_factory=MountingSettings)
     sync: SyncSettings = field(default_factory=SyncSettings)
     reference_every: int = parameter(100, 'presses between two rest images', minimum=1)
-    reference_frames: int = parameter(16, 'images averaged for a rest image', minimum=1)
+    reference_frames: int = parameter(16, 'images averaged for a rest image', minimum=1, maximum=KEPT_FRAMES)
 
     @property
     def watched(self) -> LimitSettings:

@@ -11,6 +11,7 @@ from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
 from tactile_nodes.drivers.force_torque.simulated import SimulatedForceTorque
 from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 
 REAL = CncSettings(source='/dev/ttyUSB0')
@@ -47,3 +48,13 @@ def test_a_sensor_that_is_lost_while_the_plan_is_ordered_still_has_a_period() ->
     lost = SimulatedForceTorque(ForceTorqueSettings(rate_hz=100.0), SystemClock())
     assert lost.rate_hz == 0.0
     assert longest_period_s(lost) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    'asked', ['press.frames: 91', 'press.rest_frames: 91', 'reference_frames: 91', 'press.window_s: 30.0']
+)
+def test_more_images_and_samples_than_are_kept_are_refused(asked: str) -> None:
+    """90 images and 20 s of samples are kept: every press would be rejected, as if the camera were at fault."""
+    sources = params.parse_parameters(f'/**: {{ros__parameters: {{{asked}}}}}', 'the test')
+    with pytest.raises(ConfigurationError, match='must be from'):
+        params.from_mapping(RigSettings, params.resolve_parameters('/rig', sources), source='the test')
