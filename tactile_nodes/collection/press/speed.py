@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from tactile_nodes.collection.settings import CollectionSettings
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSensor
 from tactile_nodes.errors import ConfigurationError
 
 S_PER_MIN = 60.0
@@ -46,6 +47,11 @@ def check_speeds(settings: CollectionSettings, period_s: float = 0.0, blind_step
                 f'{limits.force_n + rise_n:.2f} N, more than limits.bearable_n {limits.bearable_n:g}; '
                 f'use at most {greatest_feed(settings, period_s):.0f} mm/min'
             )
+
+
+def longest_period_s(sensor: ForceTorqueSensor) -> float:
+    """Time between two samples, as expected or as observed; also of a sensor that is lost now. 0: unknown."""
+    return max((1 / hz for hz in (sensor.rate_hz, sensor.expected_hz) if hz > 0), default=0.0)
 
 
 def stopping_mm(settings: CollectionSettings, feed_mm_min: float, period_s: float = 0.0) -> float:

@@ -19,6 +19,7 @@ from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
 from tactile_nodes.collection.machine_record import BEGUN, ENDED, HALTED, MachineRecord, record_file
 from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
 from tactile_nodes.collection.press.rest import zero
+from tactile_nodes.collection.press.speed import check_speeds, longest_period_s
 from tactile_nodes.collection.press.surface import check_safe_height
 from tactile_nodes.collection.press.up import bring_up, not_up
 from tactile_nodes.collection.readings import Readings
@@ -83,7 +84,7 @@ class GuardedRun:
 
     Raises:
         ConfigurationError, DeviceError: a device that cannot be opened.
-        ConfigurationError: a safe height that is perhaps in the gel.
+        ConfigurationError: a safe height that is perhaps in the gel, or a feed too fast to be stopped in time.
     """
 
     def __init__(self, settings: GuardedRunSettings, clock: Clock, feel: Feel, person: Person) -> None:
@@ -97,6 +98,7 @@ class GuardedRun:
         nothing: Callable[[object], None] = lambda _: None  # noqa: E731
         self.station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)
         try:
+            check_speeds(s, longest_period_s(self.station.sensor), self.station.cnc.blind_step_mm)
             self._record = MachineRecord(record_file(s.cnc.source, None))
         except BaseException:
             self.station.close()

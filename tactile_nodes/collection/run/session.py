@@ -17,6 +17,7 @@ from tactile_nodes.collection.plan.journal import Journal
 from tactile_nodes.collection.plan.order import ordered
 from tactile_nodes.collection.plan.plan import PlanSettings, load_plan_settings, make_plan, plan_path
 from tactile_nodes.collection.press.cycle import Record
+from tactile_nodes.collection.press.speed import longest_period_s
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.run.campaign import Campaign
 from tactile_nodes.collection.run.outlet import Outlet
@@ -27,7 +28,7 @@ from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import NOT_UP_YET, Station
 from tactile_nodes.contact_tables.gel_tables import load_gel
 from tactile_nodes.drivers.cnc.contract import SIMULATED, CncSettings, CncStatus
-from tactile_nodes.drivers.force_torque.contract import ForceTorqueSensor, ForceTorqueSettings
+from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
 from tactile_nodes.drivers.waiting import opened_within
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import BusError, DeviceBusyError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
@@ -74,11 +75,6 @@ def with_indenter(settings: RigSettings) -> RigSettings:
     world = settings.world
     name = indenter_name(load_gel(world.gel).tip_radius_mm, world.indenter)
     return dataclasses.replace(settings, press=dataclasses.replace(settings.press, indenter=name))
-
-
-def longest_period_s(sensor: ForceTorqueSensor) -> float:
-    """Time between two samples, as expected or as observed; also of a sensor that is lost now. 0: unknown."""
-    return max((1 / hz for hz in (sensor.rate_hz, sensor.expected_hz) if hz > 0), default=0.0)
 
 
 class Session:

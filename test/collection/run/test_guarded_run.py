@@ -118,6 +118,13 @@ def test_a_safe_height_that_may_be_in_the_gel_is_refused() -> None:
         opened(truth, dataclasses.replace(SETTINGS, surface=surface)).__enter__()
 
 
+def test_a_feed_that_could_not_be_stopped_in_time_is_refused() -> None:
+    """5 mm/s and 77 ms to the stop are 0.4 mm, which on a stiff gel of 20 N/mm are 8 N."""
+    limits = dataclasses.replace(SETTINGS.limits, stiffness_n_mm=20.0)
+    with pytest.raises(ConfigurationError, match=r'approach_mm_min of 300 is too fast'):
+        opened(truth, dataclasses.replace(SETTINGS, limits=limits)).__enter__()
+
+
 def test_it_goes_up_when_the_force_becomes_invalid() -> None:
     turn = count()
 

@@ -6,7 +6,8 @@ import pytest
 
 from tactile_nodes import params
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.collection.run.session import RigSettings, longest_period_s, with_indenter
+from tactile_nodes.collection.press.speed import longest_period_s
+from tactile_nodes.collection.run.session import RigSettings, with_indenter
 from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
 from tactile_nodes.drivers.force_torque.simulated import SimulatedForceTorque
