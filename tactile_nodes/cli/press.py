@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     simulated = arguments.source == SIMULATED
     indenter = arguments.indenter or (TIP if simulated else '')
     gel = sensor.gel
-    folder = PressFolder(arguments.folder, unit, indenter, (gel.width_mm / 2, gel.height_mm / 2))
+    folder = PressFolder(arguments.folder, arguments.unit, indenter, (gel.width_mm / 2, gel.height_mm / 2))
     body = _body(indenter)
     forces_n = _forces_n(sensor, body, arguments.forces, arguments.unit)
     wish = Wish(arguments.presses, forces_n, gel.outline)

@@ -87,7 +87,7 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
     words = ['press', str(tmp_path / 'by_hand'), '--indenter', 'ball:0.6', '--forces', '20', '60', '--presses']
     assert main([*words, '2']) == 0
     told = capsys.readouterr().out
-    assert '2 of 2 presses (1 of about 0.2 N, 1 of about 0.59 N)' in told
+    assert '2 of 2 presses (1 of about 20 g, 1 of about 60 g)' in told
     assert told.endswith('2 presses are too few: a calibration needs at least 5. Continue with --presses 30\n')
     assert main([*words, '10']) == 0
     assert 'enough presses. Next steps:' in capsys.readouterr().out
@@ -247,7 +247,7 @@ def test_a_recording_that_ends_is_told(tmp_path: Path) -> None:
 def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:
     folder_of(tmp_path).add_rest(np.full((480, 640), 90, np.uint8))
     with pytest.raises(DatasetError, match='does not begin with picture,x_mm,y_mm,force_n,indenter'):
-        folder_of(tmp_path, 'n')
+        folder_of(tmp_path, 'N')
 
 
 def test_a_table_that_a_spreadsheet_has_saved_is_gone_on_with(tmp_path: Path) -> None:
@@ -269,6 +269,12 @@ def test_the_next_press_is_far_from_all_before_and_of_the_rarest_force() -> None
     assert (abs(second.x_mm), abs(second.y_mm), second.force_n) == (8.0, 4.0, 0.5)
     assert wish.next([Done(0.0, 0.0, 0.2)] * 5) is None
     assert wish.gap_mm([Done(0.0, 0.0, 0.2)]) == pytest.approx(math.hypot(8, 4))
+
+
+def test_a_press_counts_for_the_nearest_force_only() -> None:
+    wish = Wish(9, (0.25, 0.35, 0.42), Outline(20.0, 10.0))  # a quarter of 0.42 is more than the way to 0.35
+    done = [Done(0.0, 0.0, force_n) for force_n in (0.26, 0.38, 0.40, 1.0)]
+    assert wish.counts(done) == [1, 1, 1]
 
 
 def test_a_mark_in_the_picture_is_where_the_description_says() -> None:

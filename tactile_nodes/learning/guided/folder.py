@@ -27,7 +27,7 @@ class PressFolder:
 
     Args:
         folder: its path; created with the first image.
-        unit: of the scale, as in a table's header: 'g', 'n'.
+        unit: of the scale: 'g', 'kg', 'N', 'mN'.
         indenter: what presses.
         reach_mm: from the centre of the gel to its rims.
 
@@ -37,12 +37,13 @@ class PressFolder:
 
     def __init__(self, folder: Path, unit: str, indenter: str, reach_mm: tuple[float, float]) -> None:
         self.folder, self.table = folder, folder / TABLE
-        self._newton, self._indenter, self._reach_mm = NEWTONS[unit], indenter, reach_mm
+        self.unit, self.newton = unit, NEWTONS[unit.lower()]
+        self._indenter, self._reach_mm = indenter, reach_mm
         if set(indenter) & set(',;"\t\r\n'):
             raise DatasetError(
                 f'the indenter {indenter!r} holds a comma or another separator of cells; use another name'
             )
-        self._header = f'picture,x_mm,y_mm,force_{unit},indenter\n'
+        self._header = f'picture,x_mm,y_mm,force_{unit.lower()},indenter\n'
         self.rows: list[TablePress] = []
         if self.table.exists():
             self.rows = list(read_table(self.table, reach_mm).rows)
@@ -87,7 +88,7 @@ class PressFolder:
         """Why this reading and place cannot be of a press; empty if they can."""
         unknown = np.nan
         row = TablePress(
-            0, '', unknown, *place_mm, reading * self._newton, (unknown,) * 2, (unknown,) * 3, unknown, self._indenter
+            0, '', unknown, *place_mm, reading * self.newton, (unknown,) * 2, (unknown,) * 3, unknown, self._indenter
         )
         try:
             require_possible(row, self._reach_mm, {'x': 'x', 'y': 'y', 'force': 'the reading'})

@@ -90,8 +90,8 @@ class Guide:
     def missing(self) -> str:
         """The presses so far, and those that are missing."""
         done = self._folder.done
-        unit = zip(self._wish.forces_n, self._wish.counts(done), strict=True)
-        forces = ', '.join(f'{count} of about {force:.2g} N' for force, count in unit)
+        folder, wanted = self._folder, zip(self._wish.forces_n, self._wish.counts(done), strict=True)
+        forces = ', '.join(f'{count} of about {force / folder.newton:.3g} {folder.unit}' for force, count in wanted)
         gap = f', largest distance to a press {self._wish.gap_mm(done):.1f} mm' if done else ''
         return f'{len(done)} of {self._wish.presses} presses ({forces}){gap}'
 

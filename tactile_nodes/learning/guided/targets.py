@@ -65,8 +65,12 @@ class Wish:
         return np.asarray(places[np.argsort(np.hypot(*places.T), kind='stable')])
 
     def counts(self, done: Sequence[Done]) -> list[int]:
-        """The number of presses for each force."""
-        return [sum(abs(each.force_n - force) <= NEAR_FORCE * force for each in done) for force in self.forces_n]
+        """The number of presses for each force; a press counts for the nearest one only."""
+        nearest = [min(self.forces_n, key=lambda force: abs(each.force_n - force)) for each in done]
+        near = [
+            force for force, each in zip(nearest, done, strict=True) if abs(each.force_n - force) <= NEAR_FORCE * force
+        ]
+        return [near.count(force) for force in self.forces_n]
 
     def gap_mm(self, done: Sequence[Done]) -> float:
         """The largest distance from a place to its nearest press."""

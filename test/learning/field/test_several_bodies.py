@@ -109,7 +109,7 @@ def dots(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
 
 
 def test_light_presses_of_a_small_tip_calibrate_a_gel_with_printed_dots(dots: LoadedModel) -> None:
-    """Half as hard again as described, and of a tip between dots a third is not told: one gain makes up for both."""
+    """Half as hard again as described, and of a tip between dots a fifth is not told: one gain makes up for both."""
     sensor = load_sensor('printed_dots')
     most_n = linear_most_n(sensor, KnownBody.named('ball:0.6'))
     assert most_n == pytest.approx(0.25, abs=0.02)
@@ -131,4 +131,4 @@ def test_light_presses_of_a_small_tip_calibrate_a_gel_with_printed_dots(dots: Lo
     made = transfer_alone(dots, dataset, Pressed())
     assert made.presses == 30
     assert made.form == 'gain'
-    assert made.after.force_median_n < 0.4 * made.before.force_median_n
+    assert made.after.force_median_n < 0.6 * made.before.force_median_n
