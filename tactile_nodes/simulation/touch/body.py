@@ -87,6 +87,7 @@ class Body:
         """Height of the lower side at points of the body's frame, and its slopes along x and y.
 
         A ball of radius 5 mm has the height 5 - sqrt(21) = 0.4174 at (2, 0), and the slope 2 / sqrt(21) = 0.4364.
+        Beyond the grid its rim rises as a wall does.
         """
         last = len(self.height_mm) - 1
         column = np.clip((x_mm + self.half_mm) / self.spacing_mm, 0, last - 1e-9)
@@ -101,7 +102,11 @@ class Body:
             )
             return blended
 
-        return between(self.height_mm), between(self._slopes[1]), between(self._slopes[0])
+        right_of, below = (each - np.clip(each, -self.half_mm, self.half_mm) for each in (x_mm, y_mm))
+        beyond = np.hypot(right_of, below)
+        height = np.minimum(between(self.height_mm) + STEEPEST * beyond, NO_BODY_MM)
+        steep = STEEPEST * (height < NO_BODY_MM) / np.maximum(beyond, 1e-12)
+        return height, between(self._slopes[1]) + steep * right_of, between(self._slopes[0]) + steep * below
 
     @cached_property
     def _slopes(self) -> tuple[np.ndarray, np.ndarray]:

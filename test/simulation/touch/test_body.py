@@ -74,3 +74,19 @@ def test_bodies_that_are_joined_touch_where_each_is():
     assert heights[0] == pytest.approx(0.0, abs=1e-9)
     assert heights[1] == pytest.approx(0.25, abs=1e-9)
     assert heights[2] > 1.0
+
+
+def test_a_body_that_fills_its_grid_ends_at_its_rim():
+    """A pad of 2 mm all of whose heights are told is not a plane: from its rim its wall rises by 1.5 a millimetre."""
+    pad = Body.of_heights('pad', np.zeros((21, 21)))
+    height, along_x, along_y = pad.under(np.array([0.9, 2.0, 0.0, 30.0]), np.array([0.0, 0.0, -1.2, 0.0]))
+    assert height == pytest.approx([0.0, 1.5, 0.3, NO_BODY_MM], abs=1e-9)
+    assert along_x == pytest.approx([0.0, 1.5, 0.0, 0.0], abs=1e-9)
+    assert along_y == pytest.approx([0.0, 0.0, -1.5, 0.0], abs=1e-9)
+
+
+def test_bodies_that_are_joined_do_not_reach_under_each_other():
+    """Between two pads of 2 mm, 6 mm apart, there is none."""
+    pad = Body.of_heights('pad', np.zeros((21, 21)))
+    two = Body.joined('two', [(pad, (-4.0, 0.0, 0.0)), (pad, (4.0, 0.0, 0.0))])
+    assert two.under(np.array([-4.0, 0.0, 4.0]), np.zeros(3))[0] == pytest.approx([0.0, NO_BODY_MM, 0.0], abs=1e-9)

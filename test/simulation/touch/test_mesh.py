@@ -23,6 +23,15 @@ def test_a_tilted_mesh_touches_with_its_lower_side():
     assert left - right == pytest.approx(5 * np.tan(np.radians(2.0)), abs=2e-3)
 
 
+def test_beside_a_box_there_is_no_body():
+    """From the walls of a box of 6 mm, 3 mm from its middle, its height rises by no less than 1.5 a millimetre."""
+    box = trimesh.creation.box((6.0, 6.0, 2.0))
+    heights = body_of_mesh('box', box.vertices, box.faces).under(np.array([2.5, 4.0, 20.0]), np.zeros(3))[0]
+    assert heights[0] == pytest.approx(0.0, abs=1e-9)
+    assert heights[1] > 1.2
+    assert heights[2] > 3.9
+
+
 @pytest.mark.parametrize(
     ('faces', 'scale', 'said'),
     [
