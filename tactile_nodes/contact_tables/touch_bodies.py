@@ -50,7 +50,7 @@ def is_mesh(name: str) -> bool:
 
 
 def _tilted(body: Body, tilt_deg: Tilt) -> Body:
-    """A rotation about x lowers the side of +y, and a rotation about y the side of -x."""
+    """A rotation about x raises the side of +y, and a rotation about y the side of -x, as for a mesh."""
     if not any(tilt_deg):
         return body
     if max(map(abs, tilt_deg)) > STEEPEST_DEG:
@@ -58,7 +58,7 @@ def _tilted(body: Body, tilt_deg: Tilt) -> Body:
             f'{body.name} can be tilted by at most {STEEPEST_DEG:g} degrees, got {list(tilt_deg)}; only a mesh may be '
             'turned further'
         )
-    return body.tilted(-tilt_deg[1], tilt_deg[0])
+    return body.tilted(tilt_deg[1], -tilt_deg[0])
 
 
 def _some(parts: list[object] | tuple[object, ...]) -> list[object] | tuple[object, ...]:

@@ -185,6 +185,28 @@ def test_heights_are_read_as_numpy_keeps_them(tmp_path: Path, order: str):
     assert np.argwhere(body_of(str(tmp_path / 'pad.npy')).height_mm > 0).tolist() == [[1, 3]]
 
 
+@pytest.mark.parametrize(
+    ('tilt_deg', 'raised'), [((5.0, 0.0), (0.0, 2.0)), ((0.0, 5.0), (-2.0, 0.0)), ((3.0, -2.0), (2.0, 2.0))]
+)
+def test_heights_and_a_mesh_of_one_body_are_tilted_alike(
+    tmp_path: Path, tilt_deg: tuple[float, float], raised: tuple[float, float]
+):
+    """By the right-hand rule, with z away from the gel: about x the side of +y rises, about y that of -x.
+
+    Rims are told to a cell of 0.1 mm, which is 0.009 mm of height at 5 degrees.
+    """
+    box = pytest.importorskip('trimesh').creation.box((6.0, 6.0, 2.0))
+    box.export(tmp_path / 'box.stl')
+    heights = np.full((81, 81), np.nan)
+    heights[10:71, 10:71] = 0.0
+    np.save(tmp_path / 'box.npy', heights)
+    mesh, told = (body_of(str(tmp_path / name), tilt_deg) for name in ('box.stl', 'box.npy'))
+    x, y = np.array([-2.0, 2.0, 0.0, 0.0]), np.array([0.0, 0.0, -2.0, 2.0])
+    np.testing.assert_allclose(told.under(x, y)[0], mesh.under(x, y)[0], atol=0.01)
+    up, down = (told.under(np.array(sign * raised[0]), np.array(sign * raised[1]))[0] for sign in (1.0, -1.0))
+    assert up > down + 0.1
+
+
 def test_a_body_of_heights_is_tilted_a_little_only():
     with pytest.raises(ConfigurationError, match=r'ring can be tilted by at most 20 degrees, got \[0.0, 90.0\]'):
         body_of('ring', (0.0, 90.0))
