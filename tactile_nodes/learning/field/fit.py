@@ -26,7 +26,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
 from tactile_nodes.sensing.elasticity.region_choice import LEAST_SEEN, usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.field.readout import LEAST_REGIONS, FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
 
@@ -94,7 +94,7 @@ def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> Inpu
     They are the usual ones, or of a `shape`: rows and columns.
 
     Raises:
-        ConfigurationError: hardly any region sees the gel.
+        ConfigurationError: hardly any region sees the gel, or the image cannot be divided into regions.
     """
     regions = Regions(sensor, *shape) if shape else usual_regions(sensor)
     trusted = regions.usable.reshape(regions.rows, regions.cols)
@@ -102,6 +102,11 @@ def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> Inpu
         raise ConfigurationError(
             f'{trusted.sum()} of the {trusted.size} regions of the image of {sensor.name} see its gel; check '
             'camera.position_mm, camera.tilt_deg and its focal length, gel.width_mm, gel.height_mm and mask'
+        )
+    if trusted.sum() < LEAST_REGIONS:
+        raise ConfigurationError(
+            f'only {trusted.sum()} regions of the image of {sensor.name} see its gel, and {LEAST_REGIONS} are needed '
+            'to estimate a force; use a larger image.crop, or a pattern with more dots'
         )
     axes = (*trusted.shape, 2)
     return InputScaling(

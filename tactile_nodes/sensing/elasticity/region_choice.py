@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensors import Sensor
 
@@ -14,13 +15,20 @@ tracked."""
 REGIONS_A_DOT = 1.15
 """Regions per dot along a row of printed dots: with fewer than one, two dots would be merged."""
 
+LEAST_OF_WANTED = 0.5
+"""Least number of regions along a side, over the wanted number. A side of 446 px has two or 223 regions, no twenty."""
+
 LEAST_SEEN = 0.2
 """Least share of the regions that must see the gel for forces to be estimated."""
 
 
 def usual_regions(sensor: Sensor) -> Regions:
     """Regions about a tenth narrower than patches, as on the paper's sensor, but at least `LEAST_REGION_PX` wide; for
-    printed dots about a tenth narrower than the pitch."""
+    printed dots about a tenth narrower than the pitch.
+
+    Raises:
+        ConfigurationError: no such number of regions divides the image.
+    """
     whole, sides_px = Regions(sensor, 1, 1), sensor.image.crop_px[::-1]
     if sensor.pattern.kind == 'dots':
         pitch_px = whole.view.px_per_mm * sensor.pattern.pitch_mm
@@ -34,4 +42,10 @@ def usual_regions(sensor: Sensor) -> Regions:
 def _dividing(side_px: int, wanted: float, most: int) -> int:
     """Number of regions along a side of the image: the divisor of its length nearest to the wanted number."""
     dividing = [count for count in range(1, max(1, most) + 1) if side_px % count == 0]
-    return min(dividing, key=lambda count: abs(math.log(count / wanted)))
+    found = min(dividing, key=lambda count: abs(math.log(count / wanted)))
+    if found < LEAST_OF_WANTED * min(wanted, most):
+        raise ConfigurationError(
+            f'a side of {side_px} px cannot be divided into about {round(min(wanted, most))} equal regions; set '
+            f'image.crop and image.crop_height to multiples of 40, such as {side_px // 40 * 40}'
+        )
+    return found

@@ -218,6 +218,14 @@ def test_a_camera_that_looks_beside_the_gel_is_refused(sensor: Sensor, camera: d
         described_model(load_model(find_model('field')), beside, '', Path('never'), Progress())
 
 
+def test_a_sensor_with_too_few_regions_for_any_force_is_refused() -> None:
+    """Nine dots 7 mm apart, 121 px in an image of 320x240: four by two regions are nearest to 1.15 for each dot."""
+    dots = load_sensor('printed_dots')
+    few = dataclasses.replace(dots, pattern=dataclasses.replace(dots.pattern, pitch_mm=7.0))
+    with pytest.raises(ConfigurationError, match='only 8 regions of the image of printed_dots see its gel, and 12'):
+        described_model(load_model(find_model('field')), few, '', Path('never'), Progress())
+
+
 def test_regions_that_look_beyond_the_rim_are_not_known_where_pictures_have_the_size_of_the_sources(tmp_path: Path):
     """10 mm to the right the rim is 6 mm aside, of markers 17 to 21.5 mm above the camera: 290 px/rad atan(6 / 17) = 98
     px at most, so that the four columns from 308 - 220 = 88 px on at the least see none at some depth."""
