@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -44,10 +45,12 @@ class View:
 
     @cached_property
     def px_per_mm(self) -> float:
-        """Pixels of image motion per mm along x, at the middle depth of the markers (median)."""
+        """Pixels of image motion per mm along x, at the middle depth of the markers (median), however it is rolled."""
         sides = [(np.arange(SAMPLED) + 0.5) / SAMPLED * size - 0.5 for size in self.sensor.image.crop_px]
         pixels = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
-        return float(np.median(np.abs(self.moves_at(self.met_at(pixels, self.middle_mm))[:, 0, 0])))
+        roll = math.radians(self.sensor.camera.roll_deg)
+        moved = self.moves_at(self.met_at(pixels, self.middle_mm))[:, :, 0] @ [math.cos(roll), -math.sin(roll)]
+        return float(np.median(np.abs(moved)))
 
     @property
     def marker_radius_px(self) -> float:

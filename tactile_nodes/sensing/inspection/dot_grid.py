@@ -96,7 +96,9 @@ def _steps_mm(view: View, dots: Dots) -> Float[np.ndarray, '2 2']:
 
 def _pitch(view: View, dots: Dots) -> Finding:
     described_px = view.px_per_mm * view.sensor.pattern.pitch_mm
-    off, turned = dots.pitch_px / described_px - 1, dots.turn_deg + view.sensor.camera.roll_deg
+    # Rows and columns are alike: a grid that is turned by 90 degrees is the same.
+    turned = (dots.turn_deg + view.sensor.camera.roll_deg + 45) % 90 - 45
+    off = dots.pitch_px / described_px - 1
     told = f'{dots.pitch_px:.1f} px apart, {described_px:.1f} described, rows turned by {turned:.1f} degrees'
     if abs(off) > PITCH_OFF:
         told += f': {PITCH_HELP}'

@@ -9,7 +9,7 @@ from pressures import hertz
 
 from tactile_nodes.sensing.elasticity.rays import described_dots
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensing.elasticity.view import DEPTHS
+from tactile_nodes.sensing.elasticity.view import DEPTHS, View
 from tactile_nodes.sensing.flow.dots import told_by_dots
 from tactile_nodes.sensing.geometry import FisheyeCamera
 from tactile_nodes.sensors import CameraDescription, GelDescription, ImageSettings, Sensor, load_sensor
@@ -121,6 +121,14 @@ def test_a_rolled_camera_sees_a_press_turned_back() -> None:
     turned = rolled.terms_of_pressure(place, ball, everywhere)[0, :, :, ::3].reshape(8, 8, 2, DEPTHS)
     back = np.stack([-turned[..., 1, :], turned[..., 0, :]], axis=2)
     assert np.rot90(back, -1) == pytest.approx(plain, abs=1e-3)
+
+
+@pytest.mark.parametrize('roll_deg', [30.0, 90.0, -90.0, 180.0])
+def test_the_scale_of_an_image_does_not_depend_on_the_roll_of_its_camera(roll_deg: float) -> None:
+    """600 px over 22.5 mm, from the pupil to the middle of the markers: 26.67 px per mm."""
+    camera = CameraDescription('pinhole', position_mm=(0.0, 0.0, -25.0), roll_deg=roll_deg)
+    gel = GelDescription(layers_mm=(6.0,), moduli_mpa=(0.1,), poisson_ratios=(0.5,), markers_mm=(2.0, 3.0))
+    assert View(Sensor(camera=camera, gel=gel)).px_per_mm == pytest.approx(600 / 22.5, rel=1e-6)
 
 
 def test_a_pressure_aside_of_its_place_is_that_pressure_there(regions: Regions) -> None:

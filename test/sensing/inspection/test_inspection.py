@@ -184,6 +184,15 @@ def test_a_grid_that_no_description_holds_is_bad(
     assert 'supports rows and columns at right angles only' in dots.text
 
 
+@pytest.mark.parametrize('sideways', [1, 3])
+def test_a_sensor_whose_camera_lies_on_its_side_is_as_good(printed: list[np.ndarray], sideways: int) -> None:
+    """Rolled by 90 degrees, a camera sees above the middle what is right of it: the image is turned to the left."""
+    camera = replace(DOTS.camera, roll_deg=90.0 * sideways, centre_px=(119.5, 159.5))
+    image = replace(DOTS.image, width=240, height=320, crop=240, crop_height=320)
+    picture = np.ascontiguousarray(np.rot90(printed[0], sideways))
+    assert levels(replace(DOTS, image=image, camera=camera), picture) == levels(DOTS, printed[0])
+
+
 def test_far_more_dots_than_described_are_bad(printed: list[np.ndarray]) -> None:
     """Twice the pitch is a quarter of the dots."""
     few = replace(DOTS, pattern=replace(DOTS.pattern, pitch_mm=2 * DOTS.pattern.pitch_mm))
