@@ -52,12 +52,6 @@ class PatchGrid:
         return np.stack([x.ravel(), y.ravel()], -1)
 
     @cached_property
-    def squares_mm2(self) -> Float[np.ndarray, 'patches 2']:
-        """Squares of the centres' coordinates."""
-        squares: np.ndarray = np.square(self.centres_mm)
-        return squares
-
-    @cached_property
     def bin_of(self) -> Int[np.ndarray, ' patches']:
         """Index of the bin that each patch lies in."""
         (rows, cols), bins = self.shape, self.bins

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tactile_nodes.sensing.explain.field.contacts import contacts_of, parts_of, slip_share
-from tactile_nodes.sensing.explain.field.solver import FieldSolver
+from tactile_nodes.sensing.explain.field.solver import Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.field.told import sums
+from tactile_nodes.sensing.grasp import moved_wrench
 
 NOISE_PX = 0.004
 STILL = np.zeros((2, 1, 1), np.float32)
@@ -91,6 +92,24 @@ def test_a_contact_that_is_wide_beside_the_layer_is_filled(solver: FieldSolver, 
     told = sums(field, STILL, solver.patches)
     covariance = FieldSpread().covariance(told.field, solver.patches, told.wrench_covariance)
     assert abs(field.total_n - total_n) < 1.645 * np.sqrt(covariance[2, 2])
+
+
+def test_an_error_of_a_force_is_one_of_its_torque_too(solver: FieldSolver) -> None:
+    """2 N on one patch are 0.2 N off, as a share of 0.1 that hides all else: about that patch there is no torque."""
+    forces, patch = np.zeros((3, solver.patches.count)), 2 * solver.patches.shape[1] + 14
+    forces[0, patch] = 2.0
+    x, y = solver.patches.centres_mm[patch]
+    found = Field(forces, np.array([patch]), np.zeros((3, 3)), 1.0, 0.0)
+    exact = FieldSpread(normal=(0.0, 0.0), shear=(0.0, 0.0), wide=0.0, response=0.1, floor_n=0.0)
+    covariance = exact.covariance(found, solver.patches, np.zeros((6, 6)))
+    squared = 0.2**2
+    assert np.diag(covariance) == pytest.approx(squared * np.array([1, 1, 1, y * y, x * x, x * x + y * y]))
+    assert covariance[2, 3:] == pytest.approx([squared * y, -squared * x, 0.0])
+    assert (covariance[0, 5], covariance[1, 5]) == pytest.approx((-squared * y, squared * x))
+    there = np.eye(4)
+    there[:2, 3] = -x, -y
+    _, moved_there = moved_wrench(there, np.zeros(6), covariance)
+    assert moved_there == pytest.approx(np.diag([squared, squared, squared, 0, 0, 0]), abs=1e-9)
 
 
 def test_contacts_are_told_apart_with_what_acts_on_each(solver: FieldSolver) -> None:

@@ -13,9 +13,6 @@ from jaxtyping import Float
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.solver import Field
 
-_SIX = np.arange(6)
-
-
 USUAL_RESPONSE = 0.05
 """Usual relative error of a response that was not calibrated with presses. With a larger error forces exceed the
 nominal error of a field, so they are not `ok`."""
@@ -95,13 +92,14 @@ class FieldSpread:
     ) -> Float[np.ndarray, '6 6']:
         """Covariance of force x, y, z [N] and torque x, y, z [N mm] on the gel; `fitted` is that of the fit alone.
 
-        It includes the unknown normal force in the middle of wide contacts.
+        It includes the unknown normal force in the middle of wide contacts. Errors of a force and of its torque go
+        together: the force acts where it was found.
         """
         (shear, shear_share), (normal, normal_share), squared = self.shear, self.normal, field.total_n**2
         factors = np.array([shear, shear, normal, normal, normal, shear])
         along = squared * (shear_share**2 + self.response**2)
         into = squared * (normal_share**2 + self.response**2 + (self.wide * field.wide) ** 2) + self.floor_n**2
-        right, down = (field.forces_n[0] @ patches.squares_mm2 / max(field.total_n, 1e-9)).tolist()
-        covariance: np.ndarray = fitted * factors * factors[:, None]
-        covariance[_SIX, _SIX] += [along, along, into, into * down, into * right, along * (right + down)]
+        share = field.forces_n[0] / max(field.total_n, 1e-9)
+        by_into, by_x, by_y = ((each.T * share) @ each for each in patches.levers)
+        covariance: np.ndarray = fitted * factors * factors[:, None] + into * by_into + along * (by_x + by_y)
         return covariance
