@@ -37,6 +37,9 @@ NEIGHBOURS, APART = 6, 0.35
 ABOUT = 0.45
 """Of the pitch: standard deviation of the weights of the dots about a region."""
 
+ALONE = float(np.exp(-1 / (2 * ABOUT**2)))
+"""Weight of a dot one pitch away: the confidence of regions with less around them decreases in proportion."""
+
 STIFF = 1.0
 """Ridge on the slopes of a region's motion, as a share of the weights: at the rim dots on one side alone tell of it."""
 
@@ -145,7 +148,7 @@ class _Rest:
     def told(self, motion: Float[np.ndarray, 'dots 2'], found: Bool[np.ndarray, ' dots']) -> DisplacementField:
         """The motion of each region."""
         told_by = self.told_by if found.all() else _planes(self.weights * found, self.levers)
-        sure = (self.weights @ found) / self.weights.sum(axis=1)
+        sure = (self.weights @ found) / np.maximum(self.weights.sum(axis=1), ALONE)
         return DisplacementField(
             (told_by @ motion).reshape(*self.shape, 2).astype(np.float32), sure.reshape(self.shape).astype(np.float32)
         )

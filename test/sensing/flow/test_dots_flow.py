@@ -60,6 +60,19 @@ def test_a_dot_that_is_covered_is_left_out_and_makes_the_regions_about_it_less_s
     assert abs(lowest[1] - PLACES[gone][0] / 40) < 1.5
 
 
+def test_regions_far_from_every_dot_know_nothing() -> None:
+    """Dots 10 px apart on the left quarter of 640x240 px: the right rim is 48 pitches away."""
+    y, x = np.mgrid[:240, :640].astype(float)
+    off = np.hypot(x - 10 * np.rint(x / 10), y - 10 * np.rint(y / 10))
+    rest = np.where((off < 3) & (x < 165), 60, 160).astype(np.uint8)
+    flow = make_flow('dots', {'rows': 12, 'cols': 32})
+    flow.set_reference(rest)
+    sure = flow.displacement(rest).confidence
+    assert sure is not None
+    assert sure[1:-1, 1:7].min() == pytest.approx(1.0)
+    assert sure[:, 11:].max() < 0.01
+
+
 def test_a_picture_without_dots_is_refused() -> None:
     with pytest.raises(ImageError, match='shows no printed dots in rows and columns'):
         make_flow('dots').set_reference(np.full((HEIGHT, WIDTH), 120, np.uint8))
