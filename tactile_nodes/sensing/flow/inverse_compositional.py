@@ -60,6 +60,9 @@ AROUND, AROUND_PX = 3, 66
 of the picture takes the slowest twentieth of frames 1.8 times as long, and forces come out alike to a tenth (force in
 wrong bins 10.2 for 10.5 % of 40 contacts). A search needs 64 pixels."""
 
+SEARCHED_PX = 64
+"""Side of the smallest image that is searched."""
+
 STRETCH_WORTH = 0.05
 """How much more of a patch must be explained once stretching is undone: doing so costs sharpness."""
 
@@ -173,6 +176,8 @@ class InverseCompositionalFlow:
     ) -> None:
         """Search lost patches along the motion of their neighbours, and by dense search."""
         self._follow(found, picture)
+        if min(pair[0].shape) < SEARCHED_PX:
+            return
         for options, times in SEARCHES:
             if self._lost(found).size <= times * self._options.search_share * len(found.explained):
                 return

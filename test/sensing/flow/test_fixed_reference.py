@@ -57,6 +57,18 @@ def test_there_is_one_displacement_a_patch_with_its_confidence(speckle: np.ndarr
     assert field.confidence.shape == (10, 20)
 
 
+@pytest.mark.parametrize(('height', 'width'), [(40, 40), (48, 400), (63, 63)])
+def test_a_small_image_is_measured_where_its_patches_are_lost_too(speckle: np.ndarray, height: int, width: int):
+    """Half of it shows something else. A dense search needs 64 pixels along both sides."""
+    rest = np.ascontiguousarray(speckle[:height, :width])
+    changed = rest.copy()
+    changed[: height // 2] = speckle[200 : 200 + height // 2, :width]
+    field = flow_of(rest, rows=4, cols=width // 10).displacement(changed)
+    np.testing.assert_allclose(field.displacement_px[-1], 0, atol=0.1)
+    assert field.confidence is not None
+    assert field.confidence[0].max() < 0.3
+
+
 def test_features_by_region_take_the_patches_as_they_are(speckle: np.ndarray):
     field = flow_of(speckle, **SMALL).displacement(shifted(speckle, 1.0, 2.0))
     encoding = make_encoding('cartesian_mean', {'rows': 20, 'cols': 20})
