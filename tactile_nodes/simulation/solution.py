@@ -174,7 +174,8 @@ def solve_problem(problem: Problem) -> Solution:
 
 
 def _values(lines: Float[np.ndarray, ' n'], places: Float[np.ndarray, ' p']) -> Float[np.ndarray, 'p nodes']:
-    """Weight of each node of a line of elements at each place."""
+    """Weight of each node of a line of elements at each place; beyond its ends that of the end."""
+    places = np.clip(places, lines[0], lines[-1])
     cell = np.clip(np.searchsorted(lines, places, side='right') - 1, 0, len(lines) - 2)
     local = 2 * (places - lines[cell]) / (lines[cell + 1] - lines[cell]) - 1
     values = np.zeros((len(places), len(with_middles(lines))))

@@ -56,6 +56,12 @@ def test_points_on_nodes_move_as_the_nodes(solution: Solution):
     np.testing.assert_allclose(moved, solution.moved_mm[:, :9:2, ::2], atol=1e-6)
 
 
+def test_beyond_the_far_side_nothing_moves(solution: Solution):
+    """It is bonded, 36 mm from the axis; the table of a layer of 12 mm goes on to 3.5 times that, 42 mm."""
+    assert np.abs(solution.moved_mm[-1, -2]).max() > 0
+    np.testing.assert_allclose(solution.at(np.array([36.0, 38.0, 42.0, 105.0]), solution.z_mm), 0, atol=1e-12)
+
+
 def test_twice_as_light_a_touch_takes_hertzs_share_of_the_force(solution: Solution):
     table = solve_problem(Problem(finest_mm=0.1, growth=1.3, deepest_mm=0.2, rungs=4)).table(1.0, steps=40)
     assert table.force_at(0.1) / table.force_at(0.05) == pytest.approx(2**1.5, rel=0.1)
