@@ -30,6 +30,9 @@ FIRST_DEPTHS = (0.0, 0.0125, 0.025, 0.05, 0.075, 0.1)  # of the deepest: light t
 SMALL_MM, DEEPEST_SHARE = 1.0, 0.6
 """Indenters up to this radius are solved 2.5 mm deep, larger ones 1.5 mm, but at most to this share of the layer."""
 
+TIP_SHARE = 0.9
+"""The same share for a gel's own tip: a gel of 2 mm is solved 1.8 mm deep."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -131,7 +134,8 @@ def problem_of(gel: Gel, indenter: str = 'tip') -> Problem:
     sticking = gel.contact == 'sticking'
     if indenter == 'tip':
         tip = Indenter(gel.tip_radius_mm, gel.tip_radius_mm)
-        return Problem(gel.layer_mm, gel.poisson_ratio, tip, sticking)
+        deepest = min(Problem.deepest_mm, TIP_SHARE * gel.layer_mm)
+        return Problem(gel.layer_mm, gel.poisson_ratio, tip, sticking, deepest_mm=deepest)
     other = INDENTERS.get(indenter) or indenter_of(indenter)
     if other is None:
         raise ConfigurationError(

@@ -67,6 +67,15 @@ def test_twice_as_light_a_touch_takes_hertzs_share_of_the_force(solution: Soluti
     assert table.force_at(0.1) / table.force_at(0.05) == pytest.approx(2**1.5, rel=0.1)
 
 
+def test_a_tip_is_not_pressed_deeper_than_a_gel_is_thick():
+    """A gel of 2 mm can be pressed by a tip, if not 2.5 mm deep; the depth for thicker gels stays 2.5 mm."""
+    problem = problem_of(Gel(mechanics='finite_strain', soft_mm=1.7, skin_mm=0.3))
+    solved = solve_problem(dataclasses.replace(problem, finest_mm=0.3, growth=1.4, rungs=4))
+    assert solved.depth_mm[-1] == pytest.approx(1.8)
+    assert (np.diff(solved.force_mm2) > 0).all()
+    assert problem_of(Gel(mechanics='finite_strain', soft_mm=2.5, skin_mm=0.5)).deepest_mm == 2.5
+
+
 def test_an_unknown_indenter_is_refused_by_name():
     with pytest.raises(ConfigurationError, match=r'spoon.*ball, punch'):
         problem_of(Gel(), 'spoon')
