@@ -11,6 +11,7 @@ import contextlib
 import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 from tactile_nodes.clock import NS_PER_S, Clock
@@ -78,6 +79,7 @@ class Hands:
         self._state_ns = 0
         self._place: Place = (math.nan, math.nan, math.nan)
         self._line = False
+        self._line_ns = 0
         self._expect: Callable[[Place, Sequence[Sample]], str] | None = None
         self._passed: tuple[int, Place] | None = None
         self.asked_to_stop = False
@@ -161,10 +163,12 @@ class Hands:
                 self._status()
             self.clock.sleep_until(min(end_ns, now_ns + round(BREATH_S * NS_PER_S)))
 
-    def switch(self, level: bool) -> Switched:
-        """Switch the digital line."""
+    def switch(self, level: bool, since_ns: int | None = None) -> Switched:
+        """Switch the digital line; it may have changed by itself since `since_ns` (None: not)."""
         switched = self.cnc.set_line(level)
-        self._line = level
+        if since_ns is not None:
+            switched = replace(switched, earliest_ns=since_ns)
+        self._line, self._line_ns = level, switched.latest_ns
         if self._on_switch is not None:
             self._on_switch(switched)
         return switched
@@ -185,7 +189,7 @@ class Hands:
                 if attempt == MOST_RETRACTS or (self.safety.trip is before and not self.cnc.health.silent):
                     raise
         if self._line:
-            self.switch(False)
+            self.switch(False, self._line_ns)  # the stop has set it low already, if it was a reset
         if not self._status().homed:
             raise DeviceFaultError('the machine has lost its position, so it is unknown whether the tip is up')
 

@@ -12,7 +12,7 @@ from benchmarks.devices import rehearsal
 from benchmarks.devices.direct_port import DirectPort
 from tactile_nodes.clock import Clock
 from tactile_nodes.collection.safety import FORCE
-from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Switched
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.world import World
@@ -88,3 +88,22 @@ def test_jog_that_was_sent_just_after_the_stop_is_stopped_at_once(tmp_path: Path
     run.campaign.run()
     assert len(speeds) > 1
     assert speeds[0] == 0.0
+
+
+def test_line_that_a_stop_sets_low_fell_within_what_is_told(tmp_path: Path, sent: list[tuple[int, bytes]]) -> None:
+    """At rest in a window a Grbl is stopped by a reset, which sets the line low long before the tip is up."""
+    run = Run(tmp_path, changed(limits={'attempts': 1, 'rejects_in_a_row': 20}))
+    told: list[Switched] = []
+
+    def tell(switched: Switched) -> None:
+        told.append(switched)
+        if switched.level and run.campaign.now is not None and len(run.told) == 2:
+            run.rig.safety.fail(FORCE, 'a knock', run.rig.clock.now_ns())
+
+    run.rig.hands._on_switch = tell
+    run.campaign.run()
+    edges = run.world.line_edges()
+    assert [switched.level for switched in told] == [edge.level for edge in edges]
+    assert all(
+        switched.earliest_ns <= edge.stamp_ns <= switched.latest_ns for switched, edge in zip(told, edges, strict=True)
+    )
