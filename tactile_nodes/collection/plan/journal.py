@@ -78,8 +78,8 @@ class Journal:
         self._reasons: list[Entry] = []
         self._confirmed: set[tuple[int, int]] = set()
         self._aside: set[int] = set()
-        path.parent.mkdir(parents=True, exist_ok=True)
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise ConfigurationError(f'cannot open the journal {path}: {error.strerror}') from error

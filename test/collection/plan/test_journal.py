@@ -94,6 +94,12 @@ def test_journal_of_another_plan_is_refused(file: Path) -> None:
         Journal(file, numbered([(0.0, 0.0, 1.0)]))
 
 
+def test_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / 'taken').write_text('')
+    with pytest.raises(ConfigurationError, match=r'cannot open the journal .*taken.deeper.j\.jsonl'):
+        Journal(tmp_path / 'taken' / 'deeper' / 'j.jsonl', PLAN)
+
+
 def test_verified_press_is_not_looked_for_again(file: Path) -> None:
     with Journal(file, PLAN) as journal:
         for press in (1, 2):
