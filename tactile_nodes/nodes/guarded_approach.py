@@ -24,7 +24,7 @@ from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSetti
 from tactile_nodes.collection.run.person import Person
 from tactile_nodes.collection.station import NOT_UP_YET
 
-LEAVE_S = 3.0
+LEAVE_S = 3.5  # as of a collection
 QUESTION_S = 0.5
 
 
@@ -40,6 +40,7 @@ class GuardedApproachNode(Node):
 
     NAME = 'rig'
     PARAMS = GuardedApproachParams
+    END_WITHIN_S = LEAVE_S + 1.0
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)

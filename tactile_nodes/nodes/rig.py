@@ -23,7 +23,7 @@ from tactile_nodes.bus.node.priority import crowded, lacking
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.collection.run.session import RigSettings, Session
+from tactile_nodes.collection.run.session import LEAVE_S, RigSettings, Session
 from tactile_nodes.collection.run.voice import TOPICS
 from tactile_nodes.errors import NOT_AGAIN, DeviceError, DeviceFaultError
 from tactile_nodes.messages import stamp_ns
@@ -47,6 +47,7 @@ class RigNode(Node):
     NAME = 'rig'
     PARAMS = RigParams
     FAILURE_STATUS = NOT_AGAIN
+    END_WITHIN_S = LEAVE_S + 1.0
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)

@@ -35,7 +35,7 @@ from tactile_nodes.errors import BusError, DeviceBusyError, DeviceError, DeviceN
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.indenter import indenter_name
 
-LEAVE_S = 1.5
+LEAVE_S = 3.5  # for the way up from 30 mm below; a launch sends the next signal after 5 s
 NOT_THERE_YET = (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError)
 """Errors of a rig that was just switched on: opening it is retried."""
 
