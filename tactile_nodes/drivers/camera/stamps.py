@@ -8,6 +8,7 @@ from collections import deque
 from tactile_nodes import clock
 
 OLDEST_NS = 2_000_000_000  # a device that is read continuously returns no older frames
+MOST_BUFFERED = 32  # frames that a driver holds while its reader pauses (VIDEO_MAX_FRAME)
 NS_PER_MS = 1_000_000
 CADENCE_FRAMES = 31
 SLOWER = 1.2
@@ -18,12 +19,14 @@ class KernelStamps:
 
     ``CAP_PROP_POS_MSEC`` after a grab is the V4L2 buffer's time stamp in ms of CLOCK_MONOTONIC. uvcvideo takes it when
     the first USB packet of the frame arrives: after the exposure, a constant time before the picture is complete.
-    Drivers that use another clock, or no stamps, are detected by an implausible age.
+    Drivers that use another clock, or no stamps, are detected by an implausible age. After a pause of this computer
+    the frames that the driver held meanwhile are as old as their stamps.
     """
 
     def __init__(self) -> None:
         self.complaint = ''
         self._last_ns = 0
+        self._old = 0
 
     @property
     def source(self) -> str:
@@ -34,17 +37,19 @@ class KernelStamps:
         """The stamp, on the host's time base, of a frame that was returned at `monotonic_ns`."""
         taken_ns = round(position_ms * NS_PER_MS)
         if not self.complaint:
-            self.complaint = _complaint(taken_ns, monotonic_ns, self._last_ns)
+            self._old = self._old + 1 if monotonic_ns - taken_ns > OLDEST_NS else 0
+            held = self._last_ns > 0 and self._old <= MOST_BUFFERED
+            self.complaint = _complaint(taken_ns, monotonic_ns, self._last_ns, held)
         self._last_ns = max(self._last_ns + 1, monotonic_ns if self.complaint else taken_ns)
         return clock.from_monotonic_ns(self._last_ns)
 
 
-def _complaint(taken_ns: int, now_ns: int, last_ns: int) -> str:
+def _complaint(taken_ns: int, now_ns: int, last_ns: int, held: bool) -> str:
     if taken_ns <= 0:
         return 'the driver gives no stamps'
     if taken_ns > now_ns:
         return f"the driver's stamps are {(taken_ns - now_ns) / 1e9:.3f} s in the future"
-    if now_ns - taken_ns > OLDEST_NS:
+    if now_ns - taken_ns > OLDEST_NS and not held:
         return f"the driver's stamps are {(now_ns - taken_ns) / 1e9:.3f} s old"
     if taken_ns <= last_ns:
         return "the driver's stamps do not increase"

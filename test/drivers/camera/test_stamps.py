@@ -42,6 +42,24 @@ def test_a_stamp_that_stands_still_gives_way_and_stamps_still_increase() -> None
     assert 'do not increase' in stamps.complaint
 
 
+def test_frames_that_the_driver_held_while_this_computer_paused_are_as_old_as_it_says() -> None:
+    """Of 3 s of pause the driver held the first four frames; what comes after them is fresh again."""
+    stamps, period_ns = KernelStamps(), 16_000_000
+    for number in (1, 2, 3, 4, 5, 190):
+        taken_ns = NOW + number * period_ns
+        handed_ns = max(taken_ns, NOW + period_ns + 3_000_000_000 * (number > 1)) + 1_000_000
+        assert stamps.stamp(taken_ns / 1e6, handed_ns) == clock.from_monotonic_ns(taken_ns)
+    assert stamps.complaint == ''
+
+
+def test_stamps_that_stay_old_are_of_another_clock() -> None:
+    stamps = KernelStamps()
+    for number in range(100):
+        taken_ns = NOW + 16_000_000 * number
+        stamps.stamp(taken_ns / 1e6, taken_ns + (3_000_000_000 if number else 0))
+    assert "the driver's stamps are 3.000 s old" in stamps.source
+
+
 def test_arrival_times_are_kept_once_they_are_chosen() -> None:
     """Two kinds of stamp in one stream would make the interval between two frames wrong by the camera's delay."""
     stamps = KernelStamps()
