@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
         scene = SceneSettings(world='by hand')
     settings = CameraSettings(source=arguments.source, sensor=arguments.sensor, scene=scene)
     with closing(open_camera(settings, SystemClock(), print)) as camera:
-        until_enough(Guide(camera, person, folder, wish, sensor), print)
+        until_enough(Guide(camera, person, folder, wish, sensor), person.say)
     if (made := len(folder.done)) < LEAST_PRESSES:
         print(f'{made} presses are too few: a calibration needs at least {LEAST_PRESSES}. Continue with --presses 30')
         return 0
@@ -157,7 +157,7 @@ class TerminalPerson:
 
     def __init__(self, folder: Path, sensor: Sensor, unit: str, newton: float) -> None:
         self._folder, self._sensor, self._unit, self._newton = folder, sensor, unit, newton
-        self._shown = ''
+        self._shown = ''  # the line that stands in the terminal without an end
 
     def leave_untouched(self) -> None:
         print('do not touch the gel …')
@@ -168,6 +168,7 @@ class TerminalPerson:
 
         sides_mm = self._sensor.gel.width_mm, self._sensor.gel.height_mm
         drawn = write_png(self._folder / 'next.png', marked(picture, self._sensor, target, done))
+        self.end_line()
         print('\n'.join(sketch(sides_mm, target, done)))
         print(
             f'press at x {target.x_mm:g} mm, y {target.y_mm:g} mm (X, and the cross in {drawn}) with about '
@@ -178,29 +179,37 @@ class TerminalPerson:
         where = (
             ''
             if state == 'untouched' or math.isnan(place_mm[0])
-            else f', about x {place_mm[0]:.0f}, y {place_mm[1]:.0f} mm'
+            else f', about x {round(place_mm[0])}, y {round(place_mm[1])} mm'
         )
         if (line := f'{state}{where}') != self._shown:
             print(f'\r{line:40}', end='', flush=True)
             self._shown = line
 
+    def end_line(self) -> None:
+        """Let what comes next begin on a line of its own."""
+        if self._shown:
+            print()
+        self._shown = ''
+
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
+        self.end_line()
         question = (
-            f'\nsteady. Keep holding. What does the scale show [{self._unit}]? (Add x and y in mm if you did not press '
+            f'steady. Keep holding. What does the scale show [{self._unit}]? (Add x and y in mm if you did not press '
             f'at the mark; {PASSED} skips this press): '
         )
         while True:
             try:
                 told = read_answer(input(question), (target.x_mm, target.y_mm))
-            except EOFError:  # Ctrl-D ends it like Ctrl-C
+            except (EOFError, KeyboardInterrupt):  # Ctrl-D ends it like Ctrl-C
+                print()
                 raise KeyboardInterrupt from None
             if not isinstance(told, str):
                 return told
             question = f'{told}: '
 
     def say(self, text: str) -> None:
+        self.end_line()
         print(text)
-        self._shown = ''
 
 
 def read_answer(text: str, target_mm: tuple[float, float]) -> tuple[float, tuple[float, float]] | str | None:

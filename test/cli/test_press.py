@@ -15,7 +15,7 @@ import pytest
 from jumping_clock import JumpingClock
 
 from tactile_nodes.cli.main import main
-from tactile_nodes.cli.press import next_steps, read_answer
+from tactile_nodes.cli.press import TerminalPerson, next_steps, read_answer
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.camera.contract import CameraSettings, SceneSettings
 from tactile_nodes.drivers.camera.opening import open_camera
@@ -269,6 +269,28 @@ def test_the_next_press_is_far_from_all_before_and_of_the_rarest_force() -> None
     assert (abs(second.x_mm), abs(second.y_mm), second.force_n) == (8.0, 4.0, 0.5)
     assert wish.next([Done(0.0, 0.0, 0.2)] * 5) is None
     assert wish.gap_mm([Done(0.0, 0.0, 0.2)]) == pytest.approx(math.hypot(8, 4))
+
+
+def test_what_a_terminal_shows_begins_on_a_line_of_its_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter(['x', '50'])
+
+    def answer(question: str) -> str:
+        print(question)
+        return next(answers)
+
+    monkeypatch.setattr('builtins.input', answer)
+    person, target = TerminalPerson(tmp_path, Sensor(), 'g', NEWTON_PER_GRAM), Target(0.0, 0.0, 0.2)
+    person.sees('moving', (-0.3, 2.6))
+    assert person.reading(target) == (50.0, (0.0, 0.0))
+    person.say('kept')
+    person.sees('untouched', (0.0, 0.0))
+    person.press(target, np.zeros((480, 640), np.uint8), [])
+    lines = [line.strip() for line in capsys.readouterr().out.split('\n')]
+    assert lines[0] == 'moving, about x 0, y 3 mm'
+    assert lines[1].startswith('steady. Keep holding.') and lines[3:5] == ['kept', 'untouched']
+    assert set(lines[5]) == {'.'}
 
 
 def test_a_press_counts_for_the_nearest_force_only() -> None:

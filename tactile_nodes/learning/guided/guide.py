@@ -145,7 +145,7 @@ class Guide:
             elif off_mm > ASIDE_MM and not asked_for_place:
                 asked_for_place, (x, y) = True, watch.place_mm
                 self._person.say(
-                    f'the camera sees it at about x {x:.0f}, y {y:.0f} mm, {off_mm:.0f} mm away: type the place'
+                    f'the camera sees it at about x {round(x)}, y {round(y)} mm, {off_mm:.0f} mm away: type the place'
                 )
             else:
                 break
