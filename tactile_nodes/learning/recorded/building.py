@@ -249,7 +249,7 @@ def _card(builder: Builder, told: Sequence[Mapping[str, Any]], bags: Sequence[Pa
         'format': FORMAT,
         'format_version': FORMAT_VERSION,
         'made_with': f'tactile_nodes {__version__}',
-        'flow': {'name': measurer.flow.name, 'options': measurer.flow.options},
+        'flow': {'name': measurer.flow.name, 'options': json.loads(json.dumps(measurer.flow.options))},  # as in a file
         'encoding': {
             'name': measurer.encoding.name,
             'options': measurer.encoding.options,

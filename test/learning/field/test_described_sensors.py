@@ -22,7 +22,9 @@ from tactile_nodes.learning.calibrating.hand_presses import presses_by_hand
 from tactile_nodes.learning.calibrating.presses import BagPresses, finish, take_presses
 from tactile_nodes.learning.field.calibration import described_model
 from tactile_nodes.learning.field.fit import described
+from tactile_nodes.learning.imported.arrays import import_arrays, options_of
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.training.source import require_same_features
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.judge_force import FORCE, judged
@@ -91,6 +93,16 @@ def test_what_moves_on_a_covered_part_is_no_force(tmp_path: Path) -> None:
     features = make_encoding(*made.encoding).encode(field)
     assert not features.confidence[:, :4].any()
     assert ForceEstimator(made.model).predict(features).total_n < 0.005
+
+
+def test_presses_on_a_sensor_with_a_mask_are_measured_as_its_model_was(tmp_path: Path) -> None:
+    masked = dataclasses.replace(SMALL, mask=MaskSettings(('0,0 79,0 79,239 0,239',)))
+    model_of(masked, tmp_path)
+    optics = Optics(gel_of(SMALL), linear_table(gel_of(SMALL)))
+    pictures = np.stack([optics.render((Press(x, 0.0, 0.3),) if x else (), 7) for x in (0.0, 2.0, -2.0)])
+    file, x_mm, force_n = tmp_path / 'small.safetensors', np.array([np.nan, 2.0, -2.0]), np.array([0.0, 0.1, 0.2])
+    presses = import_arrays(pictures, x_mm, 0 * x_mm, force_n, options=options_of(str(file)))
+    require_same_features(load_model(file), presses)
 
 
 def test_forces_of_markers_near_the_surface_are_not_ok_before_any_press(made: LoadedModel) -> None:
