@@ -54,7 +54,10 @@ class Limits:
     contrast: tuple[float, float] = (FAR_LIGHT[0], FAINT_LIGHT)
     lost: tuple[float, float] = (0.08, 0.2)
     moved_clearly_px: float = 0.15
-    """A median motion that no touch causes: two 6 mm balls, 1.5 mm deep, cause 0.03 px. Less counts only at rest."""
+    """Less median motion counts only at rest. On the simulated sensor two 6 mm balls, 1.5 mm deep, cause 0.03 px."""
+    moved_share: float = 0.5
+    """So does a median motion below this share of the largest independent one. On a gel that is thick for its size, a
+    touch moves everything by 0.5 px and more, but only 0.2 times as far as single patches (under 25 N 0.4 times)."""
     quiet_only: bool = False
     """Whether motion and lost regions are judged only in quiet pictures. On a gel of a few dozen dots, a touch moves
     most of them and hides a third."""
@@ -181,7 +184,8 @@ class DriftMonitor:
         if quiet:
             self._quiet_ns = stamp_ns
         tells = quiet or not self.limits.quiet_only
-        if quiet or (tells and since_rest.middle_px >= self.limits.moved_clearly_px):
+        clearly_px = max(self.limits.moved_clearly_px, self.limits.moved_share * since_rest.left_px)
+        if quiet or (tells and since_rest.middle_px >= clearly_px):
             self._moved.feed(stamp_ns, since_rest.size_px)
         if tells:
             self._lost.feed(stamp_ns, 1 - since_rest.found)

@@ -114,6 +114,17 @@ def test_a_knock_is_seen_while_something_presses(monitor: DriftMonitor) -> None:
     assert 'capture the rest image again' in verdict.text
 
 
+def test_a_held_touch_that_moves_all_of_a_thick_gel_is_no_knock(monitor: DriftMonitor) -> None:
+    """A ball of 5 mm with 1.4 N on 25x19 mm of a gel of 4 mm; later the camera goes as far, beside a light touch."""
+    touch = dataclasses.replace(NOTHING, middle_px=0.2, size_px=0.2, left_px=1.9)
+    for number in range(20):
+        monitor.change(number * S // 2, touch)
+    assert monitor.verdict.level is Level.VALID
+    for number in range(20, 40):
+        monitor.change(number * S // 2, dataclasses.replace(touch, left_px=0.3))
+    assert (monitor.verdict.level, monitor.verdict.reasons) == (Level.INVALID, Reason.PICTURE_MOVED)
+
+
 def test_a_new_rest_image_ends_the_false_forces_and_says_how_far_off_it_lies(monitor: DriftMonitor) -> None:
     seen = knocked(2.0)
     watched(monitor, [seen.picture()])
