@@ -212,6 +212,11 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
         return _put_aside(loaded, recordings, kind)
     ours = {bag['id'] for bag in recordings.card['bags']}
     if ours & set(origin.get('bags', ())):
+        if origin.get('origin') != 'recorded':  # a calibration holds no presses back
+            raise ModelError(
+                f'model {loaded.model_id} was calibrated with presses of the same bags or tables, so it saw these; '
+                'evaluate it on others'
+            )
         raise ModelError(
             f'model {loaded.model_id} was trained on presses of the same bags in another data set, so it may have seen '
             'these; evaluate it on the file that it was trained on, or on other bags'
