@@ -32,8 +32,8 @@ HELD, SPREAD = 7.0, 0.003
 CENTRED = 0.6
 """Share of the penalty's mean (over the force) that is subtracted from it if there are few regions. A penalty above
 zero everywhere makes forces too small, which the motion of few regions hardly contradicts. With a share of 1, the total
-would follow from the motion alone, noise included. Totals of contacts on printed dots are 12 % off in the median, 30 %
-without it; on the gel `digit_like` 15 and 22 % (`tactile bench sensors --seed 909`)."""
+would follow from the motion alone, noise included. Totals of contacts on printed dots are 13 % off in the median, 30 %
+without it; on the gel `digit_like` 15 and 22 % (`tactile bench sensors --each 3 --seed 909`)."""
 
 WIDE = 20.0
 """Number of patches from which on a contact is wide: the middle of a wide contact causes almost no motion, so the l1
