@@ -75,7 +75,7 @@ def _draw(order: Sequence[Point], file: Path) -> None:
     from tactile_nodes.learning.figures import figure, save
 
     drawing, shown = figure(7.5, 6.5), order[:SHOWN]
-    title = f'{len(order)} presses; path of the first {len(shown)}'
+    title = f'{len(order)} presses, seen from above; path of the first {len(shown)}'
     axes = drawing.add_subplot(aspect='equal', xlabel='x [mm]', ylabel='y [mm]', title=title)
     visits = Counter(point[1:3] for point in order)
     first = {place: number for number, place in reversed(list(enumerate((point[1:3] for point in order), start=1)))}

@@ -110,7 +110,7 @@ def _coverage(axis: Any, force: Uncertainty | None, place: Uncertainty | None) -
     for stated, name, style in _stated(force, place):
         levels = [float(level.rstrip('%')) for level in stated.levels]
         axis.plot(levels, [100 * share for share in stated.levels.values()], style, label=name)
-    axis.legend(loc='lower right')
+    axis.legend(loc='best')
     axis.set(title='coverage of the intervals', xlabel='stated [%]', ylabel='true values inside [%]')
     _tell_if_none(axis, force, place)
 
@@ -126,7 +126,7 @@ def _curve(axis: Any, force: Uncertainty | None, place: Uncertainty | None) -> N
         ends = np.concatenate([curve.reshape(-1) for _, _, curve in shown])
         low, high = max(float(ends.min()), 1e-3), float(ends.max())
         axis.loglog([low, high], [low, high], 'k-', linewidth=0.6)
-        axis.legend(loc='upper left')
+        axis.legend(loc='best')
     axis.set(title='error over stated uncertainty (tenths)', xlabel='stated, 1 sigma', ylabel='actual, RMS')
     _tell_if_none(axis, force, place)
 
