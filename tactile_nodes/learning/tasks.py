@@ -124,7 +124,11 @@ def _done_here(make: Callable[[Job], Result], jobs: Mapping[int, Job], processes
     deaf = signal.SIGINT, signal.SIG_IGN
     pool = ProcessPoolExecutor(processes, multiprocessing.get_context('spawn'), signal.signal, deaf)
     try:
-        futures = {pool.submit(make, job): number for number, job in jobs.items()}
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which processes that start now inherit
+        try:
+            futures = {pool.submit(make, job): number for number, job in jobs.items()}
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         for future in as_completed(futures):
             number = futures.pop(future)  # do not keep results that were handed over
             if not isinstance(future.exception(), BrokenProcessPool):

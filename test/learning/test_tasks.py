@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from tactile_nodes.clock import monotonic_s
@@ -126,6 +127,19 @@ def test_processes_that_are_killed_again_and_again_are_one_sentence(monkeypatch:
         ConfigurationError, match='worker processes were killed 2 times, probably because memory ran out; use fewer'
     ):
         list(done(killed, JOBS, 2))
+
+
+def test_ctrl_c_while_processes_start_is_handled_by_the_one_that_started_them() -> None:
+    work = (
+        'from tactile_nodes.learning.tasks import done\ntry: list(done(abs, [1, 2], 2))\nexcept KeyboardInterrupt: pass'
+    )
+    words = [sys.executable, '-c', work]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, start_new_session=True, text=True) as process:
+        while not any('spawn_main' in ' '.join(each.cmdline()) for each in psutil.Process(process.pid).children()):
+            threading.Event().wait(0.001)
+        os.killpg(process.pid, signal.SIGINT)
+        said = process.communicate(timeout=60)[1]
+    assert 'Traceback' not in said
 
 
 def test_a_worker_that_is_killed_has_nothing_made_again_that_was_written(tmp_path: Path) -> None:
