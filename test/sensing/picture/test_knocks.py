@@ -33,6 +33,8 @@ def moved(common_px: float, off_px: float, share_off: float, noise_px: float = 0
         (0.5, 0.2, 0.2, Common.KNOCK),
         (0.5, 0.2, 0.3, Common.MISSHAPEN),
         (3.0, 0.3, 0.3, Common.MISSHAPEN),
+        (0.5, 0.7, 0.6, Common.MISSHAPEN),
+        (0.5, 0.8, 0.6, Common.NONE),  # a hard contact that moves all of a thick, small gel
     ],
 )
 def test_what_patches_do_tells_a_knock_from_a_press_and_from_another_shape(
