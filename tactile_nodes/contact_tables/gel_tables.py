@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import zipfile
-import zlib
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.npz_files import read_npz, write_npz
 from tactile_nodes.params import load_mapping
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
@@ -59,7 +55,7 @@ def solution_of(problem: Problem) -> Solution:
     if (found := shipped or _cached(problem.key)) is not None:
         return found
     solution = solve_problem(problem)
-    with suppress(OSError):
+    with suppress(OSError, ConfigurationError):
         write_solution(_in_cache(problem.key), solution)
     return solution
 
@@ -75,26 +71,15 @@ def _cached(key: str) -> Solution | None:
 
 
 def write_solution(file: Path, solution: Solution) -> None:
-    """Write a solution; it is safe if another process writes the same one at the same time."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    draft = file.with_name(f'{file.stem}.{os.getpid()}.part.npz')
-    try:
-        np.savez_compressed(draft, allow_pickle=False, **solution.to_arrays())
-        draft.replace(file)
-    except OSError:
-        draft.unlink(missing_ok=True)
-        raise
+    """Write a solution. Raises the errors of `write_npz`."""
+    write_npz(file, solution.to_arrays(), compressed=True)
 
 
 def _read(file: Path, key: str) -> Solution | None:
     """The solution in a file, if it belongs to the key and is not damaged."""
-    try:
-        if not file.is_file():
-            return None
-        # numpy does not close a file that it opened itself and cannot read
-        with file.open('rb') as opened, np.load(opened, allow_pickle=False) as arrays:
-            if str(arrays.get('key')) != key:
-                return None
-            return Solution.from_arrays(dict(arrays), key)
-    except (EOFError, ValueError, zipfile.BadZipFile, zlib.error):  # as a cut of power leaves it
+    arrays = read_npz(file)
+    if arrays is None or str(arrays.get('key')) != key:
         return None
+    with suppress(ValueError):
+        return Solution.from_arrays(arrays, key)
+    return None

@@ -15,21 +15,17 @@ heights in millimetres, with a spacing of 0.1 mm), or a YAML file with more entr
 from __future__ import annotations
 
 import math
-import os
-import zipfile
-import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.touch_bodies import HEIGHTS, LARGEST_BYTES, body_of, is_mesh, is_number
 from tactile_nodes.errors import ConfigurationError, in_a_line
-from tactile_nodes.files import open_plain, read_text
+from tactile_nodes.files import read_text
+from tactile_nodes.npz_files import read_npz, write_npz
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.touch.table import TouchTable, table_steps_mm
 
@@ -103,7 +99,7 @@ def solved_contact(gel: Gel, contact: Contact, tell: Tell | None = None) -> Touc
         return found
     track = solve_track(Bricks(problem.layer), problem.body, problem.way, tell)
     table = TouchTable.of_track(track, -gel.skin_mm)
-    with suppress(OSError):
+    with suppress(OSError, ConfigurationError):
         write_table(paths.cache_directory() / 'touches' / f'{problem.key}.npz', table)
     return table
 
@@ -166,27 +162,16 @@ def known_table(key: str) -> TouchTable | None:
 
 
 def write_table(file: Path, table: TouchTable) -> None:
-    """Write a table; it is safe if another process writes the same one at the same time."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    draft = file.with_name(f'{file.stem}.{os.getpid()}.part.npz')
-    try:
-        np.savez_compressed(draft, allow_pickle=False, **table.to_arrays())
-        draft.replace(file)
-    except OSError:
-        draft.unlink(missing_ok=True)
-        raise
+    """Write a table. Raises the errors of `write_npz`."""
+    write_npz(file, table.to_arrays(), compressed=True)
 
 
 def _read(file: Path) -> TouchTable | None:
     """The table in a file, if there is one and it is not damaged."""
-    try:
-        if not file.is_file():
-            return None
-        # numpy does not close a file that it opened itself and cannot read
-        with open_plain(file, LARGEST_BYTES) as opened, np.load(opened, allow_pickle=False) as arrays:
-            return TouchTable.from_arrays(dict(arrays))
-    except (EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error):  # as a cut of power leaves it
-        return None
+    arrays = read_npz(file, LARGEST_BYTES)
+    with suppress(KeyError, TypeError, ValueError):
+        return None if arrays is None else TouchTable.from_arrays(arrays)
+    return None
 
 
 def _way(contact: Contact, gel: Gel) -> Way:

@@ -5,11 +5,8 @@ Results are therefore identical to the bit wherever they are computed, if proces
 
 from __future__ import annotations
 
-import io
 import multiprocessing
 import signal
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -24,7 +21,7 @@ import numpy as np
 from tactile_nodes import __version__
 from tactile_nodes.errors import ConfigurationError, from_extra, in_a_line
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.paths import write_whole
+from tactile_nodes.npz_files import read_npz, write_npz
 
 Job = TypeVar('Job')
 Result = TypeVar('Result')
@@ -68,27 +65,14 @@ def make_files(
     Raises:
         ConfigurationError: the cluster cannot be used; the message says why.
     """
-    missing = [(file, job) for file, job in jobs if not _is_whole(file)]
+    missing = [(file, job) for file, job in jobs if not read_npz(file)]
     if not missing:
         return
     with progress.bar(title, sum(steps(job) for _, job in missing)) as bar:
         for number, arrays in done(make, [job for _, job in missing], processes):
             file, job = missing[number]
-            content = io.BytesIO()
-            np.savez(content, **arrays)  # type: ignore[arg-type]
-            write_whole(file, content.getvalue())
+            write_npz(file, arrays)
             bar.advance(steps(job))
-
-
-def _is_whole(file: Path) -> bool:
-    if not file.is_file():
-        return False
-    try:
-        # numpy does not close a file that it opened itself and cannot read
-        with file.open('rb') as opened, np.load(opened, allow_pickle=False) as arrays:
-            return bool(dict(arrays))
-    except (EOFError, ValueError, RuntimeError, zipfile.BadZipFile, zlib.error):  # as a cut of power leaves it
-        return False
 
 
 def done(make: Callable[[Job], Result], jobs: Sequence[Job], processes: int) -> Iterator[tuple[int, Result]]:
