@@ -76,6 +76,11 @@ class MachineRecord:
             _append(self._path, line.encode('ascii'))
         self._take(step, reason)
 
+    def halt(self, stamp_ns: int, reason: str) -> None:
+        """Note that a person must check, unless that is noted already. Raises as `note`."""
+        if not self.halted:
+            self.note(HALTED, stamp_ns, reason)
+
     def _take(self, step: str, reason: str) -> None:
         """Only a person's acknowledgement ends a halt. A lifted tip or an incomplete line does not."""
         if self.halted and step != ACKNOWLEDGED:

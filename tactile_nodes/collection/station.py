@@ -26,6 +26,7 @@ from tactile_nodes.simulation import worlds
 
 WORLD = 'rig'
 READ_S = 0.1
+LEAVE_S = 3.5  # for the way up from 30 mm below; a launch sends the next signal after 5 s
 NOT_UP_YET = (
     'the run has not ended in time, so the tip may not be up yet; if the machine still obeys, it is lifted when this '
     'process has ended'

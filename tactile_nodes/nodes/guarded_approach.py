@@ -22,9 +22,8 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.collection.press.guarded import Felt
 from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSettings
 from tactile_nodes.collection.run.person import Person
-from tactile_nodes.collection.station import NOT_UP_YET
+from tactile_nodes.collection.station import LEAVE_S, NOT_UP_YET
 
-LEAVE_S = 3.5  # as of a collection
 QUESTION_S = 0.5
 
 

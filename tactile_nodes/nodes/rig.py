@@ -23,8 +23,9 @@ from tactile_nodes.bus.node.priority import crowded, lacking
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.collection.run.session import LEAVE_S, RigSettings, Session
+from tactile_nodes.collection.run.session import RigSettings, Session
 from tactile_nodes.collection.run.voice import TOPICS
+from tactile_nodes.collection.station import LEAVE_S
 from tactile_nodes.errors import NOT_AGAIN, DeviceError, DeviceFaultError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.sensing.geometry import middle_part

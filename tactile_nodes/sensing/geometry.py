@@ -63,6 +63,12 @@ class BinGrid:
         return self.width_mm / self.cols, self.height_mm / self.rows
 
     @property
+    def reach_mm(self) -> tuple[float, float]:
+        """The largest |x| and |y| of a point on the bins."""
+        (x, y) = self.centre_mm
+        return abs(x) + self.width_mm / 2, abs(y) + self.height_mm / 2
+
+    @property
     def origin_mm(self) -> tuple[float, float]:
         """The outer corner (x, y) of bin 0 in the surface frame: (-16, -16) for the paper's grid."""
         x, y = self.centre_mm

@@ -14,11 +14,11 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.clock import SystemClock
-from tactile_nodes.collection.run import session
 from tactile_nodes.collection.settings import SurfaceSettings
+from tactile_nodes.collection.station import LEAVE_S
 from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.messages import types
-from tactile_nodes.nodes.guarded_approach import LEAVE_S, GuardedApproachNode
+from tactile_nodes.nodes.guarded_approach import GuardedApproachNode
 from tactile_nodes.nodes.rig import RigNode
 
 PLACES = {
@@ -71,15 +71,15 @@ def test_it_gives_up_on_a_sensor_that_falls_silent_and_goes_up() -> None:
         assert abs(tested._guarded.station.cnc.status().position_mm[2] + 4.0) < 0.01
 
 
-@pytest.mark.parametrize(('node', 'leave_s'), [(RigNode, session.LEAVE_S), (GuardedApproachNode, LEAVE_S)])
+@pytest.mark.parametrize('node', [RigNode, GuardedApproachNode])
 def test_a_process_that_is_asked_to_end_gives_its_tip_the_time_to_come_up(
-    node: type[RigNode | GuardedApproachNode], leave_s: float
+    node: type[RigNode | GuardedApproachNode],
 ) -> None:
     """From a gel 25 mm below cnc.safe_z_mm, at cnc.retract_mm_min, before the process is ended by force."""
     cnc = CncSettings()
     deep_mm = cnc.safe_z_mm - SurfaceSettings().top_mm + 1.0
-    assert 60 * deep_mm / cnc.retract_mm_min + 0.5 < leave_s
-    assert leave_s < node.END_WITHIN_S < 5.0  # a launch sends the next signal after 5 s
+    assert 60 * deep_mm / cnc.retract_mm_min + 0.5 < LEAVE_S
+    assert LEAVE_S < node.END_WITHIN_S < 5.0  # a launch sends the next signal after 5 s
 
 
 def test_asked_to_end_it_ends_without_complaint() -> None:

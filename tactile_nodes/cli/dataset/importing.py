@@ -45,9 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f'no folder or video {arguments.pictures}; give the path of the pictures')
     check_output(arguments.output, *arguments.tables, arguments.pictures)
     options = BuildOptions(**methods.method_options(arguments))
-    right, down = map(abs, options.bins.centre_mm)
-    reach_mm = right + options.bins.width_mm / 2, down + options.bins.height_mm / 2
-    tables = [read_table(file, reach_mm, arguments.untouched_below) for file in arguments.tables]
+    tables = [read_table(file, options.bins.reach_mm, arguments.untouched_below) for file in arguments.tables]
     presses = import_presses(
         [Imported(table, pictures_of(table, arguments.pictures)) for table in tables],
         options,

@@ -41,10 +41,11 @@ def read_pictures(sources: Sequence[str], arguments: argparse.Namespace, sensor:
 
 
 def _read(source: str, arguments: argparse.Namespace, sensor: str) -> dict[str, Picture]:
-    from tactile_nodes.drivers.camera.file import IMAGE_SUFFIXES, read_image
+    from tactile_nodes.drivers.camera.file import read_image
+    from tactile_nodes.paths import OF_PICTURES
     from tactile_nodes.sensing.geometry import grey
 
-    if Path(source).suffix.lower() in IMAGE_SUFFIXES and '://' not in source:
+    if Path(source).suffix.lower() in OF_PICTURES and '://' not in source:
         return {source: grey(read_image(Path(source)))}
     return _watched(source, arguments, sensor)
 

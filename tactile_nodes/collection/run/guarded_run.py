@@ -16,7 +16,7 @@ import numpy as np
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.actions import Go, Look, Procedure
 from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
-from tactile_nodes.collection.machine_record import BEGUN, ENDED, HALTED, MachineRecord, record_file
+from tactile_nodes.collection.machine_record import BEGUN, ENDED, MachineRecord, record_file
 from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
 from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.press.speed import check_speeds, longest_period_s
@@ -149,8 +149,8 @@ class GuardedRun:
     def _write_down(self) -> None:
         """Note that a person must check, before the tip goes up."""
         trip = self.station.safety.trip
-        if trip is not None and trip.kind == OVERLOAD and not self._record.halted:
-            self._note(HALTED, trip.reason)
+        if trip is not None and trip.kind == OVERLOAD:
+            self._record.halt(self._clock.now_ns(), trip.reason)
 
     def _note(self, step: str, reason: str = '') -> None:
         self._record.note(step, self._clock.now_ns(), reason)
@@ -202,7 +202,7 @@ def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Fee
     measured: list[tuple[int, float]] = []
 
     def measure() -> None:
-        """Keep the samples since the force is held: `readings` forgets them after some seconds."""
+        """Keep the samples since the hold began: `readings` drops them after some seconds."""
         if guarded.hold.stamps_ns:
             since_ns = measured[-1][0] + 1 if measured else guarded.hold.stamps_ns[0]
             samples = readings.samples(since_ns)

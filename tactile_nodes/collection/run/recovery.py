@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from tactile_nodes.collection.actions import Procedure
 from tactile_nodes.collection.hands import Hands, TrippedError
-from tactile_nodes.collection.machine_record import BEGUN, ENDED, HALTED, MachineRecord
+from tactile_nodes.collection.machine_record import BEGUN, ENDED, MachineRecord
 from tactile_nodes.collection.press.rest import await_recovery
 from tactile_nodes.collection.press.up import bring_up, check_free, not_up
 from tactile_nodes.collection.run.outlet import Outlet
@@ -126,8 +126,8 @@ class Recovery:
         return self._hands.run(procedure())
 
     def _write_down(self, trip: Trip | None) -> None:
-        if trip is not None and trip.kind == OVERLOAD and not self._record.halted:
-            self._note(HALTED, trip.reason)
+        if trip is not None and trip.kind == OVERLOAD:
+            self._record.halt(self._hands.clock.now_ns(), trip.reason)
 
     def _await_well(self, reason: str) -> None:
         self._outlet.say(f'{reason}; the tip is up, waiting until it has recovered')

@@ -25,7 +25,7 @@ from tactile_nodes.collection.run.person import AFTER_KILL, ASK, GO_ON, Person
 from tactile_nodes.collection.run.recall import recalled
 from tactile_nodes.collection.run.voice import Names, Voice
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.collection.station import NOT_UP_YET, Station
+from tactile_nodes.collection.station import LEAVE_S, NOT_UP_YET, Station
 from tactile_nodes.contact_tables.gel_tables import load_gel
 from tactile_nodes.drivers.cnc.contract import SIMULATED, CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
@@ -35,7 +35,6 @@ from tactile_nodes.errors import BusError, DeviceBusyError, DeviceError, DeviceN
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.indenter import indenter_name
 
-LEAVE_S = 3.5  # for the way up from 30 mm below; a launch sends the next signal after 5 s
 NOT_THERE_YET = (DeviceNotFoundError, DeviceBusyError, DeviceTimeoutError)
 """Errors of a rig that was just switched on: opening it is retried."""
 

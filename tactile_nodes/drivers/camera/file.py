@@ -24,7 +24,6 @@ from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.files import open_plain
 from tactile_nodes.paths import OF_PICTURES
 
-IMAGE_SUFFIXES = OF_PICTURES
 FASTEST_CLAIM = 1000.0  # broken headers state 90000 frames per second and more
 
 
@@ -236,11 +235,11 @@ class ImageFolder:
     def start(self) -> None:
         """List the folder."""
         try:
-            files = [file for file in self._path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES]
+            files = [file for file in self._path.iterdir() if file.suffix.lower() in OF_PICTURES]
         except OSError as error:
             raise ImageError(f'cannot list the folder {self.name} ({error.strerror})') from error
         if not files:
-            known = ' '.join(sorted(IMAGE_SUFFIXES))
+            known = ' '.join(sorted(OF_PICTURES))
             raise ImageError(f'the folder {self.name} contains no images; supported: {known}')
         _check_rate(self.fps, self.name)
         self._files = sorted(files, key=lambda file: natural_key(file.name))

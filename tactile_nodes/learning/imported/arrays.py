@@ -74,14 +74,12 @@ def import_arrays(
     }  # fmt: skip
     if wrong := [each for each, values in columns.items() if len(values) != count]:
         raise DatasetError(f'{name}: {wrong[0]} has {len(columns[wrong[0]])} rows, but there are {count} images')
-    right, down = map(abs, options.bins.centre_mm)
-    reach_mm = right + options.bins.width_mm / 2, down + options.bins.height_mm / 2
     rows = tuple(_row(line, columns) for line in range(count))
     table = PressTable(Path(name), 'rows of arrays', rows, 'row')
     faults = table.faults
     for row in rows:
         with faults.row(row.line):
-            require_possible(row, reach_mm, NAMES)
+            require_possible(row, options.bins.reach_mm, NAMES)
     faults.require_none()
     source = Imported(table, ArrayPictures(images, order))
     return import_presses([source], options, Known(sensor), progress, command='import_arrays', forced=forced)

@@ -152,7 +152,8 @@ def test_the_rigs_own_limit_ends_it_where_the_gel_says_nothing() -> None:
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
-def test_stopped_it_goes_up_without_an_outcome() -> None:
+def stopping_at_tenth() -> Callable[[GuardedRun, int], Felt]:
+    """True forces; with the tenth, the run is asked to stop."""
     turn = count()
 
     def stopping(run: GuardedRun, now_ns: int) -> Felt:
@@ -160,7 +161,11 @@ def test_stopped_it_goes_up_without_an_outcome() -> None:
             run.stop()
         return truth(run, now_ns)
 
-    with opened(stopping) as run:
+    return stopping
+
+
+def test_stopped_it_goes_up_without_an_outcome() -> None:
+    with opened(stopping_at_tenth()) as run:
         assert run.run() is None
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
 
@@ -339,14 +344,7 @@ def test_a_force_that_was_not_bearable_halts_whatever_is_started_next(record: Pa
 
 
 def test_a_force_that_was_not_bearable_on_the_way_up_after_a_stop_halts_as_well(record: Path) -> None:
-    turn = count()
-
-    def stopping(run: GuardedRun, now_ns: int) -> Felt:
-        if next(turn) == 10:
-            run.stop()
-        return truth(run, now_ns)
-
-    with opened(stopping) as run:
+    with opened(stopping_at_tenth()) as run:
         retreat = run.station.hands.retreat
 
         def up() -> None:
