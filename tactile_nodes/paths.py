@@ -135,10 +135,10 @@ def write_whole(file: Path, content: bytes) -> None:
 
 
 def flush(path: Path) -> None:
-    """Bring the content of a file, or the names in a folder, onto the disk, so that a cut of power leaves them.
+    """Sync the content of a file, or the names in a folder, to disk, so that a power cut loses nothing.
 
     Raises:
-        OSError: it is not on the disk.
+        OSError: it cannot be synced.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:

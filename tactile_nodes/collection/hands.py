@@ -164,7 +164,7 @@ class Hands:
             self.clock.sleep_until(min(end_ns, now_ns + round(BREATH_S * NS_PER_S)))
 
     def switch(self, level: bool, since_ns: int | None = None) -> Switched:
-        """Switch the digital line; it may have changed by itself since `since_ns` (None: not)."""
+        """Switch the digital line. Give `since_ns` if it may have changed by itself since then."""
         switched = self.cnc.set_line(level)
         if since_ns is not None:
             switched = replace(switched, earliest_ns=since_ns)

@@ -78,7 +78,7 @@ class Safety:
 
     @property
     def trip(self) -> Trip | None:
-        """Why everything stopped. Who sees a reason finds the stop begun, and can wait until it is over."""
+        """Why everything stopped, or None. When a reason can be read, the machine is already being stopped."""
         with self._lock:
             return self._trip
 

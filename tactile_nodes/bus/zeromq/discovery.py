@@ -79,10 +79,10 @@ class Meeting:
         self._sweep()
 
     def is_present(self) -> bool:
-        """Whether the others see us; false when our files were removed, or when those who come now meet elsewhere.
+        """Whether the others see us; false if our files were removed, or if new processes now use another folder.
 
         Raises:
-            ConfigurationError: the folder where they meet cannot be used.
+            ConfigurationError: that folder cannot be used.
         """
         try:
             found = (self.folder / f'{self.uid}.lock').stat()
@@ -112,7 +112,7 @@ class Meeting:
         with self._writing:
             # File stamps are as coarse as 4 ms; readers tell a new text by its stamp, so each gets one of its own.
             self._written_ns = max(self._written_ns + 1, clock.wall_ns())
-            self._said_ns = -1  # until it is written, the others cannot read it
+            self._said_ns = -1  # until the record is written, nothing is announced
             try:
                 draft.write_text(record.to_json(), encoding='utf-8')
                 os.utime(draft, ns=(self._written_ns, self._written_ns))

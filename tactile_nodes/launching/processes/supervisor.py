@@ -16,8 +16,8 @@ SETTLED_S = 10.0
 """A process that fails sooner has never worked: a restart would not help."""
 LONGEST_DELAY_S = 30.0
 _WITHOUT_DELAY_S = 0.1
-"""What is doubled where a launch file sets no delay."""
-_MOST_DOUBLINGS = 100  # over the largest float from 1024 on
+"""The delay that is doubled if a launch file sets none."""
+_MOST_DOUBLINGS = 100  # 2.0 ** 1024 is more than a float can hold
 
 
 class Supervisor:

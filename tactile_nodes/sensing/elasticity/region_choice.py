@@ -16,7 +16,8 @@ REGIONS_A_DOT = 1.15
 """Regions per dot along a row of printed dots: with fewer than one, two dots would be merged."""
 
 LEAST_OF_WANTED = 0.5
-"""Least number of regions along a side, over the wanted number. A side of 446 px has two or 223 regions, no twenty."""
+"""Least number of regions along a side, over the wanted number. A side of 446 px can be divided into 2 or 223 equal
+regions, but not into about 20."""
 
 LEAST_SEEN = 0.2
 """Least share of the regions that must see the gel for forces to be estimated."""

@@ -38,7 +38,7 @@ ABOUT = 0.45
 """Of the pitch: standard deviation of the weights of the dots about a region."""
 
 ALONE = float(np.exp(-1 / (2 * ABOUT**2)))
-"""Weight of a dot one pitch away: the confidence of regions with less around them decreases in proportion."""
+"""Weight of a dot one pitch away. The confidence of regions with less weight around them is lower in proportion."""
 
 STIFF = 1.0
 """Ridge on the slopes of a region's motion, as a share of the weights: at the rim dots on one side alone tell of it."""

@@ -56,8 +56,9 @@ class Limits:
     moved_clearly_px: float = 0.15
     """Less median motion counts only at rest. On the simulated sensor two 6 mm balls, 1.5 mm deep, cause 0.03 px."""
     moved_share: float = 0.5
-    """So does a median motion below this share of the largest independent one. On a gel that is thick for its size, a
-    touch moves everything by 0.5 px and more, but only 0.2 times as far as single patches (under 25 N 0.4 times)."""
+    """Median motion below this share of the largest independent motion also counts only at rest. On a gel that is thick
+    for its size, a touch moves everything by 0.5 px and more, but only 0.2 times as far as single patches (under 25 N
+    0.4 times)."""
     quiet_only: bool = False
     """Whether motion and lost regions are judged only in quiet pictures. On a gel of a few dozen dots, a touch moves
     most of them and hides a third."""

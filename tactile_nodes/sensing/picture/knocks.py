@@ -31,8 +31,9 @@ another lens 95 % of the patches follow it. A gel that swells by 0.2 mm moves it
 patches do not follow."""
 
 PRESSED_PERCENT, PRESSED_PART = 80, 1.5
-"""On a gel that is thick for its size, contacts do: a ball with 4 N moves the picture of `speckle_membrane` by 0.9 px.
-But one patch in five moves by more than twice as much on its own, in a gel that swells by at most 1.1 times as much."""
+"""On a gel that is thick for its size, contacts cause it, too: a ball with 4 N moves the picture of `speckle_membrane`
+by 0.9 px. But one patch in five moves by more than twice as much on its own, in a gel that swells by at most 1.1 times
+as much."""
 
 
 USUAL_NOISE_PX, NOISE_SIGMAS = 0.003, 3.0

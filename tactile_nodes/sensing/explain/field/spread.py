@@ -92,8 +92,8 @@ class FieldSpread:
     ) -> Float[np.ndarray, '6 6']:
         """Covariance of force x, y, z [N] and torque x, y, z [N mm] on the gel; `fitted` is that of the fit alone.
 
-        It includes the unknown normal force in the middle of wide contacts. Errors of a force and of its torque go
-        together: the force acts where it was found.
+        It includes the unknown normal force in the middle of wide contacts. The errors of a force and of its torque are
+        correlated, because the force acts where it was found.
         """
         (shear, shear_share), (normal, normal_share), squared = self.shear, self.normal, field.total_n**2
         factors = np.array([shear, shear, normal, normal, normal, shear])
