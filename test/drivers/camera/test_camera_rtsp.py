@@ -126,11 +126,14 @@ def test_a_server_that_hangs_up_is_lost(rtsp: Callable[..., str], clock: SystemC
 
 def test_a_server_that_stalls_is_first_late_and_then_lost(rtsp: Callable[..., str], clock: SystemClock) -> None:
     camera = opened(rtsp(count=60, stall=True), clock, stall_s=0.5)
-    with pytest.raises(DeviceTimeoutError):
-        while True:
-            camera.read(0.1)
+    late = 0
     with pytest.raises(DeviceLostError):
-        camera.read(5.0)
+        while True:
+            try:
+                camera.read(0.1)
+            except DeviceTimeoutError:
+                late += 1
+    assert late
     camera.close()
 
 
