@@ -60,7 +60,7 @@ Action = Go | Look | SetTare | Switch
 
 
 @dataclass(frozen=True)
-class Seen:
+class Observation:
     """The result of an action.
 
     Attributes:
@@ -81,4 +81,4 @@ class Seen:
 
 
 Result = TypeVar('Result')
-Procedure = Generator[Action, Seen, Result]
+Procedure = Generator[Action, Observation, Result]

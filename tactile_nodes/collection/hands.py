@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.collection.actions import Action, Go, Look, Procedure, Seen, SetTare, Switch
+from tactile_nodes.collection.actions import Action, Go, Look, Observation, Procedure, SetTare, Switch
 from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.safety import MACHINE, SILENT_MACHINE, Safety, Trip
 from tactile_nodes.collection.settings import MotionSettings
@@ -105,7 +105,7 @@ class Hands:
         finally:
             procedure.close()
 
-    def perform(self, action: Action) -> Seen:
+    def perform(self, action: Action) -> Observation:
         """Perform one action. Raises as `run`."""
         self.check()
         since_ns, switched = self.clock.now_ns(), None
@@ -127,10 +127,10 @@ class Hands:
         self.check()
         now_ns = self.clock.now_ns()
         if not isinstance(action, Look):
-            return Seen(now_ns, since_ns, self._status().position_mm, switched=switched)
+            return Observation(now_ns, since_ns, self._status().position_mm, switched=switched)
         from_ns = since_ns if action.since_ns is None else action.since_ns
         samples, frames = self.readings.samples(from_ns), self.readings.frames(from_ns)
-        return Seen(now_ns, since_ns, self._place, tuple(samples), tuple(frames))
+        return Observation(now_ns, since_ns, self._place, tuple(samples), tuple(frames))
 
     def check(self) -> None:
         """Raise if something is wrong. Raises as `run`, but not for devices."""
@@ -329,8 +329,8 @@ class Guard:
                 else:
                     safety.tick(self._clock.now_ns(), self._cnc.health)
             except Exception as error:  # noqa: BLE001 - a bug: nothing may move unmonitored
-                told = f'a bug in the monitoring of the rig: {type(error).__name__}: {error}'
-                safety.fail(MACHINE, told, self._clock.now_ns())
+                reason = f'a bug in the monitoring of the rig: {type(error).__name__}: {error}'
+                safety.fail(MACHINE, reason, self._clock.now_ns())
 
     def _stop(self) -> None:
         try:

@@ -118,11 +118,11 @@ class Station:
         self.sensor.close()
         self.cnc.close()
 
-    def _sensor(self, asked: ForceTorqueSettings, settings: CollectionSettings) -> ForceTorqueSensor:
-        if asked.source != SIMULATED or self.world is None:
-            return open_force_torque(asked, self._clock)
+    def _sensor(self, sensor_settings: ForceTorqueSettings, settings: CollectionSettings) -> ForceTorqueSensor:
+        if sensor_settings.source != SIMULATED or self.world is None:
+            return open_force_torque(sensor_settings, self._clock)
         mounted = Mounted(self.world, UPSIDE_DOWN if settings.mounting.upside_down else UPRIGHT)
-        sensor = SimulatedForceTorque(asked, self._clock, mounted)
+        sensor = SimulatedForceTorque(sensor_settings, self._clock, mounted)
         sensor.open()
         return sensor
 

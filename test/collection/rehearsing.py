@@ -64,14 +64,14 @@ class Dots:
         share = 0.3 * press.depth_mm / self.REACH_MM * np.exp((1 - (x**2 + y**2) / self.REACH_MM**2) / 2)
         middle = (self.SIDE - 1) / 2
         columns, rows = (there - share * way * self.PX_PER_MM + middle for there, way in ((self._x, x), (self._y, y)))
-        seen = cv2.remap(self._rest, columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR)
-        return seen.round().astype(np.uint8)
+        image = cv2.remap(self._rest, columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR)
+        return image.round().astype(np.uint8)
 
 
 class Run:
     """One process's life: everything is new but the journal and the record of the machine.
 
-    `at` does something when so many presses are told.
+    `at` does something when so many presses are published.
     """
 
     def __init__(
@@ -80,16 +80,16 @@ class Run:
         settings: CollectionSettings = SETTINGS,
         plan: PlanSettings = PLAN,
         world: WorldSettings | None = None,
-        seen: Dots | None = None,
+        dots: Dots | None = None,
         unasked: bool = True,
         machine: Path | None = None,
     ) -> None:
         self.plan: Plan = make_plan(plan)
         self.world = World(world, table=TABLE)
-        camera = None if seen is None else lambda time_ns: seen.see(self.world.press_at(time_ns))
+        camera = None if dots is None else lambda time_ns: dots.see(self.world.press_at(time_ns))
         self.rig = Rehearsal(self.world, settings, CncSettings(safe_z_mm=SAFE_Z_MM), camera, rate_hz=100.0, fps=20.0)
-        self.told: list[Record] = []
-        self.said: list[str] = []
+        self.published: list[Record] = []
+        self.printed: list[str] = []
         self.rests: list[int] = []
         self._acts: dict[int, Callable[[], None]] = {}
         self.journal = Journal(folder / 'journal.jsonl', self.plan)
@@ -98,13 +98,13 @@ class Run:
         self.earlier: list[Record] = []
         self.unrecorded: set[int] = set()
         self.recorder = True
-        self.person = Person('answer', self.said.append, self.rig.clock)
+        self.person = Person('answer', self.printed.append, self.rig.clock)
         outlet = Outlet(
             record=self._record,
             rest_image=lambda image, at_ns: self.rests.append(at_ns),
             suspect=lambda entry, reason: self.suspects.append((entry.press, entry.attempt)),
             recall=self._recall,
-            say=self.said.append,
+            say=self.printed.append,
             require_recorder=lambda: self.recorder,
             missing=self._missing,
             person=self.person,
@@ -144,7 +144,7 @@ class Run:
 
     @property
     def recorded(self) -> list[int]:
-        return [record.point.press for record in self.told if not record.reason]
+        return [record.point.press for record in self.published if not record.reason]
 
     @property
     def height_mm(self) -> float:
@@ -155,7 +155,7 @@ class Run:
         return next((each for each in self.earlier if (each.point.press, each.attempt) == wanted), None)
 
     def _missing(self) -> int:
-        """The presses of `unrecorded` were told while nobody recorded."""
+        """The presses of `unrecorded` were published while nobody recorded."""
         lost, self.unrecorded = self.unrecorded, set()
         for press in lost:
             attempt = self.journal.next_attempt(press) - 1
@@ -163,6 +163,6 @@ class Run:
         return len(lost)
 
     def _record(self, record: Record) -> None:
-        self.told.append(record)
-        if (act := self._acts.pop(len(self.told), None)) is not None:
+        self.published.append(record)
+        if (act := self._acts.pop(len(self.published), None)) is not None:
             act()

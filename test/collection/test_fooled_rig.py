@@ -1,4 +1,4 @@
-"""A rig whose sensor tells lies in mid-press: the project's drivers, on emulated sensors, with liars in between.
+"""A rig whose sensor lies in mid-press: the project's drivers, on emulated sensors, with liars in between.
 
 The tip goes down at 1 mm/s; the lie begins at 0.3 mm depth, 2.0 mm are commanded.
 """
@@ -86,7 +86,7 @@ def text(bench: Bench, lie: Changed | None) -> Iterator[ForceTorqueSettings]:
         yield ForceTorqueSettings(f'text:{device.path}', text=TextLineSettings(units_per_count=(1e-5,)))
 
 
-def down(bench: Bench) -> Procedure[None]:
+def descent(bench: Bench) -> Procedure[None]:
     tare = yield from zero(CollectionSettings())
     bench.descending = True
     expect = rising(GEL, tare, CollectionSettings(), 0.0, 0.0)
@@ -98,7 +98,7 @@ def pressed(bench: Bench, settings: ForceTorqueSettings, silence_ms: float = SIL
     limits = LimitSettings(force_silence_ms=silence_ms)
 
     def nothing(_: object) -> None:
-        """Nobody is told."""
+        """Nobody is informed."""
 
     station = Station(
         CollectionSettings(limits=limits), CncSettings(safe_z_mm=-1.5), settings, WORLD, bench.clock,
@@ -111,7 +111,7 @@ def pressed(bench: Bench, settings: ForceTorqueSettings, silence_ms: float = SIL
         hands.safety.watch(bench.clock.now_ns(), camera=False)
         try:
             hands.run(approached())
-            hands.run(down(bench))
+            hands.run(descent(bench))
         except TrippedError as tripped:
             station.guard.stopped.wait(10.0)
             return tripped.trip, bench.depth_mm
@@ -140,17 +140,17 @@ def test_an_honest_sensor_lets_the_tip_go_all_the_way(bench: Bench) -> None:
     assert depth_mm == pytest.approx(COMMANDED_MM, abs=0.01)
 
 
-@pytest.mark.parametrize(('sensor', 'told'), [(net_ft, frozen), (bota, frozen), (text, frozen), (net_ft, zeros)])
-def test_a_sensor_that_repeats_one_value_stops_the_tip(bench: Bench, sensor: Liar, told: Callable) -> None:
+@pytest.mark.parametrize(('sensor', 'distort'), [(net_ft, frozen), (bota, frozen), (text, frozen), (net_ft, zeros)])
+def test_a_sensor_that_repeats_one_value_stops_the_tip(bench: Bench, sensor: Liar, distort: Callable) -> None:
     """20 samples at 200 to 500 Hz are 0.04 to 0.1 mm, and as much again for what a busy computer adds.
 
     Of zeros it may be seen first that the force does not rise as the gel's does.
     """
-    with sensor(bench, Lie(bench.begins, told)) as settings:
+    with sensor(bench, Lie(bench.begins, distort)) as settings:
         trip, depth_mm = pressed(bench, settings)
     assert trip is not None
     stalled = trip.kind == SENSOR and 'stalled' in trip.reason
-    assert stalled or (told is zeros and 'is the sensor correct' in trip.reason), trip
+    assert stalled or (distort is zeros and 'is the sensor correct' in trip.reason), trip
     assert depth_mm < 1.0
 
 
@@ -221,8 +221,8 @@ def test_one_axis_of_six_that_stands_still_stops_the_tip(bench: Bench) -> None:
     lie = Lie(bench.begins, lambda last: last)
 
     def only_z(values: Values) -> Values:
-        told = lie.of(values)
-        return (*values[:2], told[2], *values[3:])
+        distorted = lie.of(values)
+        return (*values[:2], distorted[2], *values[3:])
 
     with net_ft(bench, Changed(only_z)) as settings:
         trip, depth_mm = pressed(bench, settings)

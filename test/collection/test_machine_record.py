@@ -49,9 +49,9 @@ def test_the_next_process_asks_what_has_to_be_asked(
 @pytest.mark.parametrize('left', [1, 20, 40])
 def test_a_line_that_was_cut_off_says_that_it_was_about_to_move(file: Path, left: int) -> None:
     noted(file, BEGUN, ENDED, BEGUN)
-    whole = file.read_bytes()
-    last = whole.splitlines(keepends=True)[-1]
-    file.write_bytes(whole[: len(whole) - len(last) + left])
+    complete = file.read_bytes()
+    last = complete.splitlines(keepends=True)[-1]
+    file.write_bytes(complete[: len(complete) - len(last) + left])
     assert 'was cut off' in MachineRecord(file).question(unasked=False)
     noted(file, ENDED)  # on a line of its own
     assert MachineRecord(file).question(unasked=False) == ''
@@ -71,7 +71,7 @@ def test_a_record_that_cannot_be_kept_lets_nothing_move(tmp_path: Path) -> None:
         record.note(BEGUN, 10)
 
 
-def test_a_record_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+def test_a_record_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / 'one.jsonl')
     with pytest.raises(ConfigurationError, match=r'cannot read the record of the machine .*see where its tip is'):
         MachineRecord(tmp_path / 'one.jsonl')

@@ -225,8 +225,8 @@ def test_fault_of_the_machine_that_a_pause_of_this_process_made_is_looked_at_twi
 
 def test_whoever_sees_a_reason_finds_the_stop_begun() -> None:
     """Else a retract that does not wait for the stop is aborted by it, with the tip in the gel."""
-    begun, seen = threading.Event(), list[tuple[bool, bool]]()
-    reader = threading.Thread(target=lambda: seen.append((safety.trip is not None, begun.is_set())))
+    begun, observed = threading.Event(), list[tuple[bool, bool]]()
+    reader = threading.Thread(target=lambda: observed.append((safety.trip is not None, begun.is_set())))
 
     def stop(_: Trip) -> None:
         reader.start()
@@ -236,4 +236,4 @@ def test_whoever_sees_a_reason_finds_the_stop_begun() -> None:
     safety = Safety(LimitSettings(), stop)
     safety.fail(MACHINE, 'off its way', 0)
     reader.join()
-    assert seen == [(True, True)]
+    assert observed == [(True, True)]

@@ -22,12 +22,12 @@ PATIENCE_S = 15.0
 SAFE_Z_MM, LOW_Z_MM = -4.0, -6.0
 
 
-def test_a_sample_that_nobody_can_be_told_after_closing_ends_the_pump_quietly() -> None:
+def test_a_sample_that_nobody_can_receive_after_closing_ends_the_pump_quietly() -> None:
     """On a machine without time to spare closing does not wait for the last sample, whose publisher is closed then."""
-    told, closed = threading.Event(), threading.Event()
+    published, closed = threading.Event(), threading.Event()
 
     def tell(_: Sample) -> None:
-        told.set()
+        published.set()
         closed.wait(PATIENCE_S)
         raise BusError('the publisher of /force_torque is closed')
 
@@ -44,7 +44,7 @@ def test_a_sample_that_nobody_can_be_told_after_closing_ends_the_pump_quietly() 
         nothing,
         nothing,
     )
-    assert told.wait(PATIENCE_S)
+    assert published.wait(PATIENCE_S)
     station.close()
     closed.set()
     station._pump.join(PATIENCE_S)

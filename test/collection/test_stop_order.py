@@ -25,11 +25,11 @@ JOG_Z = re.compile(rb'\$J=G21 G90 G53 .* Z(-[0-9.]+) ')
 @pytest.fixture
 def sent(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, bytes]]:
     """What is sent to a Grbl, and when; it takes the place of the machine without a port."""
-    said: list[tuple[int, bytes]] = []
+    commands: list[tuple[int, bytes]] = []
 
     def traffic(way: str, stamp_ns: int, data: bytes) -> None:
         if way == '>':
-            said.append((stamp_ns, data))
+            commands.append((stamp_ns, data))
 
     def open_grbl(settings: CncSettings, clock: Clock, machine: World) -> Cnc:
         device = Grbl(machine, clock)
@@ -38,10 +38,10 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, bytes]]:
         return cnc
 
     monkeypatch.setattr(rehearsal, 'open_cnc', open_grbl)
-    return said
+    return commands
 
 
-def test_stop_is_the_first_thing_said_after_the_sample_above_the_limit(
+def test_stop_is_the_first_thing_sent_after_the_sample_above_the_limit(
     tmp_path: Path, sent: list[tuple[int, bytes]]
 ) -> None:
     run = Run(tmp_path, changed(limits={'force_n': LIMIT_N, 'attempts': 1, 'rejects_in_a_row': 20}))
@@ -55,7 +55,7 @@ def test_stop_is_the_first_thing_said_after_the_sample_above_the_limit(
 
     run.rig.safety._on_trip = note
     run.campaign.run()
-    deep = [record for record in run.told if record.point.depth_mm == 1.5]
+    deep = [record for record in run.published if record.point.depth_mm == 1.5]
     assert len(tripped_ns) == len(deep) == 6
     assert all(FORCE in record.reason for record in deep)
     for at_ns in tripped_ns:
@@ -74,7 +74,7 @@ def test_jog_that_was_sent_just_after_the_stop_is_stopped_at_once(tmp_path: Path
     speeds: list[float] = []
 
     def jog_late(dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
-        if len(run.told) == 1 and dz < 0 and run.rig.safety.trip is None:
+        if len(run.published) == 1 and dz < 0 and run.rig.safety.trip is None:
             run.rig.safety.fail(FORCE, 'a sample between check and jog', now_ns())
             run.rig.cnc.stop()
         jog(dx, dy, dz, feed=feed)
@@ -90,20 +90,21 @@ def test_jog_that_was_sent_just_after_the_stop_is_stopped_at_once(tmp_path: Path
     assert speeds[0] == 0.0
 
 
-def test_line_that_a_stop_sets_low_fell_within_what_is_told(tmp_path: Path, sent: list[tuple[int, bytes]]) -> None:
+def test_line_that_a_stop_sets_low_fell_within_what_is_reported(tmp_path: Path, sent: list[tuple[int, bytes]]) -> None:
     """At rest in a window a Grbl is stopped by a reset, which sets the line low long before the tip is up."""
     run = Run(tmp_path, changed(limits={'attempts': 1, 'rejects_in_a_row': 20}))
-    told: list[Switched] = []
+    reported: list[Switched] = []
 
     def tell(switched: Switched) -> None:
-        told.append(switched)
-        if switched.level and run.campaign.now is not None and len(run.told) == 2:
+        reported.append(switched)
+        if switched.level and run.campaign.now is not None and len(run.published) == 2:
             run.rig.safety.fail(FORCE, 'a knock', run.rig.clock.now_ns())
 
     run.rig.hands._on_switch = tell
     run.campaign.run()
     edges = run.world.line_edges()
-    assert [switched.level for switched in told] == [edge.level for edge in edges]
+    assert [switched.level for switched in reported] == [edge.level for edge in edges]
     assert all(
-        switched.earliest_ns <= edge.stamp_ns <= switched.latest_ns for switched, edge in zip(told, edges, strict=True)
+        switched.earliest_ns <= edge.stamp_ns <= switched.latest_ns
+        for switched, edge in zip(reported, edges, strict=True)
     )

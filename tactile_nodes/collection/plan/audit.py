@@ -48,9 +48,9 @@ def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]
 
 def await_recorded(journal: Journal, plan_id: str, folder: Path, clock: Clock) -> set[Attempt]:
     """The attempts of the plan in the bags, after a recorder had time to write the last ones."""
-    told = {(entry.press, entry.attempt) for entry in journal.unverified() if entry.step == RECORDED}
+    recorded = {(entry.press, entry.attempt) for entry in journal.unverified() if entry.step == RECORDED}
     held, deadline_ns = attempts_below(folder, plan_id), clock.now_ns() + round(SETTLE_S * NS_PER_S)
-    while not told <= held and clock.now_ns() < deadline_ns:
+    while not recorded <= held and clock.now_ns() < deadline_ns:
         clock.sleep_until(clock.now_ns() + NS_PER_S // 4)
         held = attempts_below(folder, plan_id)
     return held
@@ -65,14 +65,14 @@ def attempts_below(folder: Path, plan_id: str) -> set[Attempt]:
     """(press, attempt) of each press in the bags of a folder that was recorded with its images."""
     found = [presses_in(bag, plan_id) for bag in bags_below(folder)]
     suspects = set().union(*(suspect for _, suspect in found), set())
-    return set().union(*(whole for whole, _ in found), set()) - suspects
+    return set().union(*(complete for complete, _ in found), set()) - suspects
 
 
 def presses_in(bag: Path, plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
     """(press, attempt) of the presses in a bag that are complete, and of those that it marks as suspect."""
     try:
         with BagReader(bag) as reader:
-            return _whole(reader, topics_of(reader), plan_id)
+            return _complete_presses(reader, topics_of(reader), plan_id)
     except BagError:  # a recording that has just started, or was cut off at its start
         return set(), set()
 
@@ -82,7 +82,7 @@ def topics_of(reader: BagReader) -> list[str]:
     return [name for name in reader.metadata.topics if is_topic(name, PRESS) or is_topic(name, PRESS_IMAGE)]
 
 
-def _whole(reader: BagReader, topics: list[str], plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
+def _complete_presses(reader: BagReader, topics: list[str], plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
     """Images and messages have separate queues, so the last image of a press may be received after its message."""
     presses: list[types.Press] = []
     images: list[int] = []
@@ -93,7 +93,7 @@ def _whole(reader: BagReader, topics: list[str], plan_id: str) -> tuple[set[Atte
             presses.append(press)
     images.sort()
     suspects = {(press.press, press.attempt) for press in presses if press.status == types.Press.STATUS_SUSPECT}
-    return {(press.press, press.attempt) for press in presses if _is_whole(press, images)}, suspects
+    return {(press.press, press.attempt) for press in presses if _is_complete(press, images)}, suspects
 
 
 def decoded(reader: BagReader, found: BagMessage) -> types.Press | None:
@@ -105,7 +105,7 @@ def decoded(reader: BagReader, found: BagMessage) -> types.Press | None:
     return press
 
 
-def _is_whole(press: types.Press, images: Sequence[int]) -> bool:
+def _is_complete(press: types.Press, images: Sequence[int]) -> bool:
     start_ns, end_ns = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
     held = bisect.bisect_right(images, end_ns) - bisect.bisect_left(images, start_ns)
     return press.status == types.Press.STATUS_RECORDED and held >= press.frames

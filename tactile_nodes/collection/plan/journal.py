@@ -177,11 +177,11 @@ class Journal:
 
     def _read(self) -> None:
         data = self._content()
-        whole = data.rfind(b'\n') + 1
-        if whole < len(data):
-            self.repaired = f'removed an incomplete line of {len(data) - whole} bytes at the end of {self.path}'
-            os.ftruncate(self._file, whole)
-        lines = data[:whole].splitlines()
+        complete_size = data.rfind(b'\n') + 1
+        if complete_size < len(data):
+            self.repaired = f'removed an incomplete line of {len(data) - complete_size} bytes at the end of {self.path}'
+            os.ftruncate(self._file, complete_size)
+        lines = data[:complete_size].splitlines()
         if not lines:
             self._write({'plan': self._plan.plan_id, 'presses': len(self._plan.points), 'version': VERSION})
             return

@@ -45,13 +45,13 @@ def _walk(places: npt.NDArray[np.float64], counts: Sequence[int], rest_mm: float
     free_from = np.zeros(len(places), np.int64)  # the step from which a place has recovered
     walk = [0]
     for step in range(1, sum(counts) + 1):
-        here = walk[-1]
-        away = np.sqrt(((places - places[here]) ** 2).sum(axis=1))
-        left[here] -= 1
-        visits[here] += 1
-        free_from[away < rest_mm] = step + rest_presses
+        current = walk[-1]
+        distances_mm = np.sqrt(((places - places[current]) ** 2).sum(axis=1))
+        left[current] -= 1
+        visits[current] += 1
+        free_from[distances_mm < rest_mm] = step + rest_presses
         if step < sum(counts):
-            walk.append(_next(away + AHEAD * rest_mm * visits, left, free_from, step))
+            walk.append(_next(distances_mm + AHEAD * rest_mm * visits, left, free_from, step))
     return walk
 
 

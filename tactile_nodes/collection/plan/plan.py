@@ -204,11 +204,11 @@ def _spread(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
     low, high, reach = min(settings.depths_mm), max(settings.depths_mm), settings.reach_mm
     places = [(reach * chance.uniform(-1, 1), reach * chance.uniform(-1, 1)) for _ in range(CANDIDATES)]
     place = min(places, key=lambda each: math.hypot(*each))
-    away = [math.inf] * len(places)
+    distances_mm = [math.inf] * len(places)
     for _ in range(settings.count):
         yield *place, chance.uniform(low, high)
-        away = [min(far, math.dist(place, each)) for far, each in zip(away, places, strict=True)]
-        place = places[max(range(len(places)), key=away.__getitem__)]
+        distances_mm = [min(far, math.dist(place, each)) for far, each in zip(distances_mm, places, strict=True)]
+        place = places[max(range(len(places)), key=distances_mm.__getitem__)]
 
 
 def _triple(row: Mapping[str, str], number: int, file: Path) -> Triple:

@@ -68,19 +68,19 @@ class Progress:
         if not self.rejected:
             return text
         reasons = Counter(entry.reason.split(':')[0] for entry in journal.rejected[-self.rejected :])
-        told = '; '.join(f'{count} x {reason}' for reason, count in reasons.most_common(3))
-        return f'{text}; {self.rejected} attempts rejected ({told})'
+        most_common = '; '.join(f'{count} x {reason}' for reason, count in reasons.most_common(3))
+        return f'{text}; {self.rejected} attempts rejected ({most_common})'
 
 
 def _listed(presses: Sequence[int]) -> str:
     """'press 3, 17, 20 and 4 more'"""
-    told, more = presses[:NAMED], len(presses) - NAMED
-    return f'press {", ".join(map(str, told))}' + (f' and {more} more' if more > 0 else '')
+    named, more = presses[:NAMED], len(presses) - NAMED
+    return f'press {", ".join(map(str, named))}' + (f' and {more} more' if more > 0 else '')
 
 
 def duration(seconds: float) -> str:
     """3725 is '1 h 2 min', 125 is '2 min 5 s'."""
-    whole = round(seconds)
-    if whole >= 3600:
-        return f'{whole // 3600} h {whole % 3600 // 60} min'
-    return f'{whole // 60} min {whole % 60} s' if whole >= 60 else f'{whole} s'
+    total_s = round(seconds)
+    if total_s >= 3600:
+        return f'{total_s // 3600} h {total_s % 3600 // 60} min'
+    return f'{total_s // 60} min {total_s % 60} s' if total_s >= 60 else f'{total_s} s'

@@ -91,7 +91,7 @@ def press_cycle(record: Record, ground: Ground, settings: CollectionSettings) ->
     yield Go(*place, feed_mm_min=settings.motion.travel_mm_min)
     try:
         yield from _tare(record, ground, settings)
-        yield from _down(record, ground, settings)
+        yield from _descend(record, ground, settings)
         yield from _settle(record, ground, settings)
         yield from _window(record, ground, settings)
     except RejectedError as rejected:
@@ -102,30 +102,30 @@ def press_cycle(record: Record, ground: Ground, settings: CollectionSettings) ->
 
 
 def _tare(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
-    seen = yield Look(settings.press.tare_s)
-    untouched_ns = seen.since_ns
-    if len(seen.samples) < 2:
+    observation = yield Look(settings.press.tare_s)
+    untouched_ns = observation.since_ns
+    if len(observation.samples) < 2:
         raise RejectedError('too few force samples for a tare')
-    if not all(sample.usable for sample in seen.samples):
+    if not all(sample.usable for sample in observation.samples):
         raise RejectedError('the force/torque sensor reported a fault during the tare')
-    tare = record.tare = tare_of(seen.samples)
+    tare = record.tare = tare_of(observation.samples)
     yield SetTare(tare)
     drift = length(np.subtract(tare.wrench[:3], ground.zero.wrench[:3]))
     if drift > settings.press.drift_n:
         raise RejectedError(f'the force without contact has changed by {drift:.2f} N since the start; is the tip free?')
-    half = len(seen.samples) // 2
-    first, last = tare_of(seen.samples[:half]), tare_of(seen.samples[half:])
+    half = len(observation.samples) // 2
+    first, last = tare_of(observation.samples[:half]), tare_of(observation.samples[half:])
     wander = length(np.subtract(last.wrench[:3], first.wrench[:3]))
     if wander > settings.press.unloaded_n + 2 * mean_noise(ground.zero, half):
         raise RejectedError(f'the force without contact changed by {wander:.2f} N during the tare')
-    while len(seen.frames) < settings.press.rest_frames:
-        if seen.now_ns - untouched_ns > settings.press.settle_s * NS_PER_S:
+    while len(observation.frames) < settings.press.rest_frames:
+        if observation.now_ns - untouched_ns > settings.press.settle_s * NS_PER_S:
             raise RejectedError('no image of the untouched gel')
-        seen = yield Look(LOOK_S, untouched_ns)
-    record.rest = list(seen.frames[-settings.press.rest_frames :]) if settings.press.rest_frames else []
+        observation = yield Look(LOOK_S, untouched_ns)
+    record.rest = list(observation.frames[-settings.press.rest_frames :]) if settings.press.rest_frames else []
 
 
-def _down(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
+def _descend(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
     point, motion = record.point, settings.motion
     if point.depth_mm > settings.limits.depth_mm:
         raise RejectedError(f'{point.depth_mm:g} mm is deeper than the limit of {settings.limits.depth_mm:g} mm')
@@ -138,14 +138,14 @@ def _down(record: Record, ground: Ground, settings: CollectionSettings) -> Proce
 
 def _settle(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
     assert record.tare is not None
-    seen = yield Look(LOOK_S)
-    settling = Settling(settings, record.tare, ground.image_noise, seen.since_ns)
-    deadline_ns = seen.now_ns + round(settings.press.settle_s * NS_PER_S)
-    while not settling.is_steady(seen.now_ns, seen.samples, seen.frames):
-        if seen.now_ns > deadline_ns:
+    observation = yield Look(LOOK_S)
+    settling = Settling(settings, record.tare, ground.image_noise, observation.since_ns)
+    deadline_ns = observation.now_ns + round(settings.press.settle_s * NS_PER_S)
+    while not settling.is_steady(observation.now_ns, observation.samples, observation.frames):
+        if observation.now_ns > deadline_ns:
             raise RejectedError(f'not steady within {settings.press.settle_s:g} s: {settling.unsteady}')
-        seen = yield Look(LOOK_S, settling.start_ns(seen.now_ns))
-    record.depth_reported_mm = ground.surface.depth_mm(record.point.x_mm, record.point.y_mm, seen.place_mm[2])
+        observation = yield Look(LOOK_S, settling.start_ns(observation.now_ns))
+    record.depth_reported_mm = ground.surface.depth_mm(record.point.x_mm, record.point.y_mm, observation.place_mm[2])
 
 
 def _window(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
@@ -168,13 +168,14 @@ def _gathered(start_ns: int, settings: CollectionSettings) -> Procedure[tuple[li
     press = settings.press
     patience_ns = (WINDOW_PATIENCE_S + press.window_s + press.frames / SLOWEST_FPS) * NS_PER_S
     while True:
-        seen = yield Look(LOOK_S, start_ns)
-        lasted = seen.samples[-1].stamp_ns - start_ns if len(seen.samples) > 1 else 0
-        if lasted >= press.window_s * NS_PER_S and len(seen.frames) >= press.frames:
-            return list(seen.samples), list(seen.frames[: press.frames])
-        if seen.now_ns - start_ns > patience_ns:
+        observation = yield Look(LOOK_S, start_ns)
+        lasted = observation.samples[-1].stamp_ns - start_ns if len(observation.samples) > 1 else 0
+        if lasted >= press.window_s * NS_PER_S and len(observation.frames) >= press.frames:
+            return list(observation.samples), list(observation.frames[: press.frames])
+        if observation.now_ns - start_ns > patience_ns:
             raise RejectedError(
-                f'{len(seen.frames)} images and {len(seen.samples)} force samples are too few for the window'
+                f'{len(observation.frames)} images and {len(observation.samples)} force samples are too few '
+                'for the window'
             )
 
 

@@ -238,12 +238,12 @@ class Grasp:
             if math.isfinite(felt.margin):
                 self._margin = felt.margin
                 found.least_margin = min(found.least_margin, felt.margin)
-                self._target_n = self._as_hard_as_asked(felt)
+                self._target_n = self._needed_target_n(felt)
 
-    def _as_hard_as_asked(self, felt: FeltByHand) -> float:
+    def _needed_target_n(self, felt: FeltByHand) -> float:
         """The force that gives the wanted margin, never less than before and at most the limit."""
-        asked_n = felt.least_n * (1.0 - felt.margin) / (1.0 - self._settings.margin)
-        return max(self._target_n, min(asked_n, self._most_n))
+        needed_n = felt.least_n * (1.0 - felt.margin) / (1.0 - self._settings.margin)
+        return max(self._target_n, min(needed_n, self._most_n))
 
     def _closing_mm(self, felt: FeltByHand) -> float:
         s = self._settings

@@ -39,13 +39,13 @@ def zero(settings: CollectionSettings) -> Procedure[Tare]:
     Raises:
         DeviceFaultError: there are no valid samples.
     """
-    seen = yield Look(settings.press.tare_s)
-    start_ns = seen.since_ns
-    while len(seen.samples) < 2 and seen.now_ns - start_ns < ZERO_PATIENCE_S * NS_PER_S:
-        seen = yield Look(settings.press.tare_s, seen.now_ns)
-    if len(seen.samples) < 2 or not all(sample.usable for sample in seen.samples):
+    observation = yield Look(settings.press.tare_s)
+    start_ns = observation.since_ns
+    while len(observation.samples) < 2 and observation.now_ns - start_ns < ZERO_PATIENCE_S * NS_PER_S:
+        observation = yield Look(settings.press.tare_s, observation.now_ns)
+    if len(observation.samples) < 2 or not all(sample.usable for sample in observation.samples):
         raise DeviceFaultError('no valid force samples from the unloaded sensor; check it, then start again')
-    tare = tare_of(seen.samples)
+    tare = tare_of(observation.samples)
     yield SetTare(tare)
     return tare
 
@@ -57,14 +57,16 @@ def rest_frames(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Seq
         DeviceTimeoutError: there are too few.
     """
     yield Go(z=safe_z_mm, feed_mm_min=settings.motion.travel_mm_min)
-    seen = yield Look(settings.press.steady_s)  # vibration of the last motion decays
-    start_ns = seen.now_ns
+    observation = yield Look(settings.press.steady_s)  # vibration of the last motion decays
+    start_ns = observation.now_ns
     while True:
-        seen = yield Look(LOOK_S, start_ns)
-        if len(seen.frames) >= settings.reference_frames:
-            return seen.frames[: settings.reference_frames]
-        if seen.now_ns - start_ns > REST_PATIENCE_S * NS_PER_S:
-            raise DeviceTimeoutError(f'only {len(seen.frames)} images in {REST_PATIENCE_S:g} s; check the camera')
+        observation = yield Look(LOOK_S, start_ns)
+        if len(observation.frames) >= settings.reference_frames:
+            return observation.frames[: settings.reference_frames]
+        if observation.now_ns - start_ns > REST_PATIENCE_S * NS_PER_S:
+            raise DeviceTimeoutError(
+                f'only {len(observation.frames)} images in {REST_PATIENCE_S:g} s; check the camera'
+            )
 
 
 def image_noise(frames: Sequence[Frame]) -> float:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_nodes.collection.actions import Go, Look, Procedure, Seen
+from tactile_nodes.collection.actions import Go, Look, Observation, Procedure
 from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import Tare, pressing_n, wrenches
@@ -134,8 +134,8 @@ def feel_corner(
     Raises:
         DeviceFaultError: no surface between top and bottom, or contradictory measurements.
     """
-    known = _elsewhere(felt, at, settings.surface.tilt)
-    yield from _search_again(settings, safe_z_mm, at, known, found)
+    felt_elsewhere = _elsewhere(felt, at, settings.surface.tilt)
+    yield from _search_again(settings, safe_z_mm, at, felt_elsewhere, found)
     heights = [line.touch_mm for line in found[1:]]
     low, high = min(heights), max(heights)
     if high - low > settings.surface.spread_mm:
@@ -204,7 +204,7 @@ def _search_again(
     settings: CollectionSettings,
     safe_z_mm: float,
     at: tuple[float, float],
-    known: Loading | None,
+    felt_elsewhere: Loading | None,
     found: list[Loading],
 ) -> Procedure[None]:
     """From the safe height and back: once with coarse steps, `repeats` times with fine ones."""
@@ -215,7 +215,7 @@ def _search_again(
     tare = yield from zero(settings)
     yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
     if not found:
-        found.append((yield from _search(settings, tare, surface.top_mm, surface.step_mm, known)))
+        found.append((yield from _search(settings, tare, surface.top_mm, surface.step_mm, felt_elsewhere)))
     while len(found) <= surface.repeats:
         start = min(surface.top_mm, found[0].touch_mm + BACK_OFF_STEPS * surface.fine_step_mm)
         yield Go(z=start, feed_mm_min=motion.press_mm_min)
@@ -224,11 +224,11 @@ def _search_again(
 
 
 def _search(
-    settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float, known: Loading | None = None
+    settings: CollectionSettings, tare: Tare, start_mm: float, step_mm: float, felt_elsewhere: Loading | None = None
 ) -> Procedure[Loading]:
     """From `start_mm` down to contact and some steps further; returns the loading line.
 
-    If the loading line there is already `known`, a force that stays too small ends the search.
+    If the loading line there is already `felt_elsewhere`, a force that stays too small ends the search.
     """
     surface = settings.surface
     loading: list[tuple[float, float]] = []
@@ -237,15 +237,15 @@ def _search(
         if z < surface.bottom_mm:
             break
         yield Go(z=z, feed_mm_min=surface.feed_mm_min)
-        seen = yield from _felt(surface.dwell_s)
-        force = float(pressing_n(wrenches(seen.samples), tare, settings.mounting).mean())
+        observation = yield from _felt(surface.dwell_s)
+        force = float(pressing_n(wrenches(observation.samples), tare, settings.mounting).mean())
         if math.isnan(force):
             raise DeviceFaultError('the sensor measures no force along z, so it cannot find the surface; set its axes')
-        noise = tare.noise_n / math.sqrt(len(seen.samples))
-        if known is not None:
-            _require_rise(known, settings, z, force + 5 * noise)
+        noise = tare.noise_n / math.sqrt(len(observation.samples))
+        if felt_elsewhere is not None:
+            _require_rise(felt_elsewhere, settings, z, force + 5 * noise)
         if loading or force > 5 * noise + surface.least_n:
-            loading.append((seen.place_mm[2], force))
+            loading.append((observation.place_mm[2], force))
         if len(loading) > surface.beyond:
             return loading_line(loading, FLAT if 'flat' in settings.press.indenter.lower() else HERTZ)
     raise DeviceFaultError(
@@ -254,9 +254,9 @@ def _search(
     )
 
 
-def _require_rise(known: Loading, settings: CollectionSettings, z_mm: float, most_n: float) -> None:
+def _require_rise(felt_elsewhere: Loading, settings: CollectionSettings, z_mm: float, most_n: float) -> None:
     """Raise DeviceFaultError if the force is less than `least_share` of the earlier force at this place."""
-    gave_n = known.force_n(known.touch_mm - settings.surface.flat_mm - z_mm)
+    gave_n = felt_elsewhere.force_n(felt_elsewhere.touch_mm - settings.surface.flat_mm - z_mm)
     if most_n + settings.surface.least_n < settings.limits.least_share * gave_n:
         raise DeviceFaultError(
             f'the force is at most {most_n:.2f} N at z {z_mm:.2f} mm, but the gel gave {gave_n:.2f} N just before: '
@@ -264,13 +264,13 @@ def _require_rise(known: Loading, settings: CollectionSettings, z_mm: float, mos
         )
 
 
-def _felt(dwell_s: float) -> Procedure[Seen]:
+def _felt(dwell_s: float) -> Procedure[Observation]:
     """Wait for some samples; the safety decides how long a sensor may be silent."""
-    seen = yield Look(dwell_s)
-    start_ns = seen.since_ns
-    while len(seen.samples) < FEWEST:
-        seen = yield Look(dwell_s, start_ns)
-    return seen
+    observation = yield Look(dwell_s)
+    start_ns = observation.since_ns
+    while len(observation.samples) < FEWEST:
+        observation = yield Look(dwell_s, start_ns)
+    return observation
 
 
 def loading_line(loading: Sequence[tuple[float, float]], power: float = HERTZ) -> Loading:

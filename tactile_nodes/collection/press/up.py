@@ -18,16 +18,16 @@ def check_free(tare: Tare, settings: CollectionSettings) -> Procedure[None]:
     Raises:
         DeviceFaultError: there is contact, or it is unknown.
     """
-    seen = yield Look(UNLOADED_S)
-    start_ns = seen.since_ns  # the safety decides how long a sensor may pause, and ends this
+    observation = yield Look(UNLOADED_S)
+    start_ns = observation.since_ns  # the safety decides how long a sensor may pause, and ends this
     for _ in range(FREE_LOOKS):
-        if seen.samples:
+        if observation.samples:
             break
-        seen = yield Look(UNLOADED_S, start_ns)
-    if not seen.samples:
+        observation = yield Look(UNLOADED_S, start_ns)
+    if not observation.samples:
         raise DeviceFaultError('no force samples above the gel, so it is unknown whether the tip is free')
-    force = mean_change(seen.samples, tare)
-    if not force <= settings.press.unloaded_n + mean_noise(tare, len(seen.samples)):
+    force = mean_change(observation.samples, tare)
+    if not force <= settings.press.unloaded_n + mean_noise(tare, len(observation.samples)):
         raise DeviceFaultError(
             f'{force:.2f} N remain after the tip went up to the safe height; does z move, does the gel stick?'
         )

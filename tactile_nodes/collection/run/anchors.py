@@ -44,7 +44,7 @@ class Shift(NamedTuple):
         """The largest component."""
         return max(map(abs, self))
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """'x +0.52, y -0.01, z +0.02 mm'"""
         return f'x {self.x_mm:+.2f}, y {self.y_mm:+.2f}, z {self.z_mm:+.2f} mm'
 
@@ -70,13 +70,13 @@ class Anchors:
             DeviceFaultError: the image does not follow an axis, or the same place gives another image.
         """
         step = self._settings.step_mm
-        first = self._first = self._made(0.0, 0.0)
-        moved = [shift_px(_imprint(first), _imprint(self._made(*way))) for way in ((step, 0.0), (0.0, step))]
+        first = self._first = self._press_anchor(0.0, 0.0)
+        moved = [shift_px(_imprint(first), _imprint(self._press_anchor(*way))) for way in ((step, 0.0), (0.0, step))]
         self._mm_from_px = np.linalg.inv(follows(np.array(moved).T / step, step, min(first.frames[0].image.shape)))
         shift = self.look()
         if self.is_beside(shift):
             raise DeviceFaultError(
-                f'two presses at the same place were {shift.told()} apart; does an axis stick or lose steps, '
+                f'two presses at the same place were {shift.describe()} apart; does an axis stick or lose steps, '
                 'is the tip loose, does the gel slip?'
             )
         return shift
@@ -84,7 +84,7 @@ class Anchors:
     def look(self) -> Shift:
         """Press the anchor; returns its displacement from the first."""
         assert self._first is not None
-        return self.between(self._first, self._made(0.0, 0.0))
+        return self.between(self._first, self._press_anchor(0.0, 0.0))
 
     def between(self, earlier: Record, later: Record) -> Shift:
         """Displacement of a press from an earlier one with the same place and depth."""
@@ -99,7 +99,7 @@ class Anchors:
         """Whether a displacement is too large, or not a number."""
         return not shift.farthest_mm <= self._settings.shift_mm
 
-    def _made(self, x_mm: float, y_mm: float) -> Record:
+    def _press_anchor(self, x_mm: float, y_mm: float) -> Record:
         s = self._settings
         return self._press(Point(NO_PRESS, s.x_mm + x_mm, s.y_mm + y_mm, s.depth_mm))
 

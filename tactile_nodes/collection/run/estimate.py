@@ -51,7 +51,7 @@ class Estimate:
     travel_mm: float
     least_rest: int
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """Two lines of text."""
         return (
             f'{self.presses} presses, {self.travel_mm / 1000:.1f} m over the gel; neighbouring presses are at least '

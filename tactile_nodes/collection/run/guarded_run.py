@@ -197,8 +197,8 @@ def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Fee
     Raises:
         DeviceError: the loop gives up (`Guarded.step_mm`).
     """
-    seen = yield Look(LOOK_S)
-    guarded = Guarded(settings.guard, seen.now_ns)
+    observation = yield Look(LOOK_S)
+    guarded = Guarded(settings.guard, observation.now_ns)
     measured: list[tuple[int, float]] = []
 
     def measure() -> None:
@@ -212,16 +212,16 @@ def guarded_approach(settings: GuardedRunSettings, readings: Readings, feel: Fee
     yield from felt_for(guarded, settings.surface.top_mm, settings.motion.press_mm_min, feel, measure)
     yield Look(LATE_S)
     measure()
-    return outcome(guarded, seen.now_ns, measured)
+    return outcome(guarded, observation.now_ns, measured)
 
 
 def first_force(wait_s: float, feel: Feel) -> Procedure[Felt]:
     """Wait for a valid force."""
-    seen = yield Look(LOOK_S)
-    end_ns = seen.now_ns + round(wait_s * NS_PER_S)
+    observation = yield Look(LOOK_S)
+    end_ns = observation.now_ns + round(wait_s * NS_PER_S)
     while (felt := feel()) is None or felt.status != OK:
-        seen = yield Look(10 * LOOK_S)
-        if seen.now_ns > end_ns:
+        observation = yield Look(10 * LOOK_S)
+        if observation.now_ns > end_ns:
             raise DeviceTimeoutError(f'no valid force within {wait_s:g} s; is the sensor running?')
     return felt
 
@@ -232,13 +232,13 @@ def felt_for(
     """Step by step down from a height until the hold is over; `measure` is called at each look."""
     z_mm = top_mm
     while not guarded.done:
-        seen = yield Look(LOOK_S)
+        observation = yield Look(LOOK_S)
         measure()
-        step_mm = guarded.step_mm(seen.now_ns, feel())
+        step_mm = guarded.step_mm(observation.now_ns, feel())
         if step_mm:
             z_mm -= step_mm
-            seen = yield Go(z=z_mm, feed_mm_min=feed_mm_min)
-            guarded.rested(seen.now_ns)
+            observation = yield Go(z=z_mm, feed_mm_min=feed_mm_min)
+            guarded.rested(observation.now_ns)
 
 
 def outcome(guarded: Guarded, start_ns: int, measured: Sequence[tuple[int, float]]) -> Outcome:

@@ -61,5 +61,5 @@ class Person:
 
     def answer(self) -> bool:
         """Answer the question; false: there was none."""
-        asked, self._why = bool(self._why), ''
-        return asked
+        was_open, self._why = bool(self._why), ''
+        return was_open

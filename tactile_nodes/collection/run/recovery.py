@@ -47,9 +47,9 @@ class Recovery:
         self._shaken = shaken
         self.tare: Tare | None = None
 
-    def begin(self, what: str) -> None:
+    def begin(self, run_name: str) -> None:
         """Note that the machine moves from now on, for a run of this name."""
-        self._note(BEGUN, what)
+        self._note(BEGUN, run_name)
 
     def end(self) -> str:
         """Go up at the end of the run; empty, or why the tip is not up, which is also reported.

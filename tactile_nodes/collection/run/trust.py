@@ -69,7 +69,7 @@ class Trust:
             return
         self._outlet.say('pressing the anchor')
         shift = self._anchors.begin()
-        self._outlet.say(f'two presses of the anchor are {shift.told()} apart')
+        self._outlet.say(f'two presses of the anchor are {shift.describe()} apart')
         if self._journal.unconfirmed():
             self._look_back()
 
@@ -95,7 +95,7 @@ class Trust:
         if not self._anchors.is_beside(shift):
             self._confirm(shift)
             return
-        reason = f'the anchor is displaced by {shift.told()} from the first one'
+        reason = f'the anchor is displaced by {shift.describe()} from the first one'
         count = self._doubt(self._journal.unconfirmed(), reason)
         raise DeviceFaultError(
             f'the tip is not where the machine reports: {reason}; the {count} presses since the last good anchor are '
@@ -114,7 +114,8 @@ class Trust:
         shift = self._anchors.between(earlier, self._anchors.again(points[telling[-1].press]))
         if self._anchors.is_beside(shift):
             self._doubt(
-                unconfirmed, f'before the run was cut off, press {telling[-1].press} was displaced by {shift.told()}'
+                unconfirmed,
+                f'before the run was cut off, press {telling[-1].press} was displaced by {shift.describe()}',
             )
             return
         late = unconfirmed[unconfirmed.index(telling[-1]) + 1 :]
@@ -123,7 +124,7 @@ class Trust:
         self._confirm(shift)
 
     def _confirm(self, shift: Shift) -> None:
-        self._journal.note_run(ANCHORED, self._clock.now_ns(), shift.told())
+        self._journal.note_run(ANCHORED, self._clock.now_ns(), shift.describe())
 
     def _doubt(self, entries: Sequence[Entry], reason: str) -> int:
         """Mark these as suspect; returns how many they are."""

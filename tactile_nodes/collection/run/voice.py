@@ -147,8 +147,8 @@ class Voice:
         """Publish the state of the machine, and the current press."""
         press = BETWEEN if now is None else now.press
         words, frame = status.state.value, self._names.machine_frame
-        told = telling.state_message(status, press, surface, self._gel_mm, words, frame)
-        self._publishers[RIG_STATE].publish(told)
+        message = telling.state_message(status, press, surface, self._gel_mm, words, frame)
+        self._publishers[RIG_STATE].publish(message)
         self._tell_traffic()
 
     def switched(self, switched: Switched) -> None:
@@ -169,8 +169,8 @@ class Voice:
     def suspect(self, entry: Entry, reason: str) -> None:
         """Publish that an attempt no longer counts."""
         names, now_ns = self._names, self._clock.now_ns()
-        told = telling.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
-        self._publishers[PRESS].publish(told)
+        message = telling.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
+        self._publishers[PRESS].publish(message)
 
     def rest_image(self, image: Picture, at_ns: int) -> None:
         """Publish a new rest image."""
@@ -178,8 +178,8 @@ class Voice:
 
     def _count(self, samples: Sequence[Sample]) -> None:
         if samples:
-            told = counts_message(samples, self._names.sensor_frame, self._names.source)
-            self._publishers[FORCE_TORQUE_COUNTS].publish(told)
+            message = counts_message(samples, self._names.sensor_frame, self._names.source)
+            self._publishers[FORCE_TORQUE_COUNTS].publish(message)
 
     def _tell_traffic(self) -> None:
         """Publish the stored bytes once there is a subscriber, also those of opening the machine."""

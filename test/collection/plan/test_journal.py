@@ -69,15 +69,15 @@ def test_journal_that_was_cut_at_any_byte_of_its_last_line_reads_as_without_it(f
     with Journal(file, PLAN) as journal:
         journal.note(1, 1, STARTED, 10)
         journal.note(1, 1, RECORDED, 20)
-    whole = file.read_bytes()
-    start = whole.rfind(b'\n', 0, -1) + 1
-    for cut in range(start + 1, len(whole)):
-        file.write_bytes(whole[:cut])
+    complete = file.read_bytes()
+    start = complete.rfind(b'\n', 0, -1) + 1
+    for cut in range(start + 1, len(complete)):
+        file.write_bytes(complete[:cut])
         with Journal(file, PLAN) as journal:
             assert journal.repaired
             assert numbers(journal) == [1, 2, 3, 4, 5]
             assert journal.next_attempt(1) == 2
-        assert file.read_bytes() == whole[:start]
+        assert file.read_bytes() == complete[:start]
 
 
 def test_damage_before_the_end_is_refused_with_its_line(file: Path) -> None:
@@ -94,7 +94,7 @@ def test_journal_of_another_plan_is_refused(file: Path) -> None:
         Journal(file, numbered([(0.0, 0.0, 1.0)]))
 
 
-def test_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / 'taken').write_text('')
     with pytest.raises(ConfigurationError, match=r'cannot open the journal .*taken.deeper.j\.jsonl'):
         Journal(tmp_path / 'taken' / 'deeper' / 'j.jsonl', PLAN)

@@ -43,7 +43,7 @@ def test_plan_is_found_by_its_name_and_by_its_file(tmp_path: Path) -> None:
     assert plan_path(str(own)) == own
 
 
-def test_plan_that_is_nowhere_is_told_with_those_that_ship() -> None:
+def test_plan_that_is_nowhere_is_reported_with_those_that_ship() -> None:
     with pytest.raises(ConfigurationError, match=r'no plan papr; available: .*paper, .*or give a YAML file'):
         plan_path('papr')
 

@@ -1,4 +1,4 @@
-"""The loop of the guarded approach, fed by hand, and against a spring whose force is told late."""
+"""The loop of the guarded approach, fed by hand, and against a spring whose force is reported late."""
 
 from __future__ import annotations
 
@@ -106,18 +106,18 @@ def test_settings_that_could_not_hold_are_refused(wrong: dict[str, float]) -> No
 
 @pytest.mark.parametrize('delay_frames', [1, 2])
 @pytest.mark.parametrize('stiffness_n_mm', [0.2, 1.0])
-def test_a_spring_is_held_without_overshoot_however_late_its_force_is_told(
+def test_a_spring_is_held_without_overshoot_however_late_its_force_is_reported(
     stiffness_n_mm: float, delay_frames: int
 ) -> None:
-    """A frame every 33 ms, told one or two frames later, of a spring that is met after 0.3 mm."""
+    """A frame every 33 ms, reported one or two frames later, of a spring that is met after 0.3 mm."""
     tested, depth_mm, now_ns = guarded(), -0.3, 0
-    told = deque([Felt(0, 0.0)] * delay_frames)
+    reported = deque([Felt(0, 0.0)] * delay_frames)
     forces = []
     while not tested.done:
         now_ns += 33 * MS
         forces.append(max(0.0, depth_mm) * stiffness_n_mm)
-        told.append(Felt(now_ns, forces[-1]))
-        step_mm = tested.step_mm(now_ns, told.popleft())
+        reported.append(Felt(now_ns, forces[-1]))
+        step_mm = tested.step_mm(now_ns, reported.popleft())
         if step_mm:
             depth_mm += step_mm
             tested.rested(now_ns + 20 * MS)

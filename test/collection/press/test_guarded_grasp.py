@@ -45,10 +45,10 @@ class Loop:
         self.forces_n: list[float] = []
         self.pull_n = gripper.pull_n
         self._finger = finger
-        self._seen: deque[FeltByHand] = deque()
+        self._estimates: deque[FeltByHand] = deque()
         self._ticks = 0
         self._resolution_mm = resolution_mm
-        self._told = Opening(0, gripper.open_mm)
+        self._reported = Opening(0, gripper.open_mm)
         self.commands_mm: list[float] = []
         self.mute = False
         self.flicker_mm: Iterator[float] = repeat(0.0)
@@ -67,12 +67,12 @@ class Loop:
             if self._ticks % FRAME_TICKS == 0:
                 shear_n = self._finger.stiffness_n_mm(hold.depth_mm[0]) * hold.drag_mm
                 margin, _ = grasp_margin(hold.normal_n, 0.01, shear_n, 0.01, ASSUMED_FRICTION)
-                self._seen.append(FeltByHand(now_ns, hold.normal_n, hold.normal_n, margin))
-            while self._seen and self._seen[0].stamp_ns <= now_ns - LATE_TICKS * TICK_NS:
-                felt = self._seen.popleft()
+                self._estimates.append(FeltByHand(now_ns, hold.normal_n, hold.normal_n, margin))
+            while self._estimates and self._estimates[0].stamp_ns <= now_ns - LATE_TICKS * TICK_NS:
+                felt = self._estimates.popleft()
             if not self.mute:
-                self._told = Opening(now_ns, self._rounded(self.gripper.opening_mm) + next(self.flicker_mm))
-            command_mm = self.grasp.command_mm(now_ns, self._told, felt) if felt else None
+                self._reported = Opening(now_ns, self._rounded(self.gripper.opening_mm) + next(self.flicker_mm))
+            command_mm = self.grasp.command_mm(now_ns, self._reported, felt) if felt else None
             if command_mm is not None:
                 self.commands_mm.append(command_mm)
                 self.gripper.command(self._rounded(command_mm))
@@ -110,7 +110,7 @@ def test_without_the_guard_the_same_pull_takes_the_object_away(finger: Finger) -
     assert loop.gripper.lost
 
 
-def test_pull_beyond_what_is_allowed_is_held_as_hard_as_allowed_and_told(finger: Finger) -> None:
+def test_pull_beyond_what_is_allowed_is_held_as_hard_as_allowed_and_reported(finger: Finger) -> None:
     loop = Loop(finger, GripperSettings(object_mm=30.0, friction=0.9, pull_n=1.2, pull_after_s=1.0))
     loop.run(40.0)
     assert loop.grasp.strained
@@ -139,7 +139,7 @@ def test_gripper_that_moves_in_coarse_steps_holds_and_answers_a_pull(finger: Fin
     assert max(loop.forces_n) < SETTINGS.limit_n
 
 
-def test_gripper_that_does_not_follow_is_said_to_and_not_commanded_ever_further(finger: Finger) -> None:
+def test_gripper_that_does_not_follow_is_reported_and_not_commanded_ever_further(finger: Finger) -> None:
     loop = Loop(finger, GripperSettings(object_mm=30.0))
     loop.gripper.command = lambda _: None  # type: ignore[method-assign]
     with pytest.raises(DeviceFaultError, match=r'does not come to rest near 48\.8 mm: it reports 50\.00 mm'):

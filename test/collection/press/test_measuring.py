@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tactile_nodes.collection.actions import Look, Seen, SetTare, Switch
+from tactile_nodes.collection.actions import Look, Observation, SetTare, Switch
 from tactile_nodes.collection.plan.plan import Point
 from tactile_nodes.collection.press.cycle import Ground, Record, RejectedError, _window
 from tactile_nodes.collection.press.rest import zero
@@ -125,10 +125,10 @@ def test_tip_is_as_deep_along_the_normal_as_asked() -> None:
 def test_zero_is_taken_once_a_sensor_that_paused_sends_again() -> None:
     taking = zero(SETTINGS)
     next(taking)
-    taking.send(Seen(500 * MS, 0, (0.0, 0.0, 0.0)))  # half a second without a sample
-    asked = taking.send(Seen(1000 * MS, 500 * MS, (0.0, 0.0, 0.0), (sample(900, 2.0), sample(950, 4.0))))
-    assert isinstance(asked, SetTare)
-    assert asked.tare.wrench[2] == 3.0
+    taking.send(Observation(500 * MS, 0, (0.0, 0.0, 0.0)))  # half a second without a sample
+    action = taking.send(Observation(1000 * MS, 500 * MS, (0.0, 0.0, 0.0), (sample(900, 2.0), sample(950, 4.0))))
+    assert isinstance(action, SetTare)
+    assert action.tare.wrench[2] == 3.0
 
 
 def test_sensor_that_stays_silent_is_named_after_some_seconds() -> None:
@@ -136,17 +136,17 @@ def test_sensor_that_stays_silent_is_named_after_some_seconds() -> None:
     next(taking)
     with pytest.raises(DeviceFaultError, match='no valid force samples'):
         for second in range(20):
-            taking.send(Seen(second * 1000 * MS, 0, (0.0, 0.0, 0.0)))
+            taking.send(Observation(second * 1000 * MS, 0, (0.0, 0.0, 0.0)))
 
 
 def test_line_goes_low_again_when_a_window_is_rejected() -> None:
     """Else the next press raises a line that is high already, and clocks are fitted to an edge that never was."""
     window = _window(Record(Point(1, 0.0, 0.0, 1.0), 1), Ground(Surface(-30.0), -5.0, ZERO, 0.0), SETTINGS)
     assert next(window) == Switch(True)
-    asked = window.send(Seen(0, 0, (0.0, 0.0, 0.0), switched=Switched(True, 0, 0)))
+    action = window.send(Observation(0, 0, (0.0, 0.0, 0.0), switched=Switched(True, 0, 0)))
     for tenth in range(100):  # without an image or a sample
-        if isinstance(asked, Look):
-            asked = window.send(Seen(tenth * 100 * MS, 0, (0.0, 0.0, 0.0)))
-    assert asked == Switch(False)
+        if isinstance(action, Look):
+            action = window.send(Observation(tenth * 100 * MS, 0, (0.0, 0.0, 0.0)))
+    assert action == Switch(False)
     with pytest.raises(RejectedError, match='0 images and 0 force samples are too few'):
-        window.send(Seen(10_000 * MS, 0, (0.0, 0.0, 0.0), switched=Switched(False, 0, 0)))
+        window.send(Observation(10_000 * MS, 0, (0.0, 0.0, 0.0), switched=Switched(False, 0, 0)))

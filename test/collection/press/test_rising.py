@@ -21,35 +21,35 @@ ZERO = Tare((0.0,) * 6, (0.0,) * 6, 100, 0)
 SETTINGS = changed(surface={'flat_mm': 0.05, 'least_n': 0.02}, limits={'least_share': 0.5})
 
 
-def told(depth_mm: float, force_n: float, surface: Surface = GEL, tare: Tare = ZERO) -> str:
+def complaint(depth_mm: float, force_n: float, surface: Surface = GEL, tare: Tare = ZERO) -> str:
     sample = Sample((0.0, 0.0, force_n, 0.0, 0.0, 0.0), 0, 0, 0, 0, 0, 0, 0, ())
     return rising(surface, tare, SETTINGS, 0.0, 0.0)((0.0, 0.0, -30.0 - depth_mm), [sample] * 4)
 
 
 def test_half_of_what_the_softest_corner_gave_is_enough_and_less_is_not() -> None:
     """At 1.05 mm, of which 0.05 may be above the surface: half of 0.354 N, less 0.02 N for no touch, is 0.157 N."""
-    assert told(1.05, 0.160) == ''
-    assert 'the force is 0.15 N at 1.05 mm, but the gel gave 0.35 N' in told(1.05, 0.154)
+    assert complaint(1.05, 0.160) == ''
+    assert 'the force is 0.15 N at 1.05 mm, but the gel gave 0.35 N' in complaint(1.05, 0.154)
 
 
 def test_more_force_than_ever_is_for_the_limits_of_the_force() -> None:
-    assert told(1.0, 3.0) == ''
+    assert complaint(1.0, 3.0) == ''
 
 
 def test_noise_of_the_sensor_is_granted() -> None:
     """Five sigma of the mean of four samples of 0.02 N are 0.05 N."""
     noisy = Tare(ZERO.wrench, (0.0, 0.0, 0.02, 0.0, 0.0, 0.0), 100, 0)
-    assert told(1.05, 0.110, tare=noisy) == ''
-    assert told(1.05, 0.104, tare=noisy)
+    assert complaint(1.05, 0.110, tare=noisy) == ''
+    assert complaint(1.05, 0.104, tare=noisy)
 
 
 def test_nothing_is_expected_above_the_surface_or_of_a_gel_that_was_not_felt() -> None:
-    assert told(-0.5, 0.0) == told(0.04, 0.0) == ''
-    assert told(2.0, 0.0, Surface(-30.0)) == ''
+    assert complaint(-0.5, 0.0) == complaint(0.04, 0.0) == ''
+    assert complaint(2.0, 0.0, Surface(-30.0)) == ''
 
 
 class Liar(World):
-    """A world whose sensor is told something else from a depth of 0.3 mm on, with all the noise of a sound one."""
+    """A world whose sensor measures something else from a depth of 0.3 mm on, with all the noise of a sound one."""
 
     tells: Callable[[float], float] | None = None
 
@@ -91,8 +91,8 @@ def test_z_that_does_not_follow_its_motor_ends_the_run_on_the_way_down(tmp_path:
     assert math.isclose(run.height_mm, -30.31, abs_tol=0.02)
 
 
-def test_corners_that_differ_by_more_than_half_are_told_and_not_taken_for_a_soft_gel() -> None:
-    """A sensor that told a part of the force at one corner would make every other force enough."""
+def test_corners_that_differ_by_more_than_half_are_reported_and_not_taken_for_a_soft_gel() -> None:
+    """A sensor that reported a part of the force at one corner would make every other force enough."""
     lines = [Loading(-30.0, 0.5, HERTZ), Loading(-30.0, 0.48, HERTZ)]
     assert softest(lines, 0.5).slope == 0.48
     with pytest.raises(DeviceFaultError, match=r'0\.09 N at 1 mm .* 0\.35 N another time'):

@@ -39,8 +39,8 @@ def test_refusal_names_the_numbers_and_what_is_allowed() -> None:
     with pytest.raises(ConfigurationError) as caught:
         check_speeds(with_approach(1200.0), 0.01)
     # 20 mm/s for 85 ms are 1.7 mm, 400 / 400 = 1 mm to brake; 2.7 mm at 2 N/mm are 5.4 N on top of 3 N.
-    for told in ('2.70 mm', '75 ms', '10 ms', '200 mm/s²', '8.40 N', 'bearable_n 5', 'at most'):
-        assert told in str(caught.value)
+    for words in ('2.70 mm', '75 ms', '10 ms', '200 mm/s²', '8.40 N', 'bearable_n 5', 'at most'):
+        assert words in str(caught.value)
 
 
 def test_slow_sensor_asks_for_a_slower_approach() -> None:

@@ -38,7 +38,7 @@ def test_the_line_is_switched_before_the_first_press_after_the_last_and_in_betwe
     # On a clock that jumps a gap is kept to the breath of 10 ms in which the hands look around.
     np.testing.assert_allclose(start, pattern_gaps(run.plan.plan_id, 0, 6)[1:], atol=0.02)
     assert not edges[5].level and not edges[-1].level
-    assert all(record.start_ns > edges[5].stamp_ns for record in run.told)
+    assert all(record.start_ns > edges[5].stamp_ns for record in run.published)
 
 
 def test_without_pulses_presses_alone_switch_it(tmp_path: Path) -> None:

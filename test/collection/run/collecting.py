@@ -27,29 +27,29 @@ TOPICS = {'/press': 'tactile_nodes/msg/Press', '/press_image': 'sensor_msgs/msg/
 
 
 def main(folder: Path, name: str, where: str = '', at: int = 0) -> None:
-    run = Run(folder, changed(anchor={'every': 5}), seen=Dots())
+    run = Run(folder, changed(anchor={'every': 5}), dots=Dots())
     audit(run.journal, run.plan.plan_id, folder, 0)
     run.campaign.progress.done = run.journal.done
     writer = BagWriter(folder / name)
     for topic, type_name in TOPICS.items():
         writer.add_topic(BagTopic.of_type(topic, type_name))
-    told = 0
+    published = 0
 
     def record(record: Record) -> None:
-        nonlocal told
-        told += 1
-        if where == 'started' and told == at:
+        nonlocal published
+        published += 1
+        if where == 'started' and published == at:
             die()
-        if where == 'journal' and told == at:
+        if where == 'journal' and published == at:
             return  # as if it waited in the recorder's memory
         write(writer, run, record)
-        if where == 'bag' and told == at:
+        if where == 'bag' and published == at:
             writer.close()
             die()
 
     def die_after_the_journal(press: int, attempt: int, step: str, stamp_ns: int, reason: str = '') -> None:
         note(press, attempt, step, stamp_ns, reason)
-        if where == 'journal' and step == 'recorded' and told == at:
+        if where == 'journal' and step == 'recorded' and published == at:
             die()
 
     note = run.journal.note
@@ -77,8 +77,8 @@ def write(writer: BagWriter, run: Run, record: Record) -> None:
 
 def doubt(writer: BagWriter, run: Run, entry: Entry, reason: str) -> None:
     now_ns = run.rig.clock.now_ns()
-    told = suspect_message(entry, run.plan.plan_id, reason, now_ns, 'gel_surface')
-    writer.write('/press', messages.encode(told), now_ns, now_ns)
+    message = suspect_message(entry, run.plan.plan_id, reason, now_ns, 'gel_surface')
+    writer.write('/press', messages.encode(message), now_ns, now_ns)
 
 
 def die() -> None:

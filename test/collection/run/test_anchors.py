@@ -20,7 +20,7 @@ EVERY = 4
 SETTINGS = changed(anchor={'every': EVERY})
 
 
-def seen(dots: Dots, x_mm: float, y_mm: float, depth_mm: float) -> np.ndarray:
+def image_of(dots: Dots, x_mm: float, y_mm: float, depth_mm: float) -> np.ndarray:
     return dots.see(Press(x_mm, y_mm, depth_mm))
 
 
@@ -31,16 +31,16 @@ def dots() -> Dots:
 
 @pytest.mark.parametrize(('x_mm', 'y_mm'), [(0.0, 0.0), (0.1, 0.0), (0.0, -0.2), (0.3, 0.2)])
 def test_images_of_two_presses_tell_how_far_they_are_apart(dots: Dots, x_mm: float, y_mm: float) -> None:
-    rest = seen(dots, 0.0, 0.0, 0.0)
-    first, second = (imprint(rest, seen(dots, *place, 1.0)) for place in ((0.0, 0.0), (x_mm, y_mm)))
+    rest = image_of(dots, 0.0, 0.0, 0.0)
+    first, second = (imprint(rest, image_of(dots, *place, 1.0)) for place in ((0.0, 0.0), (x_mm, y_mm)))
     wanted = (x_mm * Dots.PX_PER_MM, y_mm * Dots.PX_PER_MM)
     # Dense flow makes up to a quarter too much of it here; a run measures that when it sets out its anchor.
     assert shift_px(first, second) == pytest.approx(wanted, abs=0.15 + 0.25 * max(map(abs, wanted)))
 
 
 def test_deeper_press_is_not_one_beside_it(dots: Dots) -> None:
-    rest = seen(dots, 0.0, 0.0, 0.0)
-    first, second = (imprint(rest, seen(dots, 0.0, 0.0, depth_mm)) for depth_mm in (1.0, 1.2))
+    rest = image_of(dots, 0.0, 0.0, 0.0)
+    first, second = (imprint(rest, image_of(dots, 0.0, 0.0, depth_mm)) for depth_mm in (1.0, 1.2))
     assert shift_px(first, second) == pytest.approx((0.0, 0.0), abs=0.15)
 
 
@@ -61,7 +61,7 @@ def test_axes_that_move_the_image_the_same_way_are_refused() -> None:
 
 
 def test_sound_run_is_anchored_to_its_end(tmp_path: Path, dots: Dots) -> None:
-    run = Run(tmp_path, SETTINGS, seen=dots)
+    run = Run(tmp_path, SETTINGS, dots=dots)
     run.campaign.run()
     assert sorted(run.recorded) == ALL
     assert not run.journal.unconfirmed()
@@ -72,20 +72,20 @@ def test_sound_run_is_anchored_to_its_end(tmp_path: Path, dots: Dots) -> None:
 def test_axis_that_sticks_makes_the_presses_since_the_last_anchor_suspect(
     tmp_path: Path, dots: Dots, axis: int
 ) -> None:
-    first = Run(tmp_path, SETTINGS, seen=dots)
+    first = Run(tmp_path, SETTINGS, dots=dots)
     first.at(EVERY + 1, lambda: first.world.stick(axis, first.rig.clock.now_ns()))
     with pytest.raises(DeviceFaultError, match='4 presses since the last good anchor are suspect'):
         first.campaign.run()
-    late = [(record.point.press, record.attempt) for record in first.told[EVERY:]]
+    late = [(record.point.press, record.attempt) for record in first.published[EVERY:]]
     assert first.suspects == late
     assert first.journal.done == first.campaign.progress.done == EVERY
     assert first.height_mm == pytest.approx(-26.0, abs=0.01)
     first.journal.close()
-    second = Run(tmp_path, SETTINGS, seen=dots)
+    second = Run(tmp_path, SETTINGS, dots=dots)
     second.campaign.run()
-    trusted = [record.point.press for record in first.told[:EVERY]]
+    trusted = [record.point.press for record in first.published[:EVERY]]
     assert sorted(trusted + second.recorded) == ALL
-    assert {record.attempt for record in second.told} == {1, 2}
+    assert {record.attempt for record in second.published} == {1, 2}
 
 
 def lose(run: Run, axis: int, way_mm: float) -> Callable[[], None]:
@@ -109,7 +109,7 @@ def lose(run: Run, axis: int, way_mm: float) -> Callable[[], None]:
 
 @pytest.mark.parametrize('axis', [0, 1, 2])
 def test_steps_that_were_lost_once_are_noticed_and_counted(tmp_path: Path, dots: Dots, axis: int) -> None:
-    run = Run(tmp_path, SETTINGS, seen=dots)
+    run = Run(tmp_path, SETTINGS, dots=dots)
     run.at(2, lose(run, axis, 0.3))
     with pytest.raises(DeviceFaultError, match='the anchor is displaced') as caught:
         run.campaign.run()
@@ -124,20 +124,20 @@ def test_steps_that_were_lost_once_are_noticed_and_counted(tmp_path: Path, dots:
 def test_axis_that_is_stuck_from_the_start_ends_the_run_before_the_first_press(
     tmp_path: Path, dots: Dots, axis: int, name: str
 ) -> None:
-    run = Run(tmp_path, SETTINGS, seen=dots)
+    run = Run(tmp_path, SETTINGS, dots=dots)
 
     def stick() -> None:
-        if 'pressing the anchor' in run.said:
+        if 'pressing the anchor' in run.printed:
             run.world.stick(axis, run.rig.clock.now_ns())
 
     run.rig.clock.every(0.1, stick)
     with pytest.raises(DeviceFaultError, match=f'does not follow the {name} axis'):
         run.campaign.run()
-    assert not run.told
+    assert not run.published
 
 
 def interrupted(folder: Path, dots: Dots, stick: bool) -> Run:
-    run = Run(folder, SETTINGS, seen=dots)
+    run = Run(folder, SETTINGS, dots=dots)
     if stick:
         run.at(EVERY + 1, lambda: run.world.stick(0, run.rig.clock.now_ns()))
     run.at(EVERY + 3, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
@@ -148,8 +148,8 @@ def interrupted(folder: Path, dots: Dots, stick: bool) -> Run:
 
 def test_what_an_interrupted_run_left_counts_when_its_last_press_comes_out_the_same(tmp_path: Path, dots: Dots) -> None:
     first = interrupted(tmp_path, dots, stick=False)
-    second = Run(tmp_path, SETTINGS, seen=dots)
-    second.earlier = first.told
+    second = Run(tmp_path, SETTINGS, dots=dots)
+    second.earlier = first.published
     second.campaign.run()
     assert not second.suspects
     assert sorted(first.recorded + second.recorded) == ALL
@@ -159,8 +159,8 @@ def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_was_else
     tmp_path: Path, dots: Dots
 ) -> None:
     first = interrupted(tmp_path, dots, stick=True)
-    second = Run(tmp_path, SETTINGS, seen=dots)
-    second.earlier = first.told
+    second = Run(tmp_path, SETTINGS, dots=dots)
+    second.earlier = first.published
     second.campaign.run()
     assert len(second.suspects) == 3
     assert sorted(first.recorded[:EVERY] + second.recorded) == ALL

@@ -22,10 +22,10 @@ PLAIN = CollectionSettings()
 POINTS = [Point(number, float(number), 0.0, 1.0) for number in range(1, 7)]
 
 
-def asked(settings: CollectionSettings, plan: PlanSettings, fps: float = 20.0) -> Estimate:
-    made = make_plan(plan)
+def estimated(settings: CollectionSettings, plan: PlanSettings, fps: float = 20.0) -> Estimate:
+    drawn = make_plan(plan)
     cnc = CncSettings(safe_z_mm=SAFE_Z_MM)
-    return estimate(made.plan_id, ordered(made, plan), settings, cnc, SURFACE_Z_MM, plan.rest_mm, fps)
+    return estimate(drawn.plan_id, ordered(drawn, plan), settings, cnc, SURFACE_Z_MM, plan.rest_mm, fps)
 
 
 def test_leg_takes_the_time_of_a_trapezoid() -> None:
@@ -83,15 +83,15 @@ def test_rest_images_are_taken_twice_at_the_start_and_after_every_few_presses() 
 )
 def test_run_of_twelve_presses_takes_as_long_as_estimated(tmp_path: Path, blocks: dict[str, dict[str, object]]) -> None:
     settings = dataclasses.replace(changed(**blocks), reference_every=4)
-    run = Run(tmp_path, settings, seen=Dots())
+    run = Run(tmp_path, settings, dots=Dots())
     begin_ns = run.rig.clock.now_ns()
     run.campaign.run()
     took_s = (run.rig.clock.now_ns() - begin_ns) / NS_PER_S
-    assert asked(settings, PLAN).seconds == pytest.approx(took_s, rel=0.02)
+    assert estimated(settings, PLAN).seconds == pytest.approx(took_s, rel=0.02)
 
 
 def test_mean_press_is_one_of_the_plan_without_anchors() -> None:
-    told, order = asked(SETTINGS, PLAN), ordered(make_plan(PLAN), PLAN)
+    whole_run, order = estimated(SETTINGS, PLAN), ordered(make_plan(PLAN), PLAN)
     course = Course(SETTINGS, SAFE_Z_MM, SURFACE_Z_MM, 20.0)
     times = [course.press_s(before, point) for before, point in pairwise((order[0], *order))]
-    assert told.each_s == pytest.approx(sum(times) / 12)
+    assert whole_run.each_s == pytest.approx(sum(times) / 12)

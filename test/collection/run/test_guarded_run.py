@@ -48,11 +48,11 @@ def opened(
     feel: Callable[[GuardedRun, int], Felt | None], settings: GuardedRunSettings = SETTINGS
 ) -> Iterator[GuardedRun]:
     clock = SystemClock()
-    made = GuardedRun(settings, clock, lambda: feel(made, clock.now_ns()), Person('answer', print, clock))
+    run = GuardedRun(settings, clock, lambda: feel(run, clock.now_ns()), Person('answer', print, clock))
     try:
-        yield made
+        yield run
     finally:
-        made.close()
+        run.close()
 
 
 def truth(run: GuardedRun, now_ns: int) -> Felt:
@@ -79,20 +79,20 @@ def height_mm(run: GuardedRun) -> float:
     return run.station.cnc.status().position_mm[2]
 
 
-def test_the_force_is_reached_held_told_and_left() -> None:
+def test_the_force_is_reached_held_reported_and_left() -> None:
     with opened(truth) as run:
         outcome = run.run()
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
     guard = SETTINGS.guard
     assert outcome is not None
     for force_n in (outcome.gel_n, outcome.sensor_n):
-        # It rests within the band as the sensor told it then; noise of the sensor comes on top.
+        # It rests within the band as the sensor reported it then; noise of the sensor comes on top.
         assert force_n.mean() == pytest.approx(guard.target_n, abs=1.5 * guard.band_n)
     assert outcome.seconds >= guard.hold_s
     assert outcome.greatest_n <= guard.target_n + guard.band_n
 
 
-def test_a_force_that_is_reached_and_not_held_is_told() -> None:
+def test_a_force_that_is_reached_and_not_held_is_reported() -> None:
     with opened(truth, dataclasses.replace(SETTINGS, guard=dataclasses.replace(SETTINGS.guard, hold_s=0.0))) as run:
         outcome = run.run()
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
@@ -176,10 +176,10 @@ def test_a_report_that_is_lost_at_the_end_leaves_no_tip_down(monkeypatch: pytest
     def failing(run: GuardedRun, now_ns: int) -> Felt:
         if next(turn) < 10:
             return truth(run, now_ns)
-        told = run.station.cnc.status
+        status = run.station.cnc.status
 
         def lost() -> CncStatus:
-            monkeypatch.setattr(run.station.cnc, 'status', told)
+            monkeypatch.setattr(run.station.cnc, 'status', status)
             raise DeviceTimeoutError('the machine does not answer')
 
         monkeypatch.setattr(run.station.cnc, 'status', lost)
@@ -218,7 +218,7 @@ def test_a_tip_is_not_believed_to_be_up_because_forces_come_late(monkeypatch: py
             run.run()
 
 
-def test_what_ended_the_approach_is_told_beside_a_tip_that_is_still_down() -> None:
+def test_what_ended_the_approach_is_reported_beside_a_tip_that_is_still_down() -> None:
     turn = count()
 
     def failing(run: GuardedRun, now_ns: int) -> Felt:

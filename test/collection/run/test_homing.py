@@ -18,7 +18,7 @@ def test_homing_begins_again_when_what_fell_silent_meanwhile_is_well(tmp_path: P
     run.after(begins_s + 0.5, lambda: setattr(run.rig, part, True))
     run.after(begins_s + 2.5, lambda: setattr(run.rig, part, False))
     run.campaign.run()
-    assert [text for text in run.said if 'homing again' in text]
+    assert [text for text in run.printed if 'homing again' in text]
     assert sorted(run.recorded) == list(range(1, 13))
 
 
@@ -70,7 +70,7 @@ def test_nothing_moves_before_sensor_and_camera_are_well(tmp_path: Path, parts: 
     with pytest.raises(DeviceTimeoutError, match=f'^{reason}'):
         run.campaign.run()
     assert run.height_mm == height_mm
-    assert not any('tip' in line for line in run.said)
+    assert not any('tip' in line for line in run.printed)
 
 
 @pytest.mark.parametrize('begins', [False, True], ids=['before it homes', 'while it homes'])
@@ -84,4 +84,4 @@ def test_run_that_is_stopped_before_its_tip_went_down_ends_well(tmp_path: Path, 
 
     run.after(SETTINGS.limits.steady_again_s + (0.5 if begins else -0.5), stop)
     assert 'stopped on request' in run.campaign.run()
-    assert ('homing' in run.said) == begins
+    assert ('homing' in run.printed) == begins

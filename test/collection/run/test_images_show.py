@@ -31,4 +31,4 @@ def test_camera_that_shows_the_untouched_gel_for_ever_ends_the_run_at_deep_press
     run.rig._camera = lambda time_ns: GREY
     with pytest.raises(DeviceFaultError, match='images do not show'):
         run.campaign.run()
-    assert {record.point.depth_mm for record in run.told if not record.reason} == {0.5}  # too light to be sure
+    assert {record.point.depth_mm for record in run.published if not record.reason} == {0.5}  # too light to be sure

@@ -19,9 +19,9 @@ SILENT = Health(Level.ERROR, 'it is silent while it moves', silent=True)
 @pytest.fixture
 def healths(monkeypatch: pytest.MonkeyPatch) -> list[Health]:
     """What the machine says of itself: the last of them."""
-    said = [Health(Level.OK, 'idle')]
-    monkeypatch.setattr(SimulatedCnc, 'health', property(lambda _: said[-1]))
-    return said
+    reports = [Health(Level.OK, 'idle')]
+    monkeypatch.setattr(SimulatedCnc, 'health', property(lambda _: reports[-1]))
+    return reports
 
 
 def fall_silent(run: Run, healths: list[Health], seconds: float = 0.5) -> None:
@@ -42,18 +42,18 @@ def silences(run: Run, seconds: float, lasting_s: float = 0.2) -> None:
 def test_a_machine_that_was_silent_is_stopped_brought_up_checked_and_pressed_with_again(
     tmp_path: Path, healths: list[Health]
 ) -> None:
-    run = Run(tmp_path, changed(anchor={'every': 50}), seen=Dots())
+    run = Run(tmp_path, changed(anchor={'every': 50}), dots=Dots())
     run.at(3, run.in_the_gel(lambda: fall_silent(run, healths)))
     ended = run.campaign.run()
     assert ended.startswith('the plan is done: 12 of 12 presses recorded')
-    assert [record.reason for record in run.told if record.reason] == ['it is silent while it moves']
+    assert [record.reason for record in run.published if record.reason] == ['it is silent while it moves']
     silent = next(
-        number for number, said in enumerate(run.said) if 'the tip is up, waiting until it has recovered' in said
+        number for number, line in enumerate(run.printed) if 'the tip is up, waiting until it has recovered' in line
     )
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
     # The four anchors at the start; one after the silence, since steps may be lost; one at the end.
     lines = run.journal.path.read_text(encoding='ascii')
-    assert lines.count('"anchored"') == 2, run.said[silent:]
+    assert lines.count('"anchored"') == 2, run.printed[silent:]
 
 
 def test_a_machine_that_was_silent_is_not_believed_to_be_up_without_a_force(
@@ -124,7 +124,7 @@ def test_a_surface_is_felt_for_on_a_computer_that_pauses_every_ten_seconds(tmp_p
     run = Run(tmp_path, changed(surface={'repeats': 2}))
     silences(run, seconds=10.0)
     assert run.campaign.run().startswith('the plan is done: 12 of 12')
-    waited = [said for said in run.said if 'the tip is up, waiting until it has recovered' in said]
+    waited = [line for line in run.printed if 'the tip is up, waiting until it has recovered' in line]
     assert len(waited) > 5
 
 
@@ -141,7 +141,7 @@ def test_a_run_that_silences_end_is_a_matter_of_time_and_goes_on_when_begun_agai
     assert sorted(first.recorded + second.recorded) == list(range(1, 13))
 
 
-def test_a_crowded_computer_is_told_with_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_crowded_computer_is_reported_with_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(priority.os, 'sched_getaffinity', lambda _: {0, 1})
     monkeypatch.setattr(priority.os, 'getloadavg', lambda: (11.6, 4.0, 1.0))
     monkeypatch.setenv(priority.VARIABLE, '')

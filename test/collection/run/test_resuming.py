@@ -70,8 +70,8 @@ def test_press_that_the_bag_calls_suspect_later_is_not_held(folder: Path, tmp_pa
     doubted = Entry(*max(held), 'suspect', 0)
     writer = BagWriter(tmp_path / 'doubts')
     writer.add_topic(BagTopic.of_type('/press', 'tactile_nodes/msg/Press'))
-    told = suspect_message(doubted, plan.plan_id, 'an axis sticks', 1, 'gel_surface')
-    writer.write('/press', messages.encode(told), 1, 1)
+    message = suspect_message(doubted, plan.plan_id, 'an axis sticks', 1, 'gel_surface')
+    writer.write('/press', messages.encode(message), 1, 1)
     writer.close()
     for bag in bags_below(folder):
         (tmp_path / bag.name).symlink_to(bag)

@@ -37,7 +37,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     owed: list[float] = []
 
     def look() -> None:
-        if run.told:
+        if run.published:
             soon, later = (run.world.motor_at(now_ns() + wait_ns) for wait_ns in (jogs_ns, 100 * jogs_ns))
             owed.append(math.dist(soon, later))
 
@@ -53,13 +53,13 @@ def test_each_press_of_a_plan_is_recorded_once(undisturbed: Undisturbed) -> None
 
 
 def test_recorded_force_is_that_of_the_depth_on_a_tilted_gel(undisturbed: Undisturbed) -> None:
-    for record in undisturbed.run.told:
+    for record in undisturbed.run.published:
         # The surface is found to about 0.02 mm, which is 0.012 N on the steepest part of the table.
         assert -record.wrench[2] == pytest.approx(TABLE.force_at(record.point.depth_mm), abs=0.015)
 
 
 def test_images_and_samples_lie_within_the_window_and_rest_images_before_it(undisturbed: Undisturbed) -> None:
-    for record in undisturbed.run.told:
+    for record in undisturbed.run.published:
         assert len(record.frames) == 5
         assert all(record.start_ns <= frame.stamp_ns <= record.end_ns for frame in record.frames)
         assert all(frame.stamp_ns < record.start_ns for frame in record.rest) and record.rest
@@ -70,7 +70,7 @@ def test_line_is_high_during_each_window_only(undisturbed: Undisturbed) -> None:
     edges = run.world.line_edges()
     assert len(edges) == 12 + 24 + 12  # a pattern before the first press, and one after the last
     edges = edges[12:-12]
-    for record, rise, fall in zip(run.told, edges[::2], edges[1::2], strict=True):
+    for record, rise, fall in zip(run.published, edges[::2], edges[1::2], strict=True):
         assert rise.level and not fall.level
         assert rise.stamp_ns <= record.start_ns < record.end_ns <= fall.stamp_ns
 
@@ -78,7 +78,7 @@ def test_line_is_high_during_each_window_only(undisturbed: Undisturbed) -> None:
 def test_force_above_the_limit_ends_the_press_within_one_sample_and_the_tip_goes_up(tmp_path: Path) -> None:
     run = Run(tmp_path, changed(limits={'force_n': 0.5, 'attempts': 1, 'rejects_in_a_row': 20}))
     run.campaign.run()
-    deep = [record for record in run.told if record.point.depth_mm == 1.5]
+    deep = [record for record in run.published if record.point.depth_mm == 1.5]
     assert all('above the limit of 0.5 N' in record.reason for record in deep)
     # 100 samples a second and 1 mm/s: a sample is 0.01 mm, braking from 1 mm/s at 200 mm/s² 0.0025 mm.
     assert run.rig.safety.greatest_n < 0.5 + 0.05
@@ -90,15 +90,15 @@ def test_presses_that_no_bag_holds_are_made_again_before_the_run_ends(tmp_path: 
     run.unrecorded = {4, 7}
     assert '12 of 12 presses recorded' in run.campaign.run()
     assert sorted(run.recorded) == sorted([*ALL, 4, 7])
-    assert [record.attempt for record in run.told if record.point.press in {4, 7}][-2:] == [2, 2]
-    assert any('2 presses are in no bag' in line for line in run.said)
+    assert [record.attempt for record in run.published if record.point.press in {4, 7}][-2:] == [2, 2]
+    assert any('2 presses are in no bag' in line for line in run.printed)
 
 
 def test_fast_rise_of_the_force_ends_the_press(tmp_path: Path) -> None:
     limits: dict[str, object] = {'bearable_n': 9.0, 'force_rate_n_s': 3.0, 'attempts': 1, 'rejects_in_a_row': 20}
     run = Run(tmp_path, changed(limits=limits, motion={'press_mm_min': 600.0}))
     run.campaign.run()  # 10 mm/s and half a newton a millimetre are 5 N/s
-    assert any('N/s' in record.reason for record in run.told)
+    assert any('N/s' in record.reason for record in run.published)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_silence_stops_the_tip_and_the_run_goes_on_when_it_is_over(tmp_path: Pat
 
     run.at(3, run.in_the_gel(fall_silent))
     run.campaign.run()
-    assert reason in run.told[3].reason
+    assert reason in run.published[3].reason
     assert sorted(run.recorded) == ALL
 
 
@@ -129,7 +129,7 @@ def test_a_sensor_that_falls_silent_again_as_the_run_would_go_on_is_waited_for_a
 
     run.at(3, run.in_the_gel(fall_silent))
     run.campaign.run()
-    assert sum('waiting until it has recovered' in said for said in run.said) == 2
+    assert sum('waiting until it has recovered' in line for line in run.printed) == 2
     assert sorted(run.recorded) == ALL
 
 
@@ -146,9 +146,9 @@ def test_axis_that_sticks_in_the_gel_ends_the_run_before_anything_moves_sideways
     run.at(3, run.in_the_gel(lambda: run.world.stick(2, run.rig.clock.now_ns())))
     with pytest.raises(DeviceFaultError, match='remain after the tip went up'):
         run.campaign.run()
-    press = run.told[3].point
-    here = run.world.press_at(run.rig.clock.now_ns())
-    assert (here.x_mm, here.y_mm) == pytest.approx((press.x_mm, press.y_mm), abs=0.01)
+    press = run.published[3].point
+    pressed = run.world.press_at(run.rig.clock.now_ns())
+    assert (pressed.x_mm, pressed.y_mm) == pytest.approx((press.x_mm, press.y_mm), abs=0.01)
 
 
 def test_axis_that_sticks_above_the_gel_ends_the_run_on_the_next_way_down(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_axis_that_sticks_above_the_gel_ends_the_run_on_the_next_way_down(tmp_pa
     run.at(3, lambda: run.world.stick(2, run.rig.clock.now_ns()))
     with pytest.raises(DeviceFaultError, match='does z move'):
         run.campaign.run()
-    assert len(run.told) == 4
+    assert len(run.published) == 4
 
 
 def test_stop_in_the_gel_goes_up_and_the_next_run_does_the_rest(tmp_path: Path) -> None:
@@ -183,7 +183,7 @@ def test_stop_of_a_whole_launch_leaves_no_tip_in_the_gel(tmp_path: Path, silent:
     assert 'stopped on request' in run.campaign.run()
     assert run.rig.safety.trip is not None
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
-    assert not any('could not be brought up' in line for line in run.said)
+    assert not any('could not be brought up' in line for line in run.printed)
 
 
 def test_broken_off_press_is_repeated_under_a_new_attempt_number(tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_broken_off_press_is_repeated_under_a_new_attempt_number(tmp_path: Path)
     first.journal.close()
     second = Run(tmp_path)
     second.campaign.run()
-    assert second.told[0].attempt == 2
+    assert second.published[0].attempt == 2
 
 
 def test_paused_run_waits_at_the_safe_height(tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_recorder_that_goes_away_ends_the_run(tmp_path: Path) -> None:
     run.at(2, lambda: object.__setattr__(outlet, 'require_recorder', nobody))
     with pytest.raises(TactileError, match='nobody records'):
         run.campaign.run()
-    assert len(run.told) == 2
+    assert len(run.published) == 2
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
@@ -261,7 +261,7 @@ def test_gel_that_is_not_there_ends_the_run(tmp_path: Path) -> None:
     run = Run(tmp_path, world=WorldSettings(gel_z_mm=-40.0))
     with pytest.raises(DeviceFaultError, match='met no surface'):
         run.campaign.run()
-    assert not run.told
+    assert not run.published
 
 
 def test_two_runs_cannot_share_a_journal(tmp_path: Path) -> None:
@@ -296,9 +296,9 @@ def test_a_device_that_falls_silent_while_the_run_waits_with_the_tip_up_is_waite
 
     run.at(3, begin)
     assert run.campaign.run().startswith('the plan is done: 12 of 12')
-    assert all(not record.reason for record in run.told)
-    (said,) = [line for line in run.said if 'waiting until it has recovered' in line]
-    assert ('sensor' if silent == 'silent_sensor' else 'camera') in said
+    assert all(not record.reason for record in run.published)
+    (line,) = [line for line in run.printed if 'waiting until it has recovered' in line]
+    assert ('sensor' if silent == 'silent_sensor' else 'camera') in line
 
 
 def test_an_unbearable_force_during_a_pause_halts_the_run(tmp_path: Path) -> None:
@@ -312,5 +312,5 @@ def test_an_unbearable_force_during_a_pause_halts_the_run(tmp_path: Path) -> Non
     run.at(3, pause)
     with pytest.raises(DeviceFaultError, match='remain although the machine reports the tip up'):
         run.campaign.run()
-    asked = MachineRecord(tmp_path / 'machine.record').question(unasked=True)  # of the next one, first
-    assert 'more than the bearable 5 N' in asked
+    question = MachineRecord(tmp_path / 'machine.record').question(unasked=True)  # of the next one, first
+    assert 'more than the bearable 5 N' in question

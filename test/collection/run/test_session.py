@@ -52,10 +52,10 @@ def test_a_sensor_that_is_lost_while_the_plan_is_ordered_still_has_a_period() ->
 
 
 @pytest.mark.parametrize(
-    'asked', ['press.frames: 91', 'press.rest_frames: 91', 'reference_frames: 91', 'press.window_s: 30.0']
+    'setting', ['press.frames: 91', 'press.rest_frames: 91', 'reference_frames: 91', 'press.window_s: 30.0']
 )
-def test_more_images_and_samples_than_are_kept_are_refused(asked: str) -> None:
+def test_more_images_and_samples_than_are_kept_are_refused(setting: str) -> None:
     """90 images and 20 s of samples are kept: every press would be rejected, as if the camera were at fault."""
-    sources = params.parse_parameters(f'/**: {{ros__parameters: {{{asked}}}}}', 'the test')
+    sources = params.parse_parameters(f'/**: {{ros__parameters: {{{setting}}}}}', 'the test')
     with pytest.raises(ConfigurationError, match='must be from'):
         params.from_mapping(RigSettings, params.resolve_parameters('/rig', sources), source='the test')

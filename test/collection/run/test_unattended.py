@@ -49,8 +49,10 @@ def of_the_machine(run: Run) -> list[str]:
 def test_a_point_whose_force_is_too_great_is_put_aside_and_not_tried_again_in_that_run(tmp_path: Path) -> None:
     run = Run(tmp_path, changed(limits=SOFT))
     ended = run.campaign.run()
-    assert sorted(record.point.press for record in run.told) == ALL  # each once, attempts is 3
-    assert [press for press, step in steps(run) if step == 'aside'] == [r.point.press for r in run.told if r.reason]
+    assert sorted(record.point.press for record in run.published) == ALL  # each once, attempts is 3
+    assert [press for press, step in steps(run) if step == 'aside'] == [
+        r.point.press for r in run.published if r.reason
+    ]
     assert ended.startswith('the plan is done except for presses that were set aside: 6 of 12 presses recorded')
     assert f'6 set aside until the next run (press {", ".join(map(str, DEEP))})' in ended
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
@@ -74,39 +76,39 @@ def test_a_process_that_goes_on_after_a_kill_leaves_aside_what_was_put_aside(tmp
     first.journal.close()
     second = Run(tmp_path)
     second.campaign.run()
-    assert second.told == []
+    assert second.published == []
 
 
 def test_what_was_hit_is_written_down_before_the_tip_goes_up(tmp_path: Path) -> None:
     """A process that is killed on the way up must not press there again, nor go on unasked."""
-    run, seen = Run(tmp_path), []
+    run, notes = Run(tmp_path), []
 
     def hit() -> None:
         bump(run)()
-        run.after(0.2, lambda: seen.append((steps(run)[-2:], of_the_machine(run))))
+        run.after(0.2, lambda: notes.append((steps(run)[-2:], of_the_machine(run))))
         run.after(5.0, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
 
     run.at(3, run.in_the_gel(hit))
     run.campaign.run()
-    assert seen == [([(3, 'started'), (3, 'aside')], ['begun', 'halted'])]
+    assert notes == [([(3, 'started'), (3, 'aside')], ['begun', 'halted'])]
     assert [step for step in steps(run) if step[1] == 'aside'] == [(3, 'aside')]  # once
     assert of_the_machine(run) == ['begun', 'halted', 'ended']
 
 
 def test_an_unbearable_force_that_ends_the_run_halts_the_machine_as_well(tmp_path: Path) -> None:
     """With a single attempt nothing is repeated; the run ends, but who starts the next one must look first."""
-    run, seen = Run(tmp_path, changed(limits={'rejects_in_a_row': 1})), []
+    run, notes = Run(tmp_path, changed(limits={'rejects_in_a_row': 1})), []
     retreat = run.rig.hands.retreat
 
     def up() -> None:
-        seen.append(of_the_machine(run))
+        notes.append(of_the_machine(run))
         retreat()
 
     run.rig.hands.retreat = up  # type: ignore[method-assign]
     run.after(30.0, bump(run))  # in the search for the surface
     with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
         run.campaign.run()
-    assert seen == [['begun', 'halted']]  # before the tip goes up
+    assert notes == [['begun', 'halted']]  # before the tip goes up
     assert of_the_machine(run) == ['begun', 'halted', 'ended']
 
 
@@ -115,7 +117,7 @@ def test_an_unbearable_force_while_homing_halts_the_machine(tmp_path: Path) -> N
     run.after(4.0, bump(run))
     with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
         run.campaign.run()
-    assert run.said[0] == 'homing' and not run.told
+    assert run.printed[0] == 'homing' and not run.published
     assert of_the_machine(run) == ['begun', 'halted']
 
 
@@ -158,7 +160,7 @@ def test_a_doubt_about_the_machine_lasts_until_a_force_says_that_nothing_touches
         run.campaign.run()
     assert run.world.press_at(run.rig.clock.now_ns()).depth_mm > 0.3
     assert 'ended' not in of_the_machine(run)
-    assert any('the tip could not be brought up' in said for said in run.said)
+    assert any('the tip could not be brought up' in line for line in run.printed)
 
 
 def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_path: Path) -> None:
@@ -176,7 +178,9 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
     run.at(3, run.in_the_gel(hit))
     run.rig.clock.every(1.0, look)
     run.campaign.run()
-    question = next(line for line in run.said if 'more than the bearable 5 N' in line and 'then type: answer' in line)
+    question = next(
+        line for line in run.printed if 'more than the bearable 5 N' in line and 'then type: answer' in line
+    )
     assert 'check machine, tip and gel' in question
     assert len(places) > 280 and len(set(places)) == 1
     assert places[0][2] == pytest.approx(SAFE_Z_MM, abs=0.01)
@@ -196,8 +200,8 @@ def test_a_run_that_was_halted_and_stopped_is_asked_about_again_whatever_was_sai
     second = Run(tmp_path, unasked=unasked)
     second.after(10.0, lambda: setattr(second.rig.hands, 'asked_to_stop', True))
     assert 'stopped on request' in second.campaign.run()
-    assert any('the run was halted: the force is 6.' in line for line in second.said)
-    assert 'homing' not in second.said
+    assert any('the run was halted: the force is 6.' in line for line in second.printed)
+    assert 'homing' not in second.printed
 
 
 def test_after_a_kill_a_run_asks_before_it_homes_or_moves(tmp_path: Path) -> None:
@@ -208,7 +212,7 @@ def test_after_a_kill_a_run_asks_before_it_homes_or_moves(tmp_path: Path) -> Non
     run.rig.clock.every(1.0, lambda: places.append(run.world.motor_at(run.rig.clock.now_ns())))
     run.after(600.0, lambda: places.append('answered') or run.person.answer())
     run.campaign.run()
-    assert 'cut off' in run.said[0] and run.said[0].endswith('then type: answer')
+    assert 'cut off' in run.printed[0] and run.printed[0].endswith('then type: answer')
     assert set(places[: places.index('answered')]) == {start}
     assert run.journal.done == 12
 
@@ -225,7 +229,7 @@ def test_after_a_kill_the_next_plan_in_another_folder_asks_as_well(tmp_path: Pat
     assert run.world.motor_at(run.rig.clock.now_ns()) == start
     assert re.fullmatch(
         r'the run before this one \(plan \w+ in .*/one\) was cut off, so the position of the tip is unknown; .*',
-        run.said[0],
+        run.printed[0],
     )
 
 
@@ -233,7 +237,7 @@ def test_a_run_may_go_on_after_a_kill_where_a_person_said_so_beforehand(tmp_path
     assert in_a_process(tmp_path, 'killed', 'started', '3') == -9
     run = Run(tmp_path, unasked=True)
     run.campaign.run()
-    assert run.said[0] == 'homing'
+    assert run.printed[0] == 'homing'
 
 
 def test_a_run_that_ended_with_the_tip_up_is_not_asked_about(tmp_path: Path) -> None:
@@ -243,7 +247,7 @@ def test_a_run_that_ended_with_the_tip_up_is_not_asked_about(tmp_path: Path) -> 
     first.journal.close()
     second = Run(tmp_path, unasked=False)
     second.campaign.run()
-    assert second.said[0] == 'homing'
+    assert second.printed[0] == 'homing'
 
 
 def test_a_tip_that_did_not_come_up_is_asked_about(tmp_path: Path) -> None:
@@ -251,12 +255,12 @@ def test_a_tip_that_did_not_come_up_is_asked_about(tmp_path: Path) -> None:
     first.at(3, first.in_the_gel(lambda: first.world.stick(2, first.rig.clock.now_ns())))
     with pytest.raises(DeviceFaultError, match='remain after the tip went up'):
         first.campaign.run()
-    assert any('the tip could not be brought up' in line and 'N remain' in line for line in first.said)
+    assert any('the tip could not be brought up' in line and 'N remain' in line for line in first.printed)
     first.journal.close()
     second = Run(tmp_path, unasked=False)
     second.after(10.0, lambda: setattr(second.rig.hands, 'asked_to_stop', True))
     second.campaign.run()
-    assert 'cut off' in second.said[0]
+    assert 'cut off' in second.printed[0]
 
 
 def test_a_run_that_was_stopped_with_the_tip_in_the_gel_did_not_end_well(tmp_path: Path) -> None:
@@ -279,7 +283,7 @@ def test_torque_is_limited_where_nobody_set_a_limit(tmp_path: Path) -> None:
     run.at(3, run.in_the_gel(bump(run, (0.0, 0.0, 0.2, 0.25, 0.0, 0.0))))
     run.campaign.run()
     # 3 N across the end of a tool of 60 mm.
-    assert run.told[3].reason == 'the torque is 0.250 N m, above the limit of 0.18 N m'
+    assert run.published[3].reason == 'the torque is 0.250 N m, above the limit of 0.18 N m'
 
 
 def test_a_board_that_restarted_and_says_idle_is_not_believed_to_be_up(tmp_path: Path) -> None:
