@@ -12,7 +12,7 @@ from benchmarks.firmware.line import Line
 from benchmarks.firmware.press import Bench, Machine
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc.contract import NO_HARD_LIMITS, Cnc, CncSettings, CncStatus
-from tactile_nodes.drivers.cnc.envelope import told
+from tactile_nodes.drivers.cnc.envelope import describe_place
 from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import TactileError
@@ -120,7 +120,7 @@ def _timed(clock: Clock, act: Callable[[], object]) -> float:
 
 
 def _where(status: CncStatus) -> str:
-    return f'{status.state.value} at {told(status.position_mm)}{"" if status.homed else ", place not known"}'
+    return f'{status.state.value} at {describe_place(status.position_mm)}{"" if status.homed else ", place not known"}'
 
 
 def _jogged(cnc: Cnc, clock: Clock) -> str:

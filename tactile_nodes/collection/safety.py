@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from tactile_nodes.collection.settings import LimitSettings
 from tactile_nodes.drivers.force_torque.check import permitted_ms, too_old
 from tactile_nodes.drivers.force_torque.contract import UNUSABLE, Flag, Sample, Wrench
-from tactile_nodes.drivers.force_torque.stream import told
+from tactile_nodes.drivers.force_torque.stream import describe_flags
 from tactile_nodes.drivers.health import Health, Level
 
 FORCE, SENSOR, CAMERA, MACHINE = 'force', 'force/torque sensor', 'camera', 'machine'
@@ -106,11 +106,11 @@ class Safety:
         if not self.watching:
             return
         if sample.flags & (Flag.SATURATED | Flag.THRESHOLD):
-            wrong = told(sample.flags & (Flag.SATURATED | Flag.THRESHOLD))
+            wrong = describe_flags(sample.flags & (Flag.SATURATED | Flag.THRESHOLD))
             self._stop(OVERLOAD, f'the load exceeds the range of the force/torque sensor: {wrong}', sample.arrival_ns)
             return
         if sample.flags & UNUSABLE:
-            wrong = told(sample.flags & UNUSABLE)
+            wrong = describe_flags(sample.flags & UNUSABLE)
             self._stop(SENSOR, f'the force/torque sensor reports: {wrong}', sample.arrival_ns)
             return
         if sample.flags & Flag.UNTIMED:

@@ -16,10 +16,10 @@ def opened_within(
     wait_s: float,
     open_device: Callable[[], Device],
     clock: Clock,
-    told: Callable[[DeviceError], None],
+    on_failure: Callable[[DeviceError], None],
     worth_waiting: tuple[type[DeviceError], ...] = (DeviceError,),
 ) -> Device:
-    """The result of `open_device`, tried four times per second; `told` is called with each failure.
+    """The result of `open_device`, tried four times per second; `on_failure` is called with each failure.
 
     Raises:
         DeviceError: it cannot be opened within `wait_s`, or for a reason that waiting does not fix.
@@ -31,5 +31,5 @@ def opened_within(
         except worth_waiting as error:
             if clock.now_ns() >= deadline_ns:
                 raise
-            told(error)
+            on_failure(error)
         clock.sleep_until(clock.now_ns() + PERIOD_NS)

@@ -21,7 +21,7 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Publisher
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, IsTold, KnowsTruth
+from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, HasDrivenWorld, KnowsTruth
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.drivers.sync_input.camera_light import CameraLight, LightSettings
 from tactile_nodes.drivers.waiting import opened_within
@@ -80,7 +80,7 @@ class CameraNode(Node):
         self._light = CameraLight(self.params.light, self.params.exposure_ms)
         self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
-        if isinstance(self._camera, IsTold) and (world := self._camera.told) is not None:
+        if isinstance(self._camera, HasDrivenWorld) and (world := self._camera.driven_world) is not None:
             self.create_subscription(topics.HELD, lambda received: world.put(*conversions.press_of(received.message)))
         self._closing = threading.Event()
         self._frames = 0

@@ -24,10 +24,10 @@ def switched_on_after(seconds: float, clock: SteppedClock, refusal: DeviceError 
     return opening
 
 
-def test_a_device_that_is_switched_on_meanwhile_is_opened_and_every_failure_told(jumping: SteppedClock) -> None:
-    told: list[DeviceError] = []
-    assert opened_within(2.0, switched_on_after(1.0, jumping), jumping, told.append) == 'the rig'
-    assert told == [ABSENT] * 4  # at 0, 0.25, 0.5 and 0.75 s
+def test_a_device_that_is_switched_on_meanwhile_is_opened_and_every_failure_reported(jumping: SteppedClock) -> None:
+    failures: list[DeviceError] = []
+    assert opened_within(2.0, switched_on_after(1.0, jumping), jumping, failures.append) == 'the rig'
+    assert failures == [ABSENT] * 4  # at 0, 0.25, 0.5 and 0.75 s
 
 
 def test_a_device_that_does_not_come_is_the_callers_error_when_the_time_is_over(jumping: SteppedClock) -> None:
@@ -37,7 +37,7 @@ def test_a_device_that_does_not_come_is_the_callers_error_when_the_time_is_over(
     assert jumping.now_ns() - begin_ns == 2 * NS_PER_S
 
 
-def test_what_waiting_does_not_mend_is_told_at_once(jumping: SteppedClock) -> None:
+def test_what_waiting_does_not_mend_is_reported_at_once(jumping: SteppedClock) -> None:
     begin_ns = jumping.now_ns()
     opening = switched_on_after(1.0, jumping, FAULTY)
     with pytest.raises(DeviceFaultError):

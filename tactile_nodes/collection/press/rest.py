@@ -12,7 +12,7 @@ from tactile_nodes.collection.readings import Frame, change
 from tactile_nodes.collection.safety import MACHINE
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.wrench import Tare, tare_of
-from tactile_nodes.drivers.force_torque.stream import told
+from tactile_nodes.drivers.force_torque.stream import describe_flags
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
 ZERO_PATIENCE_S = 5.0
@@ -136,5 +136,5 @@ def _wrong(hands: Hands, limits: LimitSettings, now_ns: int) -> str:
     if not samples:
         wrong.append('the force/torque sensor sends no samples')
     elif not samples[-1].usable:
-        wrong.append(f'the force/torque sensor reports: {told(samples[-1].flags)}')
+        wrong.append(f'the force/torque sensor reports: {describe_flags(samples[-1].flags)}')
     return '; '.join(wrong) or (trip.reason if trip is not None else '')

@@ -152,11 +152,11 @@ class KnowsTruth(Protocol):
 
 
 @runtime_checkable
-class IsTold(Protocol):
+class HasDrivenWorld(Protocol):
     """A camera of a simulated world that another node moves. That node sends the contact."""
 
     @property
-    def told(self) -> ToldWorld | None:
+    def driven_world(self) -> ToldWorld | None:
         """Where to store the contact; None if the world moves by itself."""
         ...
 
@@ -170,8 +170,8 @@ def check_size(image: npt.NDArray[Any], settings: CameraSettings, name: str) -> 
     height, width = image.shape[:2]
     if settings.width in {0, width} and settings.height in {0, height}:
         return
-    asked = f'{settings.width or "any"}x{settings.height or "any"}'
+    requested = f'{settings.width or "any"}x{settings.height or "any"}'
     raise ImageError(
-        f'{name} gives pictures of {width}x{height}, but {asked} was requested; '
+        f'{name} gives pictures of {width}x{height}, but {requested} was requested; '
         f'set width and height of the camera to {width} and {height}, or to 0 to accept any size'
     )

@@ -239,8 +239,8 @@ class ImageFolder:
         except OSError as error:
             raise ImageError(f'cannot list the folder {self.name} ({error.strerror})') from error
         if not files:
-            known = ' '.join(sorted(OF_PICTURES))
-            raise ImageError(f'the folder {self.name} contains no images; supported: {known}')
+            supported = ' '.join(sorted(OF_PICTURES))
+            raise ImageError(f'the folder {self.name} contains no images; supported: {supported}')
         _check_rate(self.fps, self.name)
         self._files = sorted(files, key=lambda file: natural_key(file.name))
         self._next = 0

@@ -15,7 +15,7 @@ END = b'\xff\xd9'
 PADDING = b'\x00\r\n-'  # UVC cameras pad with zeros; a multipart stream leaves line ends and dashes
 
 
-def is_whole(data: bytes) -> bool:
+def is_complete(data: bytes) -> bool:
     """Whether a picture has its begin and end markers; padding after its end is allowed."""
     return data.startswith(START) and data.rstrip(PADDING).endswith(END)
 
@@ -26,7 +26,7 @@ def decode(data: bytes) -> Picture | None:
     Colour is not used here. JPEG stores luminance separately, with the same weights as a conversion from RGB. Skipping
     the colours saves two thirds of the time.
     """
-    if not is_whole(data):
+    if not is_complete(data):
         return None
     try:
         return decoding.decode(data, grey=True)

@@ -24,26 +24,26 @@ from tactile_nodes.drivers.camera.contract import SERIAL, SIMULATED, Camera, Cam
 from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
 
-def open_camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] | None = None) -> Camera:
+def open_camera(settings: CameraSettings, clock: Clock, on_progress: Callable[[str], None] | None = None) -> Camera:
     """The camera of `settings.source`, open; a live one reconnects by itself (`Reconnecting`).
 
-    `told` receives messages of the simulated camera while opening takes long.
+    `on_progress` receives messages of the simulated camera while opening takes long.
 
     Raises:
         ConfigurationError: the source is not a kind of camera.
         DeviceError, ImageError: as `Camera.open`.
     """
-    camera = _camera(settings, clock, told)
+    camera = _camera(settings, clock, on_progress)
     camera.open()
     return camera
 
 
-def _camera(settings: CameraSettings, clock: Clock, told: Callable[[str], None] | None) -> Camera:
+def _camera(settings: CameraSettings, clock: Clock, on_progress: Callable[[str], None] | None) -> Camera:
     source = settings.source.strip()
     if source == SIMULATED:
         from tactile_nodes.drivers.camera.simulated import SimulatedCamera
 
-        return SimulatedCamera(settings, clock, told)
+        return SimulatedCamera(settings, clock, on_progress)
     if (scheme := re.match(r'([a-zA-Z][\w+.-]*)://', source)) is not None:
         return _stream(scheme.group(1).lower(), settings, clock)
     if source.isdigit() or source.startswith(('/dev/', SERIAL)):

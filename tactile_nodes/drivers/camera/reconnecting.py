@@ -114,8 +114,8 @@ class Reconnecting:
     def health(self) -> Health:
         """ERROR while it is lost, or reopened without a frame yet; else the health of the camera."""
         if self._reason:
-            away_s = (self._clock.now_ns() - self._alive_ns) / NS_PER_S
-            return Health(Level.ERROR, f'lost for {away_s:.1f} s, reconnecting: {self._reason}')
+            lost_s = (self._clock.now_ns() - self._alive_ns) / NS_PER_S
+            return Health(Level.ERROR, f'lost for {lost_s:.1f} s, reconnecting: {self._reason}')
         if self._camera is None:
             return Health(Level.STALE, f'{self._source} is not open')
         health = self._camera.health

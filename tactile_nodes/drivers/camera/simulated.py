@@ -32,7 +32,7 @@ REST_BEFORE_FIRST_PRESS_NS = NS_PER_S
 REST_FRAMES = 32
 """A rest image needs an untouched gel: for a second, and for twice the frames that a live launch uses."""
 
-Told = Callable[[str], None]
+OnProgress = Callable[[str], None]
 """Receives progress messages while a scene is built."""
 
 
@@ -50,13 +50,13 @@ class SimulatedCamera:
     A camera of a shared world (`scene.world`) shows the gel of that world as soon as it exists.
     """
 
-    def __init__(self, settings: CameraSettings, clock: Clock, told: Told | None = None) -> None:
+    def __init__(self, settings: CameraSettings, clock: Clock, on_progress: OnProgress | None = None) -> None:
         self._settings = settings
         self._clock = clock
-        self._told = told
+        self._on_progress = on_progress
         self._scene: Scene | None = None
         self._world: worlds.SharedWorld | None = None
-        self._told_world: worlds.ToldWorld | None = None
+        self._driven_world: worlds.ToldWorld | None = None
         self._start_ns = 0
         self._sequence = -1
         self._dropped = 0
@@ -85,7 +85,7 @@ class SimulatedCamera:
         """
         if self._settings.fps <= 0:
             raise ConfigurationError(f'{NAME} needs a frame rate above 0; set fps')
-        scene = build_scene(self._settings.scene, self._told, self._settings.sensor)
+        scene = build_scene(self._settings.scene, self._on_progress, self._settings.sensor)
         check_size(scene.render(0), self._settings, NAME)
         self._start_ns = self._clock.now_ns()
         if self._settings.scene.start_ns == 0:
@@ -94,14 +94,14 @@ class SimulatedCamera:
         if self._settings.scene.world:
             scene.schedule = Untouched()
         if self._settings.scene.contact == HELD:
-            self._told_world, scene = _held(scene)
+            self._driven_world, scene = _held(scene)
         self._scene, self._world = scene, None
         self._sequence, self._dropped = -1, 0
 
     @property
-    def told(self) -> worlds.ToldWorld | None:
+    def driven_world(self) -> worlds.ToldWorld | None:
         """Where to store the state of a simulated gripper, if that touches the gel."""
-        return self._told_world
+        return self._driven_world
 
     @property
     def bins(self) -> BinGrid:
@@ -141,7 +141,7 @@ class SimulatedCamera:
         return self._start_ns + round(sequence * NS_PER_S / self._settings.fps)
 
 
-def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str = '') -> Scene:
+def build_scene(settings: SceneSettings, on_progress: OnProgress | None = None, sensor: str = '') -> Scene:
     """The gel and the contacts; the same settings give the same world in every process.
 
     Raises:
@@ -151,7 +151,7 @@ def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str =
     gel = _gel(settings, described)
     rows, cols = described.bins.rows, described.bins.cols
     bins = BinGrid(rows, cols, *gel.sides_mm) if settings.gel else BinGrid.of_sensor(described)
-    scene = Scene(gel, bins=bins, table=contact_table(gel), bodies=_bodies(settings.contact, gel, told))
+    scene = Scene(gel, bins=bins, table=contact_table(gel), bodies=_bodies(settings.contact, gel, on_progress))
     scene.schedule = _schedule(settings, settings.start_ns, scene)
     return scene
 
@@ -159,26 +159,26 @@ def build_scene(settings: SceneSettings, told: Told | None = None, sensor: str =
 def _held(scene: Scene) -> tuple[worlds.ToldWorld, WorldScene]:
     """A world that a gripper moves. The shear response is solved now, not at the first pull."""
     world = worlds.ToldWorld(scene.gel, contact_table(scene.gel))
-    made = WorldScene(world, scene.bins)
+    held_scene = WorldScene(world, scene.bins)
     world.put(1, Press(0.0, 0.0, 0.1, shift_mm=(0.1, 0.0)))
-    made.render(1)
+    held_scene.render(1)
     world.put(2, Press(0.0, 0.0, -1.0))
-    return world, made
+    return world, held_scene
 
 
-def _bodies(contact: str, gel: Gel, told: Told | None) -> dict[str, TouchTable]:
+def _bodies(contact: str, gel: Gel, on_progress: OnProgress | None) -> dict[str, TouchTable]:
     """The bodies that touch the gel besides the tip; a new contact shape takes some ten seconds to solve."""
     if contact in ('', TIP, HELD):
         return {}
     if contact == MIXED:
         return ready_contacts(gel)
     wanted = usual_contact(gel, contact) if contact in USUAL else Contact.named(contact)
-    return {contact: solved_contact(gel, wanted, told and _progress(contact, told))}
+    return {contact: solved_contact(gel, wanted, on_progress and _progress(contact, on_progress))}
 
 
-def _progress(contact: str, told: Told) -> Callable[[int, int], None]:
+def _progress(contact: str, on_progress: OnProgress) -> Callable[[int, int], None]:
     def tell(done: int, stages: int) -> None:
-        told(f'solving the gel deformation under {contact} (only once): {done} of {stages} stages')
+        on_progress(f'solving the gel deformation under {contact} (only once): {done} of {stages} stages')
 
     return tell
 

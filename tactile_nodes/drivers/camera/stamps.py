@@ -87,8 +87,8 @@ class Cadence:
         """Frames per second: as announced, or as observed if that is clearly less."""
         if self._fps <= 0 or len(self._gaps_ns) < CADENCE_FRAMES:
             return self._fps
-        seen = clock.NS_PER_S / statistics.median(self._gaps_ns)
-        return seen if seen * SLOWER < self._fps else self._fps
+        observed_fps = clock.NS_PER_S / statistics.median(self._gaps_ns)
+        return observed_fps if observed_fps * SLOWER < self._fps else self._fps
 
     @property
     def complaint(self) -> str:

@@ -175,26 +175,26 @@ class _Device:
             self.controls.close()
 
     def _configure(self) -> None:
-        cv2, asked = opencv.load(), self._settings
-        if asked.fourcc:
-            self._capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*asked.fourcc.ljust(4)[:4]))
-        if asked.width and asked.height:
-            self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, asked.width)
-            self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, asked.height)
-        if asked.fps:
-            self._capture.set(cv2.CAP_PROP_FPS, asked.fps)
+        cv2, settings = opencv.load(), self._settings
+        if settings.fourcc:
+            self._capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*settings.fourcc.ljust(4)[:4]))
+        if settings.width and settings.height:
+            self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings.width)
+            self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.height)
+        if settings.fps:
+            self._capture.set(cv2.CAP_PROP_FPS, settings.fps)
         fourcc = fourcc_text(round(self._capture.get(cv2.CAP_PROP_FOURCC)))
         fps = self._capture.get(cv2.CAP_PROP_FPS)
         self._cadence = Cadence(fps)
         self._take_raw(fourcc)
         self._format = {
-            'format': f'{fourcc} (requested {asked.fourcc or "none"})',
-            'frames/s': f'{fps:g} (requested {asked.fps:g})',
+            'format': f'{fourcc} (requested {settings.fourcc or "none"})',
+            'frames/s': f'{fps:g} (requested {settings.fps:g})',
         }
-        if asked.fourcc and fourcc != asked.fourcc:
-            self._format_complaints.append(f'the pixel format is {fourcc}, but {asked.fourcc} was requested')
-        if asked.fps and abs(fps - asked.fps) > 0.01 * asked.fps:
-            self._format_complaints.append(f'it gives {fps:g} frames/s, but {asked.fps:g} was requested')
+        if settings.fourcc and fourcc != settings.fourcc:
+            self._format_complaints.append(f'the pixel format is {fourcc}, but {settings.fourcc} was requested')
+        if settings.fps and abs(fps - settings.fps) > 0.01 * settings.fps:
+            self._format_complaints.append(f'it gives {fps:g} frames/s, but {settings.fps:g} was requested')
 
     def _take_raw(self, fourcc: str) -> None:
         convert = opencv.load().CAP_PROP_CONVERT_RGB
@@ -215,8 +215,8 @@ class _Device:
         return np.asarray(image, np.uint8)
 
     def _note_size(self, image: Picture) -> None:
-        asked = f'{self._settings.width or "any"}x{self._settings.height or "any"}'
-        self._format['size'] = f'{image.shape[1]}x{image.shape[0]} (requested {asked})'
+        requested = f'{self._settings.width or "any"}x{self._settings.height or "any"}'
+        self._format['size'] = f'{image.shape[1]}x{image.shape[0]} (requested {requested})'
 
     def _set_controls(self) -> None:
         """Set the controls with the first frame, and again after a second, because some cameras reset them."""
@@ -226,8 +226,8 @@ class _Device:
             return
         self._settled = settled
         if self.controls is None:
-            asked = v4l2_controls.wishes(self._settings)
-            self._readbacks = [Readback(name, value, None, needed) for name, (value, needed) in asked.items()]
+            wanted = v4l2_controls.wishes(self._settings)
+            self._readbacks = [Readback(name, value, None, needed) for name, (value, needed) in wanted.items()]
             return
         try:
             self._readbacks = v4l2_controls.apply(self.controls, self._settings)

@@ -92,19 +92,19 @@ class Readback:
     """Requested and actual value of a control; None: the device does not have it."""
 
     name: str
-    asked: int
+    requested: int
     got: int | None
     needed: bool
 
     @property
     def complaint(self) -> str:
         """A message if a person should check it; empty if it is as requested, or if there was nothing to switch off."""
-        if self.got == self.asked or (self.got is None and not self.needed):
+        if self.got == self.requested or (self.got is None and not self.needed):
             return ''
-        return f'{self.name} is {"missing" if self.got is None else self.got}, but {self.asked} was requested'
+        return f'{self.name} is {"missing" if self.got is None else self.got}, but {self.requested} was requested'
 
     def __str__(self) -> str:
-        return 'missing' if self.got is None else f'{self.got} (requested {self.asked})'
+        return 'missing' if self.got is None else f'{self.got} (requested {self.requested})'
 
 
 def wishes(settings: CameraSettings) -> dict[str, tuple[int, bool]]:
@@ -112,20 +112,20 @@ def wishes(settings: CameraSettings) -> dict[str, tuple[int, bool]]:
 
     An exposure of 15.6 ms is 156 units of `exposure_time_absolute`.
     """
-    asked = {} if settings.keep_auto else {name: (value, False) for name, value in _MANUAL.items()}
+    wanted = {} if settings.keep_auto else {name: (value, False) for name, value in _MANUAL.items()}
     if settings.exposure_ms > 0:
-        asked['exposure_time_absolute'] = (round(settings.exposure_ms * 10), True)
+        wanted['exposure_time_absolute'] = (round(settings.exposure_ms * 10), True)
     if settings.gain >= 0:
-        asked['gain'] = (settings.gain, True)
+        wanted['gain'] = (settings.gain, True)
     if settings.white_balance_k > 0:
-        asked['white_balance_temperature'] = (settings.white_balance_k, True)
-    return asked
+        wanted['white_balance_temperature'] = (settings.white_balance_k, True)
+    return wanted
 
 
 def apply(controls: Controls, settings: CameraSettings) -> list[Readback]:
     """Set the controls that differ from the request, then read all of them."""
-    asked = wishes(settings)
-    for name, (value, _needed) in asked.items():
+    wanted = wishes(settings)
+    for name, (value, _needed) in wanted.items():
         if controls.get(name) not in {None, value}:
             controls.set(name, value)
-    return [Readback(name, value, controls.get(name), needed) for name, (value, needed) in asked.items()]
+    return [Readback(name, value, controls.get(name), needed) for name, (value, needed) in wanted.items()]

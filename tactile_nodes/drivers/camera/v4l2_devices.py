@@ -1,4 +1,4 @@
-"""Lists V4L2 devices, finds one by its serial number, and tells why one cannot be opened."""
+"""Lists V4L2 devices, finds one by its serial number, and explains why one cannot be opened."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def located(name: str, sysfs: Path = SYSFS) -> str:
             'use their paths below /dev/v4l/by-path, which depend on the USB port'
         )
     if not found:
-        known = ', '.join(each.serial for each in there if each.serial) or 'none'
+        serials = ', '.join(each.serial for each in there if each.serial) or 'none'
         raise DeviceNotFoundError(
-            f'no camera has the serial number {wanted!r} (found: {known}); connect it, or list cameras with: '
+            f'no camera has the serial number {wanted!r} (found: {serials}); connect it, or list cameras with: '
             'tactile camera list'
         )
     return found[0]
@@ -79,7 +79,7 @@ def check_device(path: str, by_id: Path = BY_ID) -> None:
         DeviceNotFoundError: it does not exist, this user may not open it, or it is not a camera.
     """
     if not Path(path).exists():
-        raise DeviceNotFoundError(f'there is no camera {path}; {_known(by_id)}')
+        raise DeviceNotFoundError(f'there is no camera {path}; {_connected(by_id)}')
     if not os.access(path, os.R_OK | os.W_OK):
         raise DeviceNotFoundError(
             f'no permission to open the camera {path}; '
@@ -90,7 +90,7 @@ def check_device(path: str, by_id: Path = BY_ID) -> None:
     except OSError as error:
         if error.errno in {errno.EBUSY, errno.EINTR}:
             return
-        raise DeviceNotFoundError(f'{path} is not a video device ({error.strerror}); {_known(by_id)}') from error
+        raise DeviceNotFoundError(f'{path} is not a video device ({error.strerror}); {_connected(by_id)}') from error
     if not found.captures:
         raise DeviceNotFoundError(
             f'{path} of {found.card} is not a picture stream (a UVC camera has a second node for metadata); '
@@ -135,7 +135,7 @@ def _text(field: bytes) -> str:
     return field.split(b'\0', 1)[0].decode('utf-8', 'replace')
 
 
-def _known(by_id: Path) -> str:
+def _connected(by_id: Path) -> str:
     names = sorted(str(path) for path in by_id.iterdir()) if by_id.is_dir() else []
     if names:
         return f'found: {", ".join(names)}'

@@ -69,8 +69,8 @@ class Guard:
 
     def _check_box(self, start: Place, target: Place) -> None:
         box = zip(AXES, start, target, self.envelope.lowest_mm, self.envelope.highest_mm, strict=True)
-        for axis, here, value, low, high in box:
-            if not min(low - TOLERANCE_MM, here) <= value <= max(high + TOLERANCE_MM, here):
+        for axis, begin_mm, value, low, high in box:
+            if not min(low - TOLERANCE_MM, begin_mm) <= value <= max(high + TOLERANCE_MM, begin_mm):
                 raise ConfigurationError(f'refused to move to {axis} {value:g} mm; the range is {low:g} to {high:g}')
 
 
@@ -119,6 +119,6 @@ def way_between(a: Place, b: Place) -> Place:
     return (b[0] - a[0], b[1] - a[1], b[2] - a[2])
 
 
-def told(place: Place) -> str:
+def describe_place(place: Place) -> str:
     """A place as text."""
     return ' '.join(f'{axis} {value:.3f}' for axis, value in zip(AXES, place, strict=True)) + ' mm'

@@ -50,8 +50,8 @@ class GrblCnc(SerialCnc[GrblDialogue]):
     def description(self) -> Mapping[str, str]:
         """Firmware, options and all settings of the controller."""
         base = {'source': self._settings.source, 'kind': f'CNC, {self._identity.firmware} {self._identity.version}'}
-        said = {f'${number}': value for number, value in self._memory.items()}
-        return {**base, 'options': ' '.join(self._identity.options), 'notes': '; '.join(self._warnings), **said}
+        settings = {f'${number}': value for number, value in self._memory.items()}
+        return {**base, 'options': ' '.join(self._identity.options), 'notes': '; '.join(self._warnings), **settings}
 
     def connect(self) -> None:
         """As `Cnc.connect`."""

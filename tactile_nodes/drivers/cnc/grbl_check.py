@@ -85,10 +85,10 @@ def check(name: str, identity: Identity, memory: Mapping[int, str], settings: Cn
             f'{name} is in laser or lathe mode ($32={memory[32]}), in which it moves differently from a mill; set $32=0'
         )
     warnings = []
-    for number, what, risk in GUARDS:
+    for number, guard, risk in GUARDS:
         if not _is_on(memory, number):
-            _accepted(name, _where(identity, number), what, risk, settings)
-            warnings.append(f'{what} off (${number}={memory.get(number, "?")})')
+            _accepted(name, _where(identity, number), guard, risk, settings)
+            warnings.append(f'{guard} off (${number}={memory.get(number, "?")})')
     if memory.get(1, '') != str(KEEP_MOTORS_ON):
         idle = FLUIDNC_IDLE if identity.firmware == 'FluidNC' else '$1'
         warnings.append(
@@ -110,10 +110,10 @@ def _where(identity: Identity, number: int) -> str:
     return f'${number}=0'
 
 
-def _accepted(name: str, where: str, what: str, risk: str, settings: CncSettings) -> None:
+def _accepted(name: str, where: str, guard: str, risk: str, settings: CncSettings) -> None:
     if risk not in settings.accept:
         raise DeviceFaultError(
-            f"{name} has {what} switched off ({where}); switch it on, or add '{risk}' to the setting accept"
+            f"{name} has {guard} switched off ({where}); switch it on, or add '{risk}' to the setting accept"
         )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, Place, Traffic
-from tactile_nodes.drivers.cnc.envelope import told
+from tactile_nodes.drivers.cnc.envelope import describe_place
 from tactile_nodes.drivers.cnc.grbl_reports import Reports
 from tactile_nodes.drivers.cnc.grbl_words import (
     BANNER,
@@ -151,11 +151,11 @@ class GrblHearing:
         if line != 'ok' and request.error is None:
             request.error = DeviceFaultError(f'{self.name} refused {request.text!r}: {error_text(line)}')
 
-    def _echoed(self, heard: str) -> None:
+    def _echoed(self, echo: str) -> None:
         """Some builds echo each received line without blanks, so it can be compared with the sent line."""
         sent = self._unanswered[0].text if self._unanswered else ''
-        if heard.replace(' ', '').upper() != sent.replace(' ', '').upper():
-            self._brake(f'received {heard.strip()!r} instead of {sent!r}; check its cable')
+        if echo.replace(' ', '').upper() != sent.replace(' ', '').upper():
+            self._brake(f'received {echo.strip()!r} instead of {sent!r}; check its cable')
 
     def _reported(self, line: str, stamp_ns: int) -> None:
         if not self.reports.take(line, stamp_ns):
@@ -174,13 +174,13 @@ class GrblHearing:
         """Compare a report with the commanded motion."""
         verdict = self._motion.judge(place, stamp_ns, feed_mm_min)
         if verdict is Verdict.STRAYED:
-            self._brake(f'is at {told(place)}, off the commanded path; check its cable')
+            self._brake(f'is at {describe_place(place)}, off the commanded path; check its cable')
         elif verdict is Verdict.HASTY:
             self._brake(f'moves at {feed_mm_min:g} mm/min, faster than commanded; check its cable')
         elif verdict is Verdict.DOUBTFUL:
             self.reports.request()
         elif verdict is Verdict.LOST:
-            self._doubt(f'reports {told(place)}, which it cannot have reached', obeys_upwards=True)
+            self._doubt(f'reports {describe_place(place)}, which it cannot have reached', obeys_upwards=True)
 
     def _doubt(self, why: str, obeys_upwards: bool) -> None:
         self.lose_place(f'{why}, so its position is unknown; check it, then home it', obeys_upwards)

@@ -27,7 +27,7 @@ class Reports:
         self._offset: Place | None = None
         self._owed_ns = 0
         self._silence = Silence()
-        self.asked_ns = 0
+        self.requested_ns = 0
         self.open = False
         self.factor = 1.0  # mm per unit of the reports
         self.last: Report | None = None
@@ -51,9 +51,9 @@ class Reports:
 
     def request(self) -> None:
         """Request a report."""
-        self.asked_ns = self._ask()
+        self.requested_ns = self._ask()
         if not self.open:
-            self.open, self._owed_ns = True, self.asked_ns
+            self.open, self._owed_ns = True, self.requested_ns
 
     def listened(self, now_ns: int) -> None:
         """Note that everything that had arrived by now was read."""
@@ -65,7 +65,7 @@ class Reports:
 
     def is_due(self, now_ns: int, moving: bool) -> bool:
         """Whether a request is due. An open one is repeated only after `SILENT_S`: sooner would not help."""
-        since_s = (now_ns - self.asked_ns) / NS_PER_S
+        since_s = (now_ns - self.requested_ns) / NS_PER_S
         period_s = min(self._period_s, MOVING_S) if moving else self._period_s
         return since_s >= (max(period_s, SILENT_S) if self.open else period_s)
 
@@ -76,6 +76,6 @@ class Reports:
             return False
         self._offset = report.offset or self._offset
         self.last, self.open = report, False
-        self.uncertainty_ns = max(0, arrival_ns - self.asked_ns) // 2
+        self.uncertainty_ns = max(0, arrival_ns - self.requested_ns) // 2
         self.stamp_ns = arrival_ns - self.uncertainty_ns
         return True

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus, Envelope, Place, Switched
-from tactile_nodes.drivers.cnc.envelope import Guard, distance_mm, told, way_between
+from tactile_nodes.drivers.cnc.envelope import Guard, describe_place, distance_mm, way_between
 from tactile_nodes.drivers.cnc.motion import Motion
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 
@@ -198,7 +198,7 @@ class GuardedCnc(ABC):
             return
         self._rests_at(status.position_mm)
         raise DeviceFaultError(
-            f'{self._name} stopped at {told(status.position_mm)} instead of {told(target)}; '
+            f'{self._name} stopped at {describe_place(status.position_mm)} instead of {describe_place(target)}; '
             'commands were lost or another program moves it: check it, then home it'
         )
 

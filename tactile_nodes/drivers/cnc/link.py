@@ -77,14 +77,14 @@ class Link:
         self,
         port: Port,
         clock: Clock,
-        heard: Callable[[str, int], None],
+        on_line: Callable[[str, int], None],
         idle: Callable[[], None],
         traffic: Traffic | None = None,
         threaded: bool = True,
     ) -> None:
         self._port = port
         self._clock = clock
-        self._heard = heard
+        self._on_line = on_line
         self._idle = idle
         self._traffic = traffic
         self._partial = bytearray()
@@ -175,7 +175,7 @@ class Link:
         self._partial = bytearray(rest[-LONGEST_LINE:])
         for line in lines:
             if text := line.decode('ascii', 'replace').strip():
-                self._heard(text, stamp_ns)
+                self._on_line(text, stamp_ns)
 
     def _check(self) -> None:
         if self.lost is not None:

@@ -26,7 +26,7 @@ from tactile_nodes.drivers.cnc.contract import (
     Switched,
 )
 from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
-from tactile_nodes.drivers.cnc.envelope import AXES, guard, told, way_between
+from tactile_nodes.drivers.cnc.envelope import AXES, describe_place, guard, way_between
 from tactile_nodes.drivers.cnc.guarded import UNKNOWN_ACCELERATION
 from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, PLACE, STOP, STOP_S, MarlinDialogue
 from tactile_nodes.drivers.cnc.marlin_settings import NUMBER, QUESTIONS, AxisSettings, axis_settings
@@ -86,7 +86,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
-        self._axes = self._asked_settings(dialogue)
+        self._axes = self._query_settings(dialogue)
         self._acceleration = self._axes.acceleration or UNKNOWN_ACCELERATION
         dialogue.polling = True
 
@@ -199,7 +199,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             if left is None or left >= FEWEST_STEPS:
                 raise
 
-    def _asked_settings(self, dialogue: MarlinDialogue) -> AxisSettings:
+    def _query_settings(self, dialogue: MarlinDialogue) -> AxisSettings:
         """The reported settings; empty for a Marlin without these queries."""
         lines: list[str] = []
         for question in QUESTIONS:
@@ -220,11 +220,11 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         verdict = self._motion.judge(place, stamp_ns)
         if verdict is Verdict.LOST:
             dialogue.lose_place(
-                f'reports {told(place)}, which it cannot have reached, so its position is unknown; check it, '
+                f'reports {describe_place(place)}, which it cannot have reached, so its position is unknown; check it, '
                 'then connect again'
             )
         if verdict in {Verdict.STRAYED, Verdict.LOST}:
-            dialogue.brake(f'is at {told(place)}, off the commanded path; check its cable')
+            dialogue.brake(f'is at {describe_place(place)}, off the commanded path; check its cable')
 
     def _state(self) -> CncState:
         if self._dialogue is not None and self._dialogue.killed:

@@ -75,7 +75,7 @@ class MarlinDialogue:
         self._period_s = period_s
         self._placed = placed
         self._on_lost = on_lost
-        self._said_ns = 0
+        self._sent_ns = 0
         self._unanswered: deque[_Numbered] = deque()
         self._number = 0
         self._busy_ns = 0
@@ -189,7 +189,7 @@ class MarlinDialogue:
         self._number += 1
         request.number, request.due_ns, request.in_motion = self._number, due_ns, self._moving()
         self._unanswered.append(request)
-        request.sent_ns = self._said_ns = self._send(request)
+        request.sent_ns = self._sent_ns = self._send(request)
         return request
 
     def _send(self, request: _Numbered) -> int:
@@ -229,7 +229,7 @@ class MarlinDialogue:
         elif line.startswith('echo:busy'):
             self._busy_ns = stamp_ns
         elif line.startswith(('Resend:', 'rs ')):
-            self._asked_again(line)
+            self._note_resend(line)
         elif line == 'start':
             self._started()
         elif line.startswith('Error:') and ('kill' in line or 'halted' in line):
@@ -261,7 +261,7 @@ class MarlinDialogue:
                 f'{self.name} does not know {request.text!r}; this Marlin does not support it'
             )
 
-    def _asked_again(self, line: str) -> None:
+    def _note_resend(self, line: str) -> None:
         match = re.search(r'\d+', line)
         if self._unanswered and match is not None:
             self._unanswered[0].resend = int(match.group())
@@ -285,7 +285,7 @@ class MarlinDialogue:
     def _poll(self) -> None:
         """Send a line when it is due: its response shows that the controller is alive."""
         period_s = min(self._period_s, MOVING_S) if self._moving() else self._period_s
-        if self._clock.now_ns() - self._said_ns >= period_s * NS_PER_S:
+        if self._clock.now_ns() - self._sent_ns >= period_s * NS_PER_S:
             waits = self.answers_in_motion is False and self._moving()  # it would report its position only at rest
             self._put(ALIVE if waits else PLACE)
 

@@ -51,9 +51,9 @@ class AxisSettings:
 def axis_settings(lines: list[str]) -> AxisSettings:
     """From the responses to `QUESTIONS`; empty if there are none."""
     most = _axes('M201', lines)
-    told = next((found for line in lines if (found := re.search(rf'M204 P({NUMBER}).* T({NUMBER})', line))), None)
-    accelerations = [*(most or ()), *((float(each) for each in told.groups()) if told else ())]
-    slowest = min(accelerations) if most and told else 0.0
+    match = next((found for line in lines if (found := re.search(rf'M204 P({NUMBER}).* T({NUMBER})', line))), None)
+    accelerations = [*(most or ()), *((float(each) for each in match.groups()) if match else ())]
+    slowest = min(accelerations) if most and match else 0.0
     return AxisSettings(_axes('M92', lines), _axes('M203', lines), slowest or None)
 
 

@@ -57,7 +57,7 @@ class Motion:
         self._follows = follows
         self._lock = threading.Lock()
         self._legs: list[_Leg] = []
-        self._seen: tuple[Place, int] | None = None
+        self._last_report: tuple[Place, int] | None = None
 
     @property
     def is_known(self) -> bool:
@@ -68,13 +68,13 @@ class Motion:
         """Note that the tip rests here."""
         with self._lock:
             self._legs = [_Leg(place, place, 0.0)]
-            self._seen = (place, now_ns)
+            self._last_report = (place, now_ns)
             self.doubted = False
 
     def forget(self) -> None:
         """Expect no position any more."""
         with self._lock:
-            self._legs, self._seen, self.doubted = [], None, False
+            self._legs, self._last_report, self.doubted = [], None, False
 
     def add(self, start: Place, target: Place, feed_mm_min: float) -> None:
         """Add a leg from `start`, the end of the last leg."""
@@ -94,7 +94,7 @@ class Motion:
             if on is None and not self._can_have_gone(place, by_ns):
                 again, self.doubted = self.doubted, True
                 return Verdict.LOST if again else Verdict.DOUBTFUL
-            self._seen, self.doubted = (place, by_ns), False
+            self._last_report, self.doubted = (place, by_ns), False
             if on is None:
                 return Verdict.STRAYED
             if self.moving and feed_mm_min / 60 > HASTE * self._fastest_mm_s():
@@ -107,11 +107,11 @@ class Motion:
         return max(leg.feed_mm_s for leg in self._legs)
 
     def _can_have_gone(self, place: Place, by_ns: int) -> bool:
-        if self._seen is None:
+        if self._last_report is None:
             return False
-        seen, since_ns = self._seen
+        last_place, since_ns = self._last_report
         farthest_mm = HASTE * self._fastest_mm_s() * (by_ns - since_ns) / NS_PER_S
-        return distance_mm(seen, place) <= farthest_mm + NEAR_MM
+        return distance_mm(last_place, place) <= farthest_mm + NEAR_MM
 
 
 def _between(a: Place, b: Place, share: float) -> Place:

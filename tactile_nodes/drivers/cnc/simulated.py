@@ -89,9 +89,9 @@ class SimulatedCnc(GuardedCnc):
         self._rules()
         self._path.clear()
         self._held, self._homed = None, False
-        here = self._machine.motor_at(self._clock.now_ns())
+        start = self._machine.motor_at(self._clock.now_ns())
         off = -PULL_OFF_MM
-        for target in ((here[0], here[1], 0.0), (0.0, 0.0, 0.0), (off, off, off)):
+        for target in ((start[0], start[1], 0.0), (0.0, 0.0, 0.0), (off, off, off)):
             self._arrival_ns = self._machine.go(target, HOMING_MM_S, self._clock.now_ns())
         self._wait_until_arrived(None)
         self._origin, self._target, self._homed = (0.0, 0.0, 0.0), (off, off, off), True

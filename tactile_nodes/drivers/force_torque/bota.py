@@ -159,7 +159,7 @@ class BotaConnection:
             'device': self._port.name,
             'sinc filter': str(self._sinc),
             'temperature': f'{self._temperature_c:.1f} °C',
-            'clock drift': self._ticks.told,
+            'clock drift': self._ticks.drift_text,
             'damaged frames': str(self._parser.bad),
         }
 
@@ -223,13 +223,13 @@ def _ask(port: Port, command: bytes) -> None:
 
 def _wait_for(port: Port, text: bytes, timeout_s: float, after: int = 0) -> bytes | None:
     """The `after` bytes that follow a text, once they have arrived; None if they do not arrive."""
-    heard, deadline_s = b'', clocks.monotonic_s() + timeout_s
+    received, deadline_s = b'', clocks.monotonic_s() + timeout_s
     while clocks.monotonic_s() < deadline_s:
-        heard += port.read(WAIT_S)
-        found = heard.find(text)
-        if found >= 0 and len(heard) >= found + len(text) + after:
-            return heard[found + len(text) : found + len(text) + after]
-        if not after and heard.count(HEADER) > 3 and FrameParser().feed(heard):
+        received += port.read(WAIT_S)
+        found = received.find(text)
+        if found >= 0 and len(received) >= found + len(text) + after:
+            return received[found + len(text) : found + len(text) + after]
+        if not after and received.count(HEADER) > 3 and FrameParser().feed(received):
             return None  # it is running already, so there will be no text
     return None
 

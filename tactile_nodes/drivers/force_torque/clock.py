@@ -63,12 +63,12 @@ class TickClock:
         self._settled = False
         self._ticks: int | None = None
         self._origin = (0, 0)
-        self._seen = 0
+        self._count = 0
         self._blocks: deque[tuple[float, float]] = deque(maxlen=WINDOW_BLOCKS)
         self._block: tuple[float, float] | None = None
         self._block_ends = 0.0
         self._line = (0.0, 0.0)
-        self._known: float | None = None  # slope
+        self._known_slope: float | None = None
         self._stamp_ns = 0
 
     @property
@@ -94,7 +94,7 @@ class TickClock:
         return int(Flag(0) if self._is_timed else Flag.UNTIMED)
 
     @property
-    def told(self) -> str:
+    def drift_text(self) -> str:
         """The drift as text."""
         return f'{self.drift_ppm:+.0f} ppm' if self._keeps_time else 'unknown: stamped on arrival'
 
@@ -121,14 +121,14 @@ class TickClock:
 
     def stamp(self, ticks: int, arrival_ns: int) -> int:
         """Measurement time of the sample with these ticks (unwrapped); strictly increasing, never after arrival."""
-        if self._seen == 0:
+        if self._count == 0:
             self._first_ns = arrival_ns
             self._begin(ticks, arrival_ns)
         x, y = self._place(ticks, arrival_ns)
         if self._is_ahead(x, y):
             self._begin(ticks, arrival_ns)
             x, y = 0.0, 0.0
-        self._seen += 1
+        self._count += 1
         self._arrived_ns = arrival_ns - self._first_ns
         self._observe(x, y)
         late = min(y, self._line[0] + self._line[1] * x) if self._keeps_time else y
@@ -140,7 +140,7 @@ class TickClock:
 
     def _has_seen_enough(self) -> bool:
         long_enough = min(self._elapsed_ns(), self._arrived_ns) >= SETTLED_AFTER_NS
-        return self._seen >= SETTLED_AFTER and (long_enough or self._arrived_ns >= SETTLED_AT_LAST_NS)
+        return self._count >= SETTLED_AFTER and (long_enough or self._arrived_ns >= SETTLED_AT_LAST_NS)
 
     def _observe(self, x: float, y: float) -> None:
         if len(self._blocks) < EARLY_BLOCKS and x > self._x:  # a counter that stands still does not show its rate
@@ -189,11 +189,11 @@ class TickClock:
             self._line = (self._recent(points), 0.0)
             return
         x, y = np.array(points).T
-        known, steepest = (0.0, 1.0) if self._known is None else (self._known, WANDERS)
-        at, slope = lower_line(x, y - known * x, steepest * self._most_drift)
-        self._line = (at, known + slope)
-        if self._known is None and len(self._blocks) >= KNOWN_AFTER_BLOCKS:
-            self._known = self._line[1]
+        known_slope, steepest = (0.0, 1.0) if self._known_slope is None else (self._known_slope, WANDERS)
+        at, slope = lower_line(x, y - known_slope * x, steepest * self._most_drift)
+        self._line = (at, known_slope + slope)
+        if self._known_slope is None and len(self._blocks) >= KNOWN_AFTER_BLOCKS:
+            self._known_slope = self._line[1]
 
     def _recent(self, points: list[tuple[float, float]]) -> float:
         """The smallest recent delay, but no more than the smallest of all plus the largest drift since then."""

@@ -88,7 +88,7 @@ class NetFtConnection:
             'filter': fields.get('setuserfilter', ''),
             'bias in the box': fields.get('setbias', ''),
             'rate': f'{self.rate_hz:.0f}',
-            'clock drift': self._ticks.told,
+            'clock drift': self._ticks.drift_text,
             'records lost, doubled, late, malformed': f'{counters.lost}, {counters.duplicates}, '
             f'{counters.out_of_order}, {counters.malformed}',
             'times stalled': str(self._stalls),
@@ -97,10 +97,11 @@ class NetFtConnection:
     @property
     def complaint(self) -> str:
         """A message if the rate differs from the requested one, or the counter does not keep its rate."""
-        asked = self._settings.rate_hz
-        if asked > 0 and self.rate_hz and not _near(asked, self.rate_hz, self.config.internal_rate_hz):
+        requested = self._settings.rate_hz
+        if requested > 0 and self.rate_hz and not _near(requested, self.rate_hz, self.config.internal_rate_hz):
             return (
-                f'{asked:g} samples/s were requested, but the box sends {self.rate_hz:.0f}; see its Communications page'
+                f'{requested:g} samples/s were requested, but the box sends {self.rate_hz:.0f}; '
+                'see its Communications page'
             )
         return self._ticks.complaint
 
@@ -204,9 +205,9 @@ class NetFtConnection:
         return (data, self._clock.now_ns()) if sender[0] == self._address else None
 
 
-def _near(asked: float, given: float, internal: float) -> bool:
+def _near(requested: float, given: float, internal: float) -> bool:
     """Whether a rate is the nearest that the box supports: the internal rate divided by an integer."""
-    return asked <= given * 1.001 and given <= internal / max(1, internal // asked) * 1.001
+    return requested <= given * 1.001 and given <= internal / max(1, internal // requested) * 1.001
 
 
 def _configured(host: str, settings: ForceTorqueSettings) -> BoxConfig:

@@ -90,9 +90,9 @@ def _unit(fields: Mapping[str, str], name: str, table: Mapping[str, float], host
     written = fields.get(name, '')
     factor = table.get(written if written.isdigit() else re.sub(r'[^a-z]', '', written.lower()))
     if factor is None:
-        known = ', '.join(unit for unit in table if not unit.isdigit())
+        units = ', '.join(unit for unit in table if not unit.isdigit())
         raise DeviceError(
-            f'the box at {host} measures in {written!r} ({name}), which is not one of {known}; '
+            f'the box at {host} measures in {written!r} ({name}), which is not one of {units}; '
             'choose another unit on its Configurations page'
         )
     return factor

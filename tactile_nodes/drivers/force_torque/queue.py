@@ -120,7 +120,7 @@ class SampleQueue:
             if self._closed:
                 raise closed(self._name)
             if not self._waiting:
-                raise self._told()
+                raise self._copied_failure()
             taken = list(self._waiting)
             self._waiting.clear()
             overflow = self._overflow
@@ -128,7 +128,7 @@ class SampleQueue:
             return taken
         return [sample._replace(dropped=sample.dropped + overflow) for sample in taken]
 
-    def _told(self) -> TactileError:
+    def _copied_failure(self) -> TactileError:
         """A new copy of the failure, because an error that is raised twice carries two tracebacks."""
         failure = self._failure or DeviceLostError(f'{self._name} is lost')
         error = type(failure)(*failure.args)

@@ -89,7 +89,7 @@ class StreamedForceTorque:
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._losses = 0
-        self._heard_ns = 0
+        self._connected_ns = 0
         self._expected_hz = 0.0
 
     @property
@@ -132,7 +132,7 @@ class StreamedForceTorque:
             self._queue.listen(listener)
         self._stopping.clear()
         self._connection = self._connect()
-        self._heard_ns = self._clock.now_ns()
+        self._connected_ns = self._clock.now_ns()
         self._thread = threading.Thread(target=self._run, name=f'force/torque {self.name}', daemon=True)
         self._thread.start()
         if not self._queue.wait(FIRST_SAMPLE_S):
@@ -169,12 +169,12 @@ class StreamedForceTorque:
     def _health(self, connection: Connection, newest: Sample) -> Health:
         now_ns, limit_ms = self._clock.now_ns(), permitted_ms(self._settings.silence_ms, self._expected_hz)
         if newest.flags & UNUSABLE and now_ns - newest.arrival_ns <= limit_ms * NS_PER_MS:
-            return Health(Level.ERROR, f'{self.name}: {told(newest.flags)} (status {newest.status:#x})')
+            return Health(Level.ERROR, f'{self.name}: {describe_flags(newest.flags)} (status {newest.status:#x})')
         if wrong := too_old(newest, 0, now_ns, limit_ms):
             return Health(Level.ERROR, f'{self.name} {wrong}')
         counted = f'{connection.rate_hz:.0f} samples/s, {self._queue.dropped} lost'
         if newest.flags & (Flag.THRESHOLD | Flag.WARNING | Flag.UNTIMED) or connection.complaint:
-            words = connection.complaint or f'{told(newest.flags)} (status {newest.status:#x})'
+            words = connection.complaint or f'{describe_flags(newest.flags)} (status {newest.status:#x})'
             return Health(Level.WARN, f'{counted}; {words}')
         return Health(Level.OK, counted)
 
@@ -204,18 +204,18 @@ class StreamedForceTorque:
 
     def _watch(self) -> None:
         newest, now_ns, rate_hz = self._queue.newest, self._clock.now_ns(), self._expected_hz
-        heard_ns = max(self._heard_ns, newest.arrival_ns if newest else 0)
-        runs = rate_hz > 0 and heard_ns > self._heard_ns
+        alive_ns = max(self._connected_ns, newest.arrival_ns if newest else 0)
+        runs = rate_hz > 0 and alive_ns > self._connected_ns
         patience_s = max(self._settings.lost_s, 5 / rate_hz if runs else FIRST_SAMPLE_S)
-        if (now_ns - heard_ns) / NS_PER_S > patience_s:
-            raise DeviceLostError(self._silent((now_ns - heard_ns) / NS_PER_S))
+        if (now_ns - alive_ns) / NS_PER_S > patience_s:
+            raise DeviceLostError(self._silent((now_ns - alive_ns) / NS_PER_S))
 
     def _found_again(self) -> Connection | None:
         delay_s = FIRST_DELAY_S
         while self._connection is None and not self._stopping.wait(delay_s):
             self._connection = self._tried()
             delay_s = min(2 * delay_s, LONGEST_DELAY_S)
-        self._heard_ns = self._clock.now_ns()
+        self._connected_ns = self._clock.now_ns()
         return self._connection
 
     def _tried(self) -> Connection | None:
@@ -237,6 +237,6 @@ class StreamedForceTorque:
         )
 
 
-def told(flags: int) -> str:
+def describe_flags(flags: int) -> str:
     """Flags as words: `Flag.SATURATED | Flag.NOT_A_NUMBER` is "saturated, not a number"."""
     return ', '.join(flag.name.lower().replace('_', ' ') for flag in Flag if flag & flags and flag.name) or 'well'

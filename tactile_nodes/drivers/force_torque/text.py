@@ -117,7 +117,7 @@ class TextLineConnection:
             'kind': 'text line',
             'device': self._port.name,
             'units per count': scales,
-            'clock drift': self._ticks.told,
+            'clock drift': self._ticks.drift_text,
             'damaged lines': str(self._parser.bad),
         }
 

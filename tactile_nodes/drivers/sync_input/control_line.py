@@ -186,14 +186,14 @@ class WatchedLine:
         with contextlib.suppress(OSError):
             self._line.close()
 
-    def _run(self, level: bool, seen_ns: int) -> None:
+    def _run(self, level: bool, looked_ns: int) -> None:
         try:
             while not self._stopping.is_set():
                 waited = self._pause()
                 now_level, now_ns = self._line.level(), self._clock.now_ns()
                 if now_level != level and not self._stopping.is_set():
-                    self._put(now_level, now_ns if waited else seen_ns, now_ns)
-                level, seen_ns = now_level, now_ns
+                    self._put(now_level, now_ns if waited else looked_ns, now_ns)
+                level, looked_ns = now_level, now_ns
         except (OSError, TypeError) as error:  # TypeError: pyserial, closed by another thread
             lost = DeviceLostError(f'{self._name} is gone ({error}); check its cable and reopen it')
             with self._changed:

@@ -34,7 +34,7 @@ class ReconnectingSyncInput:
         self._line: WatchedLine | None = None
         self._opened = False
         self._reason = ''
-        self._away_ns = 0
+        self._lost_ns = 0
         self._delay_s = FIRST_DELAY_S
         self._next_try_ns = 0
         self._losses = 0
@@ -43,8 +43,8 @@ class ReconnectingSyncInput:
     @property
     def description(self) -> Mapping[str, str]:
         """The watched line, the method, and the number of losses."""
-        told = self._line.description if self._line is not None else {'line': self._name}
-        return {**told, 'edges': str(self._count), 'times lost': str(self._losses)}
+        line = self._line.description if self._line is not None else {'line': self._name}
+        return {**line, 'edges': str(self._count), 'times lost': str(self._losses)}
 
     @property
     def health(self) -> Health:
@@ -52,8 +52,8 @@ class ReconnectingSyncInput:
         if not self._opened:
             return Health(Level.STALE, f'{self._name} is not open')
         if self._line is None:
-            away_s = (self._clock.now_ns() - self._away_ns) / NS_PER_S
-            return Health(Level.ERROR, f'lost for {away_s:.1f} s, reconnecting: {self._reason}')
+            lost_s = (self._clock.now_ns() - self._lost_ns) / NS_PER_S
+            return Health(Level.ERROR, f'lost for {lost_s:.1f} s, reconnecting: {self._reason}')
         health = self._line.health
         if health.level != Level.OK:
             return health
@@ -110,7 +110,7 @@ class ReconnectingSyncInput:
 
     def _lose(self, error: DeviceError) -> None:
         self._losses += 1
-        self._away_ns = self._clock.now_ns()
+        self._lost_ns = self._clock.now_ns()
         self._wait_longer(error)
         self._drop()
 

@@ -72,7 +72,7 @@ def make_real(request: pytest.FixtureRequest, slow: bool) -> Make:
     if not Path(REAL).exists():
         pytest.skip(f'no camera {REAL}; name one in TACTILE_CAMERA')
     if slow:
-        pytest.skip('a real camera cannot be told to stall')
+        pytest.skip('a real camera cannot be made to stall')
     return lambda **more: open_camera(CameraSettings(REAL, **{'fps': 0.0, **more}), SystemClock())
 
 

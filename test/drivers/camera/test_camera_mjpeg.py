@@ -82,8 +82,8 @@ def test_pictures_that_are_not_whole_are_dropped_and_counted(serve: Serve, clock
         peer.head()
         peer.part(jpeg_of(0))
         go.wait(5)
-        whole = jpeg_of(3)
-        for spoiled in (whole[:-300], whole[2:], b'', b'garbage', b'\xff\xd8\xff\xd9', whole[:100]):
+        picture = jpeg_of(3)
+        for spoiled in (picture[:-300], picture[2:], b'', b'garbage', b'\xff\xd8\xff\xd9', picture[:100]):
             peer.part(spoiled)
         peer.raw(b'\x00\xff more garbage between the parts\r\n' * 20)
         peer.part(jpeg_of(7))
@@ -207,17 +207,17 @@ def test_an_answer_that_is_no_stream_is_refused(
 
 
 def test_user_and_password_are_sent_and_never_shown(serve: Serve, clock: SystemClock) -> None:
-    seen = []
+    requests = []
 
     def script(peer) -> None:
-        seen.append((peer.path, peer.headers['Authorization']))
+        requests.append((peer.path, peer.headers['Authorization']))
         peer.head()
         peer.stream()
 
     url = serve(script).replace('http://', 'http://me:se%40cret@') + '?res=vga'
     camera = connected(url, clock)
     camera.close()
-    assert seen == [('/stream.mjpg?res=vga', 'Basic ' + base64.b64encode(b'me:se@cret').decode())]
+    assert requests == [('/stream.mjpg?res=vga', 'Basic ' + base64.b64encode(b'me:se@cret').decode())]
     assert 'cret' not in str(camera.description)
 
 
@@ -231,16 +231,16 @@ def test_the_camera_reconnects_when_the_server_comes_back(serve: Serve, clock: S
         peer.stream(count=3 if len(connections) == 1 else 10_000)
 
     camera = open_camera(CameraSettings(serve(script), stall_s=0.5), clock)
-    frames, away = [], 0
+    frames, failures = [], 0
     while len(connections) < 2 or not frames or len(frames) < 8:
         frame = read_or_none(camera, 0.1)
         if frame is not None:
             frames.append(frame)
             continue
-        away += 1
+        failures += 1
         assert camera.health.level == Level.ERROR
-        assert away < 50
-    assert away >= 1
+        assert failures < 50
+    assert failures >= 1
     assert camera.health.level == Level.OK
     assert 'reconnected 1 times' in camera.health.message
     assert camera.description['times lost'] == '1'

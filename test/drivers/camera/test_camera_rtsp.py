@@ -137,7 +137,7 @@ def test_a_server_that_stalls_is_first_late_and_then_lost(rtsp: Callable[..., st
     camera.close()
 
 
-def test_a_path_that_the_server_does_not_know_is_told(rtsp: Callable[..., str], clock: SystemClock) -> None:
+def test_a_path_that_the_server_does_not_know_is_reported(rtsp: Callable[..., str], clock: SystemClock) -> None:
     with pytest.raises(DeviceNotFoundError, match='responds, but sends no video; check the path, user and password'):
         opened(rtsp(refuse=True), clock)
 

@@ -47,7 +47,7 @@ def test_a_camera_is_found_by_its_serial_number_wherever_it_is_plugged_in(tmp_pa
     assert located('/dev/video7', before) == '/dev/video7'
 
 
-def test_a_serial_number_that_no_camera_has_is_told_with_those_that_are_there(tmp_path: Path) -> None:
+def test_a_serial_number_that_no_camera_has_is_reported_with_those_that_are_there(tmp_path: Path) -> None:
     plug_in(tmp_path, 0, '1-1', 'A1')
     with pytest.raises(DeviceNotFoundError, match=r"serial number 'C3' \(found: A1\)"):
         located('serial:C3', tmp_path)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.clock import SteppedClock
-from tactile_nodes.drivers.camera.contract import CameraSettings, IsTold, KnowsTruth, SceneSettings
+from tactile_nodes.drivers.camera.contract import CameraSettings, HasDrivenWorld, KnowsTruth, SceneSettings
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.drivers.camera.simulated import build_scene
 from tactile_nodes.emulators.world import World, WorldSettings
@@ -136,16 +136,16 @@ def test_a_camera_of_a_gel_that_is_known_starts_without_scipy() -> None:
 
 def test_camera_of_what_is_held_shows_what_a_gripper_tells_and_knows_its_force(jumping: SteppedClock) -> None:
     camera = open_camera(CameraSettings(scene=SceneSettings(contact='held')), jumping)
-    assert isinstance(camera, IsTold)
+    assert isinstance(camera, HasDrivenWorld)
     assert isinstance(camera, KnowsTruth)
-    assert camera.told is not None
+    assert camera.driven_world is not None
     untouched = camera.read(1.0)
-    camera.told.put(untouched.stamp_ns + 1, Press(3.0, 0.0, 1.0, shift_mm=(0.1, 0.0)))
+    camera.driven_world.put(untouched.stamp_ns + 1, Press(3.0, 0.0, 1.0, shift_mm=(0.1, 0.0)))
     pressed = camera.read(1.0)
     truth = camera.truth(pressed.stamp_ns)
     assert truth.position_mm == (3.0, 0.0)
     assert truth.total_n == pytest.approx(0.41, abs=0.01)  # docs/simulation.md: 1 mm deep
     assert truth.shear_n[0] > 0
-    scene = WorldScene(camera.told)
+    scene = WorldScene(camera.driven_world)
     assert (pressed.image == scene.render(pressed.stamp_ns)).all()
     assert np.mean(pressed.image != untouched.image) > 0.3

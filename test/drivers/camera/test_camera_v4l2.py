@@ -33,8 +33,8 @@ def start(device, clock: SystemClock) -> Iterator[object]:
     with contextlib.ExitStack() as stack:
 
         def opened(**settings: object) -> V4l2Camera:
-            asked = CameraSettings(str(device.node), **{'fps': 100.0, **settings})
-            camera = V4l2Camera(asked, clock, device.capture, device.access, lambda path: None)
+            requested = CameraSettings(str(device.node), **{'fps': 100.0, **settings})
+            camera = V4l2Camera(requested, clock, device.capture, device.access, lambda path: None)
             camera.open()
             stack.callback(camera.close)
             return camera
@@ -65,15 +65,15 @@ def test_what_was_asked_and_what_was_got_stand_side_by_side(device, start) -> No
     device.controls = {'auto_exposure': 3, 'exposure_time_absolute': 50, 'gain': 29}
     camera = start(width=320, height=240, exposure_ms=15.6, gain=10)
     camera.read(2.0)
-    said = camera.description
-    assert said['format'] == 'MJPG (requested MJPG)'
-    assert said['size'] == '320x240 (requested 320x240)'
-    assert said['frames/s'] == '100 (requested 100)'
-    assert said['auto_exposure'] == '1 (requested 1)'
-    assert said['exposure_time_absolute'] == '156 (requested 156)'
-    assert said['gain'] == '10 (requested 10)'
-    assert said['autogain'] == 'missing'
-    assert said['stamps'] == 'kernel, CLOCK_MONOTONIC'
+    description = camera.description
+    assert description['format'] == 'MJPG (requested MJPG)'
+    assert description['size'] == '320x240 (requested 320x240)'
+    assert description['frames/s'] == '100 (requested 100)'
+    assert description['auto_exposure'] == '1 (requested 1)'
+    assert description['exposure_time_absolute'] == '156 (requested 156)'
+    assert description['gain'] == '10 (requested 10)'
+    assert description['autogain'] == 'missing'
+    assert description['stamps'] == 'kernel, CLOCK_MONOTONIC'
     assert camera.health.level == Level.OK
 
 
@@ -154,7 +154,7 @@ def test_a_camera_with_another_format_only_gives_its_pictures_and_a_warning(devi
     assert camera.health.level == Level.OK
 
 
-def test_a_camera_that_is_slower_than_it_says_is_told(device, start) -> None:
+def test_a_camera_that_is_slower_than_it_says_is_reported(device, start) -> None:
     """An exposure longer than its period: 40 frames a second, where it announces 100."""
     device.slower = 2.5
     camera = start()
@@ -188,7 +188,7 @@ def test_a_control_that_the_kernel_refuses_to_change_is_no_error(
     monkeypatch.setattr(fcntl, 'ioctl', ioctl)
     with contextlib.closing(KernelControls(str(node))) as controls:
         (exposure, *_) = apply(controls, CameraSettings(str(node)))
-    assert (exposure.name, exposure.got, exposure.asked) == ('auto_exposure', 3, 1)
+    assert (exposure.name, exposure.got, exposure.requested) == ('auto_exposure', 3, 1)
     assert exposure.complaint
 
 
@@ -275,13 +275,13 @@ def test_a_camera_that_is_unplugged_and_plugged_in_again_goes_on(device, clock: 
     assert device.opened == device.released == 2
 
 
-def test_a_missing_camera_is_told_with_those_that_are_there(tmp_path: Path) -> None:
+def test_a_missing_camera_is_reported_with_those_that_are_there(tmp_path: Path) -> None:
     (tmp_path / 'usb-Ailipu_ELP-video-index0').touch()
     with pytest.raises(DeviceNotFoundError, match=r'no camera /dev/video63; found: .*usb-Ailipu_ELP-video-index0'):
         check_device('/dev/video63', tmp_path)
 
 
-def test_a_file_that_is_no_device_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_no_device_is_reported(tmp_path: Path) -> None:
     (tmp_path / 'file').touch()
     with pytest.raises(DeviceNotFoundError, match='is not a video device'):
         check_device(str(tmp_path / 'file'), tmp_path)

@@ -69,7 +69,7 @@ class Rig:
     zero: Place = (0.0, 0.0, 0.0)  # of the world, in the machine's coordinates
     device: Any = None
     port: Any = None
-    said: list[tuple[str, int, bytes]] = field(default_factory=list)
+    traffic: list[tuple[str, int, bytes]] = field(default_factory=list)
 
     @property
     def tip(self) -> Place:
@@ -87,10 +87,10 @@ class Rig:
         self.cnc.wait_idle()
 
     def sent(self) -> bytes:
-        return b''.join(data for way, _, data in self.said if way == '>')
+        return b''.join(data for way, _, data in self.traffic if way == '>')
 
-    def heard(self) -> bytes:
-        return b''.join(data for way, _, data in self.said if way == '<')
+    def received(self) -> bytes:
+        return b''.join(data for way, _, data in self.traffic if way == '<')
 
     def seconds(self) -> float:
         return self.clock.now_ns() / 1e9
@@ -119,19 +119,19 @@ def device_of(kind: str, world: World, clock: Clock, changes: tuple[str, ...] = 
 def direct_rig(kind: str, changes: tuple[str, ...] = (), **more: Any) -> Rig:
     """Everything in one thread, on a clock that jumps."""
     clock = JumpingClock(START_NS)
-    world, settings, said = World(table=coarse_table()), settings_of(kind, **more), []
+    world, settings, passed = World(table=coarse_table()), settings_of(kind, **more), []
     if kind == 'simulated':
         return Rig(SimulatedCnc(settings, clock, world), world, clock)
     device = device_of(kind, world, clock, changes)
     port = DirectPort(device, clock)
 
     def traffic(way: str, stamp_ns: int, data: bytes) -> None:
-        said.append((way, stamp_ns, data))
+        passed.append((way, stamp_ns, data))
 
     driver = MarlinCnc if kind.startswith('marlin') else GrblCnc
     cnc = driver(settings, clock, lambda: port, traffic, threaded=False)
     zero = (120.0, 120.0, 60.0) if kind.startswith('marlin') else (0.0, 0.0, 0.0)
-    return Rig(cnc, world, clock, zero, device, port, said)
+    return Rig(cnc, world, clock, zero, device, port, passed)
 
 
 @contextlib.contextmanager

@@ -22,9 +22,9 @@ from tactile_nodes.params import describe, from_mapping
 @pytest.fixture(params=KINDS)
 def rig(request: pytest.FixtureRequest) -> Rig:
     """Connected, not homed."""
-    made = direct_rig(request.param)
-    made.cnc.connect()
-    return made
+    connected = direct_rig(request.param)
+    connected.cnc.connect()
+    return connected
 
 
 @pytest.fixture
@@ -87,10 +87,10 @@ def test_homing_again_that_is_broken_off_leaves_no_known_place(homed: Rig, monke
         homed.cnc.move(*homed.at(-60, -60, -6), feed=100.0)
 
 
-def test_it_goes_where_it_is_told_and_says_so(homed: Rig) -> None:
+def test_it_goes_where_it_is_sent_and_says_so(homed: Rig) -> None:
     homed.go(-50.125, -61, -4.5)
     assert homed.tip == pytest.approx(homed.at(-50.125, -61, -4.5), abs=0.001)
-    assert homed.cnc.status().position_mm == pytest.approx(homed.tip, abs=0.006)  # Marlin tells hundredths
+    assert homed.cnc.status().position_mm == pytest.approx(homed.tip, abs=0.006)  # Marlin reports hundredths
 
 
 def test_what_is_not_named_stays(homed: Rig) -> None:
@@ -114,11 +114,11 @@ def test_a_queued_move_is_not_done_yet(homed: Rig) -> None:
 
 @pytest.mark.parametrize(('place', 'text'), [((-60, -60, -61), 'to z'), ((-60, 1, -5), 'to y'), ((-121, -60, -5), 'x')])
 def test_a_target_outside_the_box_is_refused_before_anything_is_sent(homed: Rig, place: tuple, text: str) -> None:
-    before, said = homed.tip, len(homed.sent())
+    before, sent_bytes = homed.tip, len(homed.sent())
     with pytest.raises(ConfigurationError, match=rf'{text} -?\d+ mm; the range is') as raised:
         homed.cnc.move(*homed.at(*place), feed=100.0)
     assert '\n' not in str(raised.value)
-    assert (homed.tip, len(homed.sent())) == (before, said)
+    assert (homed.tip, len(homed.sent())) == (before, sent_bytes)
 
 
 def test_a_jog_out_of_the_box_is_refused_too(homed: Rig) -> None:
@@ -242,7 +242,7 @@ def test_a_retract_from_above_the_safe_height_stays(homed: Rig) -> None:
     assert homed.tip[2] == pytest.approx(homed.at(0, 0, -2)[2], abs=0.001)
 
 
-def test_the_line_switches_at_rest_and_the_edge_lies_where_it_is_said(homed: Rig) -> None:
+def test_the_line_switches_at_rest_and_the_edge_lies_where_it_is_reported(homed: Rig) -> None:
     homed.cnc.move(x=homed.at(-50, 0, 0)[0], feed=1200.0)
     switched = homed.cnc.set_line(True)
     homed.cnc.set_line(False)

@@ -44,7 +44,7 @@ sys.stdin.read()
 """
 
 
-def heard(master: int, patience_s: float) -> bytes:
+def received(master: int, patience_s: float) -> bytes:
     found, deadline_s = b'', monotonic_s() + patience_s
     while monotonic_s() < deadline_s and found != b'up and up':
         if select.select([master], [], [], 0.05)[0]:
@@ -52,14 +52,14 @@ def heard(master: int, patience_s: float) -> bytes:
     return found
 
 
-@pytest.mark.parametrize(('ending', 'said', 'patience_s'), [('killed', b'up and up', 10.0), ('farewell', b'', 0.5)])
-def test_what_was_agreed_is_said_after_a_kill_and_after_a_farewell_nothing(
-    ending: str, said: bytes, patience_s: float
+@pytest.mark.parametrize(('ending', 'farewell', 'patience_s'), [('killed', b'up and up', 10.0), ('farewell', b'', 0.5)])
+def test_what_was_agreed_is_sent_after_a_kill_and_after_a_farewell_nothing(
+    ending: str, farewell: bytes, patience_s: float
 ) -> None:
     master, slave = os.openpty()
     try:
         subprocess.run([sys.executable, '-c', HOLDER, str(slave), ending], pass_fds=(slave,), check=False, timeout=30)
-        assert heard(master, patience_s) == said
+        assert received(master, patience_s) == farewell
     finally:
         os.close(master)
         os.close(slave)

@@ -52,7 +52,7 @@ class PressRig(Rig):
         self.hands.perform(Go(z=self.at(0.0, 0.0, SURFACE_MM - 2.0)[2], feed_mm_min=60.0))
 
     def look(self, status: CncStatus) -> None:
-        """Told about ten times a second where the machine is."""
+        """Reports about ten times a second where the machine is."""
         depth_mm = SURFACE_MM - self.world.tip_at(self.clock.now_ns())[2]
         if self._fault is not None and depth_mm >= 0.3:
             fault, self._fault = self._fault, None
@@ -192,9 +192,9 @@ def test_a_marlin_that_says_it_is_elsewhere_is_stopped() -> None:
 
 def test_a_marlin_that_deals_with_nothing_for_a_second_after_a_stop_is_not_silent() -> None:
     """Whoever watches over the rig would stop it again, and every retreat begins with a stop."""
-    rig, seen = press_rig('marlin'), set()
+    rig, levels = press_rig('marlin'), set()
     rig.cnc.home()
-    rig.clock.watch = lambda: seen.add(rig.cnc.health.level)
+    rig.clock.watch = lambda: levels.add(rig.cnc.health.level)
     rig.go(-60.0, -60.0, -25.0)
     rig.cnc.jog(dz=-2.0, feed=60.0)
     rig.rest(1.0)
@@ -202,7 +202,7 @@ def test_a_marlin_that_deals_with_nothing_for_a_second_after_a_stop_is_not_silen
     rig.cnc.stop()
     assert rig.seconds() - begin > 1.0
     assert rig.tip[2] == pytest.approx(rig.at(0.0, 0.0, -26.0)[2], abs=0.1)
-    assert seen == {Level.OK}
+    assert levels == {Level.OK}
 
 
 @pytest.mark.parametrize(('kind', 'banner'), [('grbl', b"Grbl 1.1h ['$' for help]\r\n"), ('marlin', b'start\n')])
@@ -244,7 +244,7 @@ def test_after_a_restart_nothing_moves_but_up() -> None:
 
 
 @pytest.mark.parametrize(
-    ('sent', 'heard'),
+    ('sent', 'arriving'),
     [
         (b'Z-30.75', b'Z-31.75'),  # goes on 1 mm, and is led back by the next line
         (b'Z-30.75', b'Z-39.75'),  # goes on for 9 mm
@@ -253,10 +253,10 @@ def test_after_a_restart_nothing_moves_but_up() -> None:
         (b'Z-30.75', b'Z-3.75'),
     ],
 )
-def test_one_damaged_character_of_a_jog_is_seen_while_it_moves(sent: bytes, heard: bytes) -> None:
+def test_one_damaged_character_of_a_jog_is_seen_while_it_moves(sent: bytes, arriving: bytes) -> None:
     rig = press_rig()
     with pytest.raises(DeviceError):
-        rig.press(lambda: rig.faults.change('>', sent, heard))
+        rig.press(lambda: rig.faults.change('>', sent, arriving))
     assert rig.faults.done == 1
     assert rig.rest() < 2.25
     assert rig.world.tip_at(rig.clock.now_ns())[0] > -60.25
@@ -296,7 +296,7 @@ def test_a_single_damaged_report_ends_no_press() -> None:
     assert rig.cnc.health.level is Level.OK
 
 
-def test_a_controller_that_repeats_what_it_heard_is_taken_at_its_word() -> None:
+def test_a_controller_that_repeats_what_it_received_is_taken_at_its_word() -> None:
     rig = press_rig()
 
     def echo_damaged() -> None:
@@ -350,17 +350,17 @@ def test_a_controller_that_falls_mute_at_any_line_is_noticed_within_half_a_secon
 ) -> None:
     """What a Marlin answers late by its nature, has an end as well: that of the motion before it."""
     if (kind, times) == ('grbl', 1):
-        pytest.skip('a Grbl tells the end of motion in its reports')
+        pytest.skip('a Grbl reports the end of motion in its reports')
     rig = press_rig(kind)
     rig.cnc.home()
     for height_mm in (-25.0, -29.0):
         rig.go(-60.0, -60.0, height_mm)
-    write, said, errors = rig.port.write, [], []
+    write, sent_ns, errors = rig.port.write, [], []
 
     def write_or_fall_mute(data: bytes) -> None:
         if re.search(word, data):
-            said.append(rig.clock.now_ns())
-            rig.faults.mute = rig.faults.mute or len(said) == times
+            sent_ns.append(rig.clock.now_ns())
+            rig.faults.mute = rig.faults.mute or len(sent_ns) == times
         write(data)
 
     rig.port.write = write_or_fall_mute
@@ -375,7 +375,7 @@ def test_a_controller_that_falls_mute_at_any_line_is_noticed_within_half_a_secon
     with pytest.raises((DeviceError, TrippedError)):
         rig.hands.perform(Go(z=rig.at(0.0, 0.0, -31.5)[2], feed_mm_min=60.0))  # ten jogs of a quarter of a second
     noticed_ns = min([*errors, rig.clock.now_ns()])
-    assert noticed_ns - said[times - 1] < 0.5e9
+    assert noticed_ns - sent_ns[times - 1] < 0.5e9
 
 
 @pytest.mark.parametrize('kind', ['grbl', 'marlin'])

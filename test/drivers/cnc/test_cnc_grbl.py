@@ -65,11 +65,11 @@ def rig() -> Rig:
 
 
 def homed_rig(kind: str = 'grbl', **more: Any) -> Rig:
-    made = direct_rig(kind, **more)
-    made.cnc.connect()
-    made.cnc.home()
-    made.go(-60, -60, -5)
-    return made
+    rig = direct_rig(kind, **more)
+    rig.cnc.connect()
+    rig.cnc.home()
+    rig.go(-60, -60, -5)
+    return rig
 
 
 def pass_time(rig: Rig, seconds: float) -> None:
@@ -94,7 +94,7 @@ def test_a_controller_that_shows_no_banner_is_asked_with_a_line_that_can_move_no
     play(greeting + CONNECT, nothing, first=b'')
 
 
-def test_what_another_host_left_half_said_is_spoilt_and_not_done() -> None:
+def test_what_another_host_left_half_sent_is_spoilt_and_not_done() -> None:
     play([(b'$\n', b'error:1\r\n'), *CONNECT], nothing, first=b'')
 
 
@@ -241,7 +241,7 @@ BOX: dict[str, Any] = {'lowest_mm': (-100.0, -100.0, -40.0), 'highest_mm': (0.0,
 
 def fluidnc(**differs: bytes) -> Script:
     """What a FluidNC says of itself, each setting as its RuntimeSetting.cpp writes it."""
-    said: Script = [
+    script: Script = [
         (b'$I\n', b'[VER:3.6 FluidNC v3.6.5-pre2:]\r\n[OPT:MPHS]\r\nok\r\n'),
         (b'?', IDLE),
         (b'$$\n', b'$10=1\r\n$20=1\r\n$21=1\r\n$22=1\r\n$32=0\r\n$130=300.000\r\nok\r\n'),
@@ -251,8 +251,8 @@ def fluidnc(**differs: bytes) -> Script:
         for axis in 'xyz':
             name = f'$/axes/{axis}/{key}'
             answer = f'{name}='.encode() + value + b'\r\nok\r\n'
-            said.append((f'{name}\n'.encode(), differs.get(f'{axis}_{key.replace("/", "_")}', answer)))
-    return said
+            script.append((f'{name}\n'.encode(), differs.get(f'{axis}_{key.replace("/", "_")}', answer)))
+    return script
 
 
 def test_fluidnc_is_known_by_its_answer_and_must_be_given_its_box() -> None:
@@ -266,7 +266,7 @@ def test_fluidnc_is_known_by_its_answer_and_must_be_given_its_box() -> None:
 
 
 @pytest.mark.parametrize(
-    ('differs', 'what'),
+    ('differs', 'guard'),
     [
         ({'z_soft_limits': b'$/axes/z/soft_limits=false\r\nok\r\n'}, 'soft limits .*soft_limits of every axis'),
         ({'z_motor0_hard_limits': b'$/axes/z/motor0/hard_limits=false\r\nok\r\n'}, 'hard limits .*hard_limits of ev'),
@@ -274,9 +274,9 @@ def test_fluidnc_is_known_by_its_answer_and_must_be_given_its_box() -> None:
         ({'y_homing_cycle': b'$/axes/y/homing/cycle=-1\r\nok\r\n'}, 'homing .*homing/cycle of every axis'),
     ],
 )  # fmt: skip
-def test_one_unguarded_axis_of_a_fluidnc_is_refused(differs: dict[str, bytes], what: str) -> None:
+def test_one_unguarded_axis_of_a_fluidnc_is_refused(differs: dict[str, bytes], guard: str) -> None:
     """Its own $20 speaks of the x axis alone, its $21 of any motor: both say 1 here."""
-    with pytest.raises(DeviceFaultError, match=what):
+    with pytest.raises(DeviceFaultError, match=guard):
         play(fluidnc(**differs), nothing, first=FLUIDNC_BANNER, **BOX)
 
 
@@ -357,7 +357,7 @@ def test_a_safe_height_outside_the_box_is_refused() -> None:
         rig.cnc.connect()
 
 
-@pytest.mark.parametrize('identity', [IDENTITY, b'error:8\r\n'], ids=['told', 'told at rest alone'])
+@pytest.mark.parametrize('identity', [IDENTITY, b'error:8\r\n'], ids=['reported', 'reported at rest alone'])
 def test_a_busy_machine_is_refused(identity: bytes) -> None:
     """Grbl 1.1h says who it is at rest alone (system.c, `system_execute_line`)."""
     with pytest.raises(DeviceFaultError, match='is busy'):
@@ -371,7 +371,7 @@ def test_a_line_that_would_act_at_once_or_not_fit_is_not_sent(rig: Rig, command:
         strange.cnc.set_line(True)
 
 
-def test_an_output_that_the_board_lacks_is_told(rig: Rig) -> None:
+def test_an_output_that_the_board_lacks_is_reported(rig: Rig) -> None:
     with pytest.raises(DeviceFaultError, match=r"refused 'M7': error 20, an unsupported command"):
         homed_rig(line_on='M7').cnc.set_line(True)
 
@@ -437,16 +437,16 @@ def test_a_restart_by_itself_loses_the_place(rig: Rig) -> None:
     assert rig.cnc.status().homed
 
 
-def test_a_hung_controller_is_told_in_time_and_nothing_more_is_sent(rig: Rig) -> None:
+def test_a_hung_controller_is_reported_in_time_and_nothing_more_is_sent(rig: Rig) -> None:
     rig.device.faults.hung = True
     begin = rig.seconds()
     with pytest.raises(DeviceFaultError, match=r'was aborted, because the machine is silent while it moves'):
         rig.cnc.move(z=-6.0, feed=600.0)
     assert rig.seconds() - begin < 0.6
-    said = len(rig.sent())
+    sent_bytes = len(rig.sent())
     with pytest.raises(DeviceFaultError, match='is silent while it moves; check its cable and power'):
         rig.cnc.move(z=-7.0, feed=600.0)
-    assert len(rig.sent()) == said
+    assert len(rig.sent()) == sent_bytes
 
 
 def test_the_stop_of_a_jog_that_a_hung_controller_makes_is_given_up_in_time(rig: Rig) -> None:
@@ -505,7 +505,7 @@ def test_a_stuck_axis_is_not_seen_by_grbl_but_in_the_world(rig: Rig) -> None:
     assert rig.tip[2] == pytest.approx(-5.0)
 
 
-def test_homing_that_finds_no_switch_is_told(rig: Rig) -> None:
+def test_homing_that_finds_no_switch_is_reported(rig: Rig) -> None:
     rig.world.stick(0, rig.clock.now_ns())
     with pytest.raises(DeviceFaultError, match='alarm 9, no limit switch was found'):
         rig.cnc.home()

@@ -113,7 +113,7 @@ def test_homing_of_grblhal_is_on_by_the_lowest_bit_alone() -> None:
         play(script, nothing, first=HAL_BANNER)
 
 
-def test_an_alarm_of_another_firmware_is_told_by_its_number() -> None:
+def test_an_alarm_of_another_firmware_is_named_by_its_number() -> None:
     """grblHAL knows more than the eleven: 17 is a motor fault."""
 
     def act(cnc: GrblCnc) -> None:

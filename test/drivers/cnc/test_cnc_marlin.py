@@ -17,7 +17,7 @@ from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
 BOOT = b'start\necho: Last Updated\nMarlin 2.1.2.7\n'
-# As Marlin 2.1 tells them; 1.1 puts `echo:` before each.
+# As Marlin 2.1 reports them; 1.1 puts `echo:` before each.
 SETTINGS = b"""G21    ; Units in mm (mm)
 ; Steps per unit:
 M92 X80.00 Y80.00 Z400.00 E93.00
@@ -63,7 +63,7 @@ def test_connecting_agrees_on_line_numbers_and_asks_for_capabilities() -> None:
     assert cnc.blind_step_mm is None
 
 
-def test_a_line_that_arrived_damaged_is_said_again() -> None:
+def test_a_line_that_arrived_damaged_is_sent_again() -> None:
     """Its ok after the request to resend is not the line's own."""
     where = b'X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:80 Y:160 Z:1200\nok\n'
     again = b'Error:checksum mismatch, Last Line: 6\nResend: 7\nok\n'
@@ -113,7 +113,7 @@ def test_signs_of_life_extend_the_wait() -> None:
     begin = rig.seconds()
     rig.cnc.home()
     assert rig.seconds() - begin > 5.0
-    assert b'busy' in rig.heard()
+    assert b'busy' in rig.received()
 
 
 def test_a_wait_that_ends_too_early_leaves_the_motion_alone() -> None:
@@ -166,12 +166,12 @@ def test_it_answers_while_it_waits_for_the_end_of_motion() -> None:
     """5 s of motion; a question that waited with M400 would take nearly all of them."""
     rig = homed_rig()
     rig.cnc.move(x=rig.at(-10, 0, 0)[0], feed=600.0)
-    begin = len(rig.said)
+    begin = len(rig.traffic)
     rig.cnc.wait_idle()
-    asked = [stamp_ns for way, stamp_ns, data in rig.said[begin:] if way == '>' and b'M114 R' in data]
-    answered = [stamp_ns for way, stamp_ns, data in rig.said[begin:] if way == '<' and data.startswith(b'X:')]
-    assert 46 <= len(asked) <= 54  # 10 a second
-    assert max(b - a for a, b in zip(asked, answered, strict=True)) < 20e6
+    queries = [stamp_ns for way, stamp_ns, data in rig.traffic[begin:] if way == '>' and b'M114 R' in data]
+    answered = [stamp_ns for way, stamp_ns, data in rig.traffic[begin:] if way == '<' and data.startswith(b'X:')]
+    assert 46 <= len(queries) <= 54  # 10 a second
+    assert max(b - a for a, b in zip(queries, answered, strict=True)) < 20e6
     assert b'M400' in rig.sent()
 
 
@@ -181,14 +181,14 @@ def test_after_the_computer_stood_still_it_is_asked_while_it_moves_as_before() -
     rig.cnc.connect()
     rig.cnc.home()
     rig.cnc.move(x=10.0, feed=600.0)
-    assert rig.cnc._talk().link.wait(lambda: rig.said[-1][0] == '>' and b'M114 R' in rig.said[-1][2], 1.0)
+    assert rig.cnc._talk().link.wait(lambda: rig.traffic[-1][0] == '>' and b'M114 R' in rig.traffic[-1][2], 1.0)
     rig.clock.advance(2.0)
     rig.cnc.wait_idle()
-    begin = len(rig.said)
+    begin = len(rig.traffic)
     rig.cnc.move(x=50.0, feed=600.0)
     rig.cnc.wait_idle()
-    asked = [data for way, _, data in rig.said[begin:] if way == '>' and b'M114 R' in data]
-    assert 36 <= len(asked) <= 44  # 10 a second in 4 s
+    queries = [data for way, _, data in rig.traffic[begin:] if way == '>' and b'M114 R' in data]
+    assert 36 <= len(queries) <= 44  # 10 a second in 4 s
 
 
 def test_where_it_was_compiled_to_know_it_tells_the_real_place() -> None:
@@ -253,7 +253,7 @@ def test_many_moves_in_a_row_do_not_look_like_silence() -> None:
     rig.cnc.wait_idle()
 
 
-def test_a_halted_controller_is_told() -> None:
+def test_a_halted_controller_is_reported() -> None:
     rig = homed_rig()
     rig.port.write(b'M112\n')
     with pytest.raises(DeviceFaultError, match='halted'):
@@ -274,7 +274,7 @@ def test_a_restart_loses_the_place() -> None:
         rig.cnc.retract()
 
 
-def test_a_hung_controller_is_told_in_time() -> None:
+def test_a_hung_controller_is_reported_in_time() -> None:
     rig = homed_rig()
     rig.device.faults.hung = True
     begin = rig.seconds()
@@ -343,20 +343,20 @@ def test_a_jog_that_marlin_would_drop_is_refused() -> None:
 
 
 @pytest.mark.parametrize('before', ['', '  ', 'echo:  '])
-def test_settings_of_the_axes_are_read_as_marlin_tells_them(before: str) -> None:
-    told = axis_settings([before + line for line in SETTINGS.decode().splitlines()])
-    assert told == AxisSettings((80.0, 80.0, 400.0), (300.0, 300.0, 5.0), 100.0)
-    assert told.steps((0.05, 0.0, -0.05)) == 20
+def test_settings_of_the_axes_are_read_as_marlin_reports_them(before: str) -> None:
+    settings = axis_settings([before + line for line in SETTINGS.decode().splitlines()])
+    assert settings == AxisSettings((80.0, 80.0, 400.0), (300.0, 300.0, 5.0), 100.0)
+    assert settings.steps((0.05, 0.0, -0.05)) == 20
     # Along a diagonal of x and z, z goes by 1/√2 of the speed: 5 mm/s of it are 7.07 mm/s along the way.
-    assert told.speed((1.0, 0.0, -1.0), 2**0.5, 10.0) == pytest.approx(7.071, abs=0.001)
-    assert told.speed((1.0, 0.0, 0.0), 1.0, 10.0) == 10.0
+    assert settings.speed((1.0, 0.0, -1.0), 2**0.5, 10.0) == pytest.approx(7.071, abs=0.001)
+    assert settings.speed((1.0, 0.0, 0.0), 1.0, 10.0) == 10.0
 
 
-@pytest.mark.parametrize('said', [[], ['echo:Unknown command: "M503"'], ['M203 X0.00 Y300.00 Z5.00']])
-def test_settings_that_are_not_told_are_not_known(said: list[str]) -> None:
-    told = axis_settings(said)
-    assert (told.steps((1.0, 0.0, 0.0)), told.tells_times) == (None, False)
-    assert told.speed((0.0, 0.0, 1.0), 1.0, 10.0) == 10.0
+@pytest.mark.parametrize('lines', [[], ['echo:Unknown command: "M503"'], ['M203 X0.00 Y300.00 Z5.00']])
+def test_settings_that_are_not_reported_are_not_known(lines: list[str]) -> None:
+    settings = axis_settings(lines)
+    assert (settings.steps((1.0, 0.0, 0.0)), settings.tells_times) == (None, False)
+    assert settings.speed((0.0, 0.0, 1.0), 1.0, 10.0) == 10.0
 
 
 @pytest.mark.parametrize('kind', ['marlin', 'marlin without M503', 'marlin legacy'])
@@ -375,11 +375,11 @@ def test_a_move_that_is_sent_faster_than_an_axis_goes_does_not_look_like_silence
 def test_a_move_that_marlin_drops_leaves_the_tip_where_it_is_known_to_be() -> None:
     """As 2.1.2 with M114_REALTIME did: after a stop it was 0.05 mm, 4 steps of x, from where it was sent."""
     rig = homed_rig('marlin realtime')
-    here = rig.cnc.status().position_mm
-    rig.cnc.move(x=here[0] + 0.05, feed=600.0)
+    place = rig.cnc.status().position_mm
+    rig.cnc.move(x=place[0] + 0.05, feed=600.0)
     rig.cnc.wait_idle()
-    assert rig.cnc.status().position_mm == here == pytest.approx(rig.tip)
-    rig.cnc.move(x=here[0] + 0.1, feed=600.0)
+    assert rig.cnc.status().position_mm == place == pytest.approx(rig.tip)
+    rig.cnc.move(x=place[0] + 0.1, feed=600.0)
     rig.cnc.wait_idle()
-    assert rig.cnc.status().position_mm[0] == pytest.approx(here[0] + 0.1)
+    assert rig.cnc.status().position_mm[0] == pytest.approx(place[0] + 0.1)
     assert rig.sent().count(b'M503') == 1

@@ -59,7 +59,7 @@ def test_repetition_is_not_looked_for_where_nobody_asks() -> None:
 
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize('axis', range(6))
-def test_an_axis_that_is_no_number_is_told(axis: int, value: float) -> None:
+def test_an_axis_that_is_no_number_is_reported(axis: int, value: float) -> None:
     wrench = tuple(value if at == axis else number for at, number in enumerate(WRENCH))
     assert SampleCheck(AXES, 20).flags(wrench) == Flag.NOT_A_NUMBER
 
@@ -69,13 +69,13 @@ def test_an_axis_that_is_not_measured_need_not_be_a_number() -> None:
 
 
 def test_every_sample_of_every_driver_goes_through_the_check() -> None:
-    queue, heard = SampleQueue('a sensor', 100, SampleCheck(AXES, 3)), []
-    queue.listen(heard.append)
+    queue, passed = SampleQueue('a sensor', 100, SampleCheck(AXES, 3)), []
+    queue.listen(passed.append)
     for at in range(4):
         queue.put(WRENCH, (), at, at, at)
     queue.put((math.nan, *WRENCH[1:]), (), 5, 5, 5)
-    assert [Flag(each.flags) for each in heard] == [0, 0, 0, Flag.STALLED, Flag.STALLED | Flag.NOT_A_NUMBER]
-    assert not heard[-1].usable
+    assert [Flag(each.flags) for each in passed] == [0, 0, 0, Flag.STALLED, Flag.STALLED | Flag.NOT_A_NUMBER]
+    assert not passed[-1].usable
 
 
 @pytest.mark.parametrize(('expected_hz', 'limit_ms'), [(1000.0, 50.0), (60.0, 50.0), (10.0, 300.0), (0.0, 50.0)])

@@ -92,7 +92,7 @@ def test_a_counter_that_runs_at_another_rate_is_found_out_and_not_believed(facto
     assert max(ages) < 0.25
     assert max(ages[2400:]) < 0.001
     assert 'does not keep the announced rate' in clock.complaint
-    assert clock.told == 'unknown: stamped on arrival'
+    assert clock.drift_text == 'unknown: stamped on arrival'
 
 
 def test_a_ceramic_resonator_is_a_clock_for_whom_allows_it() -> None:
@@ -125,7 +125,7 @@ LATE_NS = 1_500_000_000
 def ages(late_from_s: float, until_s: float, grows_s: float = 0.0, drift_ppm: float = 80.0) -> list[float]:
     """How old each sample is, in s, of 200 a second that from some time on arrive 1.5 s late, at once or by and by.
 
-    Infinite where nobody knows it, which is told.
+    Infinite where nobody knows it, which is flagged.
     """
     clock, found = TickClock(7000), []
     for number in range(round(until_s * 200)):
@@ -160,16 +160,16 @@ def test_a_delay_that_grows_as_slowly_as_a_clock_may_drift_shows_as_age_once_the
     most_drift: float, grows: float
 ) -> None:
     """Known after half a minute, it wanders by a tenth of the most drift; the rest of what is added is age."""
-    clock, told = TickClock(1e6, most_drift=most_drift), {}
+    clock, ages = TickClock(1e6, most_drift=most_drift), {}
     for number in range(200 * 120):
         since_s = number / 200
         delay_s = 0.001 + 0.001 * (number % 3) + max(0.0, since_s - 60.0) * grows
         arrival_ns = START_NS + round((since_s + delay_s) * 1e9)
         stamp_ns = clock.stamp(clock.unwrapped(number * 5000), arrival_ns)
-        told[number] = ((arrival_ns - stamp_ns) / 1e9, delay_s)
+        ages[number] = ((arrival_ns - stamp_ns) / 1e9, delay_s)
     assert clock.flags == 0
-    assert max(age_s for number, (age_s, _) in told.items() if number < 60 * 200) < 0.0035
-    age_s, delay_s = told[200 * 120 - 1]
+    assert max(age_s for number, (age_s, _) in ages.items() if number < 60 * 200) < 0.0035
+    age_s, delay_s = ages[200 * 120 - 1]
     assert delay_s - 60.0 * WANDERS * most_drift - 0.002 < age_s < delay_s  # the least delay, 1 ms, is not seen
 
 

@@ -27,14 +27,14 @@ HARDWARE = [kind for kind in RIGS if kind != 'simulated']
 
 @pytest.fixture(params=RIGS)
 def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
-    with rig_of(request.param, tmp_path) as made:
-        yield made
+    with rig_of(request.param, tmp_path) as opened:
+        yield opened
 
 
 @pytest.fixture(params=HARDWARE)
 def hardware(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
-    with rig_of(request.param, tmp_path) as made:
-        yield made
+    with rig_of(request.param, tmp_path) as opened:
+        yield opened
 
 
 def test_it_feels_the_load_on_the_axes_that_it_has_and_nothing_on_the_others(rig: Rig) -> None:
@@ -93,11 +93,11 @@ def test_the_newest_sample_is_at_hand_whether_it_was_read_or_not(rig: Rig) -> No
 
 
 def test_a_listener_gets_every_sample_that_is_read(rig: Rig) -> None:
-    heard: list[Sample] = []
+    received: list[Sample] = []
     sensor = rig.open()
-    sensor.listen(heard.append)
-    samples = [sample for sample in read(sensor) + read(sensor, 20) if sample.sequence >= heard[0].sequence]
-    assert samples == heard[: len(samples)]
+    sensor.listen(received.append)
+    samples = [sample for sample in read(sensor) + read(sensor, 20) if sample.sequence >= received[0].sequence]
+    assert samples == received[: len(samples)]
 
 
 def test_a_sample_that_is_well_is_usable_and_says_its_size(rig: Rig) -> None:

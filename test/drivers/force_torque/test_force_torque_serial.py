@@ -205,8 +205,8 @@ def test_the_period_is_learnt_where_nobody_says_it() -> None:
 
 @pytest.fixture(params=['bota', 'text'])
 def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
-    with rig_of(request.param, tmp_path) as made:
-        yield made
+    with rig_of(request.param, tmp_path) as opened:
+        yield opened
 
 
 def test_garbage_on_the_line_loses_samples_and_nothing_else(rig: Rig) -> None:
@@ -255,7 +255,9 @@ def test_a_clock_that_begins_again_is_noticed_however_long_it_has_run(minutes: i
         send(12_500)
 
 
-def test_bytes_that_are_never_a_sample_are_told_from_silence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bytes_that_are_never_a_sample_are_distinguished_from_silence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(text, 'GARBAGE_S', 0.2)
     with rig_of('text', tmp_path) as rig:
         wrong = ForceTorqueSettings(

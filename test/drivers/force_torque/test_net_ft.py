@@ -255,13 +255,13 @@ def test_another_rate_than_the_one_asked_for_is_a_warning(rig_with: Make) -> Non
     assert '1000 samples/s were requested, but the box sends 500' in sensor.health.message
 
 
-@pytest.mark.parametrize(('axia', 'asked'), [(False, 150.0), (True, 350.0)])
-def test_the_rate_is_set_on_request_and_rounded_up_by_the_box(rig_with: Make, axia: bool, asked: float) -> None:
+@pytest.mark.parametrize(('axia', 'requested_hz'), [(False, 150.0), (True, 350.0)])
+def test_the_rate_is_set_on_request_and_rounded_up_by_the_box(rig_with: Make, axia: bool, requested_hz: float) -> None:
     rig = rig_with(NetFtConfig(axia=axia), set_rate=True)
     rig.device.writable = True
-    sensor = rig.open(rate_hz=asked)
+    sensor = rig.open(rate_hz=requested_hz)
     read_until(sensor, lambda _: sensor.health.level == Level.OK)  # on a busy machine a sample may be old for a moment
-    assert sensor.rate_hz == pytest.approx({150.0: 7000 / 46, 350.0: 350.0}[asked])
+    assert sensor.rate_hz == pytest.approx({150.0: 7000 / 46, 350.0: 350.0}[requested_hz])
 
 
 def test_every_record_at_the_highest_rate(rig_with: Make) -> None:

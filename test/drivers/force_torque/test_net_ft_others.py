@@ -137,7 +137,7 @@ def test_a_page_in_other_clothes_is_read(start: Start) -> None:
     assert sample.wrench == pytest.approx((4.4482216, 0, 0, 0, 0, 0.001))
 
 
-def test_a_box_that_answers_from_another_port_is_heard(start: Start) -> None:
+def test_a_box_that_answers_from_another_port_is_accepted(start: Start) -> None:
     with OtherBox(Habits(other_port=True)) as box:
         samples = read(start(box), 50)
     assert_counted(samples)
@@ -182,7 +182,7 @@ def test_the_internal_rate_is_the_boxs_own(start: Start) -> None:
     assert samples[-1].stamp_ns - samples[100].stamp_ns == pytest.approx(199 / RATE_HZ * 1e9, abs=20e6)
 
 
-def test_a_counter_of_records_in_place_of_internal_samples_is_said_and_arrival_counts(start: Start) -> None:
+def test_a_counter_of_records_in_place_of_internal_samples_is_reported_and_arrival_counts(start: Start) -> None:
     """One a record, where 28 were announced: by that counter the sensor would be further behind every second."""
     with OtherBox(Habits(step=1)) as box:
         sensor = start(box)

@@ -211,18 +211,18 @@ def test_a_light_before_a_camera_and_a_line_of_the_host_are_brought_together() -
     edges = irregular(60).line_edges()
     start_ns = np.arange(0, edges[-1].stamp_ns, 16_666_667)
     levels = np.array([light_brightness(edges, int(each), 0.010) for each in start_ns])
-    seen = light_edges(start_ns + 100 * MS, levels, 0.010)
+    observed = light_edges(start_ns + 100 * MS, levels, 0.010)
     host = np.array([edge.stamp_ns for edge in edges])
     host_levels = np.array([edge.level for edge in edges])
-    fit = fit_clocks(seen.stamp_ns, host, SyncLimits(0.01), seen.level, host_levels, seen.uncertainty_s)
+    fit = fit_clocks(observed.stamp_ns, host, SyncLimits(0.01), observed.level, host_levels, observed.uncertainty_s)
     assert isinstance(fit, ClockFit), fit
     assert abs(fit.offset_s + 0.1) < 0.002
 
 
 def test_recorded_edges_stay_in_order_whatever_the_faults() -> None:
     faults = RecorderFaults(missing=0.2, doubled=0.5, jitter_s=0.3)
-    seen = recorded(irregular(200).line_edges(), DeviceClock(7000), faults)
-    assert all(later[0] >= earlier[0] for earlier, later in itertools.pairwise(seen))
+    observed = recorded(irregular(200).line_edges(), DeviceClock(7000), faults)
+    assert all(later[0] >= earlier[0] for earlier, later in itertools.pairwise(observed))
 
 
 def test_waiting_for_a_still_line_does_not_burn_the_processor(wire: EmulatedControlLine) -> None:

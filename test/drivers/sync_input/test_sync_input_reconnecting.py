@@ -18,7 +18,7 @@ MS = 1_000_000
 
 
 class Scripted:
-    """A watched line that gives what it is told to: edges, or an error."""
+    """A watched line that gives what it is set to: edges, or an error."""
 
     description = {'line': 'CTS of the test'}  # noqa: RUF012
 
@@ -49,8 +49,8 @@ def around(clock: SteppedClock, *opened: Scripted | Exception) -> tuple[Reconnec
             raise answer
         return answer
 
-    made = ReconnectingSyncInput(connect, clock, 'CTS of the test')  # type: ignore[arg-type]
-    return made, tried
+    line = ReconnectingSyncInput(connect, clock, 'CTS of the test')  # type: ignore[arg-type]
+    return line, tried
 
 
 class Ticking(SteppedClock):
@@ -70,70 +70,70 @@ AWAY = DeviceNotFoundError('no such port')
 
 
 def test_a_line_that_was_never_there_fails_at_once(clock: SteppedClock) -> None:
-    made, _ = around(clock, AWAY)
+    line, _ = around(clock, AWAY)
     with pytest.raises(DeviceNotFoundError):
-        made.open()
-    assert made.health.level == Level.STALE
+        line.open()
+    assert line.health.level == Level.STALE
     with pytest.raises(DeviceError, match='open it before reading'):
-        made.read(0.1)
+        line.read(0.1)
 
 
 def test_a_lost_line_is_found_again_and_numbers_go_on(clock: SteppedClock) -> None:
     first = Scripted(2, LOST)
-    made, _ = around(clock, first, Scripted(3))
-    made.open()
-    assert [edge.number for edge in made.read(1.0)] == [1, 2]
+    line, _ = around(clock, first, Scripted(3))
+    line.open()
+    assert [edge.number for edge in line.read(1.0)] == [1, 2]
     with pytest.raises(DeviceTimeoutError, match='reconnecting'):
-        made.read(1.0)
+        line.read(1.0)
     assert first.closed == 1
-    assert made.health.level == Level.ERROR and 'check its cable' in made.health.message
-    assert [edge.number for edge in made.read(1.0)] == [3, 4, 5]
-    assert made.health == Health(Level.OK, '5 edges; reconnected 1 times')
-    assert made.description['times lost'] == '1'
+    assert line.health.level == Level.ERROR and 'check its cable' in line.health.message
+    assert [edge.number for edge in line.read(1.0)] == [3, 4, 5]
+    assert line.health == Health(Level.OK, '5 edges; reconnected 1 times')
+    assert line.description['times lost'] == '1'
 
 
 def test_attempts_become_rarer_up_to_five_seconds_and_reading_keeps_to_its_timeout(clock: SteppedClock) -> None:
-    made, tried = around(clock, Scripted(LOST), *[AWAY] * 20)
-    made.open()
+    line, tried = around(clock, Scripted(LOST), *[AWAY] * 20)
+    line.open()
     started_ns = clock.now_ns()
     for _ in range(400):
         before_ns = clock.now_ns()
         with pytest.raises(DeviceTimeoutError):
-            made.read(0.1)
+            line.read(0.1)
         assert clock.now_ns() - before_ns <= 100 * MS
     apart = [(b - a) / NS_PER_S for a, b in zip([started_ns, *tried[1:]], tried[1:], strict=False)]
     assert apart[:8] == pytest.approx([0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0], abs=1e-6)
-    assert 'lost for ' in made.health.message and 'no such port' in made.health.message
+    assert 'lost for ' in line.health.message and 'no such port' in line.health.message
 
 
 def test_after_it_was_found_delays_begin_anew(clock: SteppedClock) -> None:
-    made, tried = around(clock, Scripted(LOST), AWAY, AWAY, Scripted(1, LOST), Scripted(1))
-    made.open()
+    line, tried = around(clock, Scripted(LOST), AWAY, AWAY, Scripted(1, LOST), Scripted(1))
+    line.open()
     for _ in range(40):
         try:
-            made.read(0.25)
+            line.read(0.25)
         except DeviceTimeoutError:
             continue
     assert len(tried) == 5
-    assert made.description['times lost'] == '2'
+    assert line.description['times lost'] == '2'
 
 
 def test_closing_while_it_is_away_is_the_end(clock: SteppedClock) -> None:
-    made, tried = around(clock, Scripted(LOST), Scripted(1))
-    made.open()
+    line, tried = around(clock, Scripted(LOST), Scripted(1))
+    line.open()
     with pytest.raises(DeviceTimeoutError):
-        made.read(0.0)
-    made.close()
-    made.close()
+        line.read(0.0)
+    line.close()
+    line.close()
     with pytest.raises(DeviceError, match='open it before reading'):
-        made.read(1.0)
+        line.read(1.0)
     assert len(tried) == 1
 
 
 def test_a_port_that_is_not_there_is_named() -> None:
-    made = reconnecting_sync_input(SyncInputSettings('/dev/no-such-port'), SystemClock())
+    line = reconnecting_sync_input(SyncInputSettings('/dev/no-such-port'), SystemClock())
     with pytest.raises(DeviceNotFoundError, match='/dev/no-such-port'):
-        made.open()
+        line.open()
 
 
 class Always:
@@ -166,25 +166,25 @@ def plugged() -> Iterator[tuple[ReconnectingSyncInput, Callable[[bool], None]]]:
         for wire in wires:
             wire.unplugged = out
 
-    made = ReconnectingSyncInput(connect, clock, 'CTS of the emulated port')
-    made.open()
-    yield made, pull
-    made.close()
+    line = ReconnectingSyncInput(connect, clock, 'CTS of the emulated port')
+    line.open()
+    yield line, pull
+    line.close()
 
 
 def test_an_adapter_that_is_pulled_out_and_plugged_in_sees_edges_again(
     plugged: tuple[ReconnectingSyncInput, Callable[[bool], None]],
 ) -> None:
-    made, pull = plugged
-    seen = list(made.read(1.0))
+    line, pull = plugged
+    edges = list(line.read(1.0))
     pull(True)
     with pytest.raises(DeviceTimeoutError):
         for _ in range(100):
-            seen += made.read(1.0)
+            edges += line.read(1.0)
     with pytest.raises(DeviceTimeoutError):
-        made.read(0.3)  # the first attempt finds nothing, too
-    assert made.health.level == Level.ERROR
+        line.read(0.3)  # the first attempt finds nothing, too
+    assert line.health.level == Level.ERROR
     pull(False)
-    seen += made.read(2.0)
-    assert made.health.level == Level.OK
-    assert [edge.number for edge in seen] == list(range(1, len(seen) + 1))
+    edges += line.read(2.0)
+    assert line.health.level == Level.OK
+    assert [edge.number for edge in edges] == list(range(1, len(edges) + 1))
