@@ -62,15 +62,15 @@ def compare(first: BagReader, second: BagReader, topic: str, ignore: Collection[
         BagError: a bag has no such topic, or several; or its messages have no stamps.
         MessageError: bytes that are not a message of their type.
     """
-    known = _by_stamp(first, topic)
-    found = Comparison(only_first=len(known))
+    by_stamp = _by_stamp(first, topic)
+    found = Comparison(only_first=len(by_stamp))
     for stamp_ns, message in _by_stamp(second, topic).items():
-        if stamp_ns not in known:
+        if stamp_ns not in by_stamp:
             found.only_second += 1
             continue
         found.only_first -= 1
         found.common += 1
-        _compare_one(first.decode(known[stamp_ns]), second.decode(message), ignore, found)
+        _compare_one(first.decode(by_stamp[stamp_ns]), second.decode(message), ignore, found)
     return found
 
 
@@ -84,8 +84,10 @@ def find_topic(bag: BagReader, topic: str) -> str:
     if topic in found:
         return topic
     if len(found) != 1:
-        what = f'several: {", ".join(found)}; give the full name' if found else f'none; it has {", ".join(bag.topics)}'
-        raise BagError(f'{bag.path}: topics that match {topic!r}: {what}')
+        matches = (
+            f'several: {", ".join(found)}; give the full name' if found else f'none; it has {", ".join(bag.topics)}'
+        )
+        raise BagError(f'{bag.path}: topics that match {topic!r}: {matches}')
     return found[0]
 
 

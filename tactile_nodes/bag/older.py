@@ -41,21 +41,21 @@ def is_earlier(name: str, definitions: Definitions) -> bool:
 def completed(message: Any, name: str) -> Any:
     """The message in this release's version of its type; missing fields are NaN, zero or empty."""
     blank = message_class(name)()
-    told = {
-        field: _as_known(getattr(message, field), _message_in(description))
+    present = {
+        field: _completed_field(getattr(message, field), _message_in(description))
         for field, description in store().fielddefs[name][1]
         if hasattr(message, field)
     }
-    return _nothing_known(blank, **told)
+    return _filled_with_unknown(blank, **present)
 
 
-def _nothing_known(blank: Any, **told: Any) -> Any:
-    """A message of zeros turned into one with unknown values, except for `told`."""
-    fields = (each.name for each in dataclasses.fields(blank) if each.name not in told)
-    return type(blank)(**told, **{field: _unknown(getattr(blank, field), field) for field in fields})
+def _filled_with_unknown(blank: Any, **present: Any) -> Any:
+    """A message of zeros turned into one with unknown values, except for `present`."""
+    fields = (each.name for each in dataclasses.fields(blank) if each.name not in present)
+    return type(blank)(**present, **{field: _unknown(getattr(blank, field), field) for field in fields})
 
 
-def _as_known(value: Any, inner: str) -> Any:
+def _completed_field(value: Any, inner: str) -> Any:
     """A field's value, with contained messages completed too."""
     if not inner:
         return value
@@ -71,7 +71,7 @@ def _unknown(blank: Any, field: str) -> Any:
     if isinstance(blank, np.ndarray) and blank.dtype.kind == 'f':
         return np.full_like(blank, np.nan)
     if dataclasses.is_dataclass(blank):
-        return _nothing_known(blank)
+        return _filled_with_unknown(blank)
     return blank
 
 

@@ -88,10 +88,10 @@ class Playback:
         before = {message.topic: message for message in self._reader.messages(latched, end_ns=start_ns)}
         oldest_ns = self._oldest_stamp_ns(start_ns, set(self._topics) - set(latched))
         heard_late = self._reader.messages(latched, start_ns, start_ns + _HEARD_WITHIN_NS)
-        said = [message for message in heard_late if message.publish_ns < oldest_ns]
-        for message in (*before.values(), *said):
+        latched_early = [message for message in heard_late if message.publish_ns < oldest_ns]
+        for message in (*before.values(), *latched_early):
             self._publish(message)
-        self._announced = {_key(message) for message in said}
+        self._announced = {_key(message) for message in latched_early}
 
     def run(self, start_offset_s: float = 0.0, loop: bool = False) -> None:
         """Play from `start_offset_s` to the end; with `loop`, repeatedly."""

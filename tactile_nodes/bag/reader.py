@@ -189,10 +189,10 @@ def _overlapping(storages: list[Storage]) -> list[list[Storage]]:
 
 
 def _unpacked(data: bytes) -> bytes:
-    said = zstandard.frame_content_size(data)  # -1: not stated
-    limit = min(said if said >= 0 else LARGEST_BYTES, LARGEST_BYTES)
+    stated_size = zstandard.frame_content_size(data)  # -1: not stated
+    limit = min(stated_size if stated_size >= 0 else LARGEST_BYTES, LARGEST_BYTES)
     found = unpack_zstd(data, limit)
-    if len(found) > limit or said not in (-1, len(found)):
+    if len(found) > limit or stated_size not in (-1, len(found)):
         raise ValueError('its unpacked size differs from the stated one, or is too large')
     return found
 

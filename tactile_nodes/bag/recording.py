@@ -161,13 +161,13 @@ class Tally:
             'lost on the way': self.missed_of,
             'malformed': self.malformed + self.foreign,
         }
-        told = [f'{why}: {_listed(counts)}' for why, counts in kinds.items() if counts.total()]
+        losses = [f'{why}: {_listed(counts)}' for why, counts in kinds.items() if counts.total()]
         late = [
             f'{topic} {seconds:.1f} s (about {count} messages)'
             for topic, (count, seconds) in sorted(self._gaps.late(self.begin_ns).items())
         ]
-        told += [f'heard late: {", ".join(late)}'] if late else []
-        return '; ' + '; '.join(told) + _meanings(self.lost_of(dropped_of), meaning) if told else ''
+        losses += [f'heard late: {", ".join(late)}'] if late else []
+        return '; ' + '; '.join(losses) + _meanings(self.lost_of(dropped_of), meaning) if losses else ''
 
 
 def _listed(counts: Counter[str]) -> str:
@@ -178,7 +178,7 @@ def _meanings(lost: Counter[str], meaning: Callable[[str], str]) -> str:
     topics_of: dict[str, list[str]] = {}
     for topic, _ in lost.most_common():
         topics_of.setdefault(meaning(topic), []).append(topic)
-    return ''.join(f'; {", ".join(topics)}: {what}' for what, topics in topics_of.items())
+    return ''.join(f'; {", ".join(topics)}: {clause}' for clause, topics in topics_of.items())
 
 
 def describe(totals: BagTotals) -> str:

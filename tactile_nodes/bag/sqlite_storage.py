@@ -100,8 +100,8 @@ class SqliteStorage:
 
     def _read_definitions(self) -> dict[str, tuple[str, str]]:
         # Only real tables: a view may be endless, and a computed column may generate data.
-        made = self._connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0")
-        tables = {name for (name,) in made}
+        rows = self._connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0")
+        tables = {name for (name,) in rows}
         if not {'topics', 'messages'} <= tables:
             raise BagError(f'{self.path} is an SQLite file, but not a bag: it has no tables topics and messages')
         self._require('topics', {'id', *_TOPIC_TEXTS})

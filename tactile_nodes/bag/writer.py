@@ -189,17 +189,17 @@ class BagWriter:
             raise BagError(f'cannot write a bag into {self.folder}: {error.strerror}') from error
 
     def _open_file(self) -> McapFile:
-        made = McapFile(self.folder / f'{self.folder.name}_{len(self._metadata.files)}.mcap', self._compression)
+        file = McapFile(self.folder / f'{self.folder.name}_{len(self._metadata.files)}.mcap', self._compression)
         with self._arrived:
-            self._metadata.files[made.path.name] = Extent()
-        return made
+            self._metadata.files[file.path.name] = Extent()
+        return file
 
     def _write_all(self) -> None:
         try:
             self._write_until_closed()
         except OSError as error:
             self._fail(error.strerror or str(error), error)
-        except Exception as error:  # noqa: BLE001 - a bug; the recorder must be told instead of writing on
+        except Exception as error:  # noqa: BLE001 - a bug; the recorder must report it instead of writing on
             self._fail(repr(error), error)
         finally:
             self._ended.set()

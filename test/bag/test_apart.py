@@ -52,7 +52,7 @@ def test_pictures_that_one_sensor_lost_are_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('stamps', [{'': [0.0, 20]}, {'/left': [0.0, 20]}, {'/left': [0.0, 20], '/right': []}])
-def test_of_one_sensor_nothing_is_said(tmp_path: Path, stamps: dict[str, list[float]]) -> None:
+def test_of_one_sensor_nothing_is_reported(tmp_path: Path, stamps: dict[str, list[float]]) -> None:
     with bag(tmp_path / 'one', stamps) as one:
         assert pictures_apart(one, NAMES) is None
 

@@ -55,7 +55,7 @@ def test_stage_times_may_differ(tmp_path: Path) -> None:
     assert found.same
 
 
-def test_texts_are_told_but_do_not_count(tmp_path: Path) -> None:
+def test_texts_are_reported_but_do_not_count(tmp_path: Path) -> None:
     found = compared(tmp_path, forces(2), forces(2, provenance=types.Provenance(model='other')))
     assert found.same
     assert 'strings that differ: provenance.model (2)' in found.lines()

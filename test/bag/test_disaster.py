@@ -157,13 +157,13 @@ def test_a_recorder_killed_just_after_a_split_leaves_a_bag_that_names_all_its_fi
 
 
 def check_ended_in_one_sentence(process: subprocess.Popen, folder: Path, reason: str) -> None:
-    printed, said = process.communicate(timeout=30)
+    printed, errors = process.communicate(timeout=30)
     assert process.returncode == 1
-    assert said.count('\n') == 1
-    assert reason in said
+    assert errors.count('\n') == 1
+    assert reason in errors
     with BagReader(folder) as reader:
         count = len(list(reader.messages()))
-        assert f'holds the {count} messages written before' in said
+        assert f'holds the {count} messages written before' in errors
         assert 0 < count < printed.count('\n')
     with Reader(folder / f'{folder.name}_0.mcap') as other:
         assert other.message_count == count

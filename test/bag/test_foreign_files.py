@@ -72,7 +72,7 @@ def test_a_damaged_index_of_times_hides_no_message(bag: Path) -> None:
     assert numbers(bag) == (list(range(COUNT)), [])
 
 
-def test_messages_with_cells_of_wrong_types_are_left_out_and_told(bag: Path) -> None:
+def test_messages_with_cells_of_wrong_types_are_left_out_and_reported(bag: Path) -> None:
     change(
         bag,
         "UPDATE messages SET data = 'no bytes' WHERE id = 1",
@@ -85,7 +85,7 @@ def test_messages_with_cells_of_wrong_types_are_left_out_and_told(bag: Path) -> 
     )  # fmt: skip
 
 
-def test_a_topic_with_cells_of_wrong_types_is_left_out_and_told(bag: Path) -> None:
+def test_a_topic_with_cells_of_wrong_types_is_left_out_and_reported(bag: Path) -> None:
     change(bag, "UPDATE topics SET name = x'ff'")
     assert numbers(bag) == (
         [], [f'{bag}: a topic is left out, because its description has cells of wrong types']
@@ -93,7 +93,7 @@ def test_a_topic_with_cells_of_wrong_types_is_left_out_and_told(bag: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ('made', 'said'),
+    ('statement', 'reason'),
     [
         (
             'CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) '
@@ -111,9 +111,9 @@ def test_a_topic_with_cells_of_wrong_types_is_left_out_and_told(bag: Path) -> No
         ),
     ],
 )
-def test_what_only_looks_like_a_table_of_messages_is_refused(bag: Path, made: str, said: str) -> None:
-    change(bag, 'DROP TABLE messages', made)
-    assert said in refusal(bag)
+def test_what_only_looks_like_a_table_of_messages_is_refused(bag: Path, statement: str, reason: str) -> None:
+    change(bag, 'DROP TABLE messages', statement)
+    assert reason in refusal(bag)
 
 
 @pytest.mark.parametrize('name', ['a.mcap', 'a.db3', 'metadata.yaml'])
@@ -194,7 +194,7 @@ def test_a_named_pipe_beside_a_bag_is_not_waited_for(bag: Path, ending: str) -> 
     assert 'is not a file; move it away from press.db3' in refusal(bag)
 
 
-def test_a_journal_that_cannot_be_read_is_told_of(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_journal_that_cannot_be_read_is_reported(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a folder that the reader may not write to SQLite opens no WAL; root may write to every folder."""
     connection = sqlite3.connect(bag)
     connection.execute('PRAGMA journal_mode = WAL')

@@ -51,9 +51,9 @@ def refusal(path: Path) -> str:
 def test_all_twenty_messages_of_the_recorded_talker_are_read(shared_data: Path, where: str) -> None:
     with BagReader(shared_data / 'ros2_bags' / where) as reader:
         found = list(reader.messages())
-        said = [reader.decode(message).data for message in found if message.topic == '/topic']
+        texts = [reader.decode(message).data for message in found if message.topic == '/topic']
     assert len(found) == 20
-    assert said == [f'Hello, world! {number}' for number in range(10)]
+    assert texts == [f'Hello, world! {number}' for number in range(10)]
     assert reader.problems == []
     assert [message.log_ns for message in found] == sorted(message.log_ns for message in found)
 
@@ -244,7 +244,7 @@ def test_sqlite_file_cut_anywhere_gives_messages_or_a_sentence(sqlite_bag, scrat
     assert problems or found == content
 
 
-def test_metadata_that_announces_more_is_told(bag: Path) -> None:
+def test_metadata_that_announces_more_is_reported(bag: Path) -> None:
     metadata = bag / 'metadata.yaml'
     metadata.write_text(metadata.read_text().replace('message_count: 10', 'message_count: 12'))
     found, problems = read(bag)
@@ -252,7 +252,7 @@ def test_metadata_that_announces_more_is_told(bag: Path) -> None:
     assert problems == [f'{metadata} states 12 messages, but the files hold 10']
 
 
-def test_folder_without_metadata_is_read_and_told(bag: Path) -> None:
+def test_folder_without_metadata_is_read_and_reported(bag: Path) -> None:
     (bag / 'metadata.yaml').unlink()
     found, problems = read(bag)
     assert found == samples(10)
@@ -293,12 +293,12 @@ def test_files_before_one_that_a_power_cut_left_blank_are_read(tmp_path: Path, l
     ]
 
 
-@pytest.mark.parametrize('said', [1000, 1 << 40])
+@pytest.mark.parametrize('stated_size', [1000, 1 << 40])
 @pytest.mark.parametrize('compression', ['zstd', 'lz4'])
-def test_chunk_that_would_fill_the_memory_is_left_out(tmp_path: Path, compression: str, said: int) -> None:
+def test_chunk_that_would_fill_the_memory_is_left_out(tmp_path: Path, compression: str, stated_size: int) -> None:
     content = bytes(256 << 20)
     packed = zstandard.compress(content) if compression == 'zstd' else lz4.frame.compress(content)
-    head = struct.pack('<QQQII', 0, 1, said, 0, len(compression)) + compression.encode()
+    head = struct.pack('<QQQII', 0, 1, stated_size, 0, len(compression)) + compression.encode()
     chunk = head + struct.pack('<Q', len(packed)) + packed
     forged = tmp_path / 'forged.mcap'
     forged.write_bytes(growing_file.MAGIC + struct.pack('<BQ', Opcode.CHUNK, len(chunk)) + chunk)
@@ -375,7 +375,7 @@ def test_older_version_of_our_type_is_decoded_as_it_was_and_not_taken_for_ours(t
 
 
 def test_forces_of_an_earlier_release_say_of_what_they_lack_that_it_is_not_known() -> None:
-    with BagReader(Path(__file__).parents[2] / 'examples/press_bag') as reader:  # of before shear was told
+    with BagReader(Path(__file__).parents[2] / 'examples/press_bag') as reader:  # of before shear was published
         assert reader.types.is_completed(FORCE)
         found = [reader.decode(message) for message in reader.messages(['/force_distribution'])]
     pressed = max(found, key=lambda each: each.total)

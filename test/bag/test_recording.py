@@ -55,7 +55,7 @@ def test_old_number_is_no_gap() -> None:
 MS = 1_000_000
 
 
-def heard(topic: str, numbers: range, first_ns: int, period_ns: int) -> Tally:
+def tally_of(topic: str, numbers: range, first_ns: int, period_ns: int) -> Tally:
     """A recording that began at 0."""
     tally = Tally()
     for step, number in enumerate(numbers):
@@ -63,23 +63,23 @@ def heard(topic: str, numbers: range, first_ns: int, period_ns: int) -> Tally:
     return tally
 
 
-def test_messages_before_the_first_that_was_heard_are_reckoned_from_its_pace() -> None:
-    # Every 20 ms, the first after 1 s: 50 passed unheard, though its number, 900, tells of more before the recording.
-    tally = heard('/info', range(900, 930), 1000 * MS, 20 * MS)
+def test_messages_before_the_first_that_was_received_are_reckoned_from_its_pace() -> None:
+    # Every 20 ms, the first after 1 s: 50 passed unheard, though its number, 900, shows more before the recording.
+    tally = tally_of('/info', range(900, 930), 1000 * MS, 20 * MS)
     assert tally.lost_of(Counter()) == {'/info': 50}
-    said = tally.losses(Counter(), lambda topic: 'the rest can be used')
-    assert said == '; heard late: /info 1.0 s (about 50 messages); /info: the rest can be used'
+    losses = tally.losses(Counter(), lambda topic: 'the rest can be used')
+    assert losses == '; heard late: /info 1.0 s (about 50 messages); /info: the rest can be used'
 
 
 def test_a_slow_topic_heard_within_its_pace_is_not_late() -> None:
-    assert not heard('/diagnostics', range(50, 60), 900 * MS, 1000 * MS).lost_of(Counter())
+    assert not tally_of('/diagnostics', range(50, 60), 900 * MS, 1000 * MS).lost_of(Counter())
 
 
 def test_a_topic_heard_from_its_first_message_on_is_not_late() -> None:
-    assert not heard('/image', range(1, 30), 5000 * MS, 20 * MS).lost_of(Counter())
+    assert not tally_of('/image', range(1, 30), 5000 * MS, 20 * MS).lost_of(Counter())
 
 
-def test_losses_are_told_by_topics_with_what_they_mean() -> None:
+def test_losses_are_reported_by_topics_with_what_they_mean() -> None:
     tally = Tally()
     for number in (1, 2, 5):
         tally.note('/image', 'a', number, number)
@@ -92,4 +92,4 @@ def test_losses_are_told_by_topics_with_what_they_mean() -> None:
 
 
 def test_a_recording_without_losses_says_nothing_of_them() -> None:
-    assert heard('/image', range(1, 30), 0, 20 * MS).losses(Counter(), str) == ''
+    assert tally_of('/image', range(1, 30), 0, 20 * MS).losses(Counter(), str) == ''

@@ -157,27 +157,27 @@ def test_paused_playback_plays_one_message_a_step(bag: Path) -> None:
     assert found == [sample.data for sample in samples(3)]
 
 
-def latched_bag(folder: Path, heard_ns: int, said_ns: int) -> Path:
-    """Ten pictures 10 ms apart, each captured 3 ms before; a latched text that was heard and said at these times."""
+def latched_bag(folder: Path, received_ns: int, published_ns: int) -> Path:
+    """Ten pictures 10 ms apart, each captured 3 ms before; a latched text that was received and published at these times."""
     writer = BagWriter(folder)
     writer.add_topic(BagTopic.of_type('/force', FORCE))
     writer.add_topic(BagTopic.of_type('/rest', STRING, latched=True))
     for number in range(10):
         at_ns = START_NS + number * STEP_NS
         writer.write('/force', force(number, at_ns - 3_000_000), at_ns, at_ns)
-    writer.write('/rest', text(0), START_NS + heard_ns, START_NS + said_ns)
+    writer.write('/rest', text(0), START_NS + received_ns, START_NS + published_ns)
     writer.close()
     return folder
 
 
 def test_what_a_latched_topic_said_before_the_recording_is_played_before_the_first_picture(tmp_path, clock) -> None:
-    found = played(latched_bag(tmp_path / 'bag', heard_ns=55_000_000, said_ns=-60_000_000_000), clock)
+    found = played(latched_bag(tmp_path / 'bag', received_ns=55_000_000, published_ns=-60_000_000_000), clock)
     assert [topic for _, topic, _ in found] == ['/rest'] + ['/force'] * 10
     assert [at_ns for at_ns, _, _ in found] == [0] + [number * STEP_NS for number in range(10)]
 
 
-def test_what_a_latched_topic_said_meanwhile_is_played_when_it_was_said(tmp_path, clock) -> None:
-    found = played(latched_bag(tmp_path / 'bag', heard_ns=55_000_000, said_ns=54_000_000), clock)
+def test_what_a_latched_topic_said_meanwhile_is_played_when_it_was_reported(tmp_path, clock) -> None:
+    found = played(latched_bag(tmp_path / 'bag', received_ns=55_000_000, published_ns=54_000_000), clock)
     assert [topic for _, topic, _ in found] == ['/force'] * 6 + ['/rest'] + ['/force'] * 4
 
 
