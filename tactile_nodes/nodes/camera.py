@@ -94,19 +94,19 @@ class CameraNode(Node):
 
     def _wait_for_listener(self) -> None:
         deadline_ns = self.clock.now_ns() + round(self.params.wait_s * NS_PER_S)
-        while (now_ns := self.clock.now_ns()) < deadline_ns and not self._is_heard():
+        while (now_ns := self.clock.now_ns()) < deadline_ns and not self._has_listener():
             self.still_wanted()
             self.clock.sleep_until(now_ns + NS_PER_S // 100)
 
-    def _is_heard(self) -> bool:
+    def _has_listener(self) -> bool:
         if not (self._image.listeners and self.params.wait_for):
             return bool(self._image.listeners)
         wanted = self._image.topic, f'{self.names.namespace.rstrip("/")}/{self.params.wait_for}'
         ends = (end for each in self.bus.graph().participants for end in each.subscriptions)
         return any((end.name, end.node) == wanted for end in ends)
 
-    def _opening(self, told: str) -> None:
-        self.log.info(told)
+    def _opening(self, progress: str) -> None:
+        self.log.info(progress)
         self.still_wanted()
 
     def _waiting(self, error: DeviceError) -> None:
@@ -159,8 +159,8 @@ class CameraNode(Node):
     def _tell_edges(self, edge: Publisher, frame: Frame) -> None:
         first = self._light.edges + 1
         found = self._light.take(frame.image, frame.stamp_ns)
-        told = zip(found.stamp_ns, found.level, found.uncertainty_s, strict=True)
-        for count, (stamp_ns, level, half_s) in enumerate(told, start=first):
+        edges = zip(found.stamp_ns, found.level, found.uncertainty_s, strict=True)
+        for count, (stamp_ns, level, half_s) in enumerate(edges, start=first):
             head = conversions.header(int(stamp_ns), self.params.frame_id)
             message = types.SyncEdge(header=head, line=LINE, level=bool(level), count=count, uncertainty=float(half_s))
             edge.publish(message)
@@ -173,8 +173,8 @@ class CameraNode(Node):
             return
         taken = f'{crop.width}x{crop.height}'
         if self._sensor is None and crop.width < self.params.crop:
-            told = f'the image is too small for a crop of {self.params.crop}; using {crop.width}'
-            self.report('picture', Level.WARN, told)
+            warning = f'the image is too small for a crop of {self.params.crop}; using {crop.width}'
+            self.report('picture', Level.WARN, warning)
         else:
             self.report('picture', Level.OK, taken)
 

@@ -90,12 +90,12 @@ class DdsBridgeNode(Node):
             self.log.warn(line)
 
     def _report(self) -> None:
-        out, came, said = self._out, self._in, self._participant.sayings
+        out, came, sayings = self._out, self._in, self._participant.sayings
         trouble = f'{out.failed} messages could not be sent' if out.failed else came.complaint
         self.report(
             'graph', Level.WARN if trouble else Level.OK, trouble, readers=out.readers, sent=out.forwarded,
             dropped=out.dropped, failed=out.failed, taken=came.taken, malformed=came.malformed,
-            malformed_packets=said.malformed, taken_age_s=came.apart_s,
+            malformed_packets=sayings.malformed, taken_age_s=came.apart_s,
         )  # fmt: skip
 
 

@@ -60,7 +60,7 @@ class DriftMonitorNode(Node):
         super().__init__(bus, arguments, clock)
         self._calibrated = Calibrated(self.params.model, simulated=self.params.source == 'simulated')
         self._monitor = DriftMonitor(self._calibrated.limits)
-        self._states, self._told = self.create_publisher(topics.CALIBRATION_STATE), Told()
+        self._states, self._announced = self.create_publisher(topics.CALIBRATION_STATE), Told()
         self._reference_id = ''
         self._gels, self._kept, self._kept_ns = GelList(), ('', 0, 0), 0
         self._rest_shape: tuple[int, ...] = ()
@@ -102,9 +102,9 @@ class DriftMonitorNode(Node):
 
     def _cut(self, message: types.Image) -> np.ndarray:
         """The crop of the rest image; other camera nodes publish whole pictures."""
-        whole = conversions.image_array(message)
-        (height, width), (rest_height, rest_width) = whole.shape, self._rest_shape
-        return Crop.centred(width, height, rest_width, rest_height).apply(whole)
+        picture = conversions.image_array(message)
+        (height, width), (rest_height, rest_width) = picture.shape, self._rest_shape
+        return Crop.centred(width, height, rest_width, rest_height).apply(picture)
 
     def _on_features(self, received: Received) -> None:
         self._taken_out = conversions.picture_motion(received.message)
@@ -125,7 +125,7 @@ class DriftMonitorNode(Node):
 
     def _tell(self, at_ns: int, *, of_rest: bool = False) -> None:
         verdict = self._monitor.verdict
-        from_ns = self._told.holds_from_ns(verdict, at_ns, of_rest=of_rest)
+        from_ns = self._announced.holds_from_ns(verdict, at_ns, of_rest=of_rest)
         state = state_message(verdict, at_ns, from_ns, self._calibrated, self._reference_id)
         self._states.publish(state)
         self._keep(state, at_ns)
@@ -136,10 +136,10 @@ class DriftMonitorNode(Node):
 
     def _keep(self, state: types.CalibrationState, at_ns: int) -> None:
         """Update the list of the lab's gels: every change, and each hour without one."""
-        told = state.model_id, state.level, state.reasons
-        if told == self._kept and 0 <= at_ns - self._kept_ns < KEEP_EVERY_NS:
+        summary = state.model_id, state.level, state.reasons
+        if summary == self._kept and 0 <= at_ns - self._kept_ns < KEEP_EVERY_NS:
             return
-        self._kept, self._kept_ns = told, at_ns
+        self._kept, self._kept_ns = summary, at_ns
         try:
             kept_in(self._gels, state)
         except ConfigurationError as error:

@@ -79,7 +79,7 @@ class FlowFeaturesNode(Node):
         self._frames = self._answered_ns = self._kept_ns = 0
         self._learned: tuple[object, ...] = ()
         self._came, self._size = '', image_size(self.params.model)
-        self._heard_ns = self._apart_ns = 0
+        self._received_ns = self._apart_ns = 0
         self._about = self._trouble = ''
         self._rest: tuple[Level, str] | None = None
         self._drawn: tuple[Path | None, int] = None, 0  # the folder of drawings, and the last number before this start
@@ -138,7 +138,7 @@ class FlowFeaturesNode(Node):
 
     def _on_image(self, received: Received) -> None:
         now_ns = self.clock.now_ns()
-        self._apart_ns, self._heard_ns = now_ns - (self._heard_ns or now_ns), now_ns
+        self._apart_ns, self._received_ns = now_ns - (self._received_ns or now_ns), now_ns
         if self._too_soon(stamp_ns(received.message.header.stamp)):
             return
         image, head = self._picture(received.message), received.message.header
@@ -180,7 +180,7 @@ class FlowFeaturesNode(Node):
 
     def _check_pictures(self) -> None:
         """A camera process or a network that hangs does not report it itself."""
-        silent_ns = self.clock.now_ns() - self._heard_ns
+        silent_ns = self.clock.now_ns() - self._received_ns
         if not self._about:
             return
         if silent_ns > max(SILENT_NS, 3 * self._apart_ns):

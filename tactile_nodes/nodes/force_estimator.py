@@ -57,7 +57,7 @@ class ForceEstimatorNode(Node):
     PARAMS = ForceEstimatorParams
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        self._asked: dict[str, Ready | ModelError] = {}
+        self._prepared: dict[str, Ready | ModelError] = {}
         super().__init__(bus, arguments, clock)
         compiled = choose(self.given('compiled'), self.log.info, self.log.warn)
         self._estimating = Estimating(self.params.model, sensor=self.params.sensor, compiled=compiled)
@@ -78,11 +78,11 @@ class ForceEstimatorNode(Node):
             self._ask(name, lambda: self._estimating.prepared(name))
 
     def on_parameters(self, changed: ForceEstimatorParams) -> None:
-        asked = self._asked.pop(changed.model, None)
-        if asked is None and changed.model == self.params.model:
+        prepared = self._prepared.pop(changed.model, None)
+        if prepared is None and changed.model == self.params.model:
             return
         try:
-            self._estimating.take(_found(asked) if asked else self._estimating.prepared(changed.model))
+            self._estimating.take(_found(prepared) if prepared else self._estimating.prepared(changed.model))
         except ModelError as error:
             raise ConfigurationError(str(error)) from error
         self._tell_model()
@@ -90,9 +90,9 @@ class ForceEstimatorNode(Node):
 
     def _on_features(self, received: Received) -> None:
         age_s = max(0.0, self.age_s(received))
-        asked = self.params
-        frame_id = asked.frame_id or self._described.id
-        force = self._estimating.answer(received.message, frame_id, asked.least_confidence, age_s)
+        settings = self.params
+        frame_id = settings.frame_id or self._described.id
+        force = self._estimating.answer(received.message, frame_id, settings.least_confidence, age_s)
         self._force.publish(force)
         if (misfit := self._estimating.misfit()) != self._misfit:
             self._misfit = misfit
@@ -109,17 +109,17 @@ class ForceEstimatorNode(Node):
     def _ask(self, name: str, find: Callable[[], Ready]) -> None:
         """Load a model in its own thread; it is taken over or refused between two frames."""
         try:
-            self._asked[name] = find()
+            self._prepared[name] = find()
         except ModelError as error:
-            self._asked[name] = error
+            self._prepared[name] = error
 
     def _find_previous(self) -> None:
         self._ask(_PREVIOUS, self._estimating.previous)
 
     def _undo(self) -> str:
-        asked = self._asked.pop(_PREVIOUS, None)
-        ready = _found(asked) if asked else self._estimating.previous()  # found for another call, which used it
-        self._asked[ready.name] = ready
+        prepared = self._prepared.pop(_PREVIOUS, None)
+        ready = _found(prepared) if prepared else self._estimating.previous()  # found for another call, which used it
+        self._prepared[ready.name] = ready
         self._parameters.change({'model': ready.name})
         return f'back to {ready.file.stem} ({ready.loaded.model_id})'
 
@@ -136,10 +136,10 @@ class ForceEstimatorNode(Node):
         )
 
 
-def _found(asked: Ready | ModelError) -> Ready:
-    if isinstance(asked, ModelError):
-        raise asked
-    return asked
+def _found(prepared: Ready | ModelError) -> Ready:
+    if isinstance(prepared, ModelError):
+        raise prepared
+    return prepared
 
 
 def main() -> int:

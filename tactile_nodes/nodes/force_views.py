@@ -69,7 +69,7 @@ class ForceViewsNode(Node):
         ]
         self._pressure = self.create_publisher(topics.PRESSURE_MAP)
         self._field: Subscription | None = None
-        self._made = {publisher.topic: 0 for publisher in self._publishers}
+        self._published = {publisher.topic: 0 for publisher in self._publishers}
         self._transforms = self.create_publisher(topics.TF_STATIC)
         self._tell_transform()
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
@@ -85,7 +85,7 @@ class ForceViewsNode(Node):
         for publisher, shape in self._views:
             if publisher.listeners and (view := shape(received.message)) is not None:
                 publisher.publish(view)
-                self._made[publisher.topic] += 1
+                self._published[publisher.topic] += 1
 
     def _look(self) -> None:
         """Whether anyone subscribes to the field, which is computed only for subscribers."""
@@ -98,12 +98,12 @@ class ForceViewsNode(Node):
 
     def _on_field(self, received: Received) -> None:
         self._pressure.publish(force_shapes.pressure_map(received.message))
-        self._made[self._pressure.topic] += 1
+        self._published[self._pressure.topic] += 1
 
     def _report(self) -> None:
-        made = self._publishers
-        wanted = sum(publisher.listeners > 0 for publisher in made)
-        self.report('views', Level.OK, f'{wanted} of {len(made)} views have subscribers', **self._made)
+        publishers = self._publishers
+        wanted = sum(publisher.listeners > 0 for publisher in publishers)
+        self.report('views', Level.OK, f'{wanted} of {len(publishers)} views have subscribers', **self._published)
 
     def _tell_transform(self) -> None:
         described = mounting_of(self.params.sensor)
@@ -111,8 +111,8 @@ class ForceViewsNode(Node):
         if parent:
             child = self.params.frame_id or described.id
             xyz_m, rpy_rad = self._given_or('xyz_m', described.xyz_m), self._given_or('rpy_rad', described.rpy_rad)
-            told = force_shapes.surface_transform(parent, child, xyz_m, rpy_rad, self.clock.now_ns())
-            self._transforms.publish(told)
+            transform = force_shapes.surface_transform(parent, child, xyz_m, rpy_rad, self.clock.now_ns())
+            self._transforms.publish(transform)
 
     def _given_or(self, name: str, described: Any) -> Any:
         return described if (given := self.given(name)) is None else given

@@ -163,9 +163,11 @@ class PlayerNode(Node):
             raise ConfigurationError(f'answer: {answer} is not a topic of this package; see docs/topics.md')
         sensors = sorted({each.rpartition('/')[0] for each in self._wanted})
         names = [answer.replace('*', sensor) for sensor in sensors] if '*' in answer else [self.names.resolve(answer)]
-        made = tuple(self.bus.subscribe(name, topic.type_name, Qos('latest', 1), self.full_name) for name in names)
-        self._ends.extend(made)
-        return made
+        subscriptions = tuple(
+            self.bus.subscribe(name, topic.type_name, Qos('latest', 1), self.full_name) for name in names
+        )
+        self._ends.extend(subscriptions)
+        return subscriptions
 
     def _plays(self, topic: BagTopic, wanted: set[str]) -> bool:
         if not self.reader.counts.get(topic.name) or (wanted and topic.name not in wanted):
@@ -217,9 +219,9 @@ class PlayerNode(Node):
         if not self.params.wait_for:
             return True
         ends = [end for peer in self.bus.graph().participants for end in peer.subscriptions]
-        heard = {end.name for end in ends if end.node.rpartition('/')[2] == self.params.wait_for}
+        subscribed = {end.name for end in ends if end.node.rpartition('/')[2] == self.params.wait_for}
         sensors = {topic.rpartition('/')[0] for topic in self._wanted or self._publishers}
-        return all(any(topic.startswith(f'{sensor}/') for topic in heard) for sensor in sensors)
+        return all(any(topic.startswith(f'{sensor}/') for topic in subscribed) for sensor in sensors)
 
     def _has_met_all(self) -> bool:
         """Whether all running subscribers are connected, so that they receive the first message."""

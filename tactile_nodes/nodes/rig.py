@@ -53,8 +53,8 @@ class RigNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         publishers = {topic: self.create_publisher(topic) for topic in TOPICS}
-        if told := lacking():
-            self.log.info(told)
+        if notice := lacking():
+            self.log.info(notice)
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
         self._session = Session(self.params, publishers, self.clock, self.log, answer)
         self.diagnostics.hardware |= {'cnc': self.params.cnc.source, 'force_torque': self.params.force_torque.source}
@@ -76,9 +76,9 @@ class RigNode(Node):
         try:
             self.log.info(self._session.run())
         except DeviceError as error:
-            if not self._session.station.safety.fell_silent or not (told := crowded()):
+            if not self._session.station.safety.fell_silent or not (explanation := crowded()):
                 raise
-            raise DeviceFaultError(f'{error}; {told}') from error
+            raise DeviceFaultError(f'{error}; {explanation}') from error
         self.stop()
 
     def _report(self) -> None:

@@ -158,7 +158,7 @@ def test_paused_playback_plays_one_message_a_step(bag: Path) -> None:
 
 
 def latched_bag(folder: Path, received_ns: int, published_ns: int) -> Path:
-    """Ten pictures 10 ms apart, each captured 3 ms before; a latched text that was received and published at these times."""
+    """Ten pictures 10 ms apart, each captured 3 ms before, and a latched text, received and published then."""
     writer = BagWriter(folder)
     writer.add_topic(BagTopic.of_type('/force', FORCE))
     writer.add_topic(BagTopic.of_type('/rest', STRING, latched=True))

@@ -35,11 +35,11 @@ def test_several_machines_are_one_report_that_does_not_change_from_second_to_sec
 ) -> None:
     for _ in range(5):
         linked._report()
-    told = status(linked, 'connection')
-    assert told.level == Level.WARN
-    assert told.message.startswith('robot: the clocks of both machines differ')
-    assert told.message.endswith('; lab: connected')
-    assert {each.key: each.value for each in told.values} == {'clock_ahead_ms': '20', 'malformed': '0'}
+    report = status(linked, 'connection')
+    assert report.level == Level.WARN
+    assert report.message.startswith('robot: the clocks of both machines differ')
+    assert report.message.endswith('; lab: connected')
+    assert {each.key: each.value for each in report.values} == {'clock_ahead_ms': '20', 'malformed': '0'}
     assert capsys.readouterr().err.count('connection: ') == 1
     linked.close()
 

@@ -80,10 +80,10 @@ class Rig:
     """Tells what a bag holds, and what a rig at rest tells once it was asked to end."""
 
     def __init__(self, bus: InProcessBus, clock: SteppedClock, advertise: Advertise) -> None:
-        self.asked = 0
+        self.stops = 0
         self._clock = clock
-        told = (topics.PRESS, topics.PRESS_IMAGE, topics.REFERENCE_IMAGE, topics.RIG_STATE)
-        self._publishers = {f'/{topic.name}': advertise(topic) for topic in told}
+        published = (topics.PRESS, topics.PRESS_IMAGE, topics.REFERENCE_IMAGE, topics.RIG_STATE)
+        self._publishers = {f'/{topic.name}': advertise(topic) for topic in published}
         bus.serve('/rig/stop', services.TRIGGER, self._stop)
 
     def press(self, bag: Path, node: CalibratorNode, most: int = 1000) -> None:
@@ -111,7 +111,7 @@ class Rig:
         self._publishers[f'/{topics.RIG_STATE.name}'].publish(state)
 
     def _stop(self, request: Any, reply: Reply) -> None:
-        self.asked += 1
+        self.stops += 1
         reply(types.Trigger_Response(success=True, message='stopping'))
 
 
@@ -141,7 +141,7 @@ def test_the_running_force_estimator_takes_over_and_answers_every_frame(
     frame()
 
     assert node.failure is None
-    assert rig.asked == 1
+    assert rig.stops == 1
     file = Path(node.params.folder) / 'gel-7_01.safetensors'
     calibrated, old = load_model(file), load_model(first_model)
     assert (calibrated.gel, calibrated.card['source']['model_id']) == ('gel-7', old.model_id)
@@ -152,7 +152,7 @@ def test_the_running_force_estimator_takes_over_and_answers_every_frame(
     assert (names[0], names[-1]) == (old.model_id, calibrated.model_id)
 
 
-def test_a_rig_that_is_gone_after_too_few_presses_is_told_as_such(
+def test_a_rig_that_is_gone_after_too_few_presses_is_reported_as_such(
     bus: InProcessBus, clock: SteppedClock, publisher: Advertise, make: Callable[..., CalibratorNode], other_bag: Path
 ) -> None:
     rig, node = Rig(bus, clock, publisher), make()
@@ -182,7 +182,7 @@ def test_a_calibration_from_a_bag_leaves_a_running_rig_alone(
     source.publish(dataclasses.replace(features(first_model), method='dis(preset=medium)'))
     run(node)
     assert node.failure is not None
-    assert rig.asked == 0
+    assert rig.stops == 0
 
 
 @pytest.mark.timeout(180)
@@ -217,7 +217,7 @@ def test_a_model_that_cannot_be_transferred_ends_the_node_before_it_begins(make:
         make(model='paper')
 
 
-def test_a_file_that_cannot_be_written_is_said_before_anything_is_pressed(
+def test_a_file_that_cannot_be_written_is_reported_before_anything_is_pressed(
     make: Callable[..., CalibratorNode], tmp_path: Path
 ) -> None:
     with pytest.raises(ConfigurationError, match='it is a folder'):

@@ -65,14 +65,14 @@ def health(node: CameraNode) -> tuple[int, str]:
     return status.level, status.message
 
 
-def picture_told(node: CameraNode) -> tuple[int, str]:
+def picture_status(node: CameraNode) -> tuple[int, str]:
     """What the node says of its pictures, as soon as it says something."""
     deadline_s = monotonic_s() + PATIENCE_S
     while monotonic_s() < deadline_s:
         for status in node.diagnostics.message(0).status:
             if status.name == 'camera: picture':
                 return status.level, status.message
-    raise AssertionError('nothing was said of the pictures')
+    raise AssertionError('nothing was reported of the pictures')
 
 
 def test_simulated_camera_gives_cropped_grey_images_and_the_truth_of_each(
@@ -88,7 +88,7 @@ def test_simulated_camera_gives_cropped_grey_images_and_the_truth_of_each(
     assert truth.total == 0.0  # nothing presses in the first second
 
 
-def test_pictures_of_a_described_sensor_are_cut_and_told_as_it_says(
+def test_pictures_of_a_described_sensor_are_cut_and_reported_as_it_says(
     bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
 ) -> None:
     described = tmp_path / 'mine.yaml'
@@ -115,7 +115,7 @@ def test_picture_smaller_than_the_crop_is_cut_to_what_fits_and_says_so(
     images = listen(bus, topics.IMAGE)
     node = start(f'source:={tmp_path}')
     assert first(images).message.width == 240
-    level, text = picture_told(node)
+    level, text = picture_status(node)
     assert level == Level.WARN
     assert 'too small for a crop of 440' in text
 
@@ -127,8 +127,8 @@ def test_camera_that_is_not_there_is_one_sentence(start: Callable[..., CameraNod
 
 def test_a_second_camera_of_the_same_topic_is_refused(bus: InProcessBus, start: Callable[..., CameraNode]) -> None:
     bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/other_camera')
-    said = f'^/image_raw is already published by /other_camera of process {os.getpid()}: stop that node first'
-    with pytest.raises(ConfigurationError, match=said):
+    refusal = f'^/image_raw is already published by /other_camera of process {os.getpid()}: stop that node first'
+    with pytest.raises(ConfigurationError, match=refusal):
         start()
 
 
@@ -160,14 +160,14 @@ def test_a_ring_touches_the_simulated_gel_where_it_is_asked_for(
 
 
 @pytest.mark.parametrize(
-    ('contact', 'said'),
+    ('contact', 'reason'),
     [
         ('rign', "^there is no contact 'rign'; give one of: tip, ball, .*, or a file: "),
         ('missing.stl', r'^cannot read the body missing.stl \(No such file or directory\); check the path$'),
     ],
 )
-def test_a_contact_that_is_none_is_one_sentence(start: Callable[..., CameraNode], contact: str, said: str) -> None:
-    with pytest.raises(ConfigurationError, match=said):
+def test_a_contact_that_is_none_is_one_sentence(start: Callable[..., CameraNode], contact: str, reason: str) -> None:
+    with pytest.raises(ConfigurationError, match=reason):
         start(f'scene.contact:={contact}')
 
 
@@ -188,7 +188,7 @@ def test_a_contact_that_is_solved_says_how_far_it_is_and_may_be_given_up(
 def test_diagnostics_name_the_device(start: Callable[..., CameraNode], tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / '0.png'), PATTERN)
     node = start(f'source:={tmp_path}')
-    picture_told(node)
+    picture_status(node)
     node._report_health()
     assert {each.hardware_id for each in node.diagnostics.message(0).status} == {str(tmp_path)}
 
@@ -215,14 +215,14 @@ def test_picture_of_another_size_than_asked_names_both(start: Callable[..., Came
         start(f'source:={tmp_path}', 'width:=640', 'height:=480')
 
 
-def test_black_pictures_are_told(start: Callable[..., CameraNode], tmp_path: Path) -> None:
+def test_black_pictures_are_reported(start: Callable[..., CameraNode], tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / '0.png'), np.zeros((440, 440), np.uint8))
-    level, text = picture_told(start(f'source:={tmp_path}'))
+    level, text = picture_status(start(f'source:={tmp_path}'))
     assert level == Level.WARN
     assert 'black' in text
 
 
-def test_camera_that_is_unplugged_is_told_and_comes_back_by_itself(
+def test_camera_that_is_unplugged_is_reported_and_comes_back_by_itself(
     bus: InProcessBus, start: Callable[..., CameraNode]
 ) -> None:
     images = listen(bus, topics.IMAGE)
@@ -248,7 +248,7 @@ def test_camera_that_is_unplugged_is_told_and_comes_back_by_itself(
 def test_a_camera_that_is_closed_while_a_frame_is_on_its_way_ends_quietly(
     bus: InProcessBus, start: Callable[..., CameraNode]
 ) -> None:
-    """On a machine without time to spare closing does not wait for the reader; what it still reads is told nobody."""
+    """On a machine without time to spare closing does not wait for the reader; what it still reads reaches nobody."""
     made: list[CameraNode] = []
 
     def close() -> None:
@@ -262,7 +262,7 @@ def test_a_camera_that_is_closed_while_a_frame_is_on_its_way_ends_quietly(
     assert not made[0]._reader.is_alive()
 
 
-def test_a_source_waits_for_the_node_that_it_is_told_to_wait_for(
+def test_a_source_waits_for_the_node_that_it_is_reported_to_wait_for(
     bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
 ) -> None:
     cv2.imwrite(str(tmp_path / '1.png'), PATTERN)

@@ -72,7 +72,7 @@ class Bench:
     def rest(self, pixels: np.ndarray) -> None:
         self.say(topics.REFERENCE_IMAGE, image(pixels))
 
-    def told(self) -> list[types.CalibrationState]:
+    def published(self) -> list[types.CalibrationState]:
         found = []
         while (received := self.states.take()) is not None:
             found.append(received.message)
@@ -84,22 +84,22 @@ def bench(bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Adv
     return lambda *parameters: Bench(bus, clock, listen, publisher, *parameters)
 
 
-def test_a_picture_every_two_seconds_is_looked_at_and_told_of_with_its_stamp(bench: Callable[..., Bench]) -> None:
+def test_a_picture_every_two_seconds_is_looked_at_and_reported_with_its_stamp(bench: Callable[..., Bench]) -> None:
     tested = bench()
     tested.rest(REST)
     tested.pictures(REST, seconds=8)
-    told = tested.told()
-    assert [stamp_ns(each.header.stamp) - START_NS for each in told[1:]] == [S + 2 * n * S for n in range(4)]
-    assert {stamp_ns(each.valid_from) - stamp_ns(each.header.stamp) for each in told[1:]} == {S // 2}
-    assert stamp_ns(told[0].valid_from) == stamp_ns(told[0].header.stamp)  # of the rest image: from itself on
-    assert {each.level for each in told} == {STATE.LEVEL_VALID}
+    states = tested.published()
+    assert [stamp_ns(each.header.stamp) - START_NS for each in states[1:]] == [S + 2 * n * S for n in range(4)]
+    assert {stamp_ns(each.valid_from) - stamp_ns(each.header.stamp) for each in states[1:]} == {S // 2}
+    assert stamp_ns(states[0].valid_from) == stamp_ns(states[0].header.stamp)  # of the rest image: from itself on
+    assert {each.level for each in states} == {STATE.LEVEL_VALID}
 
 
-def test_a_knocked_camera_is_told_with_what_to_do_and_on_diagnostics(bench: Callable[..., Bench]) -> None:
+def test_a_knocked_camera_is_reported_with_what_to_do_and_on_diagnostics(bench: Callable[..., Bench]) -> None:
     tested = bench()
     tested.rest(REST)
     tested.pictures(KNOCKED)
-    state = tested.told()[-1]
+    state = tested.published()[-1]
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_PICTURE_MOVED)
     assert state.moved == pytest.approx(2.0, abs=0.05)
     status = [each for each in tested.node.diagnostics.message(0).status if each.name.endswith(': calibration')]
@@ -113,12 +113,12 @@ def test_of_whole_pictures_of_another_camera_node_the_middle_is_looked_at(bench:
     whole = np.full((REST.shape[0] + 40, REST.shape[1] + 200), 90, np.uint8)
     whole[20:-20, 100:-100] = REST
     tested.pictures(whole, seconds=6)
-    told = tested.told()
-    assert len(told) > 2
-    assert {each.level for each in told} == {STATE.LEVEL_VALID}
+    states = tested.published()
+    assert len(states) > 2
+    assert {each.level for each in states} == {STATE.LEVEL_VALID}
 
 
-def test_the_table_of_topics_says_how_often_it_is_told() -> None:
+def test_the_table_of_topics_says_how_often_it_is_reported() -> None:
     assert topics.CALIBRATION_STATE.rate_hz == 1.0 / DriftMonitorParams().check_s
 
 
@@ -126,7 +126,7 @@ def test_the_rest_image_of_the_model_file_is_what_is_compared_with(bench: Callab
     tested = bench()
     tested.model(OTHER)
     tested.rest(REST)
-    state = tested.told()[-1]
+    state = tested.published()[-1]
     assert (state.calibration, state.model_id) == (FILE, '0123456789ab')
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_OTHER_GEL)
 
@@ -137,7 +137,7 @@ def test_another_model_that_takes_over_brings_its_own_rest_image(bench: Callable
     tested.rest(REST)
     tested.model(REST)
     tested.pictures(REST, seconds=1)
-    assert tested.told()[-1].level == STATE.LEVEL_VALID
+    assert tested.published()[-1].level == STATE.LEVEL_VALID
 
 
 def test_without_one_the_first_rest_image_stands_in(bench: Callable[..., Bench]) -> None:
@@ -145,7 +145,7 @@ def test_without_one_the_first_rest_image_stands_in(bench: Callable[..., Bench])
     tested.model()
     tested.rest(REST)
     tested.rest(KNOCKED)
-    state = tested.told()[-1]
+    state = tested.published()[-1]
     assert state.calibration == FIRST
     assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_MOVED_SINCE_CALIBRATION)
     assert state.since_calibration_moved == pytest.approx(2.0, abs=0.05)
@@ -155,9 +155,9 @@ def test_of_a_simulated_camera_the_gel_on_the_card_is_known(bench: Callable[...,
     tested = bench('source:=simulated')
     tested.model(gel=Gel().gel_id)
     tested.rest(rest_picture(Gel(), 440))
-    assert tested.told()[-1].calibration == GEL
+    assert tested.published()[-1].calibration == GEL
     tested.rest(rest_picture(Gel(seed=7), 440))
-    state = tested.told()[-1]
+    state = tested.published()[-1]
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_OTHER_GEL)
 
 
@@ -169,7 +169,7 @@ def test_a_weight_on_the_gel_is_compared_when_asked(bench: Callable[..., Bench])
         tested.say(topics.FORCE_DISTRIBUTION, types.ForceDistribution(header=head, total=0.9, in_contact=True))
     assert 'reads 0.900 N of 0.981 N' in tested.node._check_weight()
     tested.pictures(REST, seconds=1, begin_s=4)
-    state = tested.told()[-1]
+    state = tested.published()[-1]
     assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_FORCE_RATIO)
     assert state.force_ratio == pytest.approx(0.9 / 0.980665, rel=1e-5)
 
@@ -186,7 +186,7 @@ def test_an_independent_sensor_is_listened_to_where_one_is_named(bench: Callable
         force = types.ForceDistribution(header=head, total=0.8 * force_n, in_contact=force_n > 0.03, unlikeness=0.3)
         tested.say(topics.FORCE_DISTRIBUTION, force)
     tested.pictures(REST, seconds=1, begin_s=30)
-    state = tested.told()[-1]
+    state = tested.published()[-1]
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_FORCE_RATIO)
     assert state.force_ratio == pytest.approx(0.8, rel=0.01)
     assert state.force_ratio_contacts >= 10

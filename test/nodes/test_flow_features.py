@@ -72,22 +72,22 @@ def test_of_a_camera_that_brings_ten_times_as_many_pictures_no_more_are_answered
     """At 600 a second the eighth is the first one that comes 12.5 ms, three quarters of a frame, after the last."""
     features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
     tested, stamps = node(bus, clock, 'most_hz:=60.0'), [START_NS + number * 10**9 // 600 for number in range(48)]
-    told = []
+    answered = []
     for each in stamps:
         camera.publish(image(PATTERN, each))
         run(tested)
         while (received := features.take()) is not None:
-            told.append(stamp_ns(received.message.header.stamp))
-    assert told == stamps[::8]
+            answered.append(stamp_ns(received.message.header.stamp))
+    assert answered == stamps[::8]
 
 
-def test_a_camera_from_which_no_picture_comes_any_more_is_told_and_when_it_is_back(
+def test_a_camera_from_which_no_picture_comes_any_more_is_reported_and_when_it_is_back(
     bus: InProcessBus, clock: SteppedClock, publisher: Advertise
 ) -> None:
-    """Its process hangs, say, and tells nothing itself. One that brings a picture every five seconds does not."""
+    """Its process hangs, say, and reports nothing itself. One that brings a picture every five seconds does not."""
     camera, tested = publisher(topics.IMAGE), node(bus, clock)
 
-    def told(after_s: float, *, comes: bool = False) -> tuple[Level, str]:
+    def status(after_s: float, *, comes: bool = False) -> tuple[Level, str]:
         clock.advance(after_s)
         if comes:
             camera.publish(image(PATTERN, clock.now_ns()))
@@ -96,24 +96,24 @@ def test_a_camera_from_which_no_picture_comes_any_more_is_told_and_when_it_is_ba
         found = next(each for each in tested.diagnostics.message(0).status if each.name.endswith('pictures'))
         return Level(found.level), found.message
 
-    assert told(0.0, comes=True)[0] is Level.OK
-    assert told(0.1, comes=True)[0] is Level.OK
-    assert told(1.5)[0] is Level.OK
-    assert told(1.0) == (Level.WARN, 'no more pictures; check the camera and its node')
-    assert told(1.0, comes=True)[0] is Level.OK
-    assert told(5.0, comes=True)[0] is Level.OK
-    assert told(10.0)[0] is Level.OK
-    assert told(6.0)[0] is Level.WARN
+    assert status(0.0, comes=True)[0] is Level.OK
+    assert status(0.1, comes=True)[0] is Level.OK
+    assert status(1.5)[0] is Level.OK
+    assert status(1.0) == (Level.WARN, 'no more pictures; check the camera and its node')
+    assert status(1.0, comes=True)[0] is Level.OK
+    assert status(5.0, comes=True)[0] is Level.OK
+    assert status(10.0)[0] is Level.OK
+    assert status(6.0)[0] is Level.WARN
 
 
 WHOLE = np.random.default_rng(6).integers(20, 200, (480, 640), dtype=np.uint8)
 
 
 @pytest.mark.parametrize(('crop', 'side'), [(0, 440), (400, 400)])
-def test_of_a_whole_picture_of_another_camera_node_the_middle_is_measured_and_that_is_told_once(
+def test_of_a_whole_picture_of_another_camera_node_the_middle_is_measured_and_that_is_reported_once(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, crop: int, side: int
 ) -> None:
-    features, references, said = listen(topics.FLOW_FEATURES), listen(topics.REFERENCE_IMAGE), listen(topics.ROSOUT)
+    features, references, logs = listen(topics.FLOW_FEATURES), listen(topics.REFERENCE_IMAGE), listen(topics.ROSOUT)
     camera, tested = publisher(topics.IMAGE), node(bus, clock, f'crop:={crop}')
     coloured = np.repeat(WHOLE[..., None], 3, axis=2).tobytes()
     for number in range(3):
@@ -126,28 +126,28 @@ def test_of_a_whole_picture_of_another_camera_node_the_middle_is_measured_and_th
     assert received is not None
     rows, columns = slice(240 - side // 2, 240 + side // 2), slice(320 - side // 2, 320 + side // 2)
     np.testing.assert_array_equal(conversions.image_array(received.message), WHOLE[rows, columns])
-    lines = [line for line in told(said) if 'image_raw' in line]
+    lines = [line for line in logged(logs) if 'image_raw' in line]
     assert lines == [f'/image_raw has 640x480 rgb8: the central {side}x{side} are used (parameter crop)']
 
 
 def test_pictures_that_our_camera_node_has_cut_are_measured_whole(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
-    said, camera, tested = listen(topics.ROSOUT), publisher(topics.IMAGE), node(bus, clock)
+    logs, camera, tested = listen(topics.ROSOUT), publisher(topics.IMAGE), node(bus, clock)
     camera.publish(image(WHOLE[:, :480]))
     run(tested)
-    assert '/image_raw has 480x480 mono8: used whole' in told(said)
+    assert '/image_raw has 480x480 mono8: used whole' in logged(logs)
 
 
-def told(said: Subscription) -> list[str]:
+def logged(logs: Subscription) -> list[str]:
     """The lines of the log that came since."""
     found = []
-    while (received := said.take()) is not None:
+    while (received := logs.take()) is not None:
         found.append(received.message.msg)
     return found
 
 
-def test_a_knocked_camera_is_no_motion_and_is_told(
+def test_a_knocked_camera_is_no_motion_and_is_reported(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
     features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
@@ -200,7 +200,7 @@ def test_dark_frames_at_the_start_do_not_become_the_rest_image(
     assert reference.take() is not None
 
 
-def test_a_rest_image_of_a_picture_that_never_rests_is_told_with_what_to_do(
+def test_a_rest_image_of_a_picture_that_never_rests_is_reported_with_what_to_do(
     bus: InProcessBus, clock: SteppedClock, publisher: Advertise
 ) -> None:
     camera, tested = publisher(topics.IMAGE), node(bus, clock, 'reference_frames:=2')
@@ -269,7 +269,7 @@ def test_rest_image_comes_from_a_topic_and_images_before_it_wait_for_nothing(
     assert len(measured(features)) == 1
 
 
-def test_image_of_another_size_is_said_and_does_not_end_the_node(
+def test_image_of_another_size_is_reported_and_does_not_end_the_node(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
     features, camera, tested = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE), node(bus, clock)
@@ -299,7 +299,7 @@ def test_dark_image_is_marked(bus: InProcessBus, clock: SteppedClock, listen: Li
     assert message.image_level == 0.0
 
 
-def test_a_frame_like_the_rest_image_is_told_as_untouched_and_one_that_moved_is_not(
+def test_a_frame_like_the_rest_image_is_reported_as_untouched_and_one_that_moved_is_not(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
 ) -> None:
     features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)

@@ -48,13 +48,13 @@ def force() -> types.ForceDistribution:
 def test_whoever_listens_gets_each_view_with_the_stamp_of_its_image(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, view: Topic
 ) -> None:
-    tested, heard, source = node(bus, clock), listen(view), publisher(topics.FORCE_DISTRIBUTION)
+    tested, subscription, source = node(bus, clock), listen(view), publisher(topics.FORCE_DISTRIBUTION)
     source.publish(force())
     run(tested)
-    received = heard.take()
+    received = subscription.take()
     assert received is not None
-    made = received.message
-    head = made.markers[-1].header if view is topics.CONTACT_MARKERS else made.header
+    view_message = received.message
+    head = view_message.markers[-1].header if view is topics.CONTACT_MARKERS else view_message.header
     assert (stamp_ns(head.stamp), head.frame_id) == (START_NS, 'gel_surface')
 
 
@@ -65,10 +65,10 @@ def test_only_what_somebody_listens_to_is_made(
         raise AssertionError('nobody listens to the map')
 
     monkeypatch.setattr(force_views.force_shapes, 'force_map', refuse)
-    tested, heard, source = node(bus, clock), listen(topics.CONTACT), publisher(topics.FORCE_DISTRIBUTION)
+    tested, subscription, source = node(bus, clock), listen(topics.CONTACT), publisher(topics.FORCE_DISTRIBUTION)
     source.publish(force())
     run(tested)
-    assert heard.take() is not None
+    assert subscription.take() is not None
 
 
 def test_the_field_is_received_only_while_somebody_wants_the_pressure(
@@ -77,17 +77,18 @@ def test_the_field_is_received_only_while_somebody_wants_the_pressure(
     tested, source = node(bus, clock), publisher(topics.FORCE_FIELD)
     look(tested, clock)
     assert source.listeners == 0
-    heard = listen(topics.PRESSURE_MAP)
+    subscription = listen(topics.PRESSURE_MAP)
     look(tested, clock)
     assert source.listeners == 1
     source.publish(ring(START_NS)[1])
     run(tested)
-    received = heard.take()
+    received = subscription.take()
     assert received is not None
-    made = received.message
-    assert (made.encoding, made.height, made.width, stamp_ns(made.header.stamp)) == ('32FC1', CELLS, CELLS, START_NS)
-    assert np.asarray(made.data).view('<f4').sum() == pytest.approx(2e6, rel=1e-5)  # 2 N on cells of 1 mm²
-    heard.close()
+    view_message = received.message
+    shown = (view_message.encoding, view_message.height, view_message.width)
+    assert (*shown, stamp_ns(view_message.header.stamp)) == ('32FC1', CELLS, CELLS, START_NS)
+    assert np.asarray(view_message.data).view('<f4').sum() == pytest.approx(2e6, rel=1e-5)  # 2 N on cells of 1 mm²
+    subscription.close()
     look(tested, clock)
     assert source.listeners == 0
 
@@ -100,20 +101,20 @@ def look(tested: ForceViewsNode, clock: SteppedClock) -> None:
 
 def test_whoever_comes_later_still_gets_the_transform(bus: InProcessBus, clock: SteppedClock, listen: Listen) -> None:
     tested = node(bus, clock, 'parent_frame_id:=finger', 'xyz_m:=[0.0, 0.0, 0.02]')
-    heard = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    subscription = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
     run(tested)
-    received = heard.take()
+    received = subscription.take()
     assert received is not None
-    (told,) = received.message.transforms
-    assert (told.header.frame_id, told.child_frame_id) == ('finger', 'gel_surface')
-    assert told.transform.translation.z == 0.02
+    (transform,) = received.message.transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ('finger', 'gel_surface')
+    assert transform.transform.translation.z == 0.02
 
 
-def test_without_a_parent_frame_no_transform_is_told(bus: InProcessBus, clock: SteppedClock) -> None:
+def test_without_a_parent_frame_no_transform_is_reported(bus: InProcessBus, clock: SteppedClock) -> None:
     tested = node(bus, clock, "parent_frame_id:=''")
-    heard = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    subscription = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
     run(tested)
-    assert heard.take() is None
+    assert subscription.take() is None
 
 
 def test_a_place_of_two_numbers_is_refused(bus: InProcessBus, clock: SteppedClock) -> None:
@@ -147,13 +148,13 @@ def test_a_described_sensor_says_where_it_is_mounted(
     # Pitched by 90 degrees: half of the angle is 45, so the quaternion is (0, sin 45, 0, cos 45).
     mounting = 'id: left_finger, parent: gripper_link, position_mm: [0.0, 0.0, 12.0], rpy_deg: [0.0, 90.0, 0.0]'
     (tmp_path / 'mine.yaml').write_text(f'frame: {{{mounting}}}\n')
-    tested, heard = node(bus, clock, f'sensor:={tmp_path}/mine.yaml'), listen(topics.TF_STATIC)
+    tested, subscription = node(bus, clock, f'sensor:={tmp_path}/mine.yaml'), listen(topics.TF_STATIC)
     run(tested)
-    received = heard.take()
+    received = subscription.take()
     assert received is not None
-    (told,) = received.message.transforms
-    assert (told.header.frame_id, told.child_frame_id) == ('gripper_link', 'left_finger')
-    moved, turned = told.transform.translation, told.transform.rotation
+    (transform,) = received.message.transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ('gripper_link', 'left_finger')
+    moved, turned = transform.transform.translation, transform.transform.rotation
     assert (moved.x, moved.y, moved.z) == pytest.approx((0.0, 0.0, 0.012))
     assert (turned.x, turned.y, turned.z, turned.w) == pytest.approx((0.0, 0.5**0.5, 0.0, 0.5**0.5))
 
@@ -163,9 +164,9 @@ def test_a_parameter_overrides_what_is_described(
 ) -> None:
     (tmp_path / 'mine.yaml').write_text('frame: {id: left_finger, parent: gripper_link}\n')
     tested = node(bus, clock, f'sensor:={tmp_path}/mine.yaml', 'parent_frame_id:=tactile_sensor', 'frame_id:=skin')
-    heard = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
+    subscription = bus.subscribe('/tf_static', topics.TF_STATIC.type_name, topics.TF_STATIC.qos)
     run(tested)
-    received = heard.take()
+    received = subscription.take()
     assert received is not None
-    (told,) = received.message.transforms
-    assert (told.header.frame_id, told.child_frame_id) == ('tactile_sensor', 'skin')
+    (transform,) = received.message.transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ('tactile_sensor', 'skin')

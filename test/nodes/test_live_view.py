@@ -65,7 +65,7 @@ def test_while_nobody_watches_no_picture_and_no_force_field_is_received(
     assert subscribed(bus) == WORDS | FORCES
 
 
-def test_who_comes_later_is_told_the_force_of_the_time_before(
+def test_who_comes_later_is_reported_the_force_of_the_time_before(
     clock: SteppedClock, node: LiveViewNode, publisher: Advertise, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     remembered: list[bytes] = []
@@ -93,8 +93,8 @@ def test_what_is_published_is_shown_at_the_next_look(
     publisher(topics.IMAGE).publish(image(np.full((20, 20), 90, np.uint8), round(stamp_ms * 1e6)))
     publisher(topics.FORCE_DISTRIBUTION).publish(force(stamp_ms, (0.0, 0.73, 0.0, 0.0), (1.0, 1.0)))
     pass_time(node, clock, 1 / 30)
-    told, sections, samples = packet.taken_apart(shown[-1].body + shown[-1].samples)
-    assert told['force']['total_n'] == pytest.approx(0.73)
+    header, sections, samples = packet.taken_apart(shown[-1].body + shown[-1].samples)
+    assert header['force']['total_n'] == pytest.approx(0.73)
     assert sections['image'].startswith(b'\xff\xd8')
     assert [total for _, total, _ in samples] == [pytest.approx(0.73)]
 
@@ -108,7 +108,7 @@ def test_a_viewer_without_room_costs_no_packet(
     assert shown == []
 
 
-def test_the_address_of_the_page_is_told_on_diagnostics(clock: SteppedClock, node: LiveViewNode) -> None:
+def test_the_address_of_the_page_is_reported_on_diagnostics(clock: SteppedClock, node: LiveViewNode) -> None:
     pass_time(node, clock, 1.0)
     (status,) = node.diagnostics.message(clock.now_ns()).status
     assert status.level == Level.OK
@@ -122,16 +122,16 @@ def test_a_port_that_is_none_is_refused(bus: InProcessBus, clock: SteppedClock) 
 
 
 @pytest.mark.parametrize(
-    ('values', 'said'),
+    ('values', 'warning'),
     [
         ({'guests': 'watch'}, 'every user of this machine can watch'),
         ({'guests': 'act', 'address': '0.0.0.0'}, 'anyone who can reach 0.0.0.0 can watch and press the buttons'),
         ({'address': '0.0.0.0'}, '0.0.0.0 is reachable from other machines, but they count as guests: set guests'),
     ],
 )
-def test_who_else_may_is_said_at_the_start(
-    bus: InProcessBus, clock: SteppedClock, capfd: pytest.CaptureFixture[str], values: dict[str, str], said: str
+def test_who_else_may_is_reported_at_the_start(
+    bus: InProcessBus, clock: SteppedClock, capfd: pytest.CaptureFixture[str], values: dict[str, str], warning: str
 ) -> None:
     located = {name: Located(value, 'test') for name, value in ({'port': 0} | values).items()}
     LiveViewNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock).close()
-    assert said in capfd.readouterr().err
+    assert warning in capfd.readouterr().err

@@ -161,7 +161,7 @@ def test_latched_topic_is_latched_again(bus, play) -> None:
     assert taken(listen(bus, '/rest')) == ['rest']
 
 
-def test_type_that_is_unknown_here_is_left_out_and_said(play, capsys: pytest.CaptureFixture[str]) -> None:
+def test_type_that_is_unknown_here_is_left_out_and_reported(play, capsys: pytest.CaptureFixture[str]) -> None:
     play().spin()
     assert '/odd is not played: lab_msgs/msg/Odd is unknown here' in capsys.readouterr().err
 
@@ -169,12 +169,12 @@ def test_type_that_is_unknown_here_is_left_out_and_said(play, capsys: pytest.Cap
 def test_forces_of_an_earlier_release_are_played_as_those_of_this_one(bus, play) -> None:
     forces = listen(bus, '/force_distribution', topics.FORCE_DISTRIBUTION.type_name)
     play(bag=str(EARLIER), topics=['/force_distribution']).spin()
-    told = []
+    played = []
     while (received := forces.take()) is not None:
-        told.append(received.message)
-    assert len(told) == 25
-    assert max(each.total for each in told) > 0.1
-    assert all(math.isnan(contact.shear_x) for each in told for contact in each.contacts)
+        played.append(received.message)
+    assert len(played) == 25
+    assert max(each.total for each in played) > 0.1
+    assert all(math.isnan(contact.shear_x) for each in played for contact in each.contacts)
 
 
 def test_plays_only_the_topics_it_is_given_under_their_new_names(bus, play) -> None:
@@ -191,10 +191,10 @@ def test_topic_that_is_not_in_the_bag_is_refused(play) -> None:
 def test_tells_the_time_of_the_bag_on_clock(bus, play) -> None:
     clock = listen(bus, '/clock', 'rosgraph_msgs/msg/Clock')
     play(clock_hz=10.0).spin()
-    told = []
+    times_ns = []
     while (received := clock.take()) is not None:
-        told.append(stamp_ns(received.message.clock) - START_NS)
-    assert told == [number * 100_000_000 for number in range(COUNT)]
+        times_ns.append(stamp_ns(received.message.clock) - START_NS)
+    assert times_ns == [number * 100_000_000 for number in range(COUNT)]
 
 
 def test_paused_player_plays_one_message_a_call(bus, play) -> None:

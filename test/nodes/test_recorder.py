@@ -156,7 +156,7 @@ def picture(number: int) -> types.Image:
     return types.Image(height=number)
 
 
-def test_recording_begins_when_every_topic_of_a_running_sensor_was_heard(bus, clock, start, tmp_path: Path) -> None:
+def test_recording_begins_when_every_topic_of_a_running_sensor_was_received(bus, clock, start, tmp_path: Path) -> None:
     image = advertise(bus, '/image_raw', topics.IMAGE.type_name)
     info = advertise(bus, '/camera_info', topics.CAMERA_INFO.type_name)
     rest = advertise(bus, '/reference_image', topics.REFERENCE_IMAGE.type_name, latched=True)
@@ -169,7 +169,7 @@ def test_recording_begins_when_every_topic_of_a_running_sensor_was_heard(bus, cl
             info.publish(types.CameraInfo(height=number))
         run(node)
         clock.advance(0.02)
-    said = node.stop_recording()
+    summary = node.stop_recording()
     with BagReader(tmp_path / 'bag') as reader:
         found = [
             (message.topic, reader.decode(message).height)
@@ -177,11 +177,11 @@ def test_recording_begins_when_every_topic_of_a_running_sensor_was_heard(bus, cl
         ]
     pairs = [pair for number in range(7, 10) for pair in (('/image_raw', number), ('/camera_info', number))]
     assert found == [('/reference_image', 99), ('/image_raw', 6), ('/camera_info', 6), *pairs]
-    assert f' into {tmp_path / "bag"}' in said
-    assert 'late' not in said
+    assert f' into {tmp_path / "bag"}' in summary
+    assert 'late' not in summary
 
 
-def test_a_topic_that_is_heard_late_is_told_of_at_the_end(bus, clock, start: Start, tmp_path: Path) -> None:
+def test_a_topic_that_is_heard_late_is_reported_at_the_end(bus, clock, start: Start, tmp_path: Path) -> None:
     image = advertise(bus, '/image_raw', topics.IMAGE.type_name)
     info = advertise(bus, '/camera_info', topics.CAMERA_INFO.type_name)
     image.sequence = info.sequence = 1000
@@ -194,12 +194,12 @@ def test_a_topic_that_is_heard_late_is_told_of_at_the_end(bus, clock, start: Sta
         run(node)
         clock.advance(0.02)
         node.spin_once(0.0)
-    said = node.stop_recording()
+    summary = node.stop_recording()
     # The pictures of 3 s, one every 20 ms, stand without their 150 camera_info.
-    assert '; heard late: /camera_info 3.0 s (about 150 messages)' in said
+    assert '; heard late: /camera_info 3.0 s (about 150 messages)' in summary
     status = {entry.name: entry for entry in diagnosed(node)}['recorder: bag']
     values = {entry.key: entry.value for entry in status.values}
-    assert (status.level, status.message) == (Level.WARN, said)
+    assert (status.level, status.message) == (Level.WARN, summary)
     assert (values['bag'], values['lost'], values['lost_of']) == (str(tmp_path / 'bag'), '150', '/camera_info 150')
 
 
@@ -266,7 +266,7 @@ def spinning(node: RecorderNode) -> Iterator[RecorderNode]:
         thread.join()
 
 
-def test_messages_that_were_lost_on_the_way_are_counted_and_said(bus, clock, start: Start) -> None:
+def test_messages_that_were_lost_on_the_way_are_counted_and_reported(bus, clock, start: Start) -> None:
     talker = advertise(bus, '/chatter')
     node = start(topics=['chatter'])
     for skipped in (0, 3):
@@ -281,18 +281,18 @@ def test_messages_that_were_lost_on_the_way_are_counted_and_said(bus, clock, sta
     assert {entry.key: entry.value for entry in status.values}['missed'] == '3'
 
 
-def test_a_topic_that_was_named_and_that_nobody_publishes_is_told_of(bus, clock, start: Start) -> None:
+def test_a_topic_that_was_named_and_that_nobody_publishes_is_reported(bus, clock, start: Start) -> None:
     talker = advertise(bus, '/chatter')
     node = start(topics=['chatter', 'chater'])
     talker.publish(types.String(data='hello'))
     run(node)
-    told = []
+    statuses = []
     for _ in range(6):
         clock.advance(1.0)
         node.spin_once()
-        told += [(each.level, each.message) for each in node.diagnostics.message(0).status if 'bag' in each.name]
-    assert [level for level, _ in told] == [Level.OK] * 4 + [Level.WARN] * 2
-    assert told[-1][1] == 'no publisher of /chater'
+        statuses += [(each.level, each.message) for each in node.diagnostics.message(0).status if 'bag' in each.name]
+    assert [level for level, _ in statuses] == [Level.OK] * 4 + [Level.WARN] * 2
+    assert statuses[-1][1] == 'no publisher of /chater'
     assert node.stop_recording().endswith('; no messages on /chater')
 
 
@@ -307,10 +307,10 @@ def test_expression_that_is_none_is_refused(start: Start) -> None:
         start(regex='[')
 
 
-def test_messages_of_another_version_are_counted_and_said(tmp_path: Path) -> None:
+def test_messages_of_another_version_are_counted_and_reported(tmp_path: Path) -> None:
     located = {'bag': Located(str(tmp_path / 'bag'), 'test'), 'topics': Located(['chatter'], 'test')}
     arguments = NodeArguments(parameters=(NodeParameters('/**', located),))
-    said = (
+    expected = (
         Level.WARN,
         'foreign messages are left out: of another type, or version of it, or of an unknown publisher',
     )
@@ -326,7 +326,7 @@ def test_messages_of_another_version_are_counted_and_said(tmp_path: Path) -> Non
         until(lambda: talker.listeners)
         for number in range(5):
             talker.publish(types.String(data=str(number)))
-        until(lambda: said in [(entry.level, entry.message) for entry in node.diagnostics.message(0).status])
+        until(lambda: expected in [(entry.level, entry.message) for entry in node.diagnostics.message(0).status])
         answer = call(bus, node, 'stop')
     assert '; malformed: 5 of /chatter; /chatter: the rest can be used' in answer.message
 

@@ -77,7 +77,7 @@ def test_flow_features_do_not_take_a_touched_gel_for_the_rest_image_after_a_rest
     assert np.median(right_px[1:3, 1:3]) == pytest.approx(3.0, abs=0.5)  # DIS is smooth over the edges
 
 
-def test_the_restored_rest_image_is_told_to_those_who_come_later(launch: Path, born: Born) -> None:
+def test_the_restored_rest_image_is_reported_to_those_who_come_later(launch: Path, born: Born) -> None:
     features_of(born, PATTERN)
     _, bus = born(FlowFeaturesNode, *SMALL)
     received = bus.subscribe('/reference_image', topics.REFERENCE_IMAGE.type_name, Qos('latest', 1)).take()
@@ -100,7 +100,7 @@ def test_a_node_that_no_launch_started_keeps_nothing(born: Born, monkeypatch: py
 
 
 @pytest.mark.parametrize('data', [b'', b'no message', bytes(4000)])
-def test_a_kept_rest_image_that_is_damaged_is_told_and_a_new_one_captured(
+def test_a_kept_rest_image_that_is_damaged_is_reported_and_a_new_one_captured(
     launch: Path, born: Born, data: bytes, capsys: pytest.CaptureFixture[str]
 ) -> None:
     launch.mkdir()

@@ -159,13 +159,13 @@ def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Ca
     rig = start()
     wait_until(lambda: not rig.node.spinning)
     assert rig.node.failure is None
-    told = drained(presses)
-    assert [press.press for press in sorted(told, key=lambda press: press.press)] == [1, 2]
+    published = drained(presses)
+    assert [press.press for press in sorted(published, key=lambda press: press.press)] == [1, 2]
     pictures = drained(images)
     assert {(image.width, image.height) for image in pictures} == {(40, 40)}
     stamps = [messages.stamp_ns(image.header.stamp) for image in pictures]
     forces = {messages.stamp_ns(each.header.stamp): each.wrench.force.z for each in drained(samples)}
-    for press in told:
+    for press in published:
         assert press.status == types.Press.STATUS_RECORDED, press.reason
         assert press.indenter == 'sphere 1.2 mm'  # the simulated world's tip, whatever the parameter says
         begin, end = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
@@ -267,13 +267,13 @@ def test_run_waits_with_the_tip_up_for_a_recorder_that_comes_back_and_loses_no_p
     for subscription in first:
         subscription.close()
     wait_until(lambda: rig.node._session._voice.unheard_ns > 0)
-    heard = listen(bus, topics.RIG_STATE)
-    wait_until(lambda: any(state.press == 0 and state.position.z > -2.6e-3 for state in drained(heard)))
+    later = listen(bus, topics.RIG_STATE)
+    wait_until(lambda: any(state.press == 0 and state.position.z > -2.6e-3 for state in drained(later)))
     again = [listen(bus, topic) for topic in names]
     wait_until(lambda: not rig.node.spinning)
     assert rig.node.failure is None
-    told = drained(again[0])
-    assert sorted(each.press for each in told if each.status == types.Press.STATUS_RECORDED) == [1, 2]
+    published = drained(again[0])
+    assert sorted(each.press for each in published if each.status == types.Press.STATUS_RECORDED) == [1, 2]
 
 
 def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessBus, start: Callable[[], Rig]) -> None:
@@ -332,8 +332,8 @@ def test_an_answer_that_nobody_asked_for_lets_nothing_go_on_later(bus: InProcess
     node = RigNode(bus, arguments(tmp_path), SystemClock())
     spinning = threading.Thread(target=node.spin)
     spinning.start()
-    told = bus.call('/rig/acknowledge', services.TRIGGER, types.Trigger_Request(), PATIENCE_S).message
+    reply = bus.call('/rig/acknowledge', services.TRIGGER, types.Trigger_Request(), PATIENCE_S).message
     node.stop()
     spinning.join()
     node.close()
-    assert told == 'there is no open question'
+    assert reply == 'there is no open question'

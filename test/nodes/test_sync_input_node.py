@@ -1,4 +1,4 @@
-"""The node that tells the edges of the line: from a simulated rig's world, by a clock of its own."""
+"""The node that publishes the edges of the line: from a simulated rig's world, by a clock of its own."""
 
 from __future__ import annotations
 
@@ -65,25 +65,25 @@ def world() -> Iterator[World]:
     worlds.share(WORLD, World(table=linear_table(Gel())))
 
 
-def test_edges_of_the_worlds_line_are_told_by_the_recorders_own_clock(
+def test_edges_of_the_worlds_line_are_reported_by_the_recorders_own_clock(
     real_bus: InProcessBus, spun: Callable[[str], SyncInputNode], world: World
 ) -> None:
-    told = real_bus.subscribe('/sync_edge', topics.SYNC_EDGE.type_name, Qos('queue', 100))
+    subscription = real_bus.subscribe('/sync_edge', topics.SYNC_EDGE.type_name, Qos('queue', 100))
     clock = SystemClock()
     spun('{device: simulated, recorder: other_computer, emulated: {ahead_s: 10.0}}')
     switched_ns = []
-    seen: list[types.SyncEdge] = []
+    edges: list[types.SyncEdge] = []
     for level in (True, False):
         switched_ns.append(clock.now_ns())
         world.set_line(level, switched_ns[-1])
-        received = told.get(PATIENCE_S)
+        received = subscription.get(PATIENCE_S)
         assert received is not None
-        seen.append(received.message)
-    assert [(edge.level, edge.count, edge.header.frame_id) for edge in seen] == [
+        edges.append(received.message)
+    assert [(edge.level, edge.count, edge.header.frame_id) for edge in edges] == [
         (True, 1, 'other_computer'),
         (False, 2, 'other_computer'),
     ]
-    for edge, time_ns in zip(seen, switched_ns, strict=True):
+    for edge, time_ns in zip(edges, switched_ns, strict=True):
         off_ns = abs(stamp_ns(edge.header.stamp) - time_ns - 10 * NS_PER_S)
         assert off_ns <= edge.uncertainty * NS_PER_S + 5 * MS
         assert 0 < edge.uncertainty < 0.5
@@ -99,7 +99,7 @@ def test_without_a_device_nothing_is_watched_and_nothing_fails(
     assert node.failure is None
 
 
-def test_a_port_that_is_not_there_is_told_at_the_start(real_bus: InProcessBus) -> None:
+def test_a_port_that_is_not_there_is_reported_at_the_start(real_bus: InProcessBus) -> None:
     with pytest.raises(DeviceNotFoundError, match='/dev/no-such-port'):
         made_node(real_bus, '{device: /dev/no-such-port}')
 

@@ -59,7 +59,7 @@ class HandSensorsNode(Node):
             self.report(f'left out {number + 1}', Level.ERROR, refused)
         self._launches = {sensor: self._launched(sensor) for sensor in self._hand.sensors}
         self._healths = {sensor: self._health(sensor) for sensor in self._hand.sensors}
-        self._told = self.create_publisher(topics.DIAGNOSTICS)
+        self._diagnostics = self.create_publisher(topics.DIAGNOSTICS)
         for each in self._launches.values():
             each.start()
         self.create_timer(REPORT_PERIOD_S, self._report)
@@ -88,7 +88,7 @@ class HandSensorsNode(Node):
             level = Level.ERROR if trouble else Level.OK
             if health.report('sensor', level, trouble or f'pictures from {sensor.source}') and trouble:
                 self.log.error(f'{sensor.name}: {trouble}')
-            self._told.publish(health.message(self.clock.now_ns()))
+            self._diagnostics.publish(health.message(self.clock.now_ns()))
 
     def _launched(self, sensor: HandSensor) -> LaunchedAgain:
         def show(line: Line) -> None:

@@ -50,7 +50,7 @@ class HandWrenchNode(Node):
         self._hand = load_hand(self.params.hand)
         self._forces = HandForces(self._hand, *self._replayed()) if self.params.bag else HandForces(self._hand)
         self._last: types.HandWrench | None = None
-        self._sums = self._told = 0
+        self._sums = self._reported = 0
         self._wrench = self.create_publisher(topics.HAND_WRENCH)
         self._transforms = self.create_publisher(topics.TF_STATIC)
         self._transforms.publish(force_shapes.hand_transforms(self._hand, self.clock.now_ns()))
@@ -73,13 +73,13 @@ class HandWrenchNode(Node):
         return lambda received: self._on_force(name, received)
 
     def _on_force(self, name: str, received: Received) -> None:
-        for made in self._forces.add(name, received.message):
-            self._wrench.publish(made)
-            self._last = made
+        for wrench in self._forces.add(name, received.message):
+            self._wrench.publish(wrench)
+            self._last = wrench
             self._sums += 1
 
     def _report(self) -> None:
-        new, self._told = self._sums - self._told, self._sums
+        new, self._reported = self._sums - self._reported, self._sums
         if not new or self._last is None:
             self.report('sum', Level.WARN, 'no force from any sensor', sums=self._sums)
             return

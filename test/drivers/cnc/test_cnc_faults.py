@@ -52,7 +52,7 @@ class PressRig(Rig):
         self.hands.perform(Go(z=self.at(0.0, 0.0, SURFACE_MM - 2.0)[2], feed_mm_min=60.0))
 
     def look(self, status: CncStatus) -> None:
-        """Reports about ten times a second where the machine is."""
+        """Called about ten times a second with the status of the machine."""
         depth_mm = SURFACE_MM - self.world.tip_at(self.clock.now_ns())[2]
         if self._fault is not None and depth_mm >= 0.3:
             fault, self._fault = self._fault, None

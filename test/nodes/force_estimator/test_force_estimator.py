@@ -69,16 +69,16 @@ def chain(
     return answer
 
 
-def test_pictures_of_another_size_than_the_models_are_told_once_with_what_to_do(
+def test_pictures_of_another_size_than_the_models_are_reported_once_with_what_to_do(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
 ) -> None:
-    said, source = listen(topics.ROSOUT), publisher(topics.FLOW_FEATURES)
+    logs, source = listen(topics.ROSOUT), publisher(topics.FLOW_FEATURES)
     tested = node(bus, clock, small_model)
     for side in (200, 200, 160):
         source.publish(features(side=side))
         run(tested)
     lines = []
-    while (received := said.take()) is not None:
+    while (received := logs.take()) is not None:
         lines.append(received.message.msg)
     misfit, fits = [line for line in lines if line.startswith('pictures: ')]
     assert misfit == (
@@ -159,7 +159,7 @@ def test_no_wrench_is_made_that_nobody_takes(
     assert received is not None and received.sequence == 1
 
 
-def test_features_for_another_model_are_said_and_do_not_end_the_node(
+def test_features_for_another_model_are_reported_and_do_not_end_the_node(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, small_model: Path
 ) -> None:
     forces, source, tested = (
@@ -170,10 +170,10 @@ def test_features_for_another_model_are_said_and_do_not_end_the_node(
     source.publish(features(rows=5))
     run(tested)
     assert forces.take() is None
-    told = [status.message for status in tested.diagnostics.message(0).status if status.level == 2]
-    assert len(told) == 1
-    assert '4x4 regions' in told[0]
-    assert '5x4 regions' in told[0]
+    errors = [status.message for status in tested.diagnostics.message(0).status if status.level == 2]
+    assert len(errors) == 1
+    assert '4x4 regions' in errors[0]
+    assert '5x4 regions' in errors[0]
     source.publish(features())
     run(tested)
     assert forces.take() is not None

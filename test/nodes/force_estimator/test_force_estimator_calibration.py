@@ -44,8 +44,8 @@ def judged(
     )
     tested = ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', f'model:={small_model}']), clock)
 
-    def force(told: list[types.CalibrationState], stamp_ns: int) -> types.ForceDistribution:
-        for each in told:
+    def force(published: list[types.CalibrationState], stamp_ns: int) -> types.ForceDistribution:
+        for each in published:
             states.publish(each)
             run(tested)
         source.publish(features(stamp_ns))
@@ -76,7 +76,7 @@ def test_an_ageing_calibration_degrades_a_force_and_an_invalid_one_voids_it(
 ) -> None:
     force = judged([state(level, START_NS)], START_NS)
     assert (force.status, force.reasons) == (status, reasons)
-    assert force.in_contact  # what is read is still told
+    assert force.in_contact  # what is read is still published
 
 
 def test_a_moved_picture_is_foreign_motion(judged: Callable[..., types.ForceDistribution]) -> None:
@@ -87,13 +87,13 @@ def test_a_moved_picture_is_foreign_motion(judged: Callable[..., types.ForceDist
 def test_a_state_counts_from_its_stamp_on_however_early_it_came(
     judged: Callable[..., types.ForceDistribution],
 ) -> None:
-    told = [state(STATE.LEVEL_AGEING, START_NS + S), state(STATE.LEVEL_VALID, START_NS + 3 * S)]
-    found = [judged(told if at == 0 else [], START_NS + at * S).status for at in range(5)]
+    states = [state(STATE.LEVEL_AGEING, START_NS + S), state(STATE.LEVEL_VALID, START_NS + 3 * S)]
+    found = [judged(states if at == 0 else [], START_NS + at * S).status for at in range(5)]
     ok, degraded = FORCE.STATUS_OK, FORCE.STATUS_DEGRADED
     assert found == [ok, degraded, degraded, ok, ok]
 
 
-def test_the_rest_image_of_the_model_file_is_told_to_those_who_compare_with_it(
+def test_the_rest_image_of_the_model_file_is_reported_to_those_who_compare_with_it(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, small_model: Path, tmp_path: Path
 ) -> None:
     loaded = model_file.load_model(small_model)

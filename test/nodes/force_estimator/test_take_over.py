@@ -189,7 +189,7 @@ def test_undo_refuses_a_file_that_holds_another_model_by_now(
 
 
 @pytest.mark.parametrize(
-    ('card', 'said'),
+    ('card', 'reason'),
     [
         (
             {'flow': {'name': 'dis', 'options': {'preset': 'medium'}}},
@@ -199,13 +199,13 @@ def test_undo_refuses_a_file_that_holds_another_model_by_now(
     ],
 )
 def test_a_model_of_other_features_is_refused_and_the_one_in_use_stays(
-    live: Live, forces: Subscription, small_model: Path, card: dict[str, Any], said: str
+    live: Live, forces: Subscription, small_model: Path, card: dict[str, Any], reason: str
 ) -> None:
     live.frame()
     result = live.set_model(changed(small_model, 'other', card))
     live.frame()
     assert not result.successful
-    assert said in result.reason
+    assert reason in result.reason
     assert {each.provenance.model for each in taken(forces)} == {'small'}
     assert live.node.params.model.endswith('small.safetensors')
 
@@ -215,7 +215,7 @@ def test_a_file_that_is_no_model_is_refused(live: Live, tmp_path: Path) -> None:
     assert 'is not a model of tactile_nodes' in live.set_model(file).reason
 
 
-def test_who_comes_later_is_told_the_model_in_use(
+def test_who_comes_later_is_reported_the_model_in_use(
     live: Live, calibrated: Path, listen: Callable[[Topic], Subscription]
 ) -> None:
     live.set_model(calibrated)

@@ -1,4 +1,4 @@
-"""The guarded grasp with its simulated gripper, as nodes on one bus; forces are told here as gels and models would."""
+"""The guarded grasp with its simulated gripper, as nodes on one bus; the forces come from here, not from models."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ HAND = load_hand('gripping_fingers')
 
 
 class Feeling:
-    """In the place of cameras and models: the force of each touch that the gripper tells, and their sum."""
+    """In the place of cameras and models: the force of each touch that the gripper reports, and their sum."""
 
     def __init__(self, bus: InProcessBus, finger: Finger) -> None:
         self.blind = ''
@@ -106,9 +106,9 @@ class Loop:
                 self.commands_mm.append(received.message.data * 1e3)
             self.bus.clock.sleep_until(self.bus.clock.now_ns() + NS_PER_S // 100)
 
-    def said(self) -> str:
-        told = [each for each in self.grasp.diagnostics.message(0).status if each.name.endswith('grasp')]
-        return ' '.join(str(entry.message) for entry in told)
+    def status(self) -> str:
+        statuses = [each for each in self.grasp.diagnostics.message(0).status if each.name.endswith('grasp')]
+        return ' '.join(str(entry.message) for entry in statuses)
 
 
 @pytest.fixture(scope='module')
@@ -119,12 +119,12 @@ def finger() -> Finger:
 def test_object_is_held_while_it_is_pulled_and_let_go_at_the_end(finger: Finger) -> None:
     pulled = 'pull_n:=0.4', 'pull_after_s:=0.3', 'pull_n_s:=1.0'
     with Loop(finger, 'object_mm:=47.0', 'grasp.hold_s:=2.0', *pulled) as loop:
-        loop.go_on(lambda: 'held for' in loop.said())
+        loop.go_on(lambda: 'held for' in loop.status())
         loop.go_on(lambda: loop.commands_mm[-1:] == [pytest.approx(50.0)])  # as far open as at first
         assert loop.grasp.failure is None
         assert min(loop.commands_mm) < 47.0
         # 0.2 N on each side; with the hand's friction of 0.8 a margin of 0.4 asks for 0.42 N.
-        last_n = float(re.search(r'([0-9.]+) N at the end', loop.said())[1])  # type: ignore[index]
+        last_n = float(re.search(r'([0-9.]+) N at the end', loop.status())[1])  # type: ignore[index]
         assert last_n == pytest.approx(0.42, abs=0.05)
 
 
@@ -136,10 +136,10 @@ def test_grasp_that_finds_nothing_ends_with_a_sentence_and_the_status_of_a_failu
 
 def test_stopping_leaves_the_gripper_as_it_is(finger: Finger) -> None:
     with Loop(finger, 'object_mm:=47.0') as loop:
-        loop.go_on(lambda: loop.said() == 'holding')
-        told = loop.bus.call('/guarded_grasp/stop', TRIGGER, types.Trigger_Request(), 5.0)
-        assert told.message == 'the grasp ends, and the gripper stays as it is'
-        loop.go_on(lambda: loop.said() == 'stopped on request; the gripper stays as it is')
+        loop.go_on(lambda: loop.status() == 'holding')
+        response = loop.bus.call('/guarded_grasp/stop', TRIGGER, types.Trigger_Request(), 5.0)
+        assert response.message == 'the grasp ends, and the gripper stays as it is'
+        loop.go_on(lambda: loop.status() == 'stopped on request; the gripper stays as it is')
         assert loop.commands_mm[-1] < 47.0
 
 
@@ -158,7 +158,7 @@ def test_states_of_other_joints_on_the_topic_are_not_taken_for_the_gripper(other
 
 def test_gripper_whose_driver_ends_ends_the_grasp(finger: Finger) -> None:
     with Loop(finger, 'object_mm:=47.0', 'grasp.hold_s:=60.0') as loop:
-        loop.go_on(lambda: loop.said() == 'holding')
+        loop.go_on(lambda: loop.status() == 'holding')
         loop.gripper._tell = lambda: None  # type: ignore[method-assign]
         loop.gripper._states.publish = lambda _: None  # type: ignore[method-assign]
         loop.go_on(lambda: loop.grasp.failure is not None)
@@ -174,7 +174,7 @@ def test_hand_of_one_finger_is_no_gripper(tmp_path: Path) -> None:
 
 def test_a_finger_whose_force_stays_invalid_ends_the_grasp(finger: Finger) -> None:
     with Loop(finger, 'object_mm:=30.0', 'grasp.hold_s:=60.0') as loop:
-        loop.go_on(lambda: 'holding' in loop.said())
+        loop.go_on(lambda: 'holding' in loop.status())
         loop.feeling.blind = 'right'
         loop.go_on(lambda: loop.grasp.failure is not None)
     assert re.search(r'the newest valid force is \d+ ms old, above 1000 ms', str(loop.grasp.failure))
@@ -188,10 +188,10 @@ def test_a_finger_that_has_no_rest_image_yet_is_waited_for(finger: Finger) -> No
         loop.go_on(lambda: monotonic_s() - begin_s > 2.5)
         assert loop.grasp.failure is None
         loop.feeling.blind = ''
-        loop.go_on(lambda: 'holding' in loop.said())
+        loop.go_on(lambda: 'holding' in loop.status())
 
 
-def test_a_hand_without_friction_is_said_to_have_no_guard(
+def test_a_hand_without_friction_is_reported_to_have_no_guard(
     finger: Finger, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shipped = share_directory() / 'config' / 'hands' / 'gripping_fingers.yaml'

@@ -65,7 +65,7 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
         '  - {name: right, contact: ring}\n'
     )
     forces = [subscribe(bus, topics.FORCE_DISTRIBUTION, f'/{name}') for name in ('left', 'right')]
-    sums, told = subscribe(bus, topics.HAND_WRENCH), subscribe(bus, topics.DIAGNOSTICS)
+    sums, diagnostics = subscribe(bus, topics.HAND_WRENCH), subscribe(bus, topics.DIAGNOSTICS)
     process = launched(hand, tmp_path)
     try:
         received = [each.get(PATIENCE_S) for each in forces]
@@ -77,8 +77,8 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
         wanted, deadline_s = {'/dev/video99', "two sensors with the name 'right'"}, monotonic_s() + PATIENCE_S
         hardware = dict.fromkeys(('gone/launch: sensor', 'left/launch: sensor', 'left/camera: camera'), '')
         while (wanted or '' in hardware.values()) and monotonic_s() < deadline_s:
-            heard = told.get(PATIENCE_S)
-            statuses = heard.message.status if heard is not None else []
+            report = diagnostics.get(PATIENCE_S)
+            statuses = report.message.status if report is not None else []
             texts = ' '.join(status.message for status in statuses)
             wanted = {each for each in wanted if each not in texts}
             hardware |= {each.name: each.hardware_id for each in statuses if each.name in hardware}
@@ -119,10 +119,10 @@ def test_grasp_of_simulated_fingers_holds_what_is_pulled_by_the_pictures_alone(t
     command = [sys.executable, '-m', 'tactile_nodes', 'launch', 'grasp', *words]
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(DOMAIN), 'ROS_LOG_DIR': str(tmp_path)}
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=150, check=False)
-    told = re.search(r'held for 6.\d s, .* ([0-9.]+) N at the end', ran.stdout)
-    assert told is not None, ran.stdout + ran.stderr
+    held = re.search(r'held for 6.\d s, .* ([0-9.]+) N at the end', ran.stdout)
+    assert held is not None, ran.stdout + ran.stderr
     # 0.2 N on each side: with the hand's friction of 0.8 a margin of 0.4 asks for 0.42 N and the margin's uncertainty.
-    assert float(told[1]) == pytest.approx(0.44, abs=0.06)
+    assert float(held[1]) == pytest.approx(0.44, abs=0.06)
     assert ran.returncode == 0
 
 
@@ -172,16 +172,16 @@ def of_topic(bag: BagReader, topic: str) -> list[types.ForceDistribution]:
 
 
 def test_one_sensor_of_a_hand_is_replayed_by_its_namespace(tmp_path: Path, two_pressed: Path) -> None:
-    code, said = replayed(tmp_path, 'replay', two_pressed, 'namespace:=right')
-    assert code == 0, said
+    code, printed = replayed(tmp_path, 'replay', two_pressed, 'namespace:=right')
+    assert code == 0, printed
     with BagReader(tmp_path / 'made') as made:
         require_the_forces_of_the_press(totals(made, '/right'))
         assert not [topic for topic in made.topics if topic.startswith('/left')]
 
 
 def test_all_sensors_of_a_hand_are_replayed_at_once_with_their_sum(tmp_path: Path, two_pressed: Path) -> None:
-    code, said = replayed(tmp_path, 'replay_hand', two_pressed)
-    assert code == 0, said
+    code, printed = replayed(tmp_path, 'replay_hand', two_pressed)
+    assert code == 0, printed
     with BagReader(tmp_path / 'made') as made:
         left, right = (totals(made, sensor) for sensor in ('/left', '/right'))
         sums = [made.decode(message) for message in made.messages(['/hand_wrench'])]
@@ -193,7 +193,7 @@ def test_all_sensors_of_a_hand_are_replayed_at_once_with_their_sum(tmp_path: Pat
 
 
 def test_a_bag_of_a_hand_names_its_sensors_to_who_replays_it_as_one(tmp_path: Path, two_pressed: Path) -> None:
-    code, said = replayed(tmp_path, 'replay', two_pressed)
+    code, printed = replayed(tmp_path, 'replay', two_pressed)
     assert code != 0
-    assert '/left/image_raw' in said.splitlines()[-1]
-    assert 'replay_hand' in said.splitlines()[-1]
+    assert '/left/image_raw' in printed.splitlines()[-1]
+    assert 'replay_hand' in printed.splitlines()[-1]
