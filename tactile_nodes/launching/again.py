@@ -75,14 +75,14 @@ class LaunchedAgain:
 
     def _launch(self) -> None:
         self._complaint = ''
-        service = self._make(self._heard, self._number)
+        service = self._make(self._take_line, self._number)
         with self._lock:
             if self._stopped.is_set():
                 return
             self._service = service
         service.run()
 
-    def _heard(self, line: Line) -> None:
+    def _take_line(self, line: Line) -> None:
         if line.level == 'ERROR':
             self._complaint = line.text
         self._screen(line)

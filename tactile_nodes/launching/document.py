@@ -170,13 +170,13 @@ def type_name(value: object) -> str:
     return _NAMES.get(type(value), type(value).__name__)
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
+def suggestion(word: str, candidates: Iterable[str]) -> str:
     """``; did you mean 'x'?`` if a known word is close, else ``; known: …``."""
-    known = sorted(known)
-    close = difflib.get_close_matches(word, known, n=1)
+    candidates = sorted(candidates)
+    close = difflib.get_close_matches(word, candidates, n=1)
     if close:
         return f"; did you mean '{close[0]}'?"
-    return f'; known: {", ".join(known)}' if known else ''
+    return f'; known: {", ".join(candidates)}' if candidates else ''
 
 
 def _finished(entity: Entity, read: Callable[[Entity], Read]) -> Read:

@@ -34,8 +34,8 @@ def resolve(words: Sequence[str], environment: Mapping[str, str]) -> tuple[Path,
     if first in (own := _own_files()):
         return own[first], rest
     if rest and ':=' not in rest[0]:
-        known = packages.package_names(environment)
-        raise LaunchFileError(f"package '{first}' not found{suggestion(first, known)}")
+        package_names = packages.package_names(environment)
+        raise LaunchFileError(f"package '{first}' not found{suggestion(first, package_names)}")
     raise LaunchFileError(f"no launch file '{first}'{suggestion(first, own)}")
 
 

@@ -24,7 +24,7 @@ def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> s
         named = blocks.setdefault(normal_pattern(block.pattern), {})
         named.update({name: located.value for name, located in block.values.items()})
     frame, of_pictures = sensor.frames
-    told: dict[str, dict[str, object]] = {
+    parameters: dict[str, dict[str, object]] = {
         'camera': {
             'fps': hand.fps,
             'open_within_s': open_within_s,
@@ -35,7 +35,7 @@ def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> s
         'force_estimator': {'frame_id': frame},
         'force_views': {'frame_id': frame, 'parent_frame_id': ''},
     }
-    for node, values in told.items():
+    for node, values in parameters.items():
         blocks.setdefault(f'/**/{node}', {}).update(values)
     return json.dumps({pattern: {'ros__parameters': values} for pattern, values in blocks.items()}, indent=1)
 

@@ -70,8 +70,10 @@ def command_of(package: str, executable: str, environment: Mapping[str, str]) ->
         return [str(program)]
     if package == OWN and executable in own_executables():
         return _own_command(executable)
-    known = executables_of(package, environment)
-    raise SubstitutionError(f"package '{package}' has no executable '{executable}'{suggestion(executable, known)}")
+    executables = executables_of(package, environment)
+    raise SubstitutionError(
+        f"package '{package}' has no executable '{executable}'{suggestion(executable, executables)}"
+    )
 
 
 def executables_of(package: str, environment: Mapping[str, str]) -> list[str]:

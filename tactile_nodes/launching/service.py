@@ -165,7 +165,7 @@ class LaunchService:
                 self._blame()
         if supervisor.plan.required and not self._shutting_down:
             self._log.say('INFO', 'launch', f'process[{name}] was required: shutting down launched system')
-            self._stop_all(told=True)
+            self._stop_all(logged=True)
 
     def _set_timer(self, seconds: float, actions: tuple[Action, ...], file: Path, cancel_on_shutdown: bool) -> None:
         if self._shutting_down and cancel_on_shutdown:
@@ -189,7 +189,7 @@ class LaunchService:
         self._log.say('ERROR', 'launch', text)
         self._failures.append(text)
         self._blame()
-        self._stop_all(told=True)
+        self._stop_all(logged=True)
 
     def _blame(self) -> None:
         """Report that the launch has failed: the last failure, with those before as possible causes."""
@@ -203,20 +203,20 @@ class LaunchService:
 
     def _interrupted(self) -> None:
         self._log.say('WARNING', 'launch', f'{_CTRL_C} again, ignoring...' if self._shutting_down else _CTRL_C)
-        self._stop_all(told=not self._interactive)
+        self._stop_all(logged=not self._interactive)
 
     def _shut_down(self, reason: str) -> None:
         if not self._shutting_down:
             self._log.say('INFO', 'launch', f'shutting down: {reason}')
-        self._stop_all(told=True)
+        self._stop_all(logged=True)
 
-    def _stop_all(self, *, told: bool) -> None:
+    def _stop_all(self, *, logged: bool) -> None:
         self._shutting_down = True
         for appointment in [timer for timer, cancel in self._timers.items() if cancel]:
             appointment.cancel()
             del self._timers[appointment]
         for supervisor in reversed(self._supervisors.copy()):
-            supervisor.stop(told=told)
+            supervisor.stop(logged=logged)
 
 
 def _ended(code: int) -> str:

@@ -18,8 +18,8 @@ def _var(context: Context, name: str, default: str | None = None) -> str:
     if name in context.configurations:
         return context.configurations[name]
     if default is None:
-        known = suggestion(name, context.configurations)
-        raise SubstitutionError(f"the launch configuration '{name}' does not exist{known}")
+        hint = suggestion(name, context.configurations)
+        raise SubstitutionError(f"the launch configuration '{name}' does not exist{hint}")
     return default
 
 

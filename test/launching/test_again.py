@@ -1,4 +1,4 @@
-"""A launch beside others: told why it ended, started again, ended when asked."""
+"""A launch beside others: it reports why it ended, is started again, and ends when asked."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def launched(tmp_path: Path, *texts: str) -> tuple[LaunchedAgain, list[Line]]:
     return LaunchedAgain(make, lines.append), lines
 
 
-def test_one_that_fails_is_told_and_started_again_until_it_lasts(tmp_path: Path) -> None:
+def test_one_that_fails_is_reported_and_started_again_until_it_lasts(tmp_path: Path) -> None:
     tested, lines = launched(tmp_path, FAILS, LASTS)
     tested.start()
     until(lambda: 'restarted' in tested.trouble)
@@ -55,7 +55,7 @@ def test_one_that_fails_is_told_and_started_again_until_it_lasts(tmp_path: Path)
     assert monotonic_s() - began_s < 5.0
 
 
-def test_what_cannot_even_be_launched_is_told(tmp_path: Path) -> None:
+def test_what_cannot_even_be_launched_is_reported(tmp_path: Path) -> None:
     tested, _ = launched(tmp_path, '')
     tested.start()
     until(lambda: tested.trouble == 'there is no parameter file')

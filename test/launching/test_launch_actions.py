@@ -58,12 +58,10 @@ def test_a_value_that_is_no_choice_is_an_error(interpret):
 # --- conditions ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ('text', 'said'), [('true', True), ('TRUE', True), ('1', True), ('False', False), ('0', False)]
-)
-def test_if_and_unless_take_true_1_false_and_0(interpret, text, said):
-    assert bool(interpret(f"- log: {{message: x, if: '{text}'}}\n").texts) is said
-    assert bool(interpret(f"- log: {{message: x, unless: '{text}'}}\n").texts) is not said
+@pytest.mark.parametrize(('text', 'run'), [('true', True), ('TRUE', True), ('1', True), ('False', False), ('0', False)])
+def test_if_and_unless_take_true_1_false_and_0(interpret, text, run):
+    assert bool(interpret(f"- log: {{message: x, if: '{text}'}}\n").texts) is run
+    assert bool(interpret(f"- log: {{message: x, unless: '{text}'}}\n").texts) is not run
 
 
 @pytest.mark.parametrize('text', ['yes', 'on', '2', ''])

@@ -47,7 +47,7 @@ def test_what_failed_before_is_part_of_the_cause(launch, program, tmp_path):
     )
 
 
-def test_a_required_program_that_is_missing_is_the_last_thing_told(launch):
+def test_a_required_program_that_is_missing_is_the_last_thing_reported(launch):
     status, shown, _ = launch('- executable: {cmd: sleep 60}\n- executable: {cmd: /no/such, on_exit: shutdown}\n')
     assert status == 1
     assert shown[-1] == (
@@ -55,7 +55,7 @@ def test_a_required_program_that_is_missing_is_the_last_thing_told(launch):
     )
 
 
-def test_a_missing_program_that_nobody_needs_is_told_once_more_when_the_others_have_ended(launch):
+def test_a_missing_program_that_nobody_needs_is_reported_once_more_when_the_others_have_ended(launch):
     status, shown, _ = launch('- executable: {cmd: /no/such}\n- executable: {cmd: echo hi, output: screen}\n')
     assert status == 1
     assert '[echo-2] hi' in shown
@@ -64,7 +64,7 @@ def test_a_missing_program_that_nobody_needs_is_told_once_more_when_the_others_h
     )
 
 
-def test_what_went_wrong_in_a_timer_is_the_last_thing_told(launch):
+def test_what_went_wrong_in_a_timer_is_the_last_thing_reported(launch):
     status, shown, _ = launch("""\
         - timer: {period: 0.05, children: [{log: {message: $(var none)}}]}
         - executable: {cmd: sleep 60}
@@ -73,7 +73,7 @@ def test_what_went_wrong_in_a_timer_is_the_last_thing_told(launch):
     assert re.fullmatch(r"\[ERROR\] \[launch\]: .*test\.launch\.yaml:2: .*'none' does not exist.*", shown[-1])
 
 
-def test_a_launch_that_is_told_to_end_blames_nobody(launch, program):
+def test_a_launch_that_is_reported_to_end_blames_nobody(launch, program):
     """One that nobody needs died before: the launch went on, and did not fail."""
     path = program('raise SystemExit(3)')
     status, shown, _ = launch(

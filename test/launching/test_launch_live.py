@@ -16,7 +16,7 @@ def test_the_contact_reaches_the_camera_and_no_other_node(interpret, given: dict
     arguments = [{'name': name, 'value': value} for name, value in {'page': 'false', **given}.items()]
     included = {'file': str(paths.share_directory() / 'launch' / 'live.launch.yaml'), 'arg': arguments}
     notes = interpret(yaml.safe_dump([{'include': included}]))
-    told = [
+    received = [
         (words[:3], values['ros__parameters']['scene.contact'])
         for words in notes.commands
         for option, file in itertools.pairwise(words)
@@ -24,7 +24,7 @@ def test_the_contact_reaches_the_camera_and_no_other_node(interpret, given: dict
         for values in yaml.safe_load(Path(file).read_text()).values()
         if 'scene.contact' in values['ros__parameters']
     ]
-    [(command, value)] = told
+    [(command, value)] = received
     assert 'camera' in ' '.join(command)
     assert value == contact
 
@@ -42,7 +42,7 @@ def test_a_rate_in_whole_pictures_reaches_the_camera_as_the_number_that_it_takes
     ('given', 'handed'), [('auto', []), ('true', ['compiled:=True']), ('false', ['compiled:=False'])]
 )
 @pytest.mark.parametrize(('name', 'needed'), [('live', {}), ('replay', {'bag': 'run1'})])
-def test_nodes_are_told_of_compiled_loops_only_where_somebody_chose(
+def test_nodes_are_reported_compiled_loops_only_where_somebody_chose(
     interpret, name: str, needed: dict[str, str], given: str, handed: list[str]
 ):
     """What is handed on is a wish, and without numba an error; what nobody chose gives way to numpy."""

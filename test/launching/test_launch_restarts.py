@@ -17,7 +17,7 @@ FAILED_ONCE = 'test -e {marker} && exec sleep 60; touch {marker}; exit 1'
 
 
 def run(folder: Path, actions: str, stop_at: int = 2) -> tuple[int, list[str], list[float]]:
-    """Run a launch until so many starts were told: its status, what it said, and the delays it waited."""
+    """Run a launch until so many starts were reported: its status, what it said, and the delays it waited."""
     file = folder / 'test.launch.yaml'
     file.write_text(f'launch:\n{actions}', encoding='utf-8')
     shown: list[str] = []
@@ -106,8 +106,8 @@ def test_the_wait_for_a_restart_grows_to_half_a_minute_at_most(delay_s: float, e
     assert made._delay_s == 30.0
 
 
-def test_processes_of_a_launch_are_told_where_to_keep_what_they_decide(tmp_path: Path) -> None:
+def test_processes_of_a_launch_are_reported_where_to_keep_what_they_decide(tmp_path: Path) -> None:
     _, shown, _ = run(tmp_path, action('echo "kept in $TACTILE_KEEP"', tmp_path, 'output: screen'), stop_at=9)
-    (told,) = (text for text in shown if 'kept in' in text)
-    assert told.endswith('/kept')
-    assert Path(told.partition('kept in ')[2]).parent.parent == tmp_path / 'logs'
+    (line,) = (text for text in shown if 'kept in' in text)
+    assert line.endswith('/kept')
+    assert Path(line.partition('kept in ')[2]).parent.parent == tmp_path / 'logs'

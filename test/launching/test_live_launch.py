@@ -84,8 +84,8 @@ def test_live_launch_senses_the_press_of_the_simulated_probe(bus: ZmqBus, tmp_pa
         deadline_s = monotonic_s() + PATIENCE_S
         while len(pressed) < 10 and monotonic_s() < deadline_s:
             force = first(forces).message
-            while (told := truths.take()) is not None:
-                truth_by_stamp[messages.stamp_ns(told.message.header.stamp)] = told.message
+            while (received := truths.take()) is not None:
+                truth_by_stamp[messages.stamp_ns(received.message.header.stamp)] = received.message
             truth = truth_by_stamp.get(messages.stamp_ns(force.header.stamp))
             # A machine that others keep busy is late, and says so: such a force is not ok.
             if truth is not None and truth.total > 0.3 and force.status == types.ForceDistribution.STATUS_OK:

@@ -64,8 +64,8 @@ class Supervisor:
         self._say('INFO', f'process started with pid [{child.pid}]')
         child.watch()
 
-    def stop(self, *, told: bool) -> None:
-        """End it: SIGINT, and after its timeouts SIGTERM and SIGKILL; `told` says whether to log the SIGINT."""
+    def stop(self, *, logged: bool) -> None:
+        """End it: SIGINT, and after its timeouts SIGTERM and SIGKILL; `logged` says whether to log the SIGINT."""
         if self._stopping:
             return
         self._stopping = True
@@ -73,7 +73,7 @@ class Supervisor:
             self._cancel()
             self._over(self, 0)
             return
-        if told:
+        if logged:
             self._say('INFO', f"sending signal 'SIGINT' to process[{self.plan.name}]")
         if not self._signal(signal.SIGINT):
             return
