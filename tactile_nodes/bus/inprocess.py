@@ -51,18 +51,18 @@ class InProcessBus:
     ) -> Subscription:
         return self._listen(Subscription(topic, type_name, qos, node, on_ready, self._forget_subscription))
 
-    def _listen(self, made: Subscription) -> Subscription:
-        messages.message_class(made.type_name)
+    def _listen(self, subscription: Subscription) -> Subscription:
+        messages.message_class(subscription.type_name)
         with self._lock:
             self._check_open()
             # A new list instead of an append, because `deliver` iterates over the old one without the lock.
-            self._subscriptions[made.topic] = [*self._subscriptions.get(made.topic, ()), made]
-            latched = [publisher.last for publisher in self._publishers if _feeds(publisher, made)]
+            self._subscriptions[subscription.topic] = [*self._subscriptions.get(subscription.topic, ()), subscription]
+            latched = [publisher.last for publisher in self._publishers if _feeds(publisher, subscription)]
         for received in latched:
             if received is not None:
-                made.put(received)
+                subscription.put(received)
         self._changed()
-        return made
+        return subscription
 
     def deliver(self, topic: str, received: Received) -> None:
         """Pass `received` to the subscriptions of `topic` in this process that expect its type."""

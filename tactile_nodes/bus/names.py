@@ -11,7 +11,7 @@ LONGEST = 247
 _WORDS = re.compile(r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 
 
-def absolute(name: str, what: str = 'a topic or service') -> str:
+def absolute(name: str, kind: str = 'a topic or service') -> str:
     """The full name of `name`; a relative name is put in the root namespace.
 
     Raises:
@@ -23,12 +23,12 @@ def absolute(name: str, what: str = 'a topic or service') -> str:
     words = name.removeprefix('/')
     if not _WORDS.fullmatch(words):
         raise ConfigurationError(
-            f'{name[:80]!r} is not a valid name of {what}: words of letters, digits and _ not beginning with a digit, '
+            f'{name[:80]!r} is not a valid name of {kind}: words of letters, digits and _ not beginning with a digit, '
             'separated by single slashes'
         )
     if len(words) >= LONGEST:
         raise ConfigurationError(
-            f'{name[:40] + "…"!r} is not a valid name of {what}: it has more than {LONGEST} characters'
+            f'{name[:40] + "…"!r} is not a valid name of {kind}: it has more than {LONGEST} characters'
         )
     return f'/{words}'
 

@@ -70,9 +70,9 @@ class Agent:
         self.bus = ZmqBus(domain_id, folder=Path(folder))
         self.publishers: dict[str, Publisher] = {}
         self.subscriptions: dict[str, Subscription] = {}
-        self.heard_so_far: dict[str, list[int]] = {}
+        self.received_so_far: dict[str, list[int]] = {}
         self.marks_so_far: dict[str, list[tuple[str, int, int]]] = {}
-        self.said_so_far: dict[str, list[int]] = {}
+        self.sent_so_far: dict[str, list[int]] = {}
         self.published = 0
         self.calls = 0
 
@@ -81,7 +81,7 @@ class Agent:
 
     def say(self, topic: str, *numbers: int) -> None:
         made = self.publishers[topic]
-        self.said_so_far.setdefault(topic, []).extend(numbers)
+        self.sent_so_far.setdefault(topic, []).extend(numbers)
         for number in numbers:
             made.publish(types.Int64(data=number) if made.type_name == NUMBER else image(number))
 
@@ -101,23 +101,23 @@ class Agent:
 
     def listen(self, topic: str, type_name: str = NUMBER, qos: Qos = QUEUE) -> None:
         self.subscriptions[topic] = self.bus.subscribe(topic, type_name, qos, '/agent')
-        self.heard_so_far[topic] = []
+        self.received_so_far[topic] = []
         self.marks_so_far[topic] = []
 
-    def heard(self, topic: str) -> list[int]:
+    def received(self, topic: str) -> list[int]:
         """All numbers that were received since `listen`."""
         while (received := self.subscriptions[topic].take()) is not None:
-            self.heard_so_far[topic].append(number_of(received))
+            self.received_so_far[topic].append(number_of(received))
             self.marks_so_far[topic].append((received.publisher, received.sequence, received.source_ns))
-        return self.heard_so_far[topic]
+        return self.received_so_far[topic]
 
     def marks(self, topic: str) -> list[tuple[str, int, int]]:
         """Publisher, number and stamp of all that was received since `listen`."""
-        self.heard(topic)
+        self.received(topic)
         return self.marks_so_far[topic]
 
-    def said(self, topic: str) -> list[int]:
-        return self.said_so_far.get(topic, [])
+    def sent(self, topic: str) -> list[int]:
+        return self.sent_so_far.get(topic, [])
 
     def dropped(self, topic: str) -> int:
         return self.subscriptions[topic].dropped

@@ -71,7 +71,7 @@ def test_bytes_are_the_cdr_of_the_message_and_the_other_way_round(bus: InProcess
     assert (first.data, second.message.data) == (data, 5)
 
 
-def test_several_publishers_of_a_topic_are_told_apart(bus: InProcessBus) -> None:
+def test_several_publishers_of_a_topic_are_reported_apart(bus: InProcessBus) -> None:
     subscription = bus.subscribe('/n', NUMBER, QUEUE)
     one, two = (bus.advertise('/n', NUMBER, QUEUE) for _ in range(2))
     for number in (1, 2):
@@ -272,7 +272,7 @@ def test_call_of_another_type_is_refused(bus: InProcessBus) -> None:
         bus.call('/s', services.SET_BOOL, types.SetBool_Request())
 
 
-def test_refusal_of_a_service_is_told_in_its_own_words(bus: InProcessBus) -> None:
+def test_refusal_of_a_service_is_reported_in_its_own_words(bus: InProcessBus) -> None:
     bus.serve('/s', services.TRIGGER, lambda request, reply: reply(ConfigurationError('no rest image yet')))
     with pytest.raises(ServiceError, match='/s: no rest image yet'):
         bus.call('/s', services.TRIGGER, types.Trigger_Request())

@@ -38,7 +38,7 @@ def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ZmqBus]:
     opened.close()
 
 
-def heard(node: str, bus: ZmqBus, topic: Topic, message: object) -> list[dict[str, object]]:
+def received_by(node: str, bus: ZmqBus, topic: Topic, message: object) -> list[dict[str, object]]:
     """The first two messages that the program prints of one that is published again and again."""
     publisher = bus.advertise(f'/{topic.name}', topic.type_name, topic.qos)
     folder = bus.meeting.folder.parent
@@ -68,7 +68,7 @@ def test_a_force_arrives_in_node_js_as_it_was_published(node: str, bus: ZmqBus) 
         rows=1, cols=3, normal_force=np.array([0.5, 0.0, 1.25], np.float32), total=1.75, total_sigma=float('nan'),
         contacts=(types.Contact(force=1.75),),
     )  # fmt: skip
-    first, second = heard(node, bus, topics.FORCE_DISTRIBUTION, force)
+    first, second = received_by(node, bus, topics.FORCE_DISTRIBUTION, force)
     message = first['message']
     assert isinstance(message, dict)
     assert (message['rows'], message['cols'], message['total'], message['total_sigma']) == (1, 3, 1.75, None)
@@ -80,6 +80,6 @@ def test_a_force_arrives_in_node_js_as_it_was_published(node: str, bus: ZmqBus) 
 def test_a_large_message_of_two_frames_arrives_too(node: str, bus: ZmqBus) -> None:
     pixels = np.arange(440 * 440, dtype=np.uint32).astype(np.uint8)
     image = types.Image(height=440, width=440, encoding='mono8', step=440, data=pixels)
-    message = heard(node, bus, topics.IMAGE, image)[0]['message']
+    message = received_by(node, bus, topics.IMAGE, image)[0]['message']
     assert isinstance(message, dict)
     assert message['data'][:3] + message['data'][-2:] == pixels[[0, 1, 2, -2, -1]].tolist()

@@ -69,7 +69,7 @@ class Bridge(Loop):
         self._alive: set[str] = set()
         self._peers: dict[str, Peer] = {}
         self._forwards: dict[str, Forward] = {}
-        self._told: State | None = None
+        self._announced: State | None = None
         self._look_s = self._ask_s = 0.0
         self._remotes: tuple[Participant, ...] = ()
         bus.attach(self)
@@ -98,7 +98,7 @@ class Bridge(Loop):
         return None
 
     def close(self) -> None:
-        """Leave; the others are told. `closed` says whether all is over, which an address that is silent may delay."""
+        """Leave, and inform the others. `closed` says whether all is over, which a silent address may delay."""
         self._bus.attach(None)
         self.stop()
 
@@ -107,7 +107,7 @@ class Bridge(Loop):
         """Whether the session is closed, too, so that its port is free."""
         return not self.is_alive() and not self._closing.is_alive()
 
-    # --- what the others may ask, and what they tell; called by Zenoh's threads ------------------------------
+    # --- what the others may ask, and what they report; called by Zenoh's threads ------------------------------
 
     def _declare(self, calls: CallAnswers) -> list[Any]:
         session, uid = self._session, self._bus.uid
@@ -139,8 +139,8 @@ class Bridge(Loop):
         query.reply(query.key_expr, _NOW.pack(self._bus.clock.now_ns()))
 
     def _tell_state(self, query: zenoh.Query) -> None:
-        if self._told is not None:
-            query.reply(query.key_expr, self._told.to_json())
+        if self._announced is not None:
+            query.reply(query.key_expr, self._announced.to_json())
 
     def _hear(self, sample: zenoh.Sample) -> None:
         _, uid = bridge_of(str(sample.key_expr))
@@ -215,8 +215,8 @@ class Bridge(Loop):
 
     def _know(self, uid: str, state: State) -> None:
         if uid in self._alive:
-            known = self._peers.get(uid)
-            self._peers[uid] = Peer(state, known.clock, known.repeats) if known is not None else Peer(state)
+            earlier = self._peers.get(uid)
+            self._peers[uid] = Peer(state, earlier.clock, earlier.repeats) if earlier is not None else Peer(state)
             self._show()
             self._look_s = 0.0
 
@@ -231,7 +231,7 @@ class Bridge(Loop):
     def _look_around(self) -> None:
         records = self._bus.meeting.look(trusting=True)
         own = self._bus.own_participant()
-        here = (own, *(record.participant for record in records))
+        participants = (own, *(record.participant for record in records))
         offers = [(own.uid, outlet) for outlet in self._bus.outlets()]
         offers += [(record.participant.uid, outlet) for record in records for outlet in record.outlets]
         outlets = {
@@ -240,11 +240,13 @@ class Bridge(Loop):
             # What bears another's gid has come over a bridge already.
             if outlet.gid.partition('.')[0] == uid and fits(outlet.topic, self._choice.send)
         }
-        wishes = {(end.name, end.type_name) for peer in here for end in peer.subscriptions if end.node != FORWARDING}
+        wishes = {
+            (end.name, end.type_name) for peer in participants for end in peer.subscriptions if end.node != FORWARDING
+        }
         for uid, peer in self._peers.items():
             self._repeat(uid, peer, {wish for wish in wishes if fits(wish[0], self._choice.receive)})
         self._forward(outlets)
-        self._tell(State(own.host, here, tuple(outlets.values())))
+        self._tell(State(own.host, participants, tuple(outlets.values())))
 
     def _repeat(self, uid: str, peer: Peer, wishes: set[Key]) -> None:
         given = {out.gid: out for out in peer.state.outlets if (out.topic, out.type_name) in wishes}
@@ -254,20 +256,20 @@ class Bridge(Loop):
             peer.repeats[gid] = Repeat(self._session, self._bus, uid, given[gid], self._count_malformed)
 
     def _forward(self, outlets: dict[str, Outlet]) -> None:
-        for gid in [gid for gid, made in self._forwards.items() if outlets.get(gid) != made.outlet]:
+        for gid in [gid for gid, forward in self._forwards.items() if outlets.get(gid) != forward.outlet]:
             self._forwards.pop(gid).close()
         for gid in outlets.keys() - self._forwards.keys():
             large = is_large(outlets[gid])
             post = self._pictures.post if large else self.post
             self._forwards[gid] = Forward(self._session, self._bus, outlets[gid], post, patient=large)
-        for made in self._forwards.values():
-            made.look()
+        for forward in self._forwards.values():
+            forward.look()
 
     def _tell(self, state: State) -> None:
-        if state != self._told:
+        if state != self._announced:
             from zenoh import CongestionControl
 
-            self._told = state
+            self._announced = state
             key = key_of(self._bus.uid, 'state')
             self._session.put(key, state.to_json(), congestion_control=CongestionControl.BLOCK)
 

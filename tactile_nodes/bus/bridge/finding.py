@@ -99,8 +99,8 @@ class Finder:
 
         Each is tried first, in a thread, since one that is silent takes a second; it is among those of a later call.
         """
-        for known in connected:
-            self._found.pop(known, None)
+        for identity in connected:
+            self._found.pop(identity, None)
         if self.trying:
             return []
         answering, self._answering = self._answering, []

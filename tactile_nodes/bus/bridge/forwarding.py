@@ -49,7 +49,7 @@ class Forward:
             priority=Priority.DATA_LOW if patient else Priority.DATA_HIGH,
             congestion_control=CongestionControl.BLOCK if patient or outlet.latched else CongestionControl.DROP,
         )
-        self._asked = session.declare_queryable(key, self._tell_last) if outlet.latched else None
+        self._queryable = session.declare_queryable(key, self._tell_last) if outlet.latched else None
 
     def look(self) -> None:
         """Begin to receive what somebody there wants now, and end with what nobody does."""
@@ -66,8 +66,8 @@ class Forward:
         if self._subscription is not None:
             self._subscription.close()
             self._subscription = None
-        if self._asked is not None:
-            self._asked.undeclare()
+        if self._queryable is not None:
+            self._queryable.undeclare()
         self._post(self._publisher.undeclare)  # not while it sends
 
     def _send(self) -> None:

@@ -108,10 +108,10 @@ def configured(settings: Mapping[str, Any]) -> zenoh.Config:
     """Zenoh's configuration with settings by their place in it, and its defaults beside them."""
     import zenoh
 
-    made = zenoh.Config()
+    config = zenoh.Config()
     for place, value in settings.items():
-        made.insert_json5(place, json.dumps(value))
-    return made
+        config.insert_json5(place, json.dumps(value))
+    return config
 
 
 def _settings(listen: Address | None, connect: Sequence[Address], security: Security) -> dict[str, Any]:

@@ -156,8 +156,8 @@ class Names:
     def _expand(self, name: str) -> str:
         if name.startswith('~/'):
             return f'{self.full_name}{absolute(name[1:])}'
-        told = absolute(name)
-        return told if name.startswith('/') else f'{self.namespace.rstrip("/")}{told}'
+        expanded = absolute(name)
+        return expanded if name.startswith('/') else f'{self.namespace.rstrip("/")}{expanded}'
 
 
 def _first(rules: Sequence[Remap], source: str) -> str | None:

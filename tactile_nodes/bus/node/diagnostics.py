@@ -1,4 +1,4 @@
-"""How a node is, told once a second on /diagnostics."""
+"""How a node is, reported once a second on /diagnostics."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class Diagnostics:
     def report(self, part: str, level: Level, text: str, **values: object) -> bool:
         """Say how `part` is; true when that is better or worse than before, or the first time."""
         with self._lock:
-            known = self._parts.setdefault(part, _Part(Level.STALE))
-            changed = known.level != level
+            earlier = self._parts.setdefault(part, _Part(Level.STALE))
+            changed = earlier.level != level
             self._parts[part] = _Part(level, text, dict(values))
             return changed
 

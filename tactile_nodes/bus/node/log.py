@@ -20,7 +20,7 @@ class Log:
         self._node = node.strip('/').replace('/', '.')
         self._level = level
         self._clock = clock
-        self._said: set[str] = set()
+        self._logged: set[str] = set()
 
     def debug(self, text: str) -> None:
         self._say('debug', text)
@@ -38,10 +38,10 @@ class Log:
         self._say('fatal', text)
 
     def _say(self, level: str, text: str, once: str | None = None) -> None:
-        if LEVELS[level] < self._level or (once is not None and once in self._said):
+        if LEVELS[level] < self._level or (once is not None and once in self._logged):
             return
         if once is not None:
-            self._said.add(once)
+            self._logged.add(once)
         now_ns = self._clock.now_ns()
         stamp = f'{now_ns // NS_PER_S}.{now_ns % NS_PER_S:09d}'
         with contextlib.suppress(OSError):  # a full disk, a closed pipe: no reason to end a node

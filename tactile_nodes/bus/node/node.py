@@ -94,19 +94,19 @@ class Node:
     def create_publisher(self, topic: Topic) -> Publisher:
         name = self.names.resolve(topic.name)
         qos = self._qos.of('publisher', name, topic.qos)
-        made = self.bus.advertise(name, topic.type_name, qos, self.full_name)
-        self._ends.append(made)
-        return made
+        publisher = self.bus.advertise(name, topic.type_name, qos, self.full_name)
+        self._ends.append(publisher)
+        return publisher
 
     def create_subscription(self, topic: Topic, callback: Callable[[Received], None]) -> Subscription:
         """Call `callback` with each message of `topic` that is kept; bytes that are no message are counted only."""
         inbox = _Inbox(self, callback)
         name = self.names.resolve(topic.name)
         qos = self._qos.of('subscription', name, topic.qos)
-        made = self.bus.subscribe(name, topic.type_name, qos, self.full_name, inbox.ready)
-        inbox.subscription = made
-        self._ends.append(made)
-        return made
+        subscription = self.bus.subscribe(name, topic.type_name, qos, self.full_name, inbox.ready)
+        inbox.subscription = subscription
+        self._ends.append(subscription)
+        return subscription
 
     def end_subscription(self, subscription: Subscription) -> None:
         """Receive no more of what `create_subscription` began."""
@@ -242,10 +242,10 @@ class Node:
     def _read_parameters(self, arguments: NodeArguments) -> tuple[Any, QosOverrides]:
         values = params.resolve_parameters(self.full_name, arguments.parameters)
         qos = QosOverrides({name: values.pop(name) for name in list(values) if name.startswith(PREFIX)})
-        known = {entry.name for entry in params.describe(self.PARAMS)}
+        names = {entry.name for entry in params.describe(self.PARAMS)}
         exact = params.exact_names(self.full_name, arguments.parameters)
         # What a wildcard sets for others is not for us; what names us and is unknown is a typo.
-        mine = {name: value for name, value in values.items() if name in known or name in exact}
+        mine = {name: value for name, value in values.items() if name in names or name in exact}
         mine |= self.kept.changes
         self._given = frozenset(mine)
         return params.from_mapping(self.PARAMS, mine, source=self.full_name), qos
@@ -261,8 +261,8 @@ class Node:
     def _offer_standard_ends(self) -> None:
         self.bus.add_node(self.full_name)
         self.log.publisher = self.create_publisher(topics.ROSOUT)
-        told = self.create_publisher(topics.DIAGNOSTICS)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, lambda: told.publish(self._diagnosis()))
+        publisher = self.create_publisher(topics.DIAGNOSTICS)
+        self.create_timer(DIAGNOSTICS_PERIOD_S, lambda: publisher.publish(self._diagnosis()))
         prepare = None if type(self).prepare_parameters is Node.prepare_parameters else self._prepare
         for name, (type_name, answer) in self._parameters.answers().items():
             self.create_service(f'~/{name}', type_name, answer, prepare if name.startswith('set_') else None)

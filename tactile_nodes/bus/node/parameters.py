@@ -77,8 +77,10 @@ class ParameterServer:
         return types.SetParametersAtomically_Response(result=self._set(values))
 
     def kinds(self, request: types.GetParameterTypes_Request) -> types.GetParameterTypes_Response:
-        known = self._descriptions
-        found = [_KIND_BY_TYPE_NAME[known[name].type] if name in known else NOT_SET for name in request.names]
+        descriptions = self._descriptions
+        found = [
+            _KIND_BY_TYPE_NAME[descriptions[name].type] if name in descriptions else NOT_SET for name in request.names
+        ]
         return types.GetParameterTypes_Response(types=np.array(found, np.uint8))
 
     def describe(self, request: types.DescribeParameters_Request) -> types.DescribeParameters_Response:

@@ -39,14 +39,14 @@ class QosOverrides:
 
     def of(self, entity: Entity, topic: str, qos: Qos) -> Qos:
         """`qos` with what was set for this end of the topic of this full name."""
-        said = {policy: self.values.get(f'{PREFIX}{topic}.{entity}.{policy}') for policy in _POLICIES}
+        policies = {policy: self.values.get(f'{PREFIX}{topic}.{entity}.{policy}') for policy in _POLICIES}
         changes: dict[str, Any] = {}
-        if said['depth'] is not None:
-            changes['depth'] = said['depth']
-        if said['reliability'] is not None:
-            changes['reliable'] = said['reliability'] == 'reliable'
-        if said['durability'] is not None:
-            changes['latched'] = said['durability'] == 'transient_local'
+        if policies['depth'] is not None:
+            changes['depth'] = policies['depth']
+        if policies['reliability'] is not None:
+            changes['reliable'] = policies['reliability'] == 'reliable'
+        if policies['durability'] is not None:
+            changes['latched'] = policies['durability'] == 'transient_local'
         return replace(qos, **changes)
 
     def descriptions(self) -> list[ParameterDescription]:

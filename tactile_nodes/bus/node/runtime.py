@@ -16,7 +16,7 @@ from dataclasses import replace
 from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.priority import restore_priority, take_priority
-from tactile_nodes.bus.node.signals import heard
+from tactile_nodes.bus.node.signals import handling
 from tactile_nodes.bus.protocol import Bus, ProcessBus
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import monotonic_s
@@ -89,14 +89,14 @@ def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
     arguments = replace(arguments, ending=ending.done)
     nodes: list[Node] = []
     take_priority()
-    with heard({signal.SIGINT, signal.SIGTERM}, ending.on_signal), ExitStack() as opened:
+    with handling({signal.SIGINT, signal.SIGTERM}, ending.on_signal), ExitStack() as opened:
         opened.callback(ending.over, nodes)
         bus = open_bus()
         opened.callback(bus.close)
         for factory in factories:
             if ending.asked:
                 return 0
-            nodes.append(_made(factory, bus, arguments))
+            nodes.append(_create_node(factory, bus, arguments))
             opened.callback(_close, nodes[-1])
         opened.callback(ending.begin)
         settle()
@@ -199,7 +199,7 @@ class _Ending:
             os._exit(1)
 
 
-def _made(factory: NodeFactory, bus: Bus, arguments: NodeArguments) -> Node:
+def _create_node(factory: NodeFactory, bus: Bus, arguments: NodeArguments) -> Node:
     try:
         return factory(bus, arguments)
     except TactileError as error:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def heard(numbers: set[signal.Signals], act: Callable[[signal.Signals], None]) -> Iterator[None]:
+def handling(numbers: set[signal.Signals], act: Callable[[signal.Signals], None]) -> Iterator[None]:
     """Have `act` called for each of these signals, in a thread of its own, for as long as this is held.
 
     Python calls a handler in the main thread alone, when that next runs. A signal that comes just before it begins to

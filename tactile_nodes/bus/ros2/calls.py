@@ -39,10 +39,10 @@ def answering(type_name: str, handler: ServiceHandler, executor: Any, tell: Call
             pending.set_result(result)
             executor.wake()  # before rclpy 7.1.9 nothing else looks at a waiting coroutine
 
-        asked: Any = None
+        our_request: Any = None
         try:
-            asked = to_ours(request, request_type(type_name))
-            handler(asked, reply)
+            our_request = to_ours(request, request_type(type_name))
+            handler(our_request, reply)
             result = await pending
             if not isinstance(result, Exception):
                 return to_theirs(result, response_type(type_name), generated.Response)
@@ -52,7 +52,7 @@ def answering(type_name: str, handler: ServiceHandler, executor: Any, tell: Call
             tell(traceback.format_exc())
             result = ServiceError(_BUG)
         tell(f'a call of {type_name} failed: {result}')
-        return to_theirs(_refusal(type_name, asked, result), response_type(type_name), generated.Response)
+        return to_theirs(_refusal(type_name, our_request, result), response_type(type_name), generated.Response)
 
     return answer
 

@@ -1,4 +1,4 @@
-"""Tells a ROS 2 graph of parameters that were set, as rclpy's own parameter services do."""
+"""Informs a ROS 2 graph of parameters that were set, as rclpy's own parameter services do."""
 
 from __future__ import annotations
 

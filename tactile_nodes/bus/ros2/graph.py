@@ -41,13 +41,13 @@ def wait_until_settled(looker: Any, opened_s: float, longest_s: float) -> None:
     all within another 0.9 s. So it has to stay as it is for a second, and for four while it shows this node alone;
     after `longest_s` it is taken as it is.
     """
-    own, seen, changed_s = looker.get_fully_qualified_name(), set[Any](), opened_s
+    own, last_shown, changed_s = looker.get_fully_qualified_name(), set[Any](), opened_s
     while (now_s := monotonic_s()) < opened_s + longest_s:
         nodes = {_full(*each) for each in looker.get_node_names_and_namespaces()}
         ends = [*looker.get_topic_names_and_types(), *looker.get_service_names_and_types()]
         shown = {*nodes, *((name, *types) for name, types in ends)}
-        if shown != seen:
-            seen, changed_s = shown, now_s
+        if shown != last_shown:
+            last_shown, changed_s = shown, now_s
         if now_s - changed_s >= (_QUIET_S if nodes - {own} else _ALONE_S):
             return
         threading.Event().wait(_LOOK_EVERY_S)

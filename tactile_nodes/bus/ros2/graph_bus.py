@@ -78,8 +78,8 @@ class Ros2Bus:
         with self._lock:
             self._check_open()
             owner = self._node(node)
-            made = owner.create_publisher(generated, topic, publisher_profile(topic, qos))
-            return self._keep(Ros2Publisher(topic, type_name, made, lambda: owner.destroy_publisher(made)))
+            publisher = owner.create_publisher(generated, topic, publisher_profile(topic, qos))
+            return self._keep(Ros2Publisher(topic, type_name, publisher, lambda: owner.destroy_publisher(publisher)))
 
     def subscribe(
         self, topic: str, type_name: str, qos: Qos, node: str = '', on_ready: Callable[[], None] | None = None
@@ -96,12 +96,12 @@ class Ros2Bus:
                 with self._lock:
                     self._ends = [end for end in self._ends if end is not closed]
 
-            made = Subscription(topic, type_name, qos, node, on_ready, forget)
+            subscription = Subscription(topic, type_name, qos, node, on_ready, forget)
             there = [end for end in owner.get_publishers_info_by_topic(topic) if end.topic_type == type_name]
             profile = subscription_profile(topic, qos, there)
-            callback = receiving(made, self.clock)
+            callback = receiving(subscription, self.clock)
             handles.append(owner.create_subscription(generated, topic, callback, profile, raw=True))
-            return self._keep(made)
+            return self._keep(subscription)
 
     # --- services -------------------------------------------------------------------------------------------
 
@@ -117,8 +117,8 @@ class Ros2Bus:
                 handler = ros2_events.telling(handler, node, self.clock.now_ns, self._events_of(node).publish)
             answer = ros2_calls.answering(type_name, handler, self._executor, owner.get_logger().error)
             # Its own group: calls that wait for their answer hold up neither each other nor any topic.
-            made = owner.create_service(generated, service, answer, callback_group=ReentrantCallbackGroup())
-            return self._keep(Ros2Service(service, node, lambda: owner.destroy_service(made)))
+            service_end = owner.create_service(generated, service, answer, callback_group=ReentrantCallbackGroup())
+            return self._keep(Ros2Service(service, node, lambda: owner.destroy_service(service_end)))
 
     def call(self, service: str, type_name: str, request: Any, timeout_s: float = 5.0) -> Any:
         self._check_open()
@@ -146,11 +146,11 @@ class Ros2Bus:
 
     def remove_node(self, name: str) -> None:
         with self._lock:
-            made = self._nodes.get(name)
-            if made:
+            rclpy_node = self._nodes.get(name)
+            if rclpy_node:
                 if events := self._events.pop(name, None):
                     events.close()
-                self._drop_node(made.pop())
+                self._drop_node(rclpy_node.pop())
 
     def graph(self) -> Graph:
         self._check_open()
@@ -193,7 +193,7 @@ class Ros2Bus:
     def _make_node(self, name: str) -> Any:
         namespace, _, short = name.rpartition('/')
         # No rosout, parameters or services of rclpy's: each of our nodes publishes and serves its own.
-        made = RclpyNode(
+        rclpy_node = RclpyNode(
             short,
             namespace=namespace or '/',
             context=self._context,
@@ -201,8 +201,8 @@ class Ros2Bus:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._executor.add_node(made)
-        return made
+        self._executor.add_node(rclpy_node)
+        return rclpy_node
 
     def _drop_node(self, node: Any) -> None:
         self._executor.remove_node(node)
@@ -213,8 +213,8 @@ class Ros2Bus:
 
     def _events_of(self, node: str) -> Ros2Publisher:
         if node not in self._events:
-            made = self.advertise(ros2_events.EVENTS, ros2_events.EVENT_TYPE, ros2_events.EVENT_QOS, node)
-            self._events[node] = made
+            publisher = self.advertise(ros2_events.EVENTS, ros2_events.EVENT_TYPE, ros2_events.EVENT_QOS, node)
+            self._events[node] = publisher
         return self._events[node]
 
     def _client(self, service: str, type_name: str) -> Any:
@@ -228,7 +228,7 @@ class Ros2Bus:
             return self._clients[key]
 
     def _served_as(self, service: str) -> str | None:
-        # Not get_service_names_and_types: that tells the types of clients too, the one that asks here among them.
+        # Not get_service_names_and_types: that lists the types of clients too, the one that asks here among them.
         return next((end.type_name for end in read_graph(self._looker).services(service)), None)
 
     def _keep(self, end: End) -> End:

@@ -53,7 +53,7 @@ class Meeting:
         self._records: dict[str, tuple[int, Record | None]] = {}
         self._writing = threading.Lock()
         self._reading = threading.Lock()
-        self._written_ns = self._said_ns = 0
+        self._written_ns = self._announced_ns = 0
         self._lock = -1
         self.enter()
         _at_fork(self)
@@ -94,7 +94,7 @@ class Meeting:
         """Whether the others can read what we said last; false when it was removed or written over."""
         with self._writing:
             try:
-                return (self.folder / f'{self.uid}.json').stat().st_mtime_ns == self._said_ns
+                return (self.folder / f'{self.uid}.json').stat().st_mtime_ns == self._announced_ns
             except OSError:
                 return False
 
@@ -112,11 +112,11 @@ class Meeting:
         with self._writing:
             # File stamps are as coarse as 4 ms; readers tell a new text by its stamp, so each gets one of its own.
             self._written_ns = max(self._written_ns + 1, clock.wall_ns())
-            self._said_ns = -1  # until the record is written, nothing is announced
+            self._announced_ns = -1  # until the record is written, nothing is announced
             try:
                 draft.write_text(record.to_json(), encoding='utf-8')
                 os.utime(draft, ns=(self._written_ns, self._written_ns))
-                self._said_ns = draft.stat().st_mtime_ns  # as coarse as this file system has it
+                self._announced_ns = draft.stat().st_mtime_ns  # as coarse as this file system has it
                 draft.rename(self.folder / f'{self.uid}.json')
             except OSError as error:
                 raise BusError(f'cannot announce this process on the bus in {self.folder}: {error.strerror}') from error
@@ -203,14 +203,14 @@ class Meeting:
                 return self._records[uid][1]
             record: Record | None = self._parsed(uid, file, found)
         except FileNotFoundError:  # it has come and not spoken yet, or its record was removed and it will speak again
-            return self._known(uid)
+            return self._earlier_record(uid)
         except (OSError, ValueError):
             self.malformed += 1
-            record = self._known(uid)
+            record = self._earlier_record(uid)
         self._records[uid] = (found.st_mtime_ns, record)
         return record
 
-    def _known(self, uid: str) -> Record | None:
+    def _earlier_record(self, uid: str) -> Record | None:
         """What a living participant said before."""
         return self._records.get(uid, (0, None))[1]
 

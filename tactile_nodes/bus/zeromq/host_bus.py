@@ -94,10 +94,10 @@ class ZmqBus(InProcessBus):
         key = (outlet.topic, outlet.type_name)
         return self._listen(Subscription(*key, qos, node, on_ready, self._forget_subscription, outlet.gid))
 
-    def _listen(self, made: Subscription) -> Subscription:
-        super()._listen(made)
-        self._hub.post(lambda: self._hub.welcome(made))
-        return made
+    def _listen(self, subscription: Subscription) -> Subscription:
+        super()._listen(subscription)
+        self._hub.post(lambda: self._hub.welcome(subscription))
+        return subscription
 
     def wanted(self) -> dict[Key, int]:
         """The topics and types that this process receives, with the longest queue somebody wants."""

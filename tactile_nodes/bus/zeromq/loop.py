@@ -25,7 +25,7 @@ class Loop(threading.Thread):
     def __init__(self, name: str) -> None:
         super().__init__(name=name, daemon=True)
         self.faults = 0
-        self._said: set[str] = set()
+        self._reported: set[str] = set()
         self._running = True
         self._poller = zmq.Poller()
         self._on_readable: dict[Any, Action] = {}
@@ -89,8 +89,8 @@ class Loop(threading.Thread):
         except Exception:  # noqa: BLE001 - a bug in one handler must not make the whole process deaf
             self.faults += 1
             text = traceback.format_exc()
-            if text not in self._said:
-                self._said.add(text)
+            if text not in self._reported:
+                self._reported.add(text)
                 with contextlib.suppress(OSError):  # a full disk, a closed pipe
                     sys.stderr.write(f'a bug in the thread {self.name!r}, which continues:\n{text}')
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 
 LARGE_BYTES = 65536  # below, a copy is cheaper than a second frame
-_WORDS_AT_ONCE = 100  # of subscribers: so many that come together are told at one look, others at the next
+_WORDS_AT_ONCE = 100  # of subscribers: so many that come together are noticed at one look, others at the next
 _WORDS = 1  # of one subscriber that wait: who says ten thousand at once shall not hold up what is published
 _LINGER_MS = 200  # so that the last message of a process that ends still leaves
 
@@ -92,11 +92,11 @@ class ZmqPublisher(LocalPublisher):
         for _ in range(_WORDS_AT_ONCE):
             if not int(self._socket.get(zmq.EVENTS)) & zmq.POLLIN:
                 break
-            said = self._socket.recv_multipart()
-            if said == [b'\x01']:
+            message = self._socket.recv_multipart()
+            if message == [b'\x01']:
                 self._listeners += 1
                 came = True
-            elif said == [b'\x00']:
+            elif message == [b'\x00']:
                 self._listeners = max(0, self._listeners - 1)
         return came
 
@@ -135,7 +135,7 @@ def _bound(context: zmq.Context[Any], address: str, depth: int) -> Any:
         socket.set(zmq.RCVHWM, _WORDS)
         socket.set(zmq.SNDHWM, depth)
         socket.set(zmq.LINGER, _LINGER_MS)
-        socket.set(zmq.XPUB_VERBOSER, 1)  # every coming and going is told, not only the first and the last
+        socket.set(zmq.XPUB_VERBOSER, 1)  # every coming and going is reported, not only the first and the last
         socket.bind(address)
     except zmq.ZMQError:
         socket.close()

@@ -39,7 +39,7 @@ class Hub(Loop):
         super().__init__('bus')
         self._bus = bus
         self._look_now = True
-        self._seen_ns = -1
+        self._looked_at_ns = -1
         self._next_look_s = self._earliest_look_s = self._next_check_s = 0.0
         self._receivers: dict[Key, Receiver] = {}
         self._trouble = ''
@@ -75,9 +75,9 @@ class Hub(Loop):
         self._bus.greet_newcomers()
         changed_ns = self._bus.meeting.changed_ns()
         check_lives = began_s >= self._next_check_s
-        if self._look_now or check_lives or changed_ns != self._seen_ns:
+        if self._look_now or check_lives or changed_ns != self._looked_at_ns:
             self._look_now = False
-            self._seen_ns = changed_ns
+            self._looked_at_ns = changed_ns
             self._connect(self._bus.meeting.look(trusting=not check_lives))
         now_s = monotonic_s()
         pause_s = max(LOOK_EVERY_S, _LOOK_AT_MOST * (now_s - began_s))

@@ -30,9 +30,9 @@ _BYTES = frozenset({'uint8', 'int8', 'byte', 'char', 'octet'})
 
 def open_socket(context: zmq.Context[Any], kind: int, longest: int) -> Any:
     """A socket of `kind`, say ``zmq.SUB``, that takes in no frame of more than `longest` bytes."""
-    made = context.socket(kind)
-    made.set(zmq.MAXMSGSIZE, int(longest))
-    return made
+    opened = context.socket(kind)
+    opened.set(zmq.MAXMSGSIZE, int(longest))
+    return opened
 
 
 @cache

@@ -55,10 +55,10 @@ def _show_help(parser: argparse.ArgumentParser) -> Action:
 @contextmanager
 def ended_by_signals() -> Iterator[threading.Event]:
     """An event that Ctrl-C and SIGTERM set within the context."""
-    from tactile_nodes.bus.node.signals import heard
+    from tactile_nodes.bus.node.signals import handling
 
     done = threading.Event()
-    with heard({signal.SIGINT, signal.SIGTERM}, lambda _: done.set()):
+    with handling({signal.SIGINT, signal.SIGTERM}, lambda _: done.set()):
         yield done
 
 

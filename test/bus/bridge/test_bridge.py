@@ -114,9 +114,9 @@ def joined(keys: Path, joined_at: int) -> Iterator[tuple[Machine, Machine]]:
     lab.close()
 
 
-def _heard(talker: Other, listener: Other, topic: str) -> None:
+def _until_received(talker: Other, listener: Other, topic: str) -> None:
     numbers = iter(range(1, 100_000))
-    until(lambda: talker.say(topic, next(numbers)) or listener.heard(topic), f'{topic} to cross the bridge')
+    until(lambda: talker.say(topic, next(numbers)) or listener.received(topic), f'{topic} to cross the bridge')
 
 
 def test_topic_crosses_the_bridge_both_ways(joined: tuple[Machine, Machine]) -> None:
@@ -125,11 +125,11 @@ def test_topic_crosses_the_bridge_both_ways(joined: tuple[Machine, Machine]) -> 
         talker.advertise(topic)
         listener.listen(topic)
     for talker, listener, topic in ((here, there, '/a'), (there, here, '/b')):
-        _heard(talker, listener, topic)
-        start = max(listener.heard(topic))
+        _until_received(talker, listener, topic)
+        start = max(listener.received(topic))
         talker.say(topic, *range(start + 1000, start + 1050))
-        until(lambda: listener.heard(topic)[-1] == start + 1049)  # noqa: B023
-        assert listener.heard(topic)[-50:] == list(range(start + 1000, start + 1050))
+        until(lambda: listener.received(topic)[-1] == start + 1049)  # noqa: B023
+        assert listener.received(topic)[-50:] == list(range(start + 1000, start + 1050))
 
 
 def test_latched_message_reaches_those_who_come_late_over_there_once(joined: tuple[Machine, Machine]) -> None:
@@ -139,7 +139,7 @@ def test_latched_message_reaches_those_who_come_late_over_there_once(joined: tup
     for _ in range(2):
         late = joined[1].agent()
         late.listen('/ref', IMAGE)
-        until(lambda: late.heard('/ref') == [7])  # noqa: B023
+        until(lambda: late.received('/ref') == [7])  # noqa: B023
 
 
 def test_message_keeps_its_publisher_its_number_and_its_stamp(joined: tuple[Machine, Machine]) -> None:
@@ -147,7 +147,7 @@ def test_message_keeps_its_publisher_its_number_and_its_stamp(joined: tuple[Mach
     talker.advertise('/n')
     near.listen('/n')
     far.listen('/n')
-    _heard(talker, far, '/n')
+    _until_received(talker, far, '/n')
     shared = until(lambda: set(near.marks('/n')) & set(far.marks('/n')))
     assert len(shared) >= 1
 
@@ -196,12 +196,12 @@ def test_only_what_is_chosen_crosses_the_bridge(machine: Callable[[], Machine], 
         talker.serve(service, 'answer')
     for topic in ('/both', '/other', '/skin/deep/force'):
         talker.say(topic, 1)
-    _heard(talker, listener, '/skin/force')
+    _until_received(talker, listener, '/skin/force')
     for topic in ('/both', '/other', '/skin/deep/force'):
         talker.say(topic, 2)
     until(lambda: listener.call('/allowed', 5.0).startswith('from'))
     assert 'may not be called from other machines' in listener.call('/forbidden', 5.0)
-    assert [listener.heard(topic) for topic in ('/both', '/other', '/skin/deep/force')] == [[], [], []]
+    assert [listener.received(topic) for topic in ('/both', '/other', '/skin/deep/force')] == [[], [], []]
 
 
 @pytest.fixture
@@ -224,16 +224,16 @@ def test_two_bridges_between_two_machines_neither_loop_nor_double_nor_lose(
         agent.advertise('/n')
     until(lambda: {'/one', '/one_too', '/two', '/two_too'} <= set(here.nodes()), 'all bridges')
     numbers = iter(range(1, 100_000))
-    until(lambda: here.say('/n', next(numbers)) or there.heard('/n'))
-    until(lambda: there.say('/n', next(numbers)) or set(here.heard('/n')) - set(here.said('/n')))
+    until(lambda: here.say('/n', next(numbers)) or there.received('/n'))
+    until(lambda: there.say('/n', next(numbers)) or set(here.received('/n')) - set(here.sent('/n')))
     here.say('/n', *range(200_000, 200_050))
     there.say('/n', *range(300_000, 300_050))
     for agent in (here, there):
-        until(lambda: {200_049, 300_049} <= set(agent.heard('/n')))  # noqa: B023
-        heard = agent.heard('/n')
-        assert len(heard) == len(set(heard))
-        assert [number for number in heard if 200_000 <= number < 300_000] == list(range(200_000, 200_050))
-        assert [number for number in heard if number >= 300_000] == list(range(300_000, 300_050))
+        until(lambda: {200_049, 300_049} <= set(agent.received('/n')))  # noqa: B023
+        numbers_received = agent.received('/n')
+        assert len(numbers_received) == len(set(numbers_received))
+        assert [number for number in numbers_received if 200_000 <= number < 300_000] == list(range(200_000, 200_050))
+        assert [number for number in numbers_received if number >= 300_000] == list(range(300_000, 300_050))
     assert len(here.nodes()) == len(set(here.nodes()))
 
 
@@ -243,12 +243,12 @@ def test_when_one_of_two_bridges_dies_the_other_carries_on(twice_joined: tuple[M
     here.advertise('/n')
     there.listen('/n')
     until(lambda: {'/one', '/two', '/one_too', '/two_too'} <= set(there.nodes()), 'all bridges')
-    _heard(here, there, '/n')
+    _until_received(here, there, '/n')
     robot.programs[0].signal(signal.SIGKILL)
     until(lambda: '/one' not in there.nodes())
-    before = len(there.heard('/n'))
+    before = len(there.received('/n'))
     numbers = iter(range(100_000, 200_000))
-    until(lambda: here.say('/n', next(numbers)) or len(there.heard('/n')) > before)
+    until(lambda: here.say('/n', next(numbers)) or len(there.received('/n')) > before)
 
 
 def test_killed_bridge_is_forgotten_and_a_restarted_one_joins_again(machine: Callable[[], Machine], port: int) -> None:
@@ -263,7 +263,7 @@ def test_killed_bridge_is_forgotten_and_a_restarted_one_joins_again(machine: Cal
         until(lambda: '/camera' in there.nodes())
         late = lab.agent()
         late.listen('/ref')
-        until(lambda: late.heard('/ref') == [number])  # noqa: B023
+        until(lambda: late.received('/ref') == [number])  # noqa: B023
         bridge.signal(signal.SIGKILL)
         until(lambda: '/camera' not in there.nodes())
         here.say('/ref', number + 1)
@@ -280,8 +280,8 @@ def test_three_machines_see_each_other_when_each_connects_to_those_before(machin
         agent.advertise(f'/n{number}')
         agent.listen(f'/n{(number + 1) % 3}')
     for number, agent in enumerate(agents):
-        _heard(agent, agents[number - 1], f'/n{number}')
-        numbers = agents[number - 1].heard(f'/n{number}')
+        _until_received(agent, agents[number - 1], f'/n{number}')
+        numbers = agents[number - 1].received(f'/n{number}')
         assert len(numbers) == len(set(numbers))
 
 
@@ -292,10 +292,10 @@ def test_bridge_that_listens_may_come_later_and_come_back(machine: Callable[[], 
     here.advertise('/n')
     there.listen('/n')
     for _ in range(2):
-        before = len(there.heard('/n'))
+        before = len(there.received('/n'))
         bridge = robot.bridge(f'listen:={HERE}:{port}')
         numbers = iter(range(1, 100_000))
-        until(lambda: here.say('/n', next(numbers)) or len(there.heard('/n')) > before)  # noqa: B023
+        until(lambda: here.say('/n', next(numbers)) or len(there.received('/n')) > before)  # noqa: B023
         bridge.signal(signal.SIGKILL)
         bridge.process.join()
 
@@ -314,13 +314,13 @@ def test_whoever_has_no_key_that_is_allowed_gets_nothing(
     here.say('/n', 1)
     there.listen('/n')
     until(lambda: f'no response from {HERE}:{port}' in theirs.output)
-    assert (there.heard('/n'), [node for node in there.nodes() if node == '/camera']) == ([], [])
+    assert (there.received('/n'), [node for node in there.nodes() if node == '/camera']) == ([], [])
     # … and the one who may is let in all the same.
     lab = machine()
     lab.bridge(f'connect:={HERE}:{port}', 'key:=lab', 'peers:=[robot]')
     friend = lab.agent()
     friend.listen('/n')
-    until(lambda: friend.heard('/n') == [1])
+    until(lambda: friend.received('/n') == [1])
 
 
 def test_nonsense_from_a_peer_does_not_end_a_bridge(machine: Callable[[], Machine], port: int) -> None:
@@ -341,7 +341,7 @@ def test_nonsense_from_a_peer_does_not_end_a_bridge(machine: Callable[[], Machin
             for what in ('call', 'now', 'state'):
                 list(raw.get(key_of(uid, what), payload=payload, attachment=payload, timeout=1.0))
         lab.bridge(f'connect:={HERE}:{port}')
-        _heard(here, there, '/n')
+        _until_received(here, there, '/n')
         assert len(tokens) == 2
     finally:
         raw.close()
@@ -417,7 +417,7 @@ def test_plain_tcp_on_a_network_needs_the_words(port: int) -> None:
         ('robot:1', False),
     ],
 )
-def test_loopback_is_told_from_networks(text: str, loopback: bool) -> None:
+def test_loopback_is_reported_from_networks(text: str, loopback: bool) -> None:
     assert Address.parse(text).is_loopback() is loopback
 
 
@@ -463,11 +463,11 @@ def test_message_longer_than_any_is_not_taken_in_and_the_others_are(port: int) -
 
 def test_addresses_that_a_stranger_tells_are_taken_only_where_they_are_in_a_network_of_ours() -> None:
     ends = [('eth0', ip_interface('10.0.0.5/24')), ('docker0', ip_interface('172.17.0.1/16'))]
-    told = [
+    addresses = [
         'tls/10.0.0.9:7460?prio=0-5', 'tls/172.17.0.1:7460', 'tls/192.168.1.9:7460', 'tls/[fe80::1%eth0]:7460',
         'tls/robot:7460', 'unixpipe/a', 'tls/10.0.0.9:99999', '',
     ]  # fmt: skip
-    assert list(near(told, ends)) == [Address('10.0.0.9', 7460)]
+    assert list(near(addresses, ends)) == [Address('10.0.0.9', 7460)]
 
 
 SLOW_SHUTDOWN = """
@@ -499,5 +499,5 @@ def test_bridge_that_still_connects_ends_in_order_while_python_takes_long_to_shu
         assert program.stderr is not None
         assert any('connects to' in line for line in program.stderr)
         program.send_signal(signal.SIGINT)
-        _, told = program.communicate(timeout=20.0)
-    assert (program.returncode, told) == (0, '')
+        _, errors = program.communicate(timeout=20.0)
+    assert (program.returncode, errors) == (0, '')

@@ -89,13 +89,13 @@ def test_topics_and_services_cross_a_network_and_come_back_after_the_cable_was_p
     robot.serve('/camera/tare', 'answer')
     lab.listen('/n')
     numbers = iter(range(1, 1_000_000))
-    until(lambda: robot.say('/n', next(numbers)) or lab.heard('/n'), timeout_s=15.0)
+    until(lambda: robot.say('/n', next(numbers)) or lab.received('/n'), timeout_s=15.0)
     assert lab.call('/camera/tare', 5.0) == f'from {robot.pid()}'
     _ip('-n', switch[0], 'link', 'set', switch[0], 'down')
     until(lambda: '/camera' not in lab.nodes(), 'the other machine to be missed')
     _ip('-n', switch[0], 'link', 'set', switch[0], 'up')
-    before = len(lab.heard('/n'))
-    until(lambda: robot.say('/n', next(numbers)) or len(lab.heard('/n')) > before, 'it to be heard again', 15.0)
+    before = len(lab.received('/n'))
+    until(lambda: robot.say('/n', next(numbers)) or len(lab.received('/n')) > before, 'it to be heard again', 15.0)
     until(lambda: '/camera' in lab.nodes())
 
 

@@ -1,4 +1,4 @@
-"""Keys: made once, readable by their user alone, never overwritten, and told apart."""
+"""Keys: made once, readable by their user alone, never overwritten, and distinguished."""
 
 from __future__ import annotations
 
@@ -89,13 +89,13 @@ def test_command_makes_and_shows_keys(place: Path, capsys: pytest.CaptureFixture
     assert _run('create', 'robot') == 0
     assert str(place / 'robot.key') in capsys.readouterr().out
     assert _run('show') == 0
-    name, told, whose = capsys.readouterr().out.split()
+    name, fingerprint, whose = capsys.readouterr().out.split()
     assert (name, whose) == ('robot', 'own')
     assert _run('show', 'robot') == 0
     assert capsys.readouterr().out == (place / 'robot.key').read_text()
     words = ['openssl', 'x509', '-in', str(place / 'robot.key'), '-noout', '-fingerprint', '-sha256']
     openssl = subprocess.run(words, check=True, capture_output=True, text=True).stdout
-    assert openssl.partition('=')[2].strip().replace(':', '').lower() == told
+    assert openssl.partition('=')[2].strip().replace(':', '').lower() == fingerprint
 
 
 @pytest.mark.parametrize(
@@ -108,9 +108,9 @@ def test_a_file_that_is_no_key_is_named_and_hides_none_that_is(
         create_keys(name)
     (place / 'lab.key').write_text(content)
     assert _run('show') == 0
-    told = capsys.readouterr()
-    assert [line.split()[0] for line in told.out.splitlines()] == ['arm', 'robot']
-    assert 'lab.key was skipped' in told.err
+    printed = capsys.readouterr()
+    assert [line.split()[0] for line in printed.out.splitlines()] == ['arm', 'robot']
+    assert 'lab.key was skipped' in printed.err
 
 
 def test_command_says_that_there_are_none(place: Path) -> None:

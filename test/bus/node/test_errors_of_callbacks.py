@@ -27,7 +27,7 @@ class Rig:
         self._node = Node(bus, clock=clock)
         self._node.create_subscription(topics.ROSOUT, self._fail)
         self._given = bus.advertise('/rosout', topics.ROSOUT.type_name, topics.ROSOUT.qos)
-        self._told: Subscription = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 100))
+        self._diagnostics: Subscription = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 100))
 
     def _fail(self, received: Received) -> None:
         if received.message.name == 'test':
@@ -41,11 +41,11 @@ class Rig:
         """Level and text of the errors in the next /diagnostics."""
         self._clock.advance(1.0)
         self._turn()
-        told = None
-        while (received := self._told.take()) is not None:
-            told = received
-        assert told is not None
-        (status,) = [each for each in told.message.status if each.name == 'node: errors']
+        last = None
+        while (received := self._diagnostics.take()) is not None:
+            last = received
+        assert last is not None
+        (status,) = [each for each in last.message.status if each.name == 'node: errors']
         return status.level, status.message
 
     def _turn(self) -> None:

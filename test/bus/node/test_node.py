@@ -128,14 +128,14 @@ def test_error_of_ours_in_a_callback_is_reported_and_the_node_goes_on(
             raise DeviceLostError('the camera is gone; plug it in')
 
     node.create_subscription(topics.IMAGE, fail_once)
-    told = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+    diagnostics = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
     publisher = bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos)
     for _ in range(2):
         publisher.publish(types.Image())
         _spin_dry(node)
     clock.advance(1.0)
     _spin_dry(node)
-    received = told.take()
+    received = diagnostics.take()
     assert received is not None
     assert received.message.status[0].message == 'the camera is gone; plug it in'
     assert len(seen) == 2
@@ -145,19 +145,21 @@ def test_error_of_ours_in_a_callback_is_reported_and_the_node_goes_on(
 def test_a_full_disk_under_the_log_does_not_end_a_node(
     node: Plain, bus: InProcessBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    heard = bus.subscribe('/rosout', topics.ROSOUT.type_name, Qos('queue', 10))
+    logs = bus.subscribe('/rosout', topics.ROSOUT.type_name, Qos('queue', 10))
     monkeypatch.setattr('sys.stderr', FullDisk())
     node.log.warn('the light flickers')
-    received = heard.take()
+    received = logs.take()
     assert received is not None
     assert received.message.msg == 'the light flickers'
 
 
-def test_a_node_that_has_said_nothing_yet_is_told_to_run(node: Plain, bus: InProcessBus, clock: SteppedClock) -> None:
-    told = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+def test_a_node_that_has_logged_nothing_yet_is_reported_to_run(
+    node: Plain, bus: InProcessBus, clock: SteppedClock
+) -> None:
+    diagnostics = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
     clock.advance(1.0)
     _spin_dry(node)
-    received = told.take()
+    received = diagnostics.take()
     assert received is not None
     (status,) = received.message.status
     assert (status.name.partition(': ')[2], status.level, status.hardware_id) == ('node', 0, 'none')
@@ -170,10 +172,10 @@ def test_bug_in_a_callback_is_not_hidden(node: Plain, bus: InProcessBus) -> None
 
 
 @pytest.mark.parametrize(
-    ('error', 'told'),
+    ('error', 'failure'),
     [(DeviceLostError('the camera is gone'), 'the camera'), (ValueError('no number'), 'a bug')],
 )
-def test_what_ends_a_thread_beside_ends_the_node(node: Plain, error: Exception, told: str) -> None:
+def test_what_ends_a_thread_beside_ends_the_node(node: Plain, error: Exception, failure: str) -> None:
     """Else it would go on answering, and nothing would come of what it is there for."""
 
     def work() -> None:
@@ -181,7 +183,7 @@ def test_what_ends_a_thread_beside_ends_the_node(node: Plain, error: Exception, 
 
     node.run_beside('reader', work).join()
     node.spin()  # returns
-    assert str(node.failure).startswith(told)
+    assert str(node.failure).startswith(failure)
     assert str(error) in str(node.failure)
 
 

@@ -14,7 +14,7 @@ from tactile_nodes.bus.node import priority
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
 
-TOLD = """
+REPORTING = """
 import os, threading
 from tactile_nodes.bus.node import priority
 priority.take_priority()
@@ -41,7 +41,7 @@ ended.set()
 """
 
 
-def told(nice: str, session: bool = True, program: str = TOLD) -> list[str]:
+def report_of(nice: str, session: bool = True, program: str = REPORTING) -> list[str]:
     """Niceness of the process, of a thread that it starts, of its session; and what it says to a person."""
     done = subprocess.run(
         [sys.executable, '-c', program],
@@ -57,7 +57,7 @@ def told(nice: str, session: bool = True, program: str = TOLD) -> list[str]:
 def test_the_niceness_asked_for_is_that_of_the_process_its_threads_and_its_session() -> None:
     usual = os.getpriority(os.PRIO_PROCESS, 0)
     wanted = str(min(19, usual + 3))  # any account may be nicer than it is
-    process, thread, session, lacks = told(wanted)
+    process, thread, session, lacks = report_of(wanted)
     assert (process, thread, lacks) == (wanted, wanted, '')
     assert session in {wanted, ''}
 
@@ -65,19 +65,19 @@ def test_the_niceness_asked_for_is_that_of_the_process_its_threads_and_its_sessi
 def test_a_session_that_others_lead_is_left_as_it_is() -> None:
     usual = os.getpriority(os.PRIO_PROCESS, 0)
     before = priority.SESSION.read_text(encoding='ascii').split()[-1:] if priority.SESSION.exists() else []
-    _, _, session, _ = told(str(min(19, usual + 3)), session=False)
+    _, _, session, _ = report_of(str(min(19, usual + 3)), session=False)
     assert session == ''.join(before)  # empty where the kernel has no group for this session
 
 
 def test_who_is_asked_to_end_waits_for_others_no_longer() -> None:
     """Beside programs that compute, a process of niceness 19 needed longer than the ten seconds that a launch gives."""
-    process, thread, session = told('19', program=ENDING)
+    process, thread, session = report_of('19', program=ENDING)
     assert session in {'0', ''}
     if os.geteuid() == 0:
         assert (process, thread) == ('0', '0')
 
 
-def test_an_account_that_may_not_is_told_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_account_that_may_not_is_reported_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: int) -> None:
         raise PermissionError(13, 'Permission denied')
 

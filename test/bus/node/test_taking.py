@@ -1,4 +1,4 @@
-"""How a thread waits for work: never longer than it was told to."""
+"""How a thread waits for work: never longer than it was asked to."""
 
 from __future__ import annotations
 

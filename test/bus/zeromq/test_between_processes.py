@@ -35,7 +35,7 @@ def _meet(publisher: Other, subscriber: Other, topic: str) -> None:
 
     def try_once() -> bool:
         publisher.say(topic, 0)
-        return 0 in subscriber.heard(topic)
+        return 0 in subscriber.received(topic)
 
     until(try_once, f'{topic} to be connected')
 
@@ -100,12 +100,12 @@ def test_stopped_subscriber_slows_neither_publisher_nor_healthy_subscriber_and_m
     before = talker.resident_bytes()
     talker.talk('/image', 0.002)
     until(lambda: talker.count_published() > 300, 'the publisher to go on')  # 300 images are 58 MB
-    published, heard = talker.count_published(), healthy.heard('/image')
-    assert published - heard[-1] < 20
-    until(lambda: healthy.heard('/image')[-1] > published, 'the healthy one to go on')
+    published, numbers = talker.count_published(), healthy.received('/image')
+    assert published - numbers[-1] < 20
+    until(lambda: healthy.received('/image')[-1] > published, 'the healthy one to go on')
     assert talker.resident_bytes() - before < 25 * MEGABYTE
     stuck.signal(signal.SIGCONT)
-    until(lambda: stuck.heard('/image')[-1] > published, 'the stuck one to catch up')
+    until(lambda: stuck.received('/image')[-1] > published, 'the stuck one to catch up')
 
 
 def test_publishers_loop_takes_as_long_with_a_stopped_subscriber_as_with_a_running_one(start: Start) -> None:
@@ -135,7 +135,7 @@ def test_killed_subscriber_is_forgotten_and_disturbs_nobody(start: Start, folder
         _meet(talker, other, '/n')
     victim.signal(signal.SIGKILL)
     talker.talk('/n', 0.002)
-    until(lambda: len(healthy.heard('/n')) > 100)
+    until(lambda: len(healthy.received('/n')) > 100)
     until(lambda: len(list(folder.glob('d7/*.lock'))) == 2, 'the files of the dead one to go')
     until(lambda: list(folder.glob('d7/*.sock')) and len(list(folder.glob('d7/*.json'))) == 2)
 
@@ -157,7 +157,7 @@ def test_killed_and_restarted_subscriber_hears_again(start: Start) -> None:
     for _ in range(2):
         listener = start()
         listener.listen('/n')
-        until(lambda: len(listener.heard('/n')) > 10)  # noqa: B023
+        until(lambda: len(listener.received('/n')) > 10)  # noqa: B023
         listener.signal(signal.SIGKILL)
 
 
@@ -177,14 +177,14 @@ def test_latched_message_reaches_each_late_process_once(start: Start) -> None:
     early.listen('/ref')
     talker.advertise('/ref', NUMBER, LATCHED)
     talker.say('/ref', 1)
-    until(lambda: early.heard('/ref') == [1])
+    until(lambda: early.received('/ref') == [1])
     for _ in range(2):
         late = start()
         late.listen('/ref')
-        until(lambda: late.heard('/ref') == [1])  # noqa: B023
+        until(lambda: late.received('/ref') == [1])  # noqa: B023
     talker.say('/ref', 2)
-    until(lambda: 2 in early.heard('/ref'))
-    assert early.heard('/ref') == [1, 2]
+    until(lambda: 2 in early.received('/ref'))
+    assert early.received('/ref') == [1, 2]
 
 
 def test_latched_message_reaches_a_second_subscriber_of_the_same_process(start: Start, join: Join) -> None:
@@ -207,7 +207,7 @@ def test_latched_image_reaches_who_comes_while_another_leaves(start: Start, join
     for _ in range(3):
         late = start()
         late.listen('/ref', IMAGE)
-        until(lambda: late.heard('/ref') == [3])  # noqa: B023
+        until(lambda: late.received('/ref') == [3])  # noqa: B023
         late.signal(signal.SIGKILL)
 
 
@@ -238,7 +238,7 @@ def test_two_domains_on_one_host_do_not_hear_each_other(start: Start) -> None:
     talker.advertise('/n')
     talker.add_node('/talker')
     _meet(talker, same, '/n')
-    assert other.heard('/n') == []
+    assert other.received('/n') == []
     assert (same.nodes(), other.nodes()) == (['/talker'], [])
 
 
@@ -249,7 +249,7 @@ def test_domain_is_taken_from_ros_domain_id(start: Start) -> None:
         listener.listen('/n')
     talker.advertise('/n')
     _meet(talker, same, '/n')
-    assert default.heard('/n') == []
+    assert default.received('/n') == []
 
 
 def test_nothing_listens_on_any_network(start: Start) -> None:
@@ -290,10 +290,10 @@ def test_a_hundred_participants_meet(start: Start, join: Join) -> None:
     until(lambda: all(publisher.listeners for publisher in publishers), 'a hundred to meet', 20.0)
     for index, publisher in enumerate(publishers):
         publisher.publish(types.Int64(data=index))
-    until(lambda: sorted(listener.heard('/n')) == list(range(99)), 'all of their messages')
+    until(lambda: sorted(listener.received('/n')) == list(range(99)), 'all of their messages')
 
 
-def test_fault_that_cannot_be_said_because_the_disk_is_full_makes_nobody_deaf(
+def test_fault_that_cannot_be_reported_because_the_disk_is_full_makes_nobody_deaf(
     join: Join, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     publisher = join().advertise('/n', NUMBER, QUEUE)

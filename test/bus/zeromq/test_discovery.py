@@ -196,7 +196,7 @@ def test_record_that_was_written_over_is_written_anew_and_meanwhile_the_last_one
     until(lambda: (folder / 'd7' / f'{spoken.uid}.json').read_bytes() != text, 'it to speak again')
 
 
-def test_folder_that_cannot_be_made_again_is_said_once_and_ends_nobody(
+def test_folder_that_cannot_be_made_again_is_reported_once_and_ends_nobody(
     folder: Path, join: Join, capfd: pytest.CaptureFixture[str]
 ) -> None:
     publishing, listening = join(), join()
@@ -205,20 +205,20 @@ def test_folder_that_cannot_be_made_again_is_said_once_and_ends_nobody(
     until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
     shutil.rmtree(folder / 'd7')
     (folder / 'd7').write_text('in the way')
-    said = ''
+    printed = ''
 
-    def has_said() -> str:
-        nonlocal said
-        said += capfd.readouterr().err
-        return said
+    def all_printed() -> str:
+        nonlocal printed
+        printed += capfd.readouterr().err
+        return printed
 
-    until(lambda: has_said().count('cannot join the bus') >= 2, 'both to say so')
+    until(lambda: all_printed().count('cannot join the bus') >= 2, 'both to say so')
     while subscription.take():
         pass
     until(lambda: publisher.publish(types.Int64(data=2)) or subscription.take(), 'connections that stand to go on')
     (folder / 'd7').unlink()
     until(lambda: len(list(folder.glob('d7/*.lock'))) == 2, 'both to come back')
-    assert has_said().count('\n') == 2
+    assert all_printed().count('\n') == 2
 
 
 def test_what_could_not_be_announced_on_a_full_disk_is_announced_once_there_is_room(
@@ -231,9 +231,9 @@ def test_what_could_not_be_announced_on_a_full_disk_is_announced_once_there_is_r
     in_the_way.mkdir()  # instead of a full disk
     bus.add_node('/after')
     publisher = bus.advertise('/n', NUMBER, QUEUE)
-    said: list[str] = []
-    until(lambda: said.append(capfd.readouterr().err) or any(said), 'it to be said')
-    assert 'cannot announce this process on the bus' in ''.join(said)
+    printed: list[str] = []
+    until(lambda: printed.append(capfd.readouterr().err) or any(printed), 'it to be said')
+    assert 'cannot announce this process on the bus' in ''.join(printed)
     assert other.graph().nodes() == ['/before']
     in_the_way.rmdir()
     until(lambda: other.graph().nodes() == ['/after', '/before'], 'the node to be seen')
