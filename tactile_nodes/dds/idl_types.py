@@ -35,8 +35,8 @@ def idl_type(type_name: str) -> type[Any]:
     """
     message_class(type_name)
     fields = {name: _field(description) for name, description in store().fielddefs[type_name][1]}
-    made = make_idl_struct(type_name.rpartition('/')[2] + '_', dds_type(type_name).replace('::', '.'), fields)
-    final: type[Any] = annotations.final(made)
+    struct = make_idl_struct(type_name.rpartition('/')[2] + '_', dds_type(type_name).replace('::', '.'), fields)
+    final: type[Any] = annotations.final(struct)
     return final
 
 

@@ -35,8 +35,8 @@ class Wish:
             ConfigurationError: the type is missing, or does not exist.
         """
         name, _, kind = text.partition('@')
-        known = topics.TOPICS.get(name) or topics.TOPICS.get(name.rpartition('/')[2])
-        kind = kind or (known.type_name if known else '')
+        topic = topics.TOPICS.get(name) or topics.TOPICS.get(name.rpartition('/')[2])
+        kind = kind or (topic.type_name if topic else '')
         try:
             messages.message_class(kind)
         except MessageError as error:
@@ -103,7 +103,7 @@ class Inward:
 class _Flow:
     def __init__(
         self,
-        whole: Inward,
+        inward: Inward,
         participant: Participant,
         bus: Bus,
         node: str,
@@ -112,7 +112,7 @@ class _Flow:
     ) -> None:
         # Not reliable, so that it matches every publisher.
         qos = Qos('queue', max(topics.default_qos(wish.topic).depth, _KEPT), reliable=False)
-        self._whole = whole
+        self._inward = inward
         self._type_name = wish.type_name
         self.publisher: Publisher = bus.advertise(wish.topic, wish.type_name, qos, node)
         self.reader: CdrReader = participant.reader(wish.topic, wish.type_name, qos, lambda: post(self.drain))
@@ -121,4 +121,4 @@ class _Flow:
         """Pass on received messages; called in the thread in which `post` runs work."""
         while found := self.reader.take():
             for data in found:
-                self._whole.pass_on(self.publisher, data, self._type_name)
+                self._inward.pass_on(self.publisher, data, self._type_name)

@@ -53,7 +53,7 @@ class Participant:
         if discovery.is_local:
             confine(before)
         self._topics: dict[tuple[str, str], Topic[Any]] = {}
-        self._told: Mapping[str, NodeEnds] | None = None
+        self._announced: Mapping[str, NodeEnds] | None = None
         self._discovery = CdrWriter(self._written(DISCOVERY, _ENTITIES, writer_qos(_ENTITIES, _DISCOVERY_QOS)))
 
     @property
@@ -84,11 +84,11 @@ class Participant:
 
     def tell(self, nodes: Mapping[str, NodeEnds]) -> None:
         """Announce the nodes (full names) of this participant, with their readers and writers."""
-        if nodes != self._told:
-            self._told = dict(nodes)
+        if nodes != self._announced:
+            self._announced = dict(nodes)
             self._discovery.write(encode(entities_info(self.gid, nodes)))
 
-    def heard(self, now_s: float) -> list[str]:
+    def log_lines(self, now_s: float) -> list[str]:
         """The lines of Cyclone's log that are due now."""
         for line in self._log.lines():
             self.sayings.take(line)
@@ -115,13 +115,13 @@ class Participant:
 
 def entities_info(participant: bytes, nodes: Mapping[str, NodeEnds]) -> Any:
     """The announcement of a participant: a rmw_dds_common/ParticipantEntitiesInfo, with gids of 16 bytes (Jazzy)."""
-    told = [
+    announced = [
         message_class(_NODE)(
             *split_name(name), [_gid(end) for end in ends.readers], [_gid(end) for end in ends.writers]
         )
         for name, ends in sorted(nodes.items())
     ]
-    return message_class(_ENTITIES)(_gid(participant), told)
+    return message_class(_ENTITIES)(_gid(participant), announced)
 
 
 def _gid(data: bytes) -> Any:

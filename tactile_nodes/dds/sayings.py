@@ -49,11 +49,11 @@ class CycloneLog:
 
     def lines(self) -> list[str]:
         """New lines since the last call, without time, domain and thread."""
-        said = b''
+        text = b''
         with contextlib.suppress(BlockingIOError):
             while part := os.read(self._reading, _ROOM):
-                said += part
-        entries = said.decode('utf-8', 'replace').splitlines()
+                text += part
+        entries = text.decode('utf-8', 'replace').splitlines()
         return [_HEADER.sub('', entry, count=1) for entry in entries if _HEADER.match(entry)]
 
 
@@ -67,14 +67,14 @@ def cyclone_log() -> CycloneLog:
 class _Kind:
     text: str = ''
     waiting: int = 0
-    told_s: float | None = None
+    reported_s: float | None = None
 
     def is_due(self, now_s: float) -> bool:
-        return self.waiting > 0 and (self.told_s is None or now_s - self.told_s >= TELL_EVERY_S)
+        return self.waiting > 0 and (self.reported_s is None or now_s - self.reported_s >= TELL_EVERY_S)
 
-    def told(self, now_s: float) -> str:
+    def report(self, now_s: float) -> str:
         more = f' (and {self.waiting - 1} more like it)' if self.waiting > 1 else ''
-        self.waiting, self.told_s = 0, now_s
+        self.waiting, self.reported_s = 0, now_s
         text = self.text if len(self.text) <= _LONGEST else f'{self.text[:_LONGEST]}…'
         return f'Cyclone DDS says: {text}{more}'
 
@@ -99,4 +99,4 @@ class Sayings:
 
     def due(self, now_s: float) -> list[str]:
         """The lines to report now: the first of a kind at once, later ones once a minute."""
-        return [kind.told(now_s) for kind in self._kinds.values() if kind.is_due(now_s)]
+        return [kind.report(now_s) for kind in self._kinds.values() if kind.is_due(now_s)]

@@ -36,8 +36,8 @@ class Discovery:
         Raises:
             ConfigurationError: an unknown range, or peers together with the range of this machine.
         """
-        said = os.environ if environment is None else environment
-        found = (wish or said.get(RANGE_VARIABLE, '') or LOCALHOST).upper()
+        variables = os.environ if environment is None else environment
+        found = (wish or variables.get(RANGE_VARIABLE, '') or LOCALHOST).upper()
         if found not in {LOCALHOST, SUBNET}:
             raise ConfigurationError(f'unknown discovery range {found}; choose {LOCALHOST} or {SUBNET}')
         if peers and found == LOCALHOST:

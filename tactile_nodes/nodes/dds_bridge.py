@@ -86,7 +86,7 @@ class DdsBridgeNode(Node):
         nodes = self._out.look()
         nodes[self.full_name] = nodes[self.full_name].with_readers(self._in.gids)
         self._participant.tell(nodes)
-        for line in self._participant.heard(self.bus.clock.now_ns() / NS_PER_S):
+        for line in self._participant.log_lines(self.bus.clock.now_ns() / NS_PER_S):
             self.log.warn(line)
 
     def _report(self) -> None:

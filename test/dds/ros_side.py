@@ -123,7 +123,7 @@ class RosSide:
         self.readers: dict = {}
         self.writer = None
         self.ends: dict = {}
-        self.told: dict = {}
+        self.announced: dict = {}
         self.came = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
         self.others = BuiltinDataReader(self.participant, BuiltinTopicDcpsParticipant)
 
@@ -151,21 +151,21 @@ class RosSide:
         return {'data': data.hex(), 'text': repr(reader.topic.data_type.deserialize(data))}
 
     def nodes(self, wanted: list) -> dict:
-        """The nodes that a participant tells of, with the topics of their writers and readers' count."""
+        """The nodes that a participant announces, with the topics of their writers and readers' count."""
         until = time.monotonic() + WAIT_S
         self.readers.get('ros_discovery_info') or self.listen('ros_discovery_info', 'ParticipantEntitiesInfo', True)
         while time.monotonic() < until:
             self.ends |= {str(end.key): end for end in self.came.take(200) if end.sample_info.valid_data}
             for info in self.readers['ros_discovery_info'].take(50):
-                self.told = {
+                self.announced = {
                     node.node_namespace.rstrip('/') + '/' + node.node_name: (
                         [str(_uuid(gid)) for gid in node.writer_gid_seq],
                         len(node.reader_gid_seq),
                     )
                     for node in info.node_entities_info_seq
                 }
-            known = all(gid in self.ends for gids, _ in self.told.values() for gid in gids)
-            if known and all(name in self.told for name in wanted):
+            known = all(gid in self.ends for gids, _ in self.announced.values() for gid in gids)
+            if known and all(name in self.announced for name in wanted):
                 break
             time.sleep(0.05)
         return {
@@ -178,7 +178,7 @@ class RosSide:
                     },
                     'readers': readers,
                 }
-                for name, (gids, readers) in self.told.items()
+                for name, (gids, readers) in self.announced.items()
             }
         }
 

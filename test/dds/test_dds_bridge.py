@@ -116,8 +116,8 @@ def test_what_nodes_have_said_is_given_to_those_who_come_late_as_ros_2_does(othe
     node = bridge()
     node.log.info('it is done')
     other.ask('listen', topic='rt/rosout', kind='Log', latched=True)
-    said = [other.ask('take', topic='rt/rosout')['text'] for _ in range(2)]
-    assert "msg='it is done'" in said[1]
+    logs = [other.ask('take', topic='rt/rosout')['text'] for _ in range(2)]
+    assert "msg='it is done'" in logs[1]
 
 
 def test_what_nobody_reads_there_is_not_received_here(other: Other, bridge: Start, bus: InProcessBus) -> None:
@@ -138,12 +138,12 @@ def test_what_is_not_to_be_sent_is_not_shown(other: Other, bridge: Start, bus: I
 
 
 def test_a_robots_wrench_is_published_here_and_not_sent_back(other: Other, bridge: Start, bus: InProcessBus) -> None:
-    heard = bus.subscribe('/robot/wrench', 'geometry_msgs/msg/WrenchStamped', Qos('queue', 10))
+    subscription = bus.subscribe('/robot/wrench', 'geometry_msgs/msg/WrenchStamped', Qos('queue', 10))
     bridge('take:=[/robot/wrench@geometry_msgs/msg/WrenchStamped]')
     received = None
     for _ in range(100):  # what is not reliable gets lost until the bridge's reader knows of the writer as well
         assert other.ask('write', topic='rt/robot/wrench', x=0.0, z=-1.5)['readers'] == 1
-        if received := heard.get(0.2):
+        if received := subscription.get(0.2):
             break
     assert received is not None
     assert received.message.wrench.force.z == -1.5
@@ -174,7 +174,7 @@ def test_a_stuck_reader_keeps_nobody_waiting_and_gets_the_newest_afterwards(
         got = bytes.fromhex(other.ask('take', topic='rt/skin/image_raw')['data'])
 
 
-def test_a_bridge_that_is_told_to_end_leaves_the_graph(other: Other, tmp_path: Path) -> None:
+def test_a_bridge_that_is_reported_to_end_leaves_the_graph(other: Other, tmp_path: Path) -> None:
     words = [sys.executable, '-m', 'tactile_nodes.nodes.dds_bridge']
     program = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
     try:

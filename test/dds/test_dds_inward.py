@@ -40,7 +40,7 @@ def run_until(work: Work, holds: Callable[[], bool]) -> None:
 def test_bytes_that_are_no_such_message_are_counted_and_passed_on_to_nobody(
     participant: Any, bus: InProcessBus, work: Work
 ) -> None:
-    heard = bus.subscribe('/robot/wrench', WRENCH, Qos('queue', 10))
+    subscription = bus.subscribe('/robot/wrench', WRENCH, Qos('queue', 10))
     tested = Inward(participant, bus, '/dds_bridge', [Wish('/robot/wrench', WRENCH)], work.put)
     writer = participant.writer('/robot/wrench', WRENCH, Qos('queue', 10))
     good = messages.encode(types.WrenchStamped(header=types.Header(frame_id='wrist')))
@@ -49,14 +49,14 @@ def test_bytes_that_are_no_such_message_are_counted_and_passed_on_to_nobody(
     writer.write(good)
     run_until(work, lambda: tested.taken == 1)
     assert tested.malformed == 1
-    received = heard.take()
+    received = subscription.take()
     assert received is not None
     assert received.message.header.frame_id == 'wrist'
-    assert heard.take() is None
+    assert subscription.take() is None
 
 
 @pytest.mark.parametrize(('age_s', 'complains'), [(0.1, False), (-3.0, True)])
-def test_clocks_that_are_apart_are_told(
+def test_clocks_that_are_apart_are_reported(
     participant: Any, bus: InProcessBus, work: Work, age_s: float, complains: bool
 ) -> None:
     tested = Inward(participant, bus, '/dds_bridge', [Wish('/robot/wrench', WRENCH)], work.put)

@@ -68,11 +68,11 @@ def test_a_robot_that_is_switched_on_later_is_still_asked() -> None:
 
 
 @pytest.mark.parametrize(
-    ('wish', 'said', 'local'),
+    ('wish', 'value', 'local'),
     [('', 'SUBNET', False), ('', 'LOCALHOST', True), ('LOCALHOST', 'SUBNET', True), ('SUBNET', 'LOCALHOST', False)],
 )
-def test_ros_2s_own_variable_is_heeded_where_nothing_else_is_said(wish: str, said: str, local: bool) -> None:
-    assert Discovery.chosen(wish, (), {'ROS_AUTOMATIC_DISCOVERY_RANGE': said}).is_local is local
+def test_ros_2s_own_variable_is_heeded_where_nothing_else_is_reported(wish: str, value: str, local: bool) -> None:
+    assert Discovery.chosen(wish, (), {'ROS_AUTOMATIC_DISCOVERY_RANGE': value}).is_local is local
 
 
 def test_on_a_network_the_configuration_of_cyclone_is_left_to_its_user() -> None:

@@ -21,38 +21,38 @@ NO_RTPS = b'RTPS\2\1\1\2' + bytes(12) + b'\7\1\x1c\0' + bytes(4)
 DUMP = 'malformed packet received from vendor 1.2 length 28 state parse:HEARTBEAT <' + 400 * 'f'
 
 
-def test_lines_of_a_kind_are_told_at_once_and_then_in_one_line_a_minute_with_their_number() -> None:
-    said = Sayings()
-    said.take(DUMP)
-    (first,) = said.due(100.0)
+def test_lines_of_a_kind_are_reported_at_once_and_then_in_one_line_a_minute_with_their_number() -> None:
+    sayings = Sayings()
+    sayings.take(DUMP)
+    (first,) = sayings.due(100.0)
     assert first.startswith('Cyclone DDS says: malformed packet received from vendor 1.2')
     assert len(first) < 200
     for _ in range(10_000):
-        said.take(DUMP)
-    assert said.due(159.9) == []
-    (second,) = said.due(160.0)
+        sayings.take(DUMP)
+    assert sayings.due(159.9) == []
+    (second,) = sayings.due(160.0)
     assert second.endswith('(and 9999 more like it)')
-    assert said.due(1000.0) == []
-    assert said.malformed == 10_001
+    assert sayings.due(1000.0) == []
+    assert sayings.malformed == 10_001
 
 
 def test_lines_of_another_kind_are_not_kept_back() -> None:
-    said = Sayings()
-    said.take(DUMP)
-    said.due(0.0)
-    said.take(DUMP)
-    said.take('sendmsg failed: Network is unreachable')
-    assert said.due(1.0) == ['Cyclone DDS says: sendmsg failed: Network is unreachable']
+    sayings = Sayings()
+    sayings.take(DUMP)
+    sayings.due(0.0)
+    sayings.take(DUMP)
+    sayings.take('sendmsg failed: Network is unreachable')
+    assert sayings.due(1.0) == ['Cyclone DDS says: sendmsg failed: Network is unreachable']
 
 
-def test_kinds_that_a_sender_makes_up_are_told_as_one() -> None:
-    said = Sayings()
+def test_kinds_that_a_sender_makes_up_are_reported_as_one() -> None:
+    sayings = Sayings()
     for number in range(1000):
-        said.take(f'{number} lies')
-    assert len(said.due(0.0)) == 21
+        sayings.take(f'{number} lies')
+    assert len(sayings.due(0.0)) == 21
 
 
-def test_packets_that_are_no_rtps_are_counted_and_told_in_one_line(
+def test_packets_that_are_no_rtps_are_counted_and_reported_in_one_line(
     bridge: Callable[..., DdsBridgeNode], bus: InProcessBus, capfd: pytest.CaptureFixture[str]
 ) -> None:
     reports = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 100))
@@ -66,12 +66,12 @@ def test_packets_that_are_no_rtps_are_counted_and_told_in_one_line(
     counted = 0
     while counted < 100:
         report = reports.get(30.0)
-        assert report is not None, 'the bridge never told of them'
+        assert report is not None, 'the bridge never reported them'
         values = {entry.key: entry.value for status in report.message.status for entry in status.values}
         counted = int(values.get('malformed_packets', 0))
-    told = [line for line in capfd.readouterr().err.splitlines() if 'malformed packet' in line]
-    assert len(told) == 1
-    assert '[dds_bridge]: Cyclone DDS says: malformed packet received from vendor 1.2 length 28' in told[0]
+    lines = [line for line in capfd.readouterr().err.splitlines() if 'malformed packet' in line]
+    assert len(lines) == 1
+    assert '[dds_bridge]: Cyclone DDS says: malformed packet received from vendor 1.2 length 28' in lines[0]
 
 
 def _datagram_ends() -> list[Any]:
