@@ -66,22 +66,22 @@ class Layout:
     left_out: dict[str, str] = field(default_factory=dict)
     empty: dict[str, Getter] = field(default_factory=dict)
     constant: dict[str, tuple[Getter, list[str]]] = field(default_factory=dict)
-    told: set[str] = field(default_factory=set)
+    filled: set[str] = field(default_factory=set)
 
     @classmethod
     def of(cls, topic: str, type_name: str, first: Any, sensors: Sequence[str] = ()) -> Layout:
         """The layout for a topic, from its first message; `sensors` are those in a hand's wrench."""
-        made = cls(topic, type_name)
-        made._add_all(first, '', lambda message: message)
+        layout = cls(topic, type_name)
+        layout._add_all(first, '', lambda message: message)
         if type_name in _MAPS:
-            made._shape_maps(first)
+            layout._shape_maps(first)
         if type_name == FORCE_DISTRIBUTION.type_name:
-            made._add_contacts(first)
+            layout._add_contacts(first)
         if type_name == IMAGE_TYPE:
-            made._add_image(first)
+            layout._add_image(first)
         for sensor in sensors:
-            made._add_sensor(sensor)
-        return made
+            layout._add_sensor(sensor)
+        return layout
 
     @property
     def is_force(self) -> bool:
@@ -162,12 +162,12 @@ class Layout:
         return name in _MAPS.get(self.type_name, ())
 
     def _shape_maps(self, first: Any) -> None:
-        """Give the maps the shape rows by columns; `told` are those that are not empty in the first message."""
+        """Give the maps the shape rows by columns; `filled` are those that are not empty in the first message."""
         grid = (int(first.rows), int(first.cols))
         for number, column in enumerate(self.columns):
             if self._has_map(column.name):
                 self.columns[number] = dataclasses.replace(column, dtype='float32', shape=grid)
-                self.told |= {column.name} if len(getattr(first, column.name)) else set()
+                self.filled |= {column.name} if len(getattr(first, column.name)) else set()
 
     def _add_contacts(self, first: Any) -> None:
         """Add the number of contacts, and the strongest one."""

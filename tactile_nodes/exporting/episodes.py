@@ -69,8 +69,8 @@ def find_episodes(source: Source, cut: str, start: Start) -> list[Episode]:
 
 
 def _require_no_gap(source: Source, stamps: list[int], start_ns: int, end_ns: int) -> None:
-    known = (each for each in stamps if start_ns <= each <= end_ns)
-    gap_ns = max((after - before for before, after in pairwise([start_ns, *known])), default=0)
+    within = (each for each in stamps if start_ns <= each <= end_ns)
+    gap_ns = max((after - before for before, after in pairwise([start_ns, *within])), default=0)
     if gap_ns > LONGEST_GAP_NS:
         raise BagError(
             f'the stamps of the forces in {source.bag.path} jump by {gap_ns / NS_PER_S / 86_400:.0f} days, as when a '
@@ -102,12 +102,12 @@ def _cut(stamps: list[int], start_ns: int, end_ns: int, presses: list[Any]) -> l
         until_ns = min(end_ns, stamp_ns(press.window_end))
         first, past = bisect_right(stamps, after_ns), bisect_right(stamps, until_ns)
         if first < past:
-            found.append(Episode(stamps[first], stamps[past - 1], _told(press)))
+            found.append(Episode(stamps[first], stamps[past - 1], _details(press)))
         after_ns = max(after_ns, until_ns)
     return found
 
 
-def _told(press: Any) -> dict[str, Any]:
+def _details(press: Any) -> dict[str, Any]:
     return {
         'press': int(press.press),
         'attempt': int(press.attempt),
@@ -120,11 +120,11 @@ def _told(press: Any) -> dict[str, Any]:
 def _presses(source: Source) -> list[Any]:
     """The last message of each attempt, sorted by window; an attempt marked suspect later keeps its earlier window."""
     topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
-    told = [source.bag.decode(message) for message in source.bag.messages(topics)] if topics else []
-    if not told:
+    presses = [source.bag.decode(message) for message in source.bag.messages(topics)] if topics else []
+    if not presses:
         raise BagError(f'{source.bag.path} holds no presses, so it cannot be cut at presses; leave out --cut')
     last: dict[Any, Any] = {}
-    for press in told:
+    for press in presses:
         key = press.plan_id, press.press, press.attempt
         if press.status != types.Press.STATUS_SUSPECT:
             last[key] = press

@@ -104,12 +104,12 @@ def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') ->
     found: list[Feature] = []
     for layout in layouts:
         key = {state: 'observation.state', action: 'action'}.get(layout.topic) or _key(layout)
-        made = _features_of_one(layout, key)
-        if layout.topic in (state, action) and (layout.is_force or not made or made[0].is_image):
+        features = _features_of_one(layout, key)
+        if layout.topic in (state, action) and (layout.is_force or not features or features[0].is_image):
             raise ConfigurationError(
                 f'{layout.topic} is not a vector of numbers, so it cannot be {key}; use another topic'
             )
-        found += made
+        found += features
     return found
 
 
@@ -123,17 +123,17 @@ def png(pixels: np.ndarray) -> bytes:
 
 def _features_of_one(layout: Layout, key: str) -> list[Feature]:
     if layout.type_name == IMAGE_TYPE:
-        made = [_picture(layout, key)]
+        features = [_picture(layout, key)]
     elif layout.is_force:
-        made = _forces(layout, key)
+        features = _forces(layout, key)
     elif layout.is_field:
-        made = _field(layout, key)
+        features = _field(layout, key)
     else:
-        made = _numbers(layout, key)
+        features = _numbers(layout, key)
     # Not named as an observation or action, or policies would use the age as one.
     about = f'{key}.force' if layout.is_force else key
     age = f'age_s.{about.removeprefix("observation.")}'
-    return [*made, Feature(age, layout.topic, 'float32', ('age',), units=('s',))] if made else []
+    return [*features, Feature(age, layout.topic, 'float32', ('age',), units=('s',))] if features else []
 
 
 def _key(layout: Layout) -> str:
@@ -145,18 +145,18 @@ def _key(layout: Layout) -> str:
 
 
 def _forces(layout: Layout, key: str) -> list[Feature]:
-    made = [_map(layout, f'{key}.force_map', [_MAP])]
+    features = [_map(layout, f'{key}.force_map', [_MAP])]
     wanted = list(_FORCE)
-    if layout.told.issuperset(_SHEAR_MAPS):
-        made.append(_map(layout, f'{key}.shear_map', _SHEAR_MAPS))
+    if layout.filled.issuperset(_SHEAR_MAPS):
+        features.append(_map(layout, f'{key}.shear_map', _SHEAR_MAPS))
         wanted += _SHEAR
     at = _places(layout)
     for name, dtype, parts in wanted:
         if all(each in at for each in parts):  # bags of older releases have fewer fields
             units = tuple(layout.columns[at[each]].unit for each in parts)
             places = tuple(at[each] for each in parts)
-            made.append(Feature(f'{key}.{name}', layout.topic, dtype, tuple(parts), places, (len(parts),), units))
-    return made
+            features.append(Feature(f'{key}.{name}', layout.topic, dtype, tuple(parts), places, (len(parts),), units))
+    return features
 
 
 def _field(layout: Layout, key: str) -> list[Feature]:

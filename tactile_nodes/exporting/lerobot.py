@@ -73,14 +73,14 @@ def export_lerobot(
             over(source, start)
     if not meta.frames:
         raise DatasetError(f'there is no frame in {", ".join(map(str, bags))}; nothing was exported')
-    whole = {
+    all_facts = {
         **facts,
         'resampling': f'{plan.pick} message by its stamp, its age in age_s.* [s]; none: NaN',
         'units': {feature.key: _units(feature) for feature in meta.features if any(feature.units)},
         'bags': sources,
     }
-    meta.close(whole)
-    write_json(folder / FACTS, whole)
+    meta.close(all_facts)
+    write_json(folder / FACTS, all_facts)
     return meta
 
 
@@ -112,9 +112,9 @@ def _frames(source: Source, episodes: list[Episode], plan: Plan) -> Iterator[tup
     resampler = Resampler(list(source.layouts), episodes, plan.fps, plan.pick)
     horizon = source.horizon(min((each.start_ns for each in episodes), default=0))
     count = 0
-    for count, told in enumerate(source.told(), 1):
-        row = source.layouts[told.topic].row(told.message)
-        for frame in resampler.take(told.topic, told.stamp_ns, horizon.at(told.received_ns), row):
+    for count, stamped in enumerate(source.messages(), 1):
+        row = source.layouts[stamped.topic].row(stamped.message)
+        for frame in resampler.take(stamped.topic, stamped.stamp_ns, horizon.at(stamped.received_ns), row):
             yield count, frame
         yield count, None
     for frame in resampler.finish():
@@ -142,8 +142,8 @@ class _Writing:
     def finish(self) -> None:
         """Close the file of the current episode."""
         if self._open is not None:
-            told = {'bag': self._source.bag.path.resolve().name, **self._episodes[self._number].told}
-            self._meta.close_episode(self._open, told, {**self._facts, **self._source.facts()})
+            details = {'bag': self._source.bag.path.resolve().name, **self._episodes[self._number].details}
+            self._meta.close_episode(self._open, details, {**self._facts, **self._source.facts()})
             self._open = None
 
 

@@ -118,10 +118,10 @@ class Meta:
             self.folder / DATA_PATH.format(**_place(number)), self.features, self.fps, number, self.frames
         )
 
-    def close_episode(self, file: EpisodeFile, told: dict[str, Any], facts: dict[str, Any]) -> None:
+    def close_episode(self, file: EpisodeFile, details: dict[str, Any], facts: dict[str, Any]) -> None:
         """Add a finished episode to the description."""
         file.close(facts)
-        found = {key: statistics.told() for key, statistics in file.statistics.items()}
+        found = {key: statistics.summary() for key, statistics in file.statistics.items()}
         for key, each in found.items():
             self._statistics.setdefault(key, []).append(each)
         place = _place(file.number)
@@ -135,7 +135,7 @@ class Meta:
             'dataset_to_index': self.frames + file.frames,
             'meta/episodes/chunk_index': 0,
             'meta/episodes/file_index': 0,
-            **told,
+            **details,
             **{f'stats/{key}/{name}': value for key, each in found.items() if each for name, value in each.items()},
         })  # fmt: skip
         self.frames += file.frames

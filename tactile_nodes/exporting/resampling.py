@@ -71,11 +71,11 @@ class Track:
 
 @dataclass(frozen=True)
 class Episode:
-    """A part of a bag, both ends included [ns]; `told` describes it."""
+    """A part of a bag, both ends included [ns]; `details` describes it."""
 
     start_ns: int
     end_ns: int
-    told: dict[str, Any] = field(default_factory=dict)
+    details: dict[str, Any] = field(default_factory=dict)
 
     def frames_ns(self, fps: int) -> Iterator[int]:
         """The times of its frames; the first is its start."""
@@ -159,7 +159,7 @@ class Statistics:
         self._low = np.minimum(self._low, np.where(finite, values, np.inf).min(axis=0))
         self._high = np.maximum(self._high, np.where(finite, values, -np.inf).max(axis=0))
 
-    def told(self) -> dict[str, Any] | None:
+    def summary(self) -> dict[str, Any] | None:
         """The statistics under LeRobot's names; None if a component was never a number."""
         if not self._count.all():
             return None

@@ -41,7 +41,7 @@ _FORCES = (FORCE_DISTRIBUTION.type_name, FORCE_FIELD.type_name)
 
 
 @dataclass(frozen=True)
-class Told:
+class StampedMessage:
     """One message: `stamp_ns` from its header (capture), or when it was published if it has none."""
 
     topic: str
@@ -60,15 +60,15 @@ class Provenance:
     made_with: dict[str, set[str]] = field(default_factory=dict)
     frames: dict[str, set[str]] = field(default_factory=dict)
 
-    def take(self, told: Told, is_force: bool) -> None:
+    def take(self, stamped: StampedMessage, is_force: bool) -> None:
         """Count one message."""
-        self.rows[told.topic] += 1
-        header = getattr(told.message, 'header', None)
-        self.frames.setdefault(told.topic, set()).add(getattr(header, 'frame_id', ''))
+        self.rows[stamped.topic] += 1
+        header = getattr(stamped.message, 'header', None)
+        self.frames.setdefault(stamped.topic, set()).add(getattr(header, 'frame_id', ''))
         if is_force:
-            self.status[int(told.message.status)] += 1
+            self.status[int(stamped.message.status)] += 1
             for name in ('model', 'model_id', 'calibration_id', 'gel', 'reference_id', 'tare_id'):
-                found = getattr(told.message.provenance, name, '')
+                found = getattr(stamped.message.provenance, name, '')
                 self.made_with.setdefault(name, set()).update({found} if found else ())
 
 
@@ -141,7 +141,7 @@ class Source:
                 stamps_ns.append(stamp_ns)
         return Horizon(np.array(received_ns, np.int64), np.array(stamps_ns, np.int64))
 
-    def told(self) -> Iterator[Told]:
+    def messages(self) -> Iterator[StampedMessage]:
         """Every readable message of the exported topics, in the order received."""
         self.provenance, self._digest = Provenance(), hashlib.sha256()
         for message in self.bag.messages(self.layouts):
@@ -151,24 +151,24 @@ class Source:
                 self.provenance.malformed[message.topic] += 1
                 continue
             self._digest.update(message.topic.encode() + b'\0' + message.data)
-            found = Told(message.topic, _stamp_ns(message), message.log_ns, decoded)
+            found = StampedMessage(message.topic, _stamp_ns(message), message.log_ns, decoded)
             self.provenance.take(found, self.layouts[message.topic].is_force)
             yield found
 
     def facts(self) -> dict[str, Any]:
         """The facts about the messages read; complete once all were read."""
-        seen = self.provenance
+        provenance = self.provenance
         return {
             'made_by': f'tactile_nodes {__version__}',
             'bag': self.bag.path.resolve().name,
             'data_fingerprint': self._digest.hexdigest()[:12],
             'signs': SIGNS,
             'status': STATUS,
-            'force_messages_of_status': {str(status): count for status, count in sorted(seen.status.items())},
-            **{name: sorted(found) for name, found in seen.made_with.items()},
+            'force_messages_of_status': {str(status): count for status, count in sorted(provenance.status.items())},
+            **{name: sorted(found) for name, found in provenance.made_with.items()},
             'topics': {topic: self._topic_facts(layout) for topic, layout in self.layouts.items()},
             'topics_left_out': self.left_out,
-            'malformed_messages': dict(seen.malformed),
+            'malformed_messages': dict(provenance.malformed),
             'problems': self.bag.problems,
         }
 

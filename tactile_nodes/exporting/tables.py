@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_nodes.errors import TactileError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, TEXT, Column, Layout
-from tactile_nodes.exporting.source import Source, Told
+from tactile_nodes.exporting.source import Source, StampedMessage
 from tactile_nodes.learning.progress import Bar, Progress
 
 BATCH_ROWS = 4096
@@ -45,9 +45,9 @@ class Table:
     def columns(self) -> list[Column]:
         return [*STAMPS, *self.layout.columns]
 
-    def take(self, told: Told) -> None:
+    def take(self, stamped: StampedMessage) -> None:
         """Add a row; a full batch is written."""
-        self.waiting.append([told.stamp_ns, told.received_ns, *self.layout.row(told.message)])
+        self.waiting.append([stamped.stamp_ns, stamped.received_ns, *self.layout.row(stamped.message)])
         if len(self.waiting) >= (IMAGE_ROWS if self.layout.type_name == IMAGE_TYPE else BATCH_ROWS):
             self.flush()
 
@@ -87,9 +87,9 @@ def write_tables(source: Source, open_sink: Callable[[Layout], Sink], facts: dic
 
 def _read_all(source: Source, tables: dict[str, Table], bar: Bar) -> int:
     rows = 0
-    for told in source.told():
+    for stamped in source.messages():
         try:
-            tables[told.topic].take(told)
+            tables[stamped.topic].take(stamped)
         except TactileError as error:
             raise type(error)(f'{source.bag.path}: {error}') from error
         rows += 1

@@ -30,8 +30,8 @@ class ZarrSink:
         for name, array in self._arrays.items():
             values = batch[name]
             if name in self._labels:
-                known = self._labels[name]
-                values = np.array([known.setdefault(text, len(known)) for text in values], np.int32)
+                labels = self._labels[name]
+                values = np.array([labels.setdefault(text, len(labels)) for text in values], np.int32)
             array.append(values)
 
     def close(self, facts: dict[str, Any]) -> None:
@@ -42,7 +42,7 @@ class ZarrSink:
 
     def _create(self, column: Column, rows: int) -> Any:
         dtype = 'int32' if column.dtype == TEXT else column.dtype
-        made = self._group.create_array(
+        array = self._group.create_array(
             column.name,
             shape=(0, *column.shape),
             chunks=(rows, *column.shape),
@@ -54,10 +54,10 @@ class ZarrSink:
             config={'write_empty_chunks': True},
         )
         # The names of the axes, where xarray expects them.
-        made.attrs['_ARRAY_DIMENSIONS'] = ['message', *(f'{column.name}_{axis}' for axis in range(len(column.shape)))]
+        array.attrs['_ARRAY_DIMENSIONS'] = ['message', *(f'{column.name}_{axis}' for axis in range(len(column.shape)))]
         if column.unit:
-            made.attrs['unit'] = column.unit
-        return made
+            array.attrs['unit'] = column.unit
+        return array
 
 
 def export_zarr(source: Source, folder: Path, facts: dict[str, Any], progress: Progress) -> int:
@@ -75,7 +75,7 @@ def export_zarr(source: Source, folder: Path, facts: dict[str, Any], progress: P
         return ZarrSink(root.require_group(layout.topic.strip('/')), [*STAMPS, *layout.columns], rows)
 
     rows = write_tables(source, open_sink, facts, progress)
-    whole = {**facts, **source.facts()}
-    root.attrs.update(whole)
-    write_json(folder / FACTS, whole)
+    all_facts = {**facts, **source.facts()}
+    root.attrs.update(all_facts)
+    write_json(folder / FACTS, all_facts)
     return rows

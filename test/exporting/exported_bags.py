@@ -86,8 +86,8 @@ def write_presses(folder: Path, suspect: int = 0) -> None:
     if suspect:
         entry = Entry(suspect, 1, RECORDED, 0)
         last_ns = START_NS + 60 * STEP_NS
-        told = suspect_message(entry, 'a1b2c3d4e5f6', 'the anchor lies beside', last_ns, 'gel_surface')
-        _write(writer, f'/{PRESS.name}', told, 0)
+        message = suspect_message(entry, 'a1b2c3d4e5f6', 'the anchor lies beside', last_ns, 'gel_surface')
+        _write(writer, f'/{PRESS.name}', message, 0)
     writer.close()
 
 

@@ -93,7 +93,7 @@ def test_a_force_field_is_drawn_as_a_smooth_map_with_arrows_and_outlines(tmp_pat
     assert axes.get_title() == '2.000 N, shear 0.600 N at 0.00 s'
 
 
-def test_a_bag_of_before_shear_was_told_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bag_of_before_shear_was_reported_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ['bag_to_figure.py', str(EXAMPLES / 'press_bag'), '-o', str(tmp_path / 'press.png')]
     monkeypatch.setattr(sys, 'argv', words)
     assert example('bag_to_figure').main() == 0

@@ -45,14 +45,16 @@ def test_a_folder_of_somebody_else_is_never_replaced(bag: Path, capsys: pytest.C
 
 
 @pytest.mark.parametrize('kind', ['parquet', 'lerobot'])
-def test_what_a_bag_lost_and_what_is_left_out_is_said(kind: str, bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_lost_and_what_is_left_out_is_reported(
+    kind: str, bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     cut = bag.parent / 'cut.mcap'
     (whole,) = bag.glob('*.mcap')
     cut.write_bytes(whole.read_bytes()[:-1000])  # what follows the messages, and no more
     assert main(['export', kind, str(cut), '-o', str(bag.parent / 'out')]) == 0
-    said = capsys.readouterr()
-    assert f'Warning: {cut} is cut off' in said.err
-    assert 'left out: /image_raw (images; add them with --images)' in said.out
+    printed = capsys.readouterr()
+    assert f'Warning: {cut} is cut off' in printed.err
+    assert 'left out: /image_raw (images; add them with --images)' in printed.out
 
 
 def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,5 +123,5 @@ def test_a_picture_of_no_size_is_left_out_with_its_reason(tmp_path: Path) -> Non
     writer.write('/f', messages.encode(force(1, START_NS)), START_NS + 1, START_NS)
     writer.close()
     assert main(['export', 'zarr', str(tmp_path / 'bag'), '-o', str(tmp_path / 'out'), '--images']) == 0
-    told = json.loads((tmp_path / 'out' / 'tactile.json').read_text())
-    assert told['topics_left_out'] == {'/picture': 'empty in every message'}
+    description = json.loads((tmp_path / 'out' / 'tactile.json').read_text())
+    assert description['topics_left_out'] == {'/picture': 'empty in every message'}

@@ -108,9 +108,9 @@ def write_pictures(folder: Path, first: dict[str, int]) -> Path:
     for number in range(13):
         stamp_ns = START_NS + number * STEP_NS
         for finger, begin in first.items():
-            told = messages.encode(force(number, stamp_ns))
+            message = messages.encode(force(number, stamp_ns))
             if number < 12:
-                writer.write(f'/{finger}/{FORCE_DISTRIBUTION.name}', told, stamp_ns, stamp_ns)
+                writer.write(f'/{finger}/{FORCE_DISTRIBUTION.name}', message, stamp_ns, stamp_ns)
             if number >= begin:
                 seen = messages.encode(image_message(picture(number), header(stamp_ns, finger)))
                 writer.write(f'/{finger}/{IMAGE.name}', seen, stamp_ns, stamp_ns)

@@ -1,4 +1,4 @@
-"""Shear, torsion and fine maps in exports, and bags of before they were told."""
+"""Shear, torsion and fine maps in exports, and bags of before they were published."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EARLIER = Path(__file__).parents[2] / 'examples/press_bag'
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An invalid frame, which tells no maps, and three of a ring with its field."""
+    """An invalid frame, which holds no maps, and three of a ring with its field."""
     folder = tmp_path_factory.mktemp('bags') / 'ring'
     writer = BagWriter(folder)
     for topic in (FORCE_DISTRIBUTION, FORCE_FIELD):
@@ -54,7 +54,7 @@ def parquet(bag: Path) -> Path:
     return output
 
 
-def test_shear_stands_on_each_bin_and_is_nan_where_it_was_not_told(parquet: Path) -> None:
+def test_shear_stands_on_each_bin_and_is_nan_where_it_was_not_reported(parquet: Path) -> None:
     file = parquet / 'force_distribution.parquet'
     along_x = pq.read_table(file)['shear_force_x'].combine_chunks().flatten().to_numpy().reshape(-1, 81)
     assert np.isnan(along_x[0]).all()
@@ -84,7 +84,7 @@ def test_a_field_has_a_table_of_its_own_in_pascals(parquet: Path) -> None:
 def lerobot(bag: Path, output: Path) -> dict[str, list[int]]:
     assert main(['export', 'lerobot', str(bag), '-o', str(output), '--fps', '30']) == 0
     features = json.loads((output / 'meta' / 'info.json').read_text())['features']
-    return {name: told['shape'] for name, told in features.items() if name.startswith('observation.')}
+    return {name: feature['shape'] for name, feature in features.items() if name.startswith('observation.')}
 
 
 def test_frames_for_learning_hold_shear_maps_and_the_field(bag: Path, tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_frames_for_learning_hold_shear_maps_and_the_field(bag: Path, tmp_path: 
     assert found['observation.force_field.shear'] == [2 * CELLS * CELLS]
 
 
-def test_a_bag_of_before_shear_was_told_is_exported_with_nan_and_no_features_of_it(tmp_path: Path) -> None:
+def test_a_bag_of_before_shear_was_reported_is_exported_with_nan_and_no_features_of_it(tmp_path: Path) -> None:
     assert main(['export', 'parquet', str(EARLIER), '-o', str(tmp_path / 'tables')]) == 0
     table = pq.read_table(tmp_path / 'tables' / 'force_distribution.parquet')
     assert np.isnan(table['strongest.shear_x'].to_numpy()).all()

@@ -135,12 +135,12 @@ def test_the_task_is_the_index_of_a_pandas_table(folder: Path) -> None:
 
 
 def test_statistics_are_those_of_all_frames_together(folder: Path) -> None:
-    told = json.loads((folder / 'meta/stats.json').read_text())['observation.total_force']
+    force = json.loads((folder / 'meta/stats.json').read_text())['observation.total_force']
     files = sorted((folder / 'data').glob('*/*.parquet'))
     values = np.concatenate([pq.read_table(file)['observation.total_force'].to_numpy() for file in files])
-    assert (told['count'], told['min'], told['max']) == ([15], [values.min()], [values.max()])
-    assert told['mean'] == [pytest.approx(values.mean(dtype=np.float64), rel=1e-6)]
-    assert told['std'] == [pytest.approx(values.std(dtype=np.float64), rel=1e-6)]
+    assert (force['count'], force['min'], force['max']) == ([15], [values.min()], [values.max()])
+    assert force['mean'] == [pytest.approx(values.mean(dtype=np.float64), rel=1e-6)]
+    assert force['std'] == [pytest.approx(values.std(dtype=np.float64), rel=1e-6)]
 
 
 def test_the_metadata_say_model_gel_units_and_how_it_was_resampled(folder: Path) -> None:
@@ -254,15 +254,15 @@ def test_statistics_count_only_numbers() -> None:
     statistics = Statistics((1,))
     for value in (float('nan'), 1e9, 1e9 + 2):
         statistics.take([value])
-    told = statistics.told()
-    assert told is not None
-    assert (told['mean'], told['std'], told['min'], told['max']) == ([1e9 + 1], [1.0], [1e9], [1e9 + 2])
+    summary = statistics.summary()
+    assert summary is not None
+    assert (summary['mean'], summary['std'], summary['min'], summary['max']) == ([1e9 + 1], [1.0], [1e9], [1e9 + 2])
 
 
 def test_a_feature_that_never_was_a_number_has_no_statistics() -> None:
     statistics = Statistics((2,))
     statistics.take([1.0, float('nan')])
-    assert statistics.told() is None
+    assert statistics.summary() is None
 
 
 def test_each_sensor_has_its_namespace_in_front_and_frames_are_where_both_speak(tmp_path: Path) -> None:

@@ -81,8 +81,8 @@ def test_invalid_messages_are_kept_with_their_reasons(parquet: Path) -> None:
 
 def test_wrenches_and_joints_have_tables_and_stamps_of_their_own(parquet: Path) -> None:
     wrench = pq.read_table(parquet / 'wrench.parquet')
-    told = [wrench_message(each).wrench.force.z for each in FORCES]  # NaN where the force is invalid
-    np.testing.assert_array_equal(wrench['wrench.force.z'].to_pylist(), told)
+    expected = [wrench_message(each).wrench.force.z for each in FORCES]  # NaN where the force is invalid
+    np.testing.assert_array_equal(wrench['wrench.force.z'].to_pylist(), expected)
     joints = pq.read_table(parquet / 'joint_states.parquet')
     assert joints['stamp_ns'][0].as_py() == START_NS + 3 * STEP_NS - 1_000_000
     assert joints['position'].to_pylist() == [[number / 3, 0.1] for number in range(3, 30, 3)]
