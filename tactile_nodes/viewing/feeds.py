@@ -27,8 +27,8 @@ class Feeds:
     def add(self, topic: Topic, take: Take, keep: int = QUEUE) -> None:
         """Call `take` with the messages of `topic`; of those between two polls, the last `keep`."""
         qos = Qos('queue', keep)
-        made = self._bus.subscribe(self._resolve(topic.name), topic.type_name, qos, self._node)
-        self._feeds.append((made, take))
+        subscription = self._bus.subscribe(self._resolve(topic.name), topic.type_name, qos, self._node)
+        self._feeds.append((subscription, take))
 
     def drain(self) -> None:
         """Hand over all messages that have arrived."""

@@ -126,12 +126,17 @@ def _field(name: str, offset: int) -> types.PointField:
     return types.PointField(name=name, offset=offset, datatype=types.PointField.FLOAT32, count=1)
 
 
-def _picture(told: types.ForceDistribution | types.ForceField, values: Float32[np.ndarray, ' cells']) -> types.Image:
+def _picture(message: types.ForceDistribution | types.ForceField, values: Float32[np.ndarray, ' cells']) -> types.Image:
     """A picture with one pixel per cell."""
-    size = told.rows * told.cols
-    shown = values if is_usable(told) and values.size == size else np.full(size, np.nan, np.float32)
+    size = message.rows * message.cols
+    shown = values if is_usable(message) and values.size == size else np.full(size, np.nan, np.float32)
     return types.Image(
-        header=told.header, height=told.rows, width=told.cols, encoding='32FC1', step=4 * told.cols, data=_bytes(shown)
+        header=message.header,
+        height=message.rows,
+        width=message.cols,
+        encoding='32FC1',
+        step=4 * message.cols,
+        data=_bytes(shown),
     )
 
 
@@ -161,7 +166,7 @@ def _outline(force: types.ForceDistribution, number: int) -> types.Marker:
     return _marker(force, 'outlines', number, type=LINE_STRIP, points=points, scale=types.Vector3(x=LINE_M))
 
 
-def _marker(force: types.ForceDistribution, group: str, number: int, **what: Any) -> types.Marker:
+def _marker(force: types.ForceDistribution, group: str, number: int, **fields: Any) -> types.Marker:
     degraded = force.status == types.ForceDistribution.STATUS_DEGRADED
     return types.Marker(
         header=force.header,
@@ -169,5 +174,5 @@ def _marker(force: types.ForceDistribution, group: str, number: int, **what: Any
         id=number,
         pose=types.Pose(orientation=types.Quaternion(w=1.0)),
         color=DEGRADED_COLOUR if degraded else OK_COLOUR,
-        **what,
+        **fields,
     )

@@ -32,8 +32,8 @@ def stage_times(stages: Any, end_to_end_s: float) -> tuple[float, ...]:
     nodes, including the last one to the view.
     """
     measured = (stages.acquire, stages.flow, stages.features, stages.predict)
-    known = sum(seconds for seconds in measured if not math.isnan(seconds))
-    return (*measured, end_to_end_s - known, end_to_end_s)
+    stages_s = sum(seconds for seconds in measured if not math.isnan(seconds))
+    return (*measured, end_to_end_s - stages_s, end_to_end_s)
 
 
 class Recent:
@@ -105,10 +105,10 @@ class Histogram:
 
     def _at(self, share: float) -> float:
         wanted = math.ceil(share * self.total)
-        seen = 0
+        counted = 0
         for place, number in enumerate(self._counts):
-            seen += number
-            if seen >= wanted:
+            counted += number
+            if counted >= wanted:
                 return 1e-6 * math.exp((place + 0.5) * self._WIDTH)
         return math.nan
 

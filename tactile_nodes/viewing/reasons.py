@@ -33,6 +33,6 @@ def sentences(reasons: int) -> list[str]:
     >>> sentences(types.ForceDistribution.REASON_STALE)
     ['The frame is older than it should be.']
     """
-    told = [text for bit, text in _SENTENCES.items() if reasons & bit]
+    texts = [text for bit, text in _SENTENCES.items() if reasons & bit]
     rest = reasons & ~sum(_SENTENCES)
-    return told + [f'{name.capitalize()}.' for name in reason_names(rest)]
+    return texts + [f'{name.capitalize()}.' for name in reason_names(rest)]

@@ -89,8 +89,8 @@ class ViewState:
         self.advice = 'start a sensor with: tactile launch live'
         self.sensors: dict[str, ViewState] = {}
         self._wrench: Any = None
-        self._health: dict[str, _Heard] = {}
-        self._logs: deque[_Said] = deque(maxlen=4)
+        self._health: dict[str, _NodeHealth] = {}
+        self._logs: deque[_LogLine] = deque(maxlen=4)
         self._start_ns = start_ns
         self.frames = self._invalid = 0
         self._force: Any = None
@@ -149,9 +149,9 @@ class ViewState:
         for status in received.message.status:
             node, _, part = status.name.partition(': ')
             if self._is_ours(node.replace('.', '/')):
-                heard = self._health.setdefault(f'/{node.lstrip("/")}', _Heard())
-                heard.time_ns = received.received_ns
-                heard.parts[part] = (_level(status.level), _printable(status.message))
+                node_health = self._health.setdefault(f'/{node.lstrip("/")}', _NodeHealth())
+                node_health.time_ns = received.received_ns
+                node_health.parts[part] = (_level(status.level), _printable(status.message))
 
     def add_log(self, received: Received) -> None:
         """Add a log message of a node; warnings and worse are kept."""
@@ -166,7 +166,7 @@ class ViewState:
         if self._logs and self._logs[-1].text == text:
             self._logs[-1].times += 1
         else:
-            self._logs.append(_Said(text))
+            self._logs.append(_LogLine(text))
 
     def force_within(self, now_ns: int, seconds: float) -> Any:
         """The last ForceDistribution if it arrived in the last `seconds`, else None; from any thread."""
@@ -212,8 +212,8 @@ class ViewState:
             malformed=self.malformed,
             invalid=self._invalid,
             scores=self._comparison.scores(),
-            health=tuple(heard.health(node, now_ns) for node, heard in sorted(self._health.items())),
-            logs=tuple(str(said) for said in self._logs),
+            health=tuple(node_health.health(node, now_ns) for node, node_health in sorted(self._health.items())),
+            logs=tuple(str(line) for line in self._logs),
             estimators=self.estimators,
             advice=self.advice,
             first_after_s=math.nan if self._first_ns is None else (self._first_ns - self._start_ns) / NS_PER_S,
@@ -238,7 +238,7 @@ class ViewState:
         return f'/{node.lstrip("/")}'.startswith(f'{self.namespace.rstrip("/")}/')
 
 
-class _Heard:
+class _NodeHealth:
     """What a node reported about each of its parts, and when."""
 
     def __init__(self) -> None:
@@ -251,7 +251,7 @@ class _Heard:
         return NodeHealth(node, level, '; '.join(texts), (now_ns - self.time_ns) / NS_PER_S)
 
 
-class _Said:
+class _LogLine:
     """A line of the log, and how often it was repeated in a row."""
 
     def __init__(self, text: str) -> None:
@@ -269,8 +269,8 @@ def reason_names(reasons: int) -> list[str]:
     ['dark image', 'stale']
     """
     prefix = 'REASON_'
-    known = {name: bit for name, bit in vars(types.ForceDistribution).items() if name.startswith(prefix)}
-    return [name.removeprefix(prefix).lower().replace('_', ' ') for name, bit in known.items() if reasons & bit]
+    bits = {name: bit for name, bit in vars(types.ForceDistribution).items() if name.startswith(prefix)}
+    return [name.removeprefix(prefix).lower().replace('_', ' ') for name, bit in bits.items() if reasons & bit]
 
 
 def complaint(shot: Snapshot) -> str:

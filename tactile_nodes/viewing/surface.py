@@ -48,8 +48,10 @@ def surface_of(field: Any) -> Surface | None:
     shape, size = (int(field.rows), int(field.cols)), int(field.rows * field.cols)
     if field.pressure.size != size or {field.shear_x.size, field.shear_y.size} - {0, size}:
         raise MessageError(f'a force field has {field.pressure.size} pressures, but a grid of {shape[0]} x {shape[1]}')
-    known = field.shear_x.size == field.shear_y.size == size
-    parts = [part.reshape(shape) if known else np.zeros(shape, np.float32) for part in (field.shear_x, field.shear_y)]
+    has_shear = field.shear_x.size == field.shear_y.size == size
+    parts = [
+        part.reshape(shape) if has_shear else np.zeros(shape, np.float32) for part in (field.shear_x, field.shear_y)
+    ]
     return Surface(
         pressure_kpa=field.pressure.reshape(shape) / np.float32(KILO),
         shear_kpa=np.stack(parts, axis=-1) / np.float32(KILO),
@@ -68,14 +70,14 @@ def over_half(surface: Surface, contacts: Sequence[Any]) -> Float32[np.ndarray, 
     if not placed:
         return np.zeros_like(pressure)
     x, y = surface.centres_mm
-    owner = np.argmin([_away_mm(each, x[None], y[:, None]) for each in placed], axis=0)
+    owner = np.argmin([_distance_mm(each, x[None], y[:, None]) for each in placed], axis=0)
     half = np.array([pressure[owner == number].max(initial=0.0) / 2 for number in range(len(placed))])
     lowest = np.finfo(np.float32).tiny
     shares: np.ndarray = (pressure / np.maximum(half, lowest)[owner]).astype(np.float32)
     return shares
 
 
-def _away_mm(contact: Any, x_mm: np.ndarray, y_mm: np.ndarray) -> Float[np.ndarray, 'rows cols']:
+def _distance_mm(contact: Any, x_mm: np.ndarray, y_mm: np.ndarray) -> Float[np.ndarray, 'rows cols']:
     """Distance from the rim of a bar with round ends (length, width and angle of the contact), or from its centre."""
     length, width, angle = (
         value if math.isfinite(value) else 0.0 for value in (contact.length * KILO, contact.width * KILO, contact.angle)
@@ -84,5 +86,5 @@ def _away_mm(contact: Any, x_mm: np.ndarray, y_mm: np.ndarray) -> Float[np.ndarr
     along = right * math.cos(angle) + down * math.sin(angle)
     across = down * math.cos(angle) - right * math.sin(angle)
     reach = max(length - width, 0.0) / 2
-    away: np.ndarray = np.hypot(along - np.clip(along, -reach, reach), across) - width / 2
-    return away
+    distance_mm: np.ndarray = np.hypot(along - np.clip(along, -reach, reach), across) - width / 2
+    return distance_mm

@@ -85,8 +85,8 @@ def test_the_arrow_lies_along_the_force_where_shear_is_known_and_an_ellipse_is_a
     contact = types.Contact(
         position=place, force=0.5, shear_x=0.1, shear_y=-0.2, length=0.010, width=0.004, angle=math.pi / 2
     )
-    told = FORCE(header=HEAD, rows=1, cols=1, contacts=[contact], in_contact=True)
-    _, arrow, outline = force_shapes.contact_markers(told).markers
+    force = FORCE(header=HEAD, rows=1, cols=1, contacts=[contact], in_contact=True)
+    _, arrow, outline = force_shapes.contact_markers(force).markers
     tail, tip = arrow.points
     assert (tip.x - tail.x, tip.y - tail.y, tip.z - tail.z) == pytest.approx((0.002, -0.004, -0.010))
     assert (outline.type, outline.ns) == (types.Marker.LINE_STRIP, 'outlines')
@@ -97,8 +97,8 @@ def test_the_arrow_lies_along_the_force_where_shear_is_known_and_an_ellipse_is_a
 
 def test_shear_and_size_that_are_not_known_are_not_drawn() -> None:
     unknown = types.Contact(force=0.5, **dict.fromkeys(('shear_x', 'shear_y', 'length', 'width', 'angle'), math.nan))
-    told = FORCE(header=HEAD, rows=1, cols=1, contacts=[unknown], in_contact=True)
-    _, arrow = force_shapes.contact_markers(told).markers
+    force = FORCE(header=HEAD, rows=1, cols=1, contacts=[unknown], in_contact=True)
+    _, arrow = force_shapes.contact_markers(force).markers
     assert (arrow.points[0].x, arrow.points[0].y) == (0.0, 0.0)
 
 

@@ -53,8 +53,8 @@ def cells(field: types.ForceField) -> Surface:
 
 
 def test_cells_are_in_kilopascals_and_millimetres() -> None:
-    told = ring(0)[1]
-    found = cells(told)
+    field = ring(0)[1]
+    found = cells(field)
     area_mm2 = found.cell_mm[0] * found.cell_mm[1]
     assert found.pressure_kpa.sum() * 1e-3 * area_mm2 == pytest.approx(2.0, rel=1e-5)
     assert found.shear_kpa.sum(axis=(0, 1)) * 1e-3 * area_mm2 == pytest.approx([0.6, 0.0], abs=1e-5)
@@ -63,8 +63,8 @@ def test_cells_are_in_kilopascals_and_millimetres() -> None:
 
 
 def test_the_outline_of_a_ring_is_a_line_inside_and_one_outside() -> None:
-    told_force, told = ring(0)
-    shares = over_half(cells(told), told_force.contacts)
+    force, field = ring(0)
+    shares = over_half(cells(field), force.contacts)
     middle = shares[round(PLACE_MM[1] + 17.5)]  # the row of cells through the centre
     assert np.count_nonzero(np.diff(middle > 1)) == 4
     inside = np.argwhere(shares > 1) + 0.5 - CELLS / 2
@@ -76,19 +76,19 @@ def test_the_outline_of_a_ring_is_a_line_inside_and_one_outside() -> None:
 def test_a_weak_contact_beside_a_strong_one_has_an_outline_of_its_own() -> None:
     pressure = np.zeros((10, 10), np.float32)
     pressure[2, 2], pressure[2, 3], pressure[7, 7], pressure[7, 8] = 100e3, 40e3, 10e3, 6e3
-    told = types.ForceField(rows=10, cols=10, cell_width=1e-3, cell_height=1e-3, pressure=pressure.reshape(-1))
+    field = types.ForceField(rows=10, cols=10, cell_width=1e-3, cell_height=1e-3, pressure=pressure.reshape(-1))
     contacts = [types.Contact(position=types.Point(x=at, y=at)) for at in (2.5e-3, 7.5e-3)]
-    shares = over_half(cells(told), contacts)
+    shares = over_half(cells(field), contacts)
     assert [shares[2, 2], shares[2, 3], shares[7, 7], shares[7, 8]] == pytest.approx([2.0, 0.8, 2.0, 1.2])
 
 
 def test_the_end_of_a_long_contact_belongs_to_it_though_another_centre_is_nearer() -> None:
     pressure = np.zeros((1, 20), np.float32)
     pressure[0, :15], pressure[0, 18] = 100.0, 10.0
-    told = types.ForceField(rows=1, cols=20, cell_width=1e-3, cell_height=1e-3, pressure=pressure.reshape(-1))
+    field = types.ForceField(rows=1, cols=20, cell_width=1e-3, cell_height=1e-3, pressure=pressure.reshape(-1))
     edge = types.Contact(position=types.Point(x=7.5e-3, y=0.5e-3), length=15e-3, width=1e-3)
     tip = types.Contact(position=types.Point(x=18.5e-3, y=0.5e-3), length=1e-3, width=1e-3)
-    shares = over_half(cells(told), [edge, tip])
+    shares = over_half(cells(field), [edge, tip])
     assert shares[0, [14, 18]] == pytest.approx([2.0, 2.0])
 
 

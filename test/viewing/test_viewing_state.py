@@ -232,7 +232,7 @@ def test_the_summary_is_of_the_whole_time() -> None:
     assert state.snapshot(60_000 * MS).frames == 601
 
 
-def test_the_worst_part_of_each_node_is_told() -> None:
+def test_the_worst_part_of_each_node_is_reported() -> None:
     state = ViewState()
     state.add_diagnostics(
         received(diagnostics(('camera: camera', 2, 'unplugged'), ('camera: picture', 0, 'ok'), ('flow: rest', 0, '')))
