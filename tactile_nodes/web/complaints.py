@@ -23,7 +23,7 @@ class Complaints(logging.Handler):
         self.logger.addHandler(self)
         self._say = say
         self._now_s = now_s
-        self._told = 0
+        self._reported = 0
         self._next_s = -float('inf')
         self._bugs: set[str] = set()
 
@@ -44,8 +44,8 @@ class Complaints(logging.Handler):
         now_s = self._now_s()
         if now_s < self._next_s:
             return
-        more = self.refused - self._told
-        self._told, self._next_s = self.refused, now_s + SAY_EVERY_S
+        more = self.refused - self._reported
+        self._reported, self._next_s = self.refused, now_s + SAY_EVERY_S
         self._say(f'requests refused: {more}, {self.refused} in total; last: {" ".join(reason.split())[:LONGEST]}')
 
     def _report(self, error: BaseException | None, text: str) -> None:

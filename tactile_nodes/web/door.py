@@ -72,9 +72,9 @@ class Door:
             transport.abort()
             return
         who = 'another machine or a program that has ended' if account is None else f'uid {account}'
-        made = _TurnedAway(_TEXT.format(owner=os.getuid(), who=who).encode())
-        self._turned_away.add(made)
-        _hand_over(transport, made)
+        turned_away = _TurnedAway(_TEXT.format(owner=os.getuid(), who=who).encode())
+        self._turned_away.add(turned_away)
+        _hand_over(transport, turned_away)
 
 
 class _Arriving(asyncio.Protocol):

@@ -33,10 +33,10 @@ class Packet:
     samples: bytes = b''
 
 
-def body(told: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
+def body(fields: Mapping[str, Any], sections: Mapping[str, bytes]) -> bytes:
     """JSON and sections as above; NaN and infinities become null."""
     lengths = [[name, len(data)] for name, data in sections.items()]
-    text = json.dumps(finite({**told, 'sections': lengths}), separators=(',', ':'), ensure_ascii=False).encode()
+    text = json.dumps(finite({**fields, 'sections': lengths}), separators=(',', ':'), ensure_ascii=False).encode()
     return b''.join((_LENGTH.pack(len(text)), text, *sections.values()))
 
 
@@ -64,9 +64,9 @@ def taken_apart(message: bytes) -> tuple[dict[str, Any], dict[str, bytes], list[
     """Decode a message as the page does: JSON, sections, samples. For clients other than the browser."""
     (length,) = _LENGTH.unpack_from(message)
     place = _LENGTH.size + length
-    told = json.loads(message[_LENGTH.size : place])
+    fields = json.loads(message[_LENGTH.size : place])
     sections = {}
-    for name, size in told.pop('sections'):
+    for name, size in fields.pop('sections'):
         sections[name] = message[place : place + size]
         place += size
-    return told, sections, list(_SAMPLE.iter_unpack(message[place:]))
+    return fields, sections, list(_SAMPLE.iter_unpack(message[place:]))

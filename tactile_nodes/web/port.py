@@ -10,8 +10,8 @@ from tactile_nodes.errors import AddressInUseError, BusError
 TRIES = 20
 
 
-def listen(address: str, port: int, what: str = 'the page', argument: str = 'page_port:=') -> socket.socket:
-    """A listening socket at `port`, or at the next free one; 0: any. `what` is named in error messages.
+def listen(address: str, port: int, purpose: str = 'the page', argument: str = 'page_port:=') -> socket.socket:
+    """A listening socket at `port`, or at the next free one; 0: any. `purpose` is named in error messages.
 
     Raises:
         AddressInUseError: twenty ports in a row are in use.
@@ -23,7 +23,7 @@ def listen(address: str, port: int, what: str = 'the page', argument: str = 'pag
         except OSError as error:
             if error.errno != errno.EADDRINUSE:
                 reason = error.strerror or error
-                raise BusError(f'cannot serve {what} on {address} port {wanted}: {reason}') from error
+                raise BusError(f'cannot serve {purpose} on {address} port {wanted}: {reason}') from error
     raise AddressInUseError(
         f'ports {port} to {port + TRIES - 1} of {address} are all in use; choose another with {argument}'
     )

@@ -19,15 +19,15 @@ class Recording:
     def __init__(self, namespace: str = '/') -> None:
         self._name = f'{namespace.strip("/")}/{RECORDER}: {_PART}'.lstrip('/')
         self._status: Any = None
-        self._heard_ns = 0
+        self._received_ns = 0
 
     def add_diagnostics(self, received: Received) -> None:
         for status in received.message.status:
             if status.name.lstrip('/') == self._name:
                 self._status = status
-                self._heard_ns = received.received_ns
+                self._received_ns = received.received_ns
 
-    def told(self, now_ns: int) -> dict[str, Any] | None:
+    def summary(self, now_ns: int) -> dict[str, Any] | None:
         """On or off, how much, and the recorder's message; None if there is no recorder.
 
         After a recording, `text` says where the bag is, what was lost on which topics, and what this means for its use.
@@ -36,7 +36,7 @@ class Recording:
         if self._status is None:
             return None
         values = {each.key: each.value for each in self._status.values}
-        silent_s, on = (now_ns - self._heard_ns) / NS_PER_S, 'seconds' in values
+        silent_s, on = (now_ns - self._received_ns) / NS_PER_S, 'seconds' in values
         lost_touch = on and silent_s > SILENT_AFTER_S
         return {
             'on': on and not lost_touch,

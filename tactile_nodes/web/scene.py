@@ -120,7 +120,7 @@ class Scene:
         shot = self._shown(now_ns)
         at_ns = self._instant_ns(shot)
         surface = self._surfaces.get(_stamp_ns(shot.force))
-        told = {
+        fields = {
             'age_s': round(shot.age_s, 3),
             'force': telling.force(shot.force),
             'surface': telling.surface(surface),
@@ -136,7 +136,7 @@ class Scene:
             'motion': self._arrows(at_ns),
             'image': self._jpeg(at_ns),
         }
-        return Packet(packet.body(told, sections), self.samples())
+        return Packet(packet.body(fields, sections), self.samples())
 
     def _shown(self, now_ns: int) -> Snapshot:
         """The snapshot to show; while the field of a force is on its way, the previous one, so that both match."""
@@ -180,17 +180,17 @@ class Scene:
             return b''
 
     def _slowly(self, now_ns: int) -> dict[str, Any]:
-        made_ns, told = self._slow
+        made_ns, fields = self._slow
         if now_ns - made_ns >= SLOW_EVERY_S * NS_PER_S:
-            told = {
+            fields = {
                 **telling.slowly(self.view.snapshot(now_ns)),
                 'calibration': telling.calibration(self._calibration),
-                'recording': self.recording.told(now_ns),
+                'recording': self.recording.summary(now_ns),
                 'controls': self.controls,
                 'host': self.host,
             }
-            self._slow = now_ns, told
-        return told
+            self._slow = now_ns, fields
+        return fields
 
 
 def _keep(place: OrderedDict[int, Any], at_ns: int, thing: Any) -> None:

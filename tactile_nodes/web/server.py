@@ -188,8 +188,8 @@ class PageServer:
 
     async def _hear(self, channel: web.WebSocketResponse, viewer: Viewer) -> None:
         """Any message of a page means that it has drawn a packet."""
-        async for said in channel:
-            if said.type in {WSMsgType.TEXT, WSMsgType.BINARY}:
+        async for message in channel:
+            if message.type in {WSMsgType.TEXT, WSMsgType.BINARY}:
                 viewer.acknowledge(monotonic_s())
                 self._news[viewer].set()
 

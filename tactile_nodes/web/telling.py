@@ -102,12 +102,12 @@ def hand(message: Any) -> dict[str, Any] | None:
     covariance = message.wrench_covariance
     pull, turn = message.wrench.force, message.wrench.torque
     first = message.margins[0] if message.margins else None
-    known = covariance[0] >= 0
+    has_covariance = covariance[0] >= 0
     return {
         'stamp_s': stamp_ns(message.header.stamp) / NS_PER_S,
         'frame': message.header.frame_id,
         'force_n': [pull.x, pull.y, pull.z],
-        'force_sigma_n': [math.sqrt(max(0.0, covariance[7 * axis])) for axis in range(3)] if known else None,
+        'force_sigma_n': [math.sqrt(max(0.0, covariance[7 * axis])) for axis in range(3)] if has_covariance else None,
         'moment_n_mm': [turn.x * _MM, turn.y * _MM, turn.z * _MM],
         'missing': list(message.missing),
         'slips_first': {'sensor': first.sensor, 'margin': first.margin, 'sigma': first.margin_sigma} if first else None,

@@ -24,7 +24,7 @@ class Viewer:
         self._samples = deque(history, HISTORY_PACKETS)
         self._body: bytes | None = None
         self._in_flight = 0
-        self._heard_s = now_s
+        self._acknowledged_s = now_s
 
     def offer(self, packet: Packet) -> None:
         """Offer a new packet."""
@@ -50,7 +50,7 @@ class Viewer:
     def acknowledge(self, now_s: float) -> None:
         """It has drawn a message."""
         self._in_flight = max(0, self._in_flight - 1)
-        self._heard_s = now_s
+        self._acknowledged_s = now_s
 
     @property
     def has_room(self) -> bool:
@@ -58,7 +58,7 @@ class Viewer:
 
     def is_watching(self, now_s: float) -> bool:
         """Whether it still draws the packets that it gets."""
-        return self.has_room or now_s - self._heard_s < STUCK_AFTER_S
+        return self.has_room or now_s - self._acknowledged_s < STUCK_AFTER_S
 
 
 class Audience:
@@ -75,9 +75,9 @@ class Audience:
 
     def join(self, now_s: float) -> Viewer:
         """A page is opened."""
-        made = Viewer(self._history, now_s)
-        self.viewers.append(made)
-        return made
+        viewer = Viewer(self._history, now_s)
+        self.viewers.append(viewer)
+        return viewer
 
     def leave(self, viewer: Viewer) -> None:
         self.viewers.remove(viewer)

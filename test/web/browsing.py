@@ -42,6 +42,6 @@ def opened(browser: Any, url: str) -> Iterator[Any]:
         made = context.new_page()
         made.faults = []
         made.on('pageerror', lambda error: made.faults.append(str(error)))
-        made.on('console', lambda said: made.faults.append(said.text) if said.type == 'error' else None)
+        made.on('console', lambda message: made.faults.append(message.text) if message.type == 'error' else None)
         made.goto(url)
         yield made

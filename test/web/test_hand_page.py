@@ -52,8 +52,8 @@ def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     monkeypatch.setattr('platform.node', lambda: 'lab')
     (tmp_path / 'hand.yaml').write_text(HAND)
     bus, done = InProcessBus(), threading.Event()
-    told = parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/hand.yaml', '-p', 'port:=0'])
-    nodes = [HandWrenchNode(bus, told), LiveViewNode(bus, told)]
+    arguments = parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/hand.yaml', '-p', 'port:=0'])
+    nodes = [HandWrenchNode(bus, arguments), LiveViewNode(bus, arguments)]
     ends = [
         bus.advertise(f'/{name}/force_distribution', topics.FORCE_DISTRIBUTION.type_name, topics.FORCE_DISTRIBUTION.qos)
         for name in ('left', 'right')

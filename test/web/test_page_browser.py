@@ -346,7 +346,7 @@ def test_a_bag_is_recorded_from_the_page(own_page: Any, running: Running, tmp_pa
 
 
 def test_what_a_bag_lost_and_what_that_means_stays_on_the_page_whole(own_page: Any, running: Running) -> None:
-    said = running.bus.advertise(topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.type_name, topics.DIAGNOSTICS.qos)
+    publisher = running.bus.advertise(topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.type_name, topics.DIAGNOSTICS.qos)
     lines = [
         'wrote 7283 messages (118.3 MB, 12.2 s) into /home/somebody/recordings/of/the/day/rosbag2_2030_01_31-13_59_59',
         'lost on the way: 72 of /image_raw, 3 of /camera_info',
@@ -358,7 +358,7 @@ def test_what_a_bag_lost_and_what_that_means_stays_on_the_page_whole(own_page: A
         level=1, name='recorder: bag', message='; '.join(lines),
         values=[types.KeyValue(key=key, value=value) for key, value in values.items()],
     )  # fmt: skip
-    said.publish(types.DiagnosticArray(status=[status]))
+    publisher.publish(types.DiagnosticArray(status=[status]))
     expect(own_page.locator('#bag li')).to_have_text(lines)
     expect(own_page.locator('#nodes')).not_to_contain_text('lost on the way')  # once is enough
     assert is_whole(own_page, '#bag')
@@ -375,8 +375,8 @@ def test_a_warning_shows_its_remedy_whole(own_page: Any, running: Running, own_s
     health.publish(
         types.DiagnosticArray(status=[types.DiagnosticStatus(level=1, name='camera: camera', message=WARNING)])
     )
-    said = running.bus.advertise(topics.ROSOUT.name, topics.ROSOUT.type_name, topics.ROSOUT.qos)
-    said.publish(types.Log(level=30, name='camera', msg=WARNING))
+    publisher = running.bus.advertise(topics.ROSOUT.name, topics.ROSOUT.type_name, topics.ROSOUT.qos)
+    publisher.publish(types.Log(level=30, name='camera', msg=WARNING))
     own_sensor.status = types.ForceDistribution.STATUS_DEGRADED
     own_sensor.reasons = (1 << 20) - 1  # all there are
     text(own_page, '#reason').to_contain_text(sentences(own_sensor.reasons)[-1])
@@ -506,7 +506,7 @@ def test_the_page_of_a_sensor_in_a_namespace_says_which(chromium: Any, running: 
 
 
 def test_what_nodes_say_cannot_become_part_of_the_page(own_page: Any, running: Running) -> None:
-    said = running.bus.advertise(topics.ROSOUT.name, topics.ROSOUT.type_name, topics.ROSOUT.qos)
-    said.publish(types.Log(level=40, name='camera', msg='<img src=x onerror=alert(1)>'))
+    publisher = running.bus.advertise(topics.ROSOUT.name, topics.ROSOUT.type_name, topics.ROSOUT.qos)
+    publisher.publish(types.Log(level=40, name='camera', msg='<img src=x onerror=alert(1)>'))
     text(own_page, '#logs').to_contain_text('<img src=x onerror=alert(1)>')
     expect(own_page.locator('#logs img')).to_have_count(0)

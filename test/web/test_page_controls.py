@@ -53,7 +53,7 @@ def test_a_person_may_insist_that_nothing_touches(bus: InProcessBus) -> None:
     assert called == ['/flow_features/capture_reference']
 
 
-def test_what_a_node_refuses_is_told_in_its_words(bus: InProcessBus) -> None:
+def test_what_a_node_refuses_is_reported_in_its_words(bus: InProcessBus) -> None:
     serve(bus, '/recorder/stop', [], success=False)
     outcome = Controls(bus).act(controls.STOP)
     assert (outcome.done, outcome.text) == (False, 'answer of /recorder/stop')

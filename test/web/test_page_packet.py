@@ -18,8 +18,8 @@ def test_a_message_is_length_json_sections_and_samples() -> None:
 
 def test_what_is_put_together_is_taken_apart_again() -> None:
     message = packet.body({'status': 'ok'}, {'bins': b'1234', 'image': b''}) + packet.samples([(1.0, 0.25, 0.5)] * 2)
-    told, sections, samples = packet.taken_apart(message)
-    assert told == {'status': 'ok'}
+    fields, sections, samples = packet.taken_apart(message)
+    assert fields == {'status': 'ok'}
     assert sections == {'bins': b'1234', 'image': b''}
     assert samples == [(1.0, 0.25, 0.5)] * 2
 

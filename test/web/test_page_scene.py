@@ -46,9 +46,9 @@ def test_picture_and_force_of_one_instant_are_shown_together() -> None:
     for number, grey in enumerate((50, 100, 150)):
         scene.add_image(received(image(10 + number, grey), sequence=number + 1))
     scene.add_force(received(force(11, (0, 0.5, 0, 0)), 15))
-    told, sections, _ = seen(scene, 16)
-    assert told['force']['total_n'] == pytest.approx(0.5)
-    assert told['image']['stamp_s'] == pytest.approx(0.011)
+    fields, sections, _ = seen(scene, 16)
+    assert fields['force']['total_n'] == pytest.approx(0.5)
+    assert fields['image']['stamp_s'] == pytest.approx(0.011)
     assert grey_of(sections['image']) == pytest.approx(100, abs=2)
 
 
@@ -57,17 +57,17 @@ def test_without_forces_the_newest_picture_is_shown() -> None:
     scene.add_force(received(force(10), 10))
     for number, grey in enumerate((50, 150)):
         scene.add_image(received(image(10 + 700 * number, grey), sequence=number + 1))
-    told, sections, _ = seen(scene, 720)
-    assert told['age_s'] == pytest.approx(0.710)
+    fields, sections, _ = seen(scene, 720)
+    assert fields['age_s'] == pytest.approx(0.710)
     assert grey_of(sections['image']) == pytest.approx(150, abs=2)
 
 
 def test_bins_travel_in_newtons_row_by_row() -> None:
     scene = Scene()
     scene.add_force(received(force(10, (0.125, 0.25, 0.5, -1.0)), 10))
-    told, sections, _ = seen(scene, 11)
+    fields, sections, _ = seen(scene, 11)
     assert np.frombuffer(sections['bins'], '<f4').tolist() == [0.125, 0.25, 0.5, -1.0]
-    assert (told['force']['rows'], told['force']['cols']) == (2, 2)
+    assert (fields['force']['rows'], fields['force']['cols']) == (2, 2)
 
 
 def test_contacts_travel_in_millimetres_with_what_is_known_of_them() -> None:
@@ -75,20 +75,20 @@ def test_contacts_travel_in_millimetres_with_what_is_known_of_them() -> None:
     place = types.Point(x=0.004, y=-0.002, z=0.0)
     contact = types.Contact(position=place, position_sigma=0.0001, force=0.73, force_sigma=NAN)
     scene.add_force(received(force(10, (0.73, 0, 0, 0), (4.0, -2.0), contacts=[contact]), 10))
-    told, _, _ = seen(scene, 11)
-    (found,) = told['force']['contacts']
+    fields, _, _ = seen(scene, 11)
+    (found,) = fields['force']['contacts']
     assert (found['x_mm'], found['y_mm'], found['sigma_mm']) == pytest.approx((4.0, -2.0, 0.1))
     assert found['sigma_n'] is None
 
 
 def test_a_field_travels_in_kilopascals_beside_the_force_of_its_stamp() -> None:
     scene = Scene()
-    told_force, told_field = ring(10 * MS)
-    scene.add_force(received(told_force, 11))
-    scene.add_field(received(told_field, 11))
-    told, sections, _ = seen(scene, 12)
-    assert (told['surface']['rows'], told['surface']['cols']) == (CELLS, CELLS)
-    assert told['surface']['cell_mm'] + told['surface']['origin_mm'] == pytest.approx([1.0, 1.0, -18.0, -18.0])
+    force, field = ring(10 * MS)
+    scene.add_force(received(force, 11))
+    scene.add_field(received(field, 11))
+    fields, sections, _ = seen(scene, 12)
+    assert (fields['surface']['rows'], fields['surface']['cols']) == (CELLS, CELLS)
+    assert fields['surface']['cell_mm'] + fields['surface']['origin_mm'] == pytest.approx([1.0, 1.0, -18.0, -18.0])
     pressure, along_x, _, outline = np.frombuffer(sections['surface'], '<f4').reshape(-1, 4).T
     assert pressure.sum() * 1e-3 == pytest.approx(2.0, rel=1e-5)  # cells of 1 mm²
     assert along_x.sum() * 1e-3 == pytest.approx(0.6, rel=1e-4)
@@ -114,8 +114,8 @@ def test_a_force_waits_a_moment_for_its_field_so_that_the_picture_does_not_flick
     for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
         take(received(message, 11))
     scene.add_force(received(ring(26 * MS)[0], 27))
-    told, sections, _ = seen(scene, 28)
-    assert told['force']['stamp_s'] == pytest.approx(0.010)
+    fields, sections, _ = seen(scene, 28)
+    assert fields['force']['stamp_s'] == pytest.approx(0.010)
     assert sections['surface']
     scene.add_field(received(ring(26 * MS)[1], 28))
     assert seen(scene, 29)[0]['force']['stamp_s'] == pytest.approx(0.026)
@@ -126,9 +126,9 @@ def test_a_force_is_shown_without_a_field_when_none_comes_any_more() -> None:
     for message, take in zip(ring(10 * MS), (scene.add_force, scene.add_field), strict=True):
         take(received(message, 11))
     scene.add_force(received(ring(120 * MS)[0], 121))
-    told, sections, _ = seen(scene, 122)
-    assert told['force']['stamp_s'] == pytest.approx(0.120)
-    assert (told['surface'], sections['surface']) == (None, b'')
+    fields, sections, _ = seen(scene, 122)
+    assert fields['force']['stamp_s'] == pytest.approx(0.120)
+    assert (fields['surface'], sections['surface']) == (None, b'')
 
 
 def test_an_invalid_force_waits_for_nothing() -> None:
@@ -144,9 +144,9 @@ def test_status_comes_with_its_reason_in_a_sentence() -> None:
     kind = types.ForceDistribution
     dark = force(10, status=kind.STATUS_INVALID, reasons=kind.REASON_DARK_IMAGE)
     scene.add_force(received(dark, 10))
-    told, _, samples = seen(scene, 11)
-    assert told['force']['status'] == 'invalid'
-    assert told['force']['reasons'] == ['The image is dark. Is the lamp on and the lens uncovered?']
+    fields, _, samples = seen(scene, 11)
+    assert fields['force']['status'] == 'invalid'
+    assert fields['force']['reasons'] == ['The image is dark. Is the lamp on and the lens uncovered?']
     assert math.isnan(samples[0][1])  # an invalid number is not drawn as a force
 
 
@@ -170,7 +170,7 @@ def test_a_picture_is_encoded_once_however_often_it_is_shown(monkeypatch: pytest
     assert len(made) == 1
 
 
-def test_nothing_new_is_told_twice_a_second_only() -> None:
+def test_nothing_new_is_reported_twice_a_second_only() -> None:
     scene = Scene()
     scene.add_force(received(force(10), 10))
     assert scene.is_due(11 * MS)
@@ -183,8 +183,8 @@ def test_a_picture_of_before_somebody_looked_away_is_not_shown_again() -> None:
     scene = Scene()
     scene.add_image(received(image(10), 10))
     scene.look_again()
-    told, sections, _ = seen(scene, 6001)
-    assert (told['image'], sections['image']) == (None, b'')
+    fields, sections, _ = seen(scene, 6001)
+    assert (fields['image'], sections['image']) == (None, b'')
 
 
 def test_a_fresh_touch_is_known_and_an_old_one_is_not() -> None:
@@ -230,21 +230,21 @@ def recorder(name: str, text: str, **values: str) -> types.DiagnosticArray:
 
 def test_recording_is_what_the_recorder_says_of_itself() -> None:
     found = Recording('/left')
-    assert found.told(0) is None
+    assert found.summary(0) is None
     found.add_diagnostics(received(recorder('left/recorder: bag', 'nothing is being recorded')))
-    told = found.told(0)
-    assert told is not None
-    assert told['on'] is False
+    summary = found.summary(0)
+    assert summary is not None
+    assert summary['on'] is False
     busy = recorder(
         'left/recorder: bag', 'into x', seconds='2.5', messages='300', lost='3', lost_of='/image_raw 3', bag='/x'
     )
     found.add_diagnostics(received(busy))
     found.add_diagnostics(received(recorder('right/recorder: bag', 'another')))
-    told = found.told(0)
+    summary = found.summary(0)
     lost = {'lost': 3, 'lost_of': '/image_raw 3'}
-    assert told == {'on': True, 'seconds': 2.5, 'messages': 300, **lost, 'bag': '/x', 'well': True, 'text': 'into x'}
+    assert summary == {'on': True, 'seconds': 2.5, 'messages': 300, **lost, 'bag': '/x', 'well': True, 'text': 'into x'}
     found.add_diagnostics(received(recorder('left/recorder: bag', 'wrote it into /x', messages='300', bag='/x')))
-    ended = found.told(0)
+    ended = found.summary(0)
     assert ended is not None
     assert (ended['on'], ended['bag'], ended['text']) == (False, '/x', 'wrote it into /x')
 
@@ -255,25 +255,25 @@ def test_a_recorder_that_ended_no_longer_records() -> None:
     busy = recorder('recorder: bag', 'recording into /x', seconds='2.5', messages='300', bag='/x')
     scene.add_diagnostics(received(busy, 1000))
     assert seen(scene, 4000)[0]['slow']['recording']['on'] is True
-    told = seen(scene, 6000)[0]['slow']['recording']
-    assert (told['on'], told['well']) == (False, False)
-    assert told['text'] == 'no message from the recorder for 5 s: it has ended or hangs; its bag is /x'
+    recording = seen(scene, 6000)[0]['slow']['recording']
+    assert (recording['on'], recording['well']) == (False, False)
+    assert recording['text'] == 'no message from the recorder for 5 s: it has ended or hangs; its bag is /x'
     scene.add_diagnostics(received(recorder('recorder: bag', 'wrote 300 messages into /x', bag='/x'), 7000))
-    told = seen(scene, 60_000)[0]['slow']['recording']
-    assert (told['well'], told['text']) == (True, 'wrote 300 messages into /x')  # what ended well stays said
+    recording = seen(scene, 60_000)[0]['slow']['recording']
+    assert (recording['well'], recording['text']) == (True, 'wrote 300 messages into /x')  # what ended well stays said
 
 
 def test_the_words_of_nodes_reach_the_page() -> None:
     scene = Scene()
     scene.add_diagnostics(received(diagnostics(('camera: camera', 1, 'dark')), 900))
-    told, _, _ = seen(scene, 1000)
-    (found,) = told['slow']['health']
+    fields, _, _ = seen(scene, 1000)
+    (found,) = fields['slow']['health']
     assert (found['node'], found['level'], found['text'], found['silent_s']) == (
         '/camera', 'warning', 'camera: dark', None,
     )  # fmt: skip
 
 
-def test_whether_the_calibration_still_holds_is_told_in_the_words_of_who_judges() -> None:
+def test_whether_the_calibration_still_holds_is_reported_in_the_words_of_who_judges() -> None:
     scene = Scene()
     assert seen(scene, 1000)[0]['slow']['calibration'] is None
     state = types.CalibrationState(level=types.CalibrationState.LEVEL_AGEING, text='the lamp is dim')
@@ -290,6 +290,6 @@ def test_of_a_model_that_nobody_calibrated_the_page_says_so() -> None:
 def test_every_reason_has_a_sentence() -> None:
     kind = types.ForceDistribution
     bits = [bit for name, bit in vars(kind).items() if name.startswith('REASON_')]
-    told = sentences(sum(bits))
-    assert len(told) == len(bits)
-    assert all(text[0].isupper() and text[-1] in '.?' and ' ' in text for text in told)
+    texts = sentences(sum(bits))
+    assert len(texts) == len(bits)
+    assert all(text[0].isupper() and text[-1] in '.?' and ' ' in text for text in texts)

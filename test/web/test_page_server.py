@@ -155,7 +155,7 @@ def test_a_viewer_gets_what_is_shown_and_no_more_than_it_draws(served: Served) -
     assert run(talk()) == [*(b'%d' % number for number in range(IN_FLIGHT)), b'19']
 
 
-def test_coming_and_going_is_told(served: Served) -> None:
+def test_coming_and_going_is_reported(served: Served) -> None:
     async def talk() -> None:
         async with aiohttp.ClientSession() as session, session.ws_connect(served.socket_url, origin=served.url):
             assert await asyncio.to_thread(served.came_or_went.acquire, timeout=PATIENCE_S)
@@ -166,7 +166,7 @@ def test_coming_and_going_is_told(served: Served) -> None:
     assert served.server.watching == 0
 
 
-def test_one_page_too_many_is_told_so(served: Served) -> None:
+def test_one_page_too_many_is_reported_so(served: Served) -> None:
     async def talk() -> int:
         async with (
             aiohttp.ClientSession() as session,
@@ -193,7 +193,7 @@ def test_an_action_must_come_from_a_page_of_ours(served: Served) -> None:
     assert run(may_act(served))
 
 
-def test_a_refusal_is_told_with_its_sentence(served: Served) -> None:
+def test_a_refusal_is_reported_with_its_sentence(served: Served) -> None:
     async def talk() -> tuple[int, Any]:
         async with (
             aiohttp.ClientSession(headers={'Origin': served.url}) as session,
@@ -215,7 +215,7 @@ class TestAnotherAccount:
         assert not any('bug' in line for line in made.complaints)
 
     @pytest.mark.parametrize('served', [Guests.NONE], indirect=True)
-    def test_neither_sees_nor_does_anything_and_is_told_why(self, served: Served) -> None:
+    def test_neither_sees_nor_does_anything_and_is_reported_why(self, served: Served) -> None:
         async def talk() -> str:
             async with aiohttp.ClientSession() as session, session.get(served.url + '/') as response:
                 assert response.status == 403
@@ -249,7 +249,7 @@ def test_odd_bytes_in_headers_are_refused_as_other_words_are(served: Served) -> 
 
 
 def test_a_file_with_an_endless_name_is_not_there(served: Served) -> None:
-    """Any page in the operator's browser can ask for it: of each a traceback would be told."""
+    """Any page in the operator's browser can ask for it: of each a traceback would be logged."""
     host = urlsplit(served.url).netloc.encode()
     sent = b'GET /static/%s HTTP/1.1\r\nHost: %s\r\nConnection: close\r\n\r\n' % (300 * b'a', host)
     assert talk_raw(served, sent).startswith(b'HTTP/1.1 404')

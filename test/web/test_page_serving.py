@@ -38,7 +38,7 @@ class Clock:
 
 
 @pytest.fixture
-def said() -> list[str]:
+def complained() -> list[str]:
     return []
 
 
@@ -48,7 +48,7 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def serve(said: list[str], clock: Clock) -> Iterator[Serve]:
+def serve(complained: list[str], clock: Clock) -> Iterator[Serve]:
     """Start a server that answers `/` with a word and has a bug at `/bug`."""
     running: list[Serving] = []
 
@@ -63,7 +63,7 @@ def serve(said: list[str], clock: Clock) -> Iterator[Serve]:
         application.router.add_get('/bug', bug)
 
     def start(owners: frozenset[int] | None = None, **options: float) -> Serving:
-        complaints = Complaints(said.append, clock)
+        complaints = Complaints(complained.append, clock)
         made = Serving(port.listen('127.0.0.1', 0), Door(guests=False, owners=owners), complaints, routes, **options)
         made.start()
         running.append(made)
@@ -95,39 +95,41 @@ def answer_to(serving: Serving, sent: bytes) -> bytes:
 
 
 @pytest.mark.parametrize('sent', MALFORMED, ids=lambda sent: ascii(sent[:24]))
-def test_what_is_no_request_is_refused_counted_and_told_in_one_line(
-    serve: Serve, said: list[str], capfd: pytest.CaptureFixture[str], sent: bytes
+def test_what_is_no_request_is_refused_counted_and_reported_in_one_line(
+    serve: Serve, complained: list[str], capfd: pytest.CaptureFixture[str], sent: bytes
 ) -> None:
     serving = serve()
     assert answer_to(serving, sent).startswith(b'HTTP/1.0 400')
     assert serving.complaints.refused == 1
-    (line,) = said
+    (line,) = complained
     assert '\n' not in line
     assert len(line) < 250
     assert answer_to(serving, LAST).endswith(b'well')
     assert capfd.readouterr().err == ''
 
 
-def test_of_many_malformed_requests_a_line_a_minute_tells_how_many(serve: Serve, said: list[str], clock: Clock) -> None:
+def test_of_many_malformed_requests_a_line_a_minute_tells_how_many(
+    serve: Serve, complained: list[str], clock: Clock
+) -> None:
     serving = serve()
     for _ in range(20):
         answer_to(serving, MALFORMED[1])
-    assert len(said) == 1
-    assert said[0].startswith("requests refused: 1, 1 in total; last: malformed, 'Invalid header")
+    assert len(complained) == 1
+    assert complained[0].startswith("requests refused: 1, 1 in total; last: malformed, 'Invalid header")
     clock.now_s += SAY_EVERY_S
     answer_to(serving, MALFORMED[1])
-    assert len(said) == 2
-    assert said[1].startswith('requests refused: 20, 21 in total')
+    assert len(complained) == 2
+    assert complained[1].startswith('requests refused: 20, 21 in total')
 
 
-def test_a_bug_is_told_once_with_its_traceback(
-    serve: Serve, said: list[str], capfd: pytest.CaptureFixture[str]
+def test_a_bug_is_reported_once_with_its_traceback(
+    serve: Serve, complained: list[str], capfd: pytest.CaptureFixture[str]
 ) -> None:
     serving = serve()
     for _ in range(3):
         assert answer_to(serving, GOOD.replace(b'/ ', b'/bug ')).startswith(b'HTTP/1.1 500')
-    assert len(said) == 1
-    assert 'ZeroDivisionError: of the test' in said[0]
+    assert len(complained) == 1
+    assert 'ZeroDivisionError: of the test' in complained[0]
     assert capfd.readouterr().err == ''
 
 
@@ -164,7 +166,7 @@ def test_who_may_not_come_in_and_says_nothing_is_cut_off(serve: Serve, monkeypat
         assert until_closed(made) == b''
 
 
-def test_complaints_of_aiohttp_do_not_reach_the_loggers_of_others(said: list[str], clock: Clock) -> None:
-    complaints = Complaints(said.append, clock)
+def test_complaints_of_aiohttp_do_not_reach_the_loggers_of_others(complained: list[str], clock: Clock) -> None:
+    complaints = Complaints(complained.append, clock)
     assert complaints.logger.parent is None
     assert complaints.logger not in logging.Logger.manager.loggerDict.values()

@@ -79,7 +79,7 @@ def test_a_viewer_that_comes_back_is_watching_again() -> None:
     assert viewer.is_watching(1000.0)
 
 
-def test_whoever_comes_later_is_told_the_course_of_the_force() -> None:
+def test_whoever_comes_later_is_reported_the_course_of_the_force() -> None:
     audience = Audience()
     audience.join(0.0)
     for number in range(3):

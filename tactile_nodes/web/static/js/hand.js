@@ -25,7 +25,7 @@ class Tile {
     this.place.href = `/?${new URLSearchParams({ sensor: name })}`;
     this.find('name').textContent = name;
     $('tiles').append(this.place);
-    this.told = null;
+    this.fields = null;
     this.at = 0;
     this.scales = new Scales();
     this.link = new Link((buffer) => this.take(buffer), () => this.watch(), name);
@@ -38,7 +38,7 @@ class Tile {
   async take(buffer) {
     const packet = takeApart(buffer);
     const bitmap = await pictureOf(packet);
-    Object.assign(this, { told: packet.told, at: performance.now() });
+    Object.assign(this, { fields: packet.fields, at: performance.now() });
     requestAnimationFrame(() => {
       this.draw(packet, bitmap);
       this.watch();
@@ -46,11 +46,11 @@ class Tile {
     });
   }
 
-  draw({ told, bins, cells, motion }, bitmap) {
-    if (bitmap) drawCamera(this.find('camera'), bitmap, told.motion, motion, GAIN);
+  draw({ fields, bins, cells, motion }, bitmap) {
+    if (bitmap) drawCamera(this.find('camera'), bitmap, fields.motion, motion, GAIN);
     bitmap?.close();
-    const { force } = told, { scales } = this;
-    const field = told.surface ? takeCells(told.surface, cells) : null;
+    const { force } = fields, { scales } = this;
+    const field = fields.surface ? takeCells(fields.surface, cells) : null;
     scales.fit(force, bins, field);
     if (field) drawSurface(this.find('map'), field, force?.contacts ?? [], scales.pressure.full, scales.shear.full);
     else drawMap(this.find('map'), force, bins, scales.bins.full);
@@ -58,7 +58,7 @@ class Tile {
 
   /** Seconds since the capture of the shown force. */
   get age() {
-    return this.told?.force ? this.told.age_s + (performance.now() - this.at) / 1000 : Infinity;
+    return this.fields?.force ? this.fields.age_s + (performance.now() - this.at) / 1000 : Infinity;
   }
 
   get isLive() {
@@ -67,21 +67,21 @@ class Tile {
 
   watch() {
     if (!this.link) return; // not connected yet
-    const [status, word, reason] = statusOf(this.told, this.age, this.isLive, this.link.open);
-    const trusted = this.isLive && this.told.force.status !== 'invalid';
+    const [status, word, reason] = statusOf(this.fields, this.age, this.isLive, this.link.open);
+    const trusted = this.isLive && this.fields.force.status !== 'invalid';
     this.place.dataset.status = status;
     this.place.classList.toggle('stale', !this.isLive);
-    this.find('host').textContent = hostOf(this.told);
+    this.find('host').textContent = hostOf(this.fields);
     this.find('word').textContent = word;
     this.find('reason').textContent = reason;
-    this.find('total').textContent = trusted ? `${this.told.force.total_n.toFixed(3)} N` : '– N';
+    this.find('total').textContent = trusted ? `${this.fields.force.total_n.toFixed(3)} N` : '– N';
   }
 }
 
 /** The last sum if it is recent enough, and the missing sensors. */
 function showHand(tiles) {
   const live = tiles.filter((tile) => tile.isLive);
-  const latest = live.map(({ told }) => told).sort((a, b) => (b.hand?.stamp_s ?? 0) - (a.hand?.stamp_s ?? 0))[0];
+  const latest = live.map(({ fields }) => fields).sort((a, b) => (b.hand?.stamp_s ?? 0) - (a.hand?.stamp_s ?? 0))[0];
   const hand = latest?.hand && latest.force.stamp_s - latest.hand.stamp_s < OLD_S ? latest.hand : null;
   const parts = hand?.force_n.map((each, axis) => `${'xyz'[axis]} ${signed(each, 3)}${hand.force_sigma_n ? ` ± ${hand.force_sigma_n[axis].toFixed(3)}` : ''}`);
   $('frame').textContent = hand?.frame ?? 'the hand';

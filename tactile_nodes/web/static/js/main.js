@@ -14,7 +14,7 @@ import { drawSurface, takeCells } from './surface.js';
 const $ = (id) => document.getElementById(id);
 
 const page = {
-  number: 0, told: null, at: 0, bins: new Float32Array(), motion: new Float32Array(), field: null,
+  number: 0, fields: null, at: 0, bins: new Float32Array(), motion: new Float32Array(), field: null,
   bitmap: null, imageStamp: 0, imageAt: 0, shown: [], slow: '',
 };
 let taken = 0;
@@ -29,7 +29,7 @@ async function take(buffer) {
   const packet = takeApart(buffer);
   const number = (taken += 1);
   chart.add(packet.samples);
-  const isNew = packet.told.image?.stamp_s !== page.imageStamp;
+  const isNew = packet.fields.image?.stamp_s !== page.imageStamp;
   const bitmap = isNew ? await pictureOf(packet) : null;
   if (number > page.number) show(packet, bitmap, number); // picture and numbers of the same frame, or neither
   requestAnimationFrame(() => {
@@ -39,12 +39,12 @@ async function take(buffer) {
 }
 
 function show(packet, bitmap, number) {
-  Object.assign(page, { number, told: packet.told, bins: packet.bins, motion: packet.motion, at: performance.now() });
-  page.field = packet.told.surface ? takeCells(packet.told.surface, packet.cells) : null;
-  scales.fit(packet.told.force, page.bins, page.field);
+  Object.assign(page, { number, fields: packet.fields, bins: packet.bins, motion: packet.motion, at: performance.now() });
+  page.field = packet.fields.surface ? takeCells(packet.fields.surface, packet.cells) : null;
+  scales.fit(packet.fields.force, page.bins, page.field);
   if (!bitmap) return;
   page.bitmap?.close();
-  Object.assign(page, { bitmap, imageStamp: packet.told.image.stamp_s, imageAt: page.at });
+  Object.assign(page, { bitmap, imageStamp: packet.fields.image.stamp_s, imageAt: page.at });
 }
 
 /** Force of the brightest colour (N). */
@@ -64,33 +64,33 @@ function drawForce({ force }) {
 }
 
 function draw() {
-  const { told } = page;
+  const { fields } = page;
   page.shown.push(performance.now());
   page.shown = page.shown.filter((at) => at > performance.now() - 2000);
-  const longest = drawCamera($('camera'), page.bitmap, told.motion, page.motion, Number($('gain').value));
+  const longest = drawCamera($('camera'), page.bitmap, fields.motion, page.motion, Number($('gain').value));
   $('longest').textContent = Number.isFinite(longest) ? longest.toFixed(1) : '–';
-  drawForce(told);
+  drawForce(fields);
   chart.draw();
   $('true-key').hidden = !chart.hasTruth;
   const isLive = watch();
-  const slow = JSON.stringify(told.slow);
-  $('host').textContent = hostOf(told);
-  if (slow !== page.slow) showSlow(told.slow, Math.round(page.shown.length / 2), isLive);
+  const slow = JSON.stringify(fields.slow);
+  $('host').textContent = hostOf(fields);
+  if (slow !== page.slow) showSlow(fields.slow, Math.round(page.shown.length / 2), isLive);
   page.slow = slow;
 }
 
 /** Update the age of the shown data, even if nothing arrives any more; returns whether the force is still current. */
 function watch() {
-  const { told } = page;
+  const { fields } = page;
   const since = (performance.now() - page.at) / 1000;
-  const age = told?.force ? told.age_s + since : Infinity;
+  const age = fields?.force ? fields.age_s + since : Infinity;
   const isLive = link.open && age < OLD_S;
-  showStatus(...statusOf(told, age, isLive, link.open), !isLive);
-  showTotal(told?.force ?? null, told?.truth ?? null, isLive, age);
-  showNet(told?.force?.net ?? null, isLive);
-  showMap(told?.force ?? null, page.field, isLive, page.field ? pressureScale() : fullScale());
-  showContacts(told?.force ?? null, isLive);
-  controls.show(told?.slow, link.open);
+  showStatus(...statusOf(fields, age, isLive, link.open), !isLive);
+  showTotal(fields?.force ?? null, fields?.truth ?? null, isLive, age);
+  showNet(fields?.force?.net ?? null, isLive);
+  showMap(fields?.force ?? null, page.field, isLive, page.field ? pressureScale() : fullScale());
+  showContacts(fields?.force ?? null, isLive);
+  controls.show(fields?.slow, link.open);
   document.body.classList.toggle('cut', !link.open);
   const imageAge = page.imageAt ? (performance.now() - page.imageAt) / 1000 : Infinity;
   const veil = $('camera-veil');
@@ -121,10 +121,10 @@ for (const id of ['gain', 'scale', 'pressure-scale']) {
   if ([...$(id).options].some((option) => option.value === kept)) $(id).value = kept;
   $(id).addEventListener('change', () => {
     remember(id, $(id).value);
-    if (page.told) draw();
+    if (page.fields) draw();
   });
 }
 setInterval(watch, 250);
 showContacts(null, false);
 drawMap($('map'), null, page.bins, fullScale());
-window.addEventListener('resize', () => page.told && draw());
+window.addEventListener('resize', () => page.fields && draw());

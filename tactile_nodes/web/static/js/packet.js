@@ -6,15 +6,15 @@ const SAMPLE_BYTES = 16;
 export function takeApart(buffer) {
   const view = new DataView(buffer);
   const length = view.getUint32(0, true);
-  const told = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const fields = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   let place = 4 + length;
   const sections = {};
-  for (const [name, size] of told.sections) {
+  for (const [name, size] of fields.sections) {
     sections[name] = buffer.slice(place, place + size);
     place += size;
   }
   return {
-    told,
+    fields,
     bins: new Float32Array(sections.bins),
     cells: new Float32Array(sections.surface),
     motion: new Float32Array(sections.motion),
@@ -33,8 +33,8 @@ function samplesFrom(view, start) {
 }
 
 /** The decoded picture of a packet; null if it has none, or if it cannot be decoded. */
-export async function pictureOf({ told, jpeg }) {
-  if (!told.image || !jpeg.byteLength) return null;
+export async function pictureOf({ fields, jpeg }) {
+  if (!fields.image || !jpeg.byteLength) return null;
   try {
     return await createImageBitmap(new Blob([jpeg], { type: 'image/jpeg' }));
   } catch {

@@ -150,8 +150,8 @@ function showProvenance(known, calibration) {
 
 /** Id and validity of the calibration; a model that is its own calibration has no id. */
 function calibrated(known, state) {
-  const told = [known.calibration_id, state?.level].filter(Boolean).join(', ');
-  return told || (known.model ? 'none' : '');
+  const label = [known.calibration_id, state?.level].filter(Boolean).join(', ');
+  return label || (known.model ? 'none' : '');
 }
 
 /** Each node, and the last warning; the recorder's text on its bag is already below its button. */

@@ -4,27 +4,27 @@ export const OLD_S = 0.6; // a force older than this is not shown as current
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 
 /** A status, its word, and a sentence about it, for received data of this age in seconds. */
-export function statusOf(told, age, isLive, isOpen) {
+export function statusOf(fields, age, isLive, isOpen) {
   if (!isOpen) {
-    const since = told?.force ? `, no data for ${age.toFixed(0)} s` : '';
+    const since = fields?.force ? `, no data for ${age.toFixed(0)} s` : '';
     return ['nodata', 'NO CONNECTION', `The live view does not respond${since}. Reconnecting.`];
   }
-  if (!told?.force) return ['waiting', 'WAITING', complaint(told) ?? 'No force yet. The nodes are starting.'];
-  if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(told) ?? ''}`.trim()];
-  const touch = told.force.in_contact ? 'Something touches.' : 'Nothing touches.';
-  const { level, text } = told.slow.calibration ?? {};
+  if (!fields?.force) return ['waiting', 'WAITING', complaint(fields) ?? 'No force yet. The nodes are starting.'];
+  if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(fields) ?? ''}`.trim()];
+  const touch = fields.force.in_contact ? 'Something touches.' : 'Nothing touches.';
+  const { level, text } = fields.slow.calibration ?? {};
   const advice = level === 'ageing' || level === 'invalid' ? [text] : [];
-  return [told.force.status, WORDS[told.force.status], [...told.force.reasons, ...advice].join(' ') || touch];
+  return [fields.force.status, WORDS[fields.force.status], [...fields.force.reasons, ...advice].join(' ') || touch];
 }
 
 /** 'on robot' for a sensor on another machine; '' on this machine. */
-export function hostOf(told) {
-  return told?.slow.host ? ` on ${told.slow.host}` : '';
+export function hostOf(fields) {
+  return fields?.slow.host ? ` on ${fields.slow.host}` : '';
 }
 
 /** The worst report of a node. */
-function complaint(told) {
-  const health = told?.slow.health ?? [];
+function complaint(fields) {
+  const health = fields?.slow.health ?? [];
   const silent = health.filter((entry) => entry.silent_s !== null).map((entry) => `${entry.node} is silent.`);
   const bad = health.filter((entry) => entry.level === 'error' || entry.level === 'warning').map((entry) => `${entry.node}: ${entry.text}`);
   return bad[0] ?? silent[0];

@@ -18,11 +18,11 @@ const GRID = 'rgba(255, 255, 255, 0.09)';
 const drawn = document.createElement('canvas');
 
 /** The numbers of a packet's cells, and mean shear over blocks with x and y of their middles in mm. */
-export function takeCells(told, cells) {
-  const count = told.rows * told.cols;
+export function takeCells(shape, cells) {
+  const count = shape.rows * shape.cols;
   const part = (number) => Float32Array.from({ length: count }, (_, cell) => cells[SIDE * cell + number]);
   const [pressure, alongX, alongY, outline] = [part(0), part(1), part(2), part(3)];
-  return { ...told, pressure, outline, arrows: blockMeans(told, alongX, alongY) };
+  return { ...shape, pressure, outline, arrows: blockMeans(shape, alongX, alongY) };
 }
 
 function blockMeans({ rows, cols, cell_mm: [width, height], origin_mm: [fromX, fromY] }, alongX, alongY) {
