@@ -37,7 +37,7 @@ class Channel:
         """Raises MessageError if there is no such type."""
         return cls(number, topic, type_name, messages.definition(type_name))
 
-    def told(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         return {
             'id': self.number,
             'topic': self.topic,
@@ -62,7 +62,7 @@ def greeting(name: str, session: str) -> str:
 
 
 def advertisement(channels: Iterable[Channel]) -> str:
-    return json.dumps({'op': 'advertise', 'channels': [each.told() for each in channels]})
+    return json.dumps({'op': 'advertise', 'channels': [each.to_dict() for each in channels]})
 
 
 def withdrawal(channel: Channel) -> str:
@@ -84,11 +84,11 @@ def orders(text: str) -> list[Order]:
         MessageError: not a request that this server supports.
     """
     try:
-        said = json.loads(text)
-        if said['op'] == 'subscribe':
-            return [Order(_number(each['id']), _number(each['channelId'])) for each in said['subscriptions']]
-        if said['op'] == 'unsubscribe':
-            return [Order(_number(each)) for each in said['subscriptionIds']]
+        request = json.loads(text)
+        if request['op'] == 'subscribe':
+            return [Order(_number(each['id']), _number(each['channelId'])) for each in request['subscriptions']]
+        if request['op'] == 'unsubscribe':
+            return [Order(_number(each)) for each in request['subscriptionIds']]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise MessageError(f'not a valid request: {type(error).__name__}') from error
     raise MessageError('this server only shows topics')

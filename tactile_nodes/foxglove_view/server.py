@@ -150,17 +150,17 @@ class FoxgloveServer:
             raise web.HTTPForbidden(text='Pages from this origin may not connect; see the parameter "origins".')
         offered = {each.strip() for each in request.headers.get('Sec-WebSocket-Protocol', '').split(',')}
         if not offered & set(protocol.SUBPROTOCOLS):
-            known = ' or '.join(protocol.SUBPROTOCOLS)
-            raise web.HTTPBadRequest(text=f'This is for Foxglove and Lichtblick, by WebSocket: {known}.')
+            subprotocols = ' or '.join(protocol.SUBPROTOCOLS)
+            raise web.HTTPBadRequest(text=f'This is for Foxglove and Lichtblick, by WebSocket: {subprotocols}.')
         if len(self._viewers) >= MOST_VIEWERS:
             raise web.HTTPServiceUnavailable(text='Too many viewers are connected already; close one.')
 
     async def _attend(self, channel: web.WebSocketResponse, viewer: _Viewer) -> None:
         sending = asyncio.create_task(viewer.send_through(channel))
         try:
-            async for said in channel:
-                if said.type is WSMsgType.TEXT:
-                    self._obey(viewer, said.data)
+            async for message in channel:
+                if message.type is WSMsgType.TEXT:
+                    self._obey(viewer, message.data)
         finally:
             sending.cancel()
 

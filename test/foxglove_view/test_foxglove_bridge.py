@@ -66,13 +66,13 @@ class Viewer:
             kind, subscription, stamp_ns = struct.unpack_from('<BIQ', came.data)
             assert kind == 1
             return subscription, stamp_ns, came.data[13:]
-        said = json.loads(came.data)
-        if said['op'] == 'serverInfo':
-            self.server = said
-        elif said['op'] == 'status':
-            self.statuses.append(said)
-        elif said['op'] == 'advertise':
-            self.channels |= {channel['topic']: channel for channel in said['channels']}
+        message = json.loads(came.data)
+        if message['op'] == 'serverInfo':
+            self.server = message
+        elif message['op'] == 'status':
+            self.statuses.append(message)
+        elif message['op'] == 'advertise':
+            self.channels |= {channel['topic']: channel for channel in message['channels']}
         return None
 
     async def say(self, text: str) -> None:
@@ -135,7 +135,7 @@ def offer(bus: InProcessBus, topic: topics.Topic) -> Any:
 
 
 async def first_of(pictures: Any, viewer: Viewer) -> None:
-    """Publish until one arrives: nobody is told when a server has taken an order."""
+    """Publish until one arrives: nobody learns when a server has taken an order."""
     arriving = asyncio.ensure_future(viewer.message())
     while not arriving.done():
         pictures.publish(image(255))
@@ -172,7 +172,7 @@ def test_who_watches_gets_the_bytes_that_travelled_and_when_they_were_published(
     bridge: Start, bus: InProcessBus
 ) -> None:
     force = offer(bus, topics.WRENCH)
-    heard = bus.subscribe('/skin/wrench', topics.WRENCH.type_name, topics.WRENCH.qos)
+    subscription = bus.subscribe('/skin/wrench', topics.WRENCH.type_name, topics.WRENCH.qos)
     node = bridge()
 
     async def look() -> tuple[int, bytes]:
@@ -183,7 +183,7 @@ def test_who_watches_gets_the_bytes_that_travelled_and_when_they_were_published(
             return await found.message()
 
     stamp_ns, data = asyncio.run(look())
-    received = heard.take()
+    received = subscription.take()
     assert received is not None
     assert (stamp_ns, data) == (received.source_ns, received.data)
     assert messages.decode(data, topics.WRENCH.type_name).wrench.force.z == -0.5
