@@ -22,7 +22,7 @@ examples:
 """
 HEIGHT_MM = 4.0
 TOP_MM = 1.0  # usual height above the gel from which the surface search starts
-SHOWN = 150  # presses whose path is drawn: more cannot be told apart
+SHOWN = 150  # presses whose path is drawn: more cannot be distinguished
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -35,12 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ('zarr', 'one array per field of each topic; images too with --images'),
         ('lerobot', 'a LeRobot data set (v3.0): frames at a fixed rate, in episodes'),
     ):
-        made = formats.add_parser(
+        verb = formats.add_parser(
             name, help=line, description=f'{line[0].upper()}{line[1:]}.', epilog=EPILOG,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
-        _add_common(made, name)
-    _add_lerobot(made)
+        _add_common(verb, name)
+    _add_lerobot(verb)
 
 
 def _add_common(parser: argparse.ArgumentParser, name: str) -> None:
@@ -129,10 +129,10 @@ def _left_out(topics: dict[str, str]) -> list[str]:
 
 
 def _warn(source: Source) -> None:
-    seen = source.provenance
+    provenance = source.provenance
     odd = [
         f'{source.bag.path}: {count} messages of {topic} cannot be read and were left out'
-        for topic, count in seen.malformed.items()
+        for topic, count in provenance.malformed.items()
     ]
     for problem in [*source.bag.problems, *odd]:
         print(f'Warning: {problem}', file=sys.stderr)

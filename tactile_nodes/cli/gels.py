@@ -54,28 +54,28 @@ def run(arguments: argparse.Namespace) -> int:
     """Print or change the list."""
     from tactile_nodes.gel_list import GelList
 
-    known = GelList()
+    gels = GelList()
     if arguments.action == 'add':
-        return _add(known, arguments.models, arguments.sensor)
+        return _add(gels, arguments.models, arguments.sensor)
     if arguments.action == 'look':
-        return _look(known, arguments.bags)
+        return _look(gels, arguments.bags)
     if arguments.action == 'forget':
-        return _forget(known, arguments.model_id)
-    return _list(known, arguments.after, as_json=arguments.json)
+        return _forget(gels, arguments.model_id)
+    return _list(gels, arguments.after, as_json=arguments.json)
 
 
-def _add(known: GelList, models: list[str], sensor: str) -> int:
+def _add(gels: GelList, models: list[str], sensor: str) -> int:
     from tactile_nodes.learning.calibrating.listing import calibration_of
 
     for name in models:
         file = Path(name)
         found = calibration_of(file, sensor=sensor, made_ns=file.stat().st_mtime_ns if file.exists() else 0)
-        known.add(found)
+        gels.add(found)
         print(f'{name}: model {found.model_id} of gel {found.gel or "(not named)"} was added to the list')
     return 0
 
 
-def _look(known: GelList, bags: list[str]) -> int:
+def _look(gels: GelList, bags: list[str]) -> int:
     from tactile_nodes.bag.reader import BagReader
     from tactile_nodes.bus.topics import CALIBRATION_STATE
     from tactile_nodes.pipeline.drifting import kept_in
@@ -84,29 +84,29 @@ def _look(known: GelList, bags: list[str]) -> int:
         with BagReader(path) as bag:
             topics = [name for name in bag.topics if name.rpartition('/')[2] == CALIBRATION_STATE.name.strip('/')]
             states = [bag.decode(message) for message in bag.messages(topics)] if topics else []
-        count = sum(kept_in(known, state) for state in states)
+        count = sum(kept_in(gels, state) for state in states)
         print(f'{path}: {count} of {len(states)} drift states belong to calibrations on the list')
     return 0
 
 
-def _forget(known: GelList, model_id: str) -> int:
+def _forget(gels: GelList, model_id: str) -> int:
     from tactile_nodes.errors import ConfigurationError
 
-    if not known.forget(model_id):
-        raise ConfigurationError(f'{known.file} has no model {model_id}; see: tactile gels')
+    if not gels.forget(model_id):
+        raise ConfigurationError(f'{gels.file} has no model {model_id}; see: tactile gels')
     print(f'{model_id} was removed from the list; its file was not touched')
     return 0
 
 
-def _list(known: GelList, after_days: float, *, as_json: bool) -> int:
+def _list(gels: GelList, after_days: float, *, as_json: bool) -> int:
     from tactile_nodes.clock import wall_ns
 
-    now_ns, found = wall_ns(), known.calibrations()
+    now_ns, found = wall_ns(), gels.calibrations()
     if as_json:
         print(json.dumps([{**asdict(each), 'due': each.due(now_ns, after_days)} for each in found], indent=1))
         return 0
     if not found:
-        print(f'no calibrations in {known.file} yet; tactile calibrate adds its results, tactile gels add adds others')
+        print(f'no calibrations in {gels.file} yet; tactile calibrate adds its results, tactile gels add adds others')
         return 0
     print(columns([HEAD, *(_row(each, each.due(now_ns, after_days)) for each in found)]))
     return 0

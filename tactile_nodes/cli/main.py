@@ -108,7 +108,7 @@ def make_parser(verb: str | None) -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(dest='verb', metavar='verb', title='verbs')
     for name, line in VERBS.items():
         module = _module(name) if name == verb else None
-        made = verbs.add_parser(
+        command = verbs.add_parser(
             name,
             help=line,
             description=getattr(module, 'DESCRIPTION', None) or f'{line[0].upper()}{line[1:]}.',
@@ -116,8 +116,8 @@ def make_parser(verb: str | None) -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if module is not None:
-            module.add_arguments(made)
-            _give_examples(made, f'tactile {name}')
+            module.add_arguments(command)
+            _give_examples(command, f'tactile {name}')
     return parser
 
 

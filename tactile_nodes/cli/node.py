@@ -21,13 +21,13 @@ DESCRIPTION = 'List nodes, show what each offers and receives, and whether it re
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     verbs = Verbs(parser)
-    made = verbs.add('list', list_nodes, 'list the nodes', '  tactile node list\n')
-    made.add_argument('-a', '--all', action='store_true', help='list hidden nodes as well')
-    made.add_argument('-c', '--count-nodes', action='store_true', help='only print how many there are')
-    made = verbs.add('info', show_info, 'show topics and services of a node', '  tactile node info /camera\n')
-    completed(made.add_argument('node', help='a node, /camera for example'), completers.nodes)
-    made.add_argument('--include-hidden', action='store_true', help='show hidden topics and services as well')
-    made.add_argument(
+    verb = verbs.add('list', list_nodes, 'list the nodes', '  tactile node list\n')
+    verb.add_argument('-a', '--all', action='store_true', help='list hidden nodes as well')
+    verb.add_argument('-c', '--count-nodes', action='store_true', help='only print how many there are')
+    verb = verbs.add('info', show_info, 'show topics and services of a node', '  tactile node info /camera\n')
+    completed(verb.add_argument('node', help='a node, /camera for example'), completers.nodes)
+    verb.add_argument('--include-hidden', action='store_true', help='show hidden topics and services as well')
+    verb.add_argument(
         '--timeout', type=positive_float, default=1.0, metavar='S', help='wait S seconds for its response'
     )
 

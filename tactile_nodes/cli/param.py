@@ -26,20 +26,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     verbs = Verbs(parser)
     _add_list(verbs)
-    made = _add_with_node(verbs, 'get', get, "print a parameter's value", '  tactile param get /camera rate\n')
-    _add_name(made, 'name')
-    made.add_argument('--hide-type', action='store_true', help='print the value alone')
-    made = _add_with_node(verbs, 'set', set_value, 'change a parameter', _SET_EXAMPLES)
-    _add_name(made, 'name')
-    made.add_argument('value', help='the new value, written as in a parameter file (7.0 and 7 differ)')
-    made = _add_with_node(verbs, 'describe', describe, 'describe parameters', _DESCRIBE_EXAMPLES)
-    _add_name(made, 'names', nargs='*')
+    verb = _add_with_node(verbs, 'get', get, "print a parameter's value", '  tactile param get /camera rate\n')
+    _add_name(verb, 'name')
+    verb.add_argument('--hide-type', action='store_true', help='print the value alone')
+    verb = _add_with_node(verbs, 'set', set_value, 'change a parameter', _SET_EXAMPLES)
+    _add_name(verb, 'name')
+    verb.add_argument('value', help='the new value, written as in a parameter file (7.0 and 7 differ)')
+    verb = _add_with_node(verbs, 'describe', describe, 'describe parameters', _DESCRIBE_EXAMPLES)
+    _add_name(verb, 'names', nargs='*')
     _add_with_node(verbs, 'dump', dump, "print a node's parameters as a parameter file", _DUMP_EXAMPLES)
-    made = _add_with_node(
+    verb = _add_with_node(
         verbs, 'load', load, 'set the parameters in a parameter file', '  tactile param load /camera a.yaml\n'
     )
-    made.add_argument('file', help='a parameter file')
-    made.add_argument('--no-use-wildcard', action='store_true', help="leave out entries for '/**'")
+    verb.add_argument('file', help='a parameter file')
+    verb.add_argument('--no-use-wildcard', action='store_true', help="leave out entries for '/**'")
 
 
 _SET_EXAMPLES = """\
@@ -57,19 +57,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _add_list(verbs: Verbs) -> None:
-    made = verbs.add('list', list_all, 'list the parameters of one node, or of all', '  tactile param list /camera\n')
-    completed(made.add_argument('node', nargs='?', help='a node (default: all nodes)'), completers.nodes)
-    made.add_argument('-a', '--all', action='store_true', help='include hidden nodes')
-    made.add_argument(
+    verb = verbs.add('list', list_all, 'list the parameters of one node, or of all', '  tactile param list /camera\n')
+    completed(verb.add_argument('node', nargs='?', help='a node (default: all nodes)'), completers.nodes)
+    verb.add_argument('-a', '--all', action='store_true', help='include hidden nodes')
+    verb.add_argument(
         '--param-prefixes', nargs='+', default=[], metavar='PREFIX', help='only those that begin with PREFIX'
     )
-    made.add_argument('--param-type', action='store_true', help='print the type of each')
+    verb.add_argument('--param-type', action='store_true', help='print the type of each')
 
 
 def _add_with_node(verbs: Verbs, name: str, action: Any, line: str, examples: str) -> argparse.ArgumentParser:
-    made = verbs.add(name, action, line, examples)
-    completed(made.add_argument('node', help='a node, /camera for example'), completers.nodes)
-    return made
+    verb = verbs.add(name, action, line, examples)
+    completed(verb.add_argument('node', help='a node, /camera for example'), completers.nodes)
+    return verb
 
 
 def _add_name(parser: argparse.ArgumentParser, name: str, nargs: str | None = None) -> None:
@@ -156,13 +156,13 @@ def describe(arguments: argparse.Namespace) -> int:
     """``param describe``"""
     with joined() as bus:
         client = _client(bus, absolute(arguments.node, 'a node'))
-        known = client.names()
+        names = client.names()
         for name in arguments.names:
-            if name not in known:
+            if name not in names:
                 raise ConfigurationError(
                     f'{absolute(arguments.node, "a node")} has no parameter {name!r}; see tactile param list'
                 )
-        for found in client.descriptors(arguments.names or known):
+        for found in client.descriptors(arguments.names or names):
             print('\n'.join(_description(found)))
     return 0
 

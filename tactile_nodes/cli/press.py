@@ -91,8 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
     settings = CameraSettings(source=arguments.source, sensor=arguments.sensor, scene=scene)
     with closing(open_camera(settings, SystemClock(), print)) as camera:
         until_enough(Guide(camera, person, folder, wish, sensor), person.say)
-    if (made := len(folder.done)) < LEAST_PRESSES:
-        print(f'{made} presses are too few: a calibration needs at least {LEAST_PRESSES}. Continue with --presses 30')
+    if (count := len(folder.done)) < LEAST_PRESSES:
+        print(f'{count} presses are too few: a calibration needs at least {LEAST_PRESSES}. Continue with --presses 30')
         return 0
     print('enough presses. Next steps:')
     for words in next_steps(folder.table, arguments.sensor, known=body is not None):
@@ -134,21 +134,21 @@ def _known(indenter: str) -> KnownBody:
     return KnownBody.named(indenter)
 
 
-def _forces_n(sensor: Sensor, body: KnownBody | None, told: list[float], unit: str) -> tuple[float, ...]:
+def _forces_n(sensor: Sensor, body: KnownBody | None, given: list[float], unit: str) -> tuple[float, ...]:
     """Forces to press with (N): those given in the unit of the scale, or those within the linear range of the layer."""
     from tactile_nodes.learning.guided.targets import LINEAR_SHARES, linear_most_n
     from tactile_nodes.learning.tables.columns import NEWTONS
 
     newton = NEWTONS[UNITS[unit]]
-    wished = tuple(each * newton for each in told)
+    wished = tuple(each * newton for each in given)
     if body is None:
         return wished or tuple(each * NEWTONS['g'] for each in USUAL_G)
     most = linear_most_n(sensor, body)
-    said = f'under {body.told} the gel responds linearly up to about {float(f"{most / newton:.2g}"):g} {unit}'
+    range_text = f'under {body.told} the gel responds linearly up to about {float(f"{most / newton:.2g}"):g} {unit}'
     if not wished:
-        print(f'{said}; the forces asked for stay below that')
+        print(f'{range_text}; the forces asked for stay below that')
     elif max(wished) > most:
-        print(f'{said}; a calibration of the force field leaves out larger forces')
+        print(f'{range_text}; a calibration of the force field leaves out larger forces')
     return wished or tuple(share * most for share in LINEAR_SHARES)
 
 
@@ -199,13 +199,13 @@ class TerminalPerson:
         )
         while True:
             try:
-                told = read_answer(input(question), (target.x_mm, target.y_mm))
+                answer = read_answer(input(question), (target.x_mm, target.y_mm))
             except (EOFError, KeyboardInterrupt):  # Ctrl-D ends it like Ctrl-C
                 print()
                 raise KeyboardInterrupt from None
-            if not isinstance(told, str):
-                return told
-            question = f'{told}: '
+            if not isinstance(answer, str):
+                return answer
+            question = f'{answer}: '
 
     def say(self, text: str) -> None:
         self.end_line()

@@ -55,9 +55,9 @@ def split(words: Sequence[str]) -> tuple[str, str, list[str]]:
     Raises:
         ConfigurationError: no executable is named; the message lists the available ones.
     """
-    known = packages.package_names(os.environ)
-    package = words[0] if words and words[0] in known else packages.OWN
-    rest = list(words[1:] if words and words[0] in known else words)
+    package_names = packages.package_names(os.environ)
+    package = words[0] if words and words[0] in package_names else packages.OWN
+    rest = list(words[1:] if words and words[0] in package_names else words)
     if not rest:
         names = ', '.join(packages.executables_of(package, os.environ))
         raise ConfigurationError(f"name an executable of package '{package}'; available: {names or 'none'}")

@@ -30,22 +30,22 @@ _CALL_EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     verbs = Verbs(parser)
-    made = verbs.add('list', list_services, 'list the services', '  tactile service list -t\n')
-    made.add_argument('-t', '--show-types', action='store_true', help='show the types too')
-    made.add_argument('-c', '--count-services', action='store_true', help='only print how many there are')
-    made.add_argument('-a', '--include-hidden-services', '--all', action='store_true', help='list hidden ones as well')
-    made = verbs.add('call', call, 'call a service and print the response', _CALL_EXAMPLES)
-    completed(made.add_argument('service', help='a service'), completers.services)
-    completed(made.add_argument('type', help='its type, std_srvs/srv/Trigger for example'), completers.service_types)
-    made.add_argument('values', nargs='?', default='{}', help="the request's fields as YAML")
-    made.add_argument('-r', '--rate', type=positive_float, metavar='HZ', help='call repeatedly')
-    made.add_argument(
+    verb = verbs.add('list', list_services, 'list the services', '  tactile service list -t\n')
+    verb.add_argument('-t', '--show-types', action='store_true', help='show the types too')
+    verb.add_argument('-c', '--count-services', action='store_true', help='only print how many there are')
+    verb.add_argument('-a', '--include-hidden-services', '--all', action='store_true', help='list hidden ones as well')
+    verb = verbs.add('call', call, 'call a service and print the response', _CALL_EXAMPLES)
+    completed(verb.add_argument('service', help='a service'), completers.services)
+    completed(verb.add_argument('type', help='its type, std_srvs/srv/Trigger for example'), completers.service_types)
+    verb.add_argument('values', nargs='?', default='{}', help="the request's fields as YAML")
+    verb.add_argument('-r', '--rate', type=positive_float, metavar='HZ', help='call repeatedly')
+    verb.add_argument(
         '--timeout', type=positive_float, default=5.0, metavar='S', help='wait S seconds for the response (5)'
     )
-    made = verbs.add('type', show_type, "print a service's type", '  tactile service type /camera/get_parameters\n')
-    completed(made.add_argument('service', help='a service'), completers.services)
-    made = verbs.add('find', find, 'list the services of a type', '  tactile service find std_srvs/srv/Trigger\n')
-    completed(made.add_argument('type', help='a service type'), completers.service_types)
+    verb = verbs.add('type', show_type, "print a service's type", '  tactile service type /camera/get_parameters\n')
+    completed(verb.add_argument('service', help='a service'), completers.services)
+    verb = verbs.add('find', find, 'list the services of a type', '  tactile service find std_srvs/srv/Trigger\n')
+    completed(verb.add_argument('type', help='a service type'), completers.service_types)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -84,10 +84,10 @@ def compare(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.run.comparison import draw, table
     from tactile_nodes.learning.run.folder import read_run
 
-    told = [read_run(path) for path in arguments.compare]
-    print(table(told))
+    runs = [read_run(path) for path in arguments.compare]
+    print(table(runs))
     if arguments.picture:
-        draw(told, arguments.picture)
+        draw(runs, arguments.picture)
         print(f'wrote {arguments.picture}')
     return 0
 

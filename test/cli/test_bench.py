@@ -55,8 +55,8 @@ print(len(os.listdir('/proc/self/task')))
 def test_benchmarks_run_with_one_thread_of_linear_algebra() -> None:
     """OpenBLAS starts its threads when numpy is imported, one for each core but for what the environment says."""
     free = {name: value for name, value in os.environ.items() if not name.endswith('_NUM_THREADS')}
-    told = subprocess.run([sys.executable, '-c', THREADS], env=free, stdout=subprocess.PIPE, text=True, check=True)
-    assert told.stdout == '1\n'
+    done = subprocess.run([sys.executable, '-c', THREADS], env=free, stdout=subprocess.PIPE, text=True, check=True)
+    assert done.stdout == '1\n'
 
 
 def test_a_package_that_lies_beside_no_benchmarks_says_where_they_run(tmp_path: Path) -> None:

@@ -108,9 +108,9 @@ def test_the_file_is_a_model_that_names_gel_source_and_errors(model: Path, calib
     assert loaded.gel == 'second'
     source = {'model': 'first.safetensors', 'model_id': load_model(model).model_id, 'gel': 'first'}
     assert loaded.card['source'] == source
-    said = loaded.card['training']['calibration']
-    assert said['presses'] == 36
-    assert said['after']['force_rmse_n'] < said['before']['force_rmse_n']
+    record = loaded.card['training']['calibration']
+    assert record['presses'] == 36
+    assert record['after']['force_rmse_n'] < record['before']['force_rmse_n']
 
 
 def test_the_model_holds_the_rest_image_that_the_gel_is_compared_with_later(calibrated: Path) -> None:
@@ -152,8 +152,8 @@ def test_a_calibration_for_this_gel_is_not_calibrated_again(
 ) -> None:
     words = ['--model', str(calibrated), '--dataset', str(presses), '-o', str(tmp_path / 'none')]
     assert main(['calibrate', *words]) == 1
-    said = 'is already calibrated for gel second; to calibrate again start from its source model, first.s'
-    assert said in capsys.readouterr().err
+    refusal = 'is already calibrated for gel second; to calibrate again start from its source model, first.s'
+    assert refusal in capsys.readouterr().err
 
 
 def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str]) -> None:
@@ -162,7 +162,7 @@ def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize(
-    ('words', 'said'),
+    ('words', 'refusal'),
     [
         (['--dataset', 'gel.npz', '--model', 'portable', '--body', 'ball:5'], 'need a model of any contact'),
         (
@@ -180,10 +180,10 @@ def test_presses_are_either_bags_or_a_data_set(capsys: pytest.CaptureFixture[str
     ],
 )
 def test_what_only_any_contact_needs_is_refused_elsewhere(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], refusal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(['calibrate', *words, '-o', str(tmp_path / 'none.safetensors')]) == 1
-    assert said in capsys.readouterr().err
+    assert refusal in capsys.readouterr().err
 
 
 def test_an_open_mesh_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -204,9 +204,9 @@ def test_presses_of_a_square_calibrate_the_field_alone(
     output = tmp_path / 'gel-7.safetensors'
     words = ['--model', 'field', '--gel', 'gel-7', '--body', 'square', '--curve', '-o', str(output)]
     assert main(['calibrate', str(bag), *words]) == 0
-    told = capsys.readouterr().out
-    assert 'force field alone: presses of square contain no information on tips' in told
-    none, ten, all_but_a_fifth = (line for line in told.splitlines() if ' presses: force RMSE' in line)
+    printed = capsys.readouterr().out
+    assert 'force field alone: presses of square contain no information on tips' in printed
+    none, ten, all_but_a_fifth = (line for line in printed.splitlines() if ' presses: force RMSE' in line)
     assert none.strip().startswith('0 presses') and none.endswith('description')
     assert ten.strip().startswith('10 presses')
     assert all_but_a_fifth.strip().startswith('16 presses')
@@ -227,15 +227,15 @@ def test_bags_of_presses_of_the_tip_calibrate_tips_and_field_without_a_data_set(
     output = tmp_path / 'gel-7.safetensors'
     words = ['--model', 'field', '--gel', 'gel-7', '--curve', '-o', str(output)]
     assert main(['calibrate', str(other_bag), *words]) == 0
-    told = capsys.readouterr().out
-    assert 'it reads held-out presses' in told
-    none, some = (line for line in told.splitlines() if ' presses: force RMSE' in line)
+    printed = capsys.readouterr().out
+    assert 'it reads held-out presses' in printed
+    none, some = (line for line in printed.splitlines() if ' presses: force RMSE' in line)
     assert none.strip().startswith('0 presses') and some.strip().startswith('8 presses')
     loaded = load_model(output)
     assert (loaded.gel, loaded.card['data']['origin']) == ('gel-7', 'calibration')
-    said = loaded.card['training']['calibration']
-    assert said['presses'] == 10
-    assert said['after']['force_rmse_n'] < said['before']['force_rmse_n']
+    record = loaded.card['training']['calibration']
+    assert record['presses'] == 10
+    assert record['after']['force_rmse_n'] < record['before']['force_rmse_n']
     assert loaded.rest_image.shape == (440, 440)
     readout = loaded.model.readout
     assert isinstance(readout, FieldReadout)
@@ -326,7 +326,7 @@ def test_the_model_to_begin_with_is_not_replaced(
 
 
 @pytest.mark.parametrize(
-    ('unused', 'said'),
+    ('unused', 'refusal'),
     [
         (['--gel', 'gel-7'], '--gel does not go with --dataset'),
         (['--curve'], '--curve needs bags'),
@@ -334,20 +334,20 @@ def test_the_model_to_begin_with_is_not_replaced(
     ],
 )
 def test_an_option_that_would_have_no_effect_is_refused(
-    unused: list[str], said: str, presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    unused: list[str], refusal: str, presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ['--model', 'portable', '--dataset', str(presses), '-o', str(tmp_path / 'none')]
     assert main(['calibrate', *words, *unused]) == 1
-    assert said in capsys.readouterr().err
+    assert refusal in capsys.readouterr().err
 
 
-def test_presses_measured_otherwise_are_told_by_what_differs_alone(
+def test_presses_measured_otherwise_are_distinguished_by_what_differs_alone(
     presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # Other flows are told by their names; options that both have alike are left out.
+    # Other flows are distinguished by their names; options that both have alike are left out.
     main(['calibrate', '--model', 'portable', '--dataset', str(presses), '-o', str(tmp_path / 'none')])
-    said = 'was trained with flow inverse_compositional, but the data set was made with dis; build'
-    assert said in capsys.readouterr().err
+    refusal = 'was trained with flow inverse_compositional, but the data set was made with dis; build'
+    assert refusal in capsys.readouterr().err
 
 
 def test_a_bag_that_was_cut_off_before_its_first_press_is_refused(
@@ -357,9 +357,9 @@ def test_a_bag_that_was_cut_off_before_its_first_press_is_refused(
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(whole[:300_000])
     assert main(['calibrate', str(cut), '--model', 'portable', '-o', str(tmp_path / 'none')]) == 1
-    said = capsys.readouterr()
-    assert f'{cut} is cut off at byte 300000' in said.out
-    assert said.err == f'no press of {cut} can be used: there is none\n'
+    printed = capsys.readouterr()
+    assert f'{cut} is cut off at byte 300000' in printed.out
+    assert printed.err == f'no press of {cut} can be used: there is none\n'
 
 
 def test_a_calibration_is_on_the_list_of_gels_with_its_presses_and_errors(

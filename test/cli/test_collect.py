@@ -9,11 +9,11 @@ import pytest
 from tactile_nodes.cli.main import main
 
 
-def test_a_plan_is_told_press_by_press(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_is_reported_press_by_press(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['collect', 'quick', '--points']) == 0
-    told = capsys.readouterr().out
-    assert told.count('depth 1.000 mm') == 9  # 3x3 places, 5 mm apart
-    assert 'x -5 to 5 mm, y -5 to 5 mm from the middle, at most 1 mm deep' in told
+    printed = capsys.readouterr().out
+    assert printed.count('depth 1.000 mm') == 9  # 3x3 places, 5 mm apart
+    assert 'x -5 to 5 mm, y -5 to 5 mm from the middle, at most 1 mm deep' in printed
 
 
 def test_the_way_is_drawn(tmp_path: Path) -> None:

@@ -66,8 +66,8 @@ def begun_here(cache: Path) -> list[psutil.Process]:
     found = []
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error):
-            told = process.environ()
-            ours = told.get('XDG_CACHE_HOME') == str(cache) and 'TACTILE_LAUNCH' not in told
+            environment = process.environ()
+            ours = environment.get('XDG_CACHE_HOME') == str(cache) and 'TACTILE_LAUNCH' not in environment
             if ours and '--background' in process.cmdline():
                 found.append(process)
     return found

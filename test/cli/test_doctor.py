@@ -64,7 +64,7 @@ def test_a_missing_package_is_a_problem_with_the_command_that_installs_it() -> N
     assert finding.remedy.endswith('-m pip install no-such-module')
 
 
-def test_the_versions_of_the_packages_are_told() -> None:
+def test_the_versions_of_the_packages_are_reported() -> None:
     import numpy
 
     assert f'numpy {numpy.__version__}' in checks.packages().found
@@ -158,7 +158,7 @@ def test_an_installation_without_a_model_is_a_problem(tmp_path: Path) -> None:
     assert checks.share(lambda: tmp_path).found.endswith('models: paper')
 
 
-def test_the_disk_is_told_in_minutes_of_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_disk_is_reported_in_minutes_of_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """440 * 440 bytes 60 times a second are 697 MB a minute: 6.97 GB are ten minutes, 0.697 GB one."""
     usage = type('Usage', (), {'free': 6_969_600_000})
     monkeypatch.setattr(checks.shutil, 'disk_usage', lambda folder: usage)

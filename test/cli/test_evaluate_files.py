@@ -14,10 +14,10 @@ from tactile_nodes.cli.main import main
 @pytest.mark.parametrize(
     ('models', 'written'),
     [
-        (['a/gel.safetensors'], ['told.csv']),
-        (['a/gel.safetensors', 'b/other.safetensors'], ['told_gel.csv', 'told_other.csv']),
+        (['a/gel.safetensors'], ['answers.csv']),
+        (['a/gel.safetensors', 'b/other.safetensors'], ['answers_gel.csv', 'answers_other.csv']),
         # as in two folders of presses by hand, whose models are both called calibrated.safetensors
-        (['a/gel.safetensors', 'b/gel.safetensors'], ['told_gel_id of a.csv', 'told_gel_id of b.csv']),
+        (['a/gel.safetensors', 'b/gel.safetensors'], ['answers_gel_id of a.csv', 'answers_gel_id of b.csv']),
     ],
 )
 def test_each_of_several_models_gets_a_table_of_its_own(
@@ -32,6 +32,6 @@ def test_each_of_several_models_gets_a_table_of_its_own(
     monkeypatch.setattr(
         'tactile_nodes.learning.evaluation.told.write_told', lambda answers, file: file.write_text(answers[0])
     )
-    assert main(['evaluate', *models, '--table', str(tmp_path / 'told.csv')]) == 0
+    assert main(['evaluate', *models, '--table', str(tmp_path / 'answers.csv')]) == 0
     assert sorted(each.name for each in tmp_path.iterdir()) == written
     assert [(tmp_path / name).read_text() for name in written] == models

@@ -22,8 +22,8 @@ def test_the_card_says_what_a_model_was_made_of_and_for(capsys: pytest.CaptureFi
 @pytest.mark.parametrize('name', ['fast', 'portable', 'paper'])
 def test_cards_that_ship_name_no_place_on_somebodys_machine(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['model', 'info', name]) == 0
-    assert str(Path.home()) not in (told := capsys.readouterr().out)
-    assert yaml.safe_load(told)['command'] == f'tactile train config/train/{name}.yaml'
+    assert str(Path.home()) not in (printed := capsys.readouterr().out)
+    assert yaml.safe_load(printed)['command'] == f'tactile train config/train/{name}.yaml'
 
 
 def test_a_model_that_is_none_is_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -53,7 +53,7 @@ def test_node_info_tells_that_a_node_is_stuck(lamp: LampNode, tactile: Tactile) 
     assert last.endswith('but the node itself did not respond within 0.2 s: it is busy or stuck')
 
 
-def test_an_unknown_node_is_told(tactile: Tactile) -> None:
+def test_an_unknown_node_is_reported(tactile: Tactile) -> None:
     ended = tactile('node', 'info', '/nobody')
     assert (ended.status, ended.err) == (1, 'there is no node /nobody; see tactile node list\n')
 
@@ -69,7 +69,7 @@ def test_parameters_of_one_node_are_listed_with_types(lamp: LampNode, tactile: T
 
 
 @pytest.mark.parametrize(
-    ('name', 'said'),
+    ('name', 'printed'),
     [
         ('level', 'Double value is: 0.5\n'),
         ('colour', 'String value is: on\n'),
@@ -77,15 +77,15 @@ def test_parameters_of_one_node_are_listed_with_types(lamp: LampNode, tactile: T
         ('steps', 'Integer values are: [1, 2]\n'),
     ],
 )
-def test_a_parameter_is_read_with_its_type(name: str, said: str, lamp: LampNode, tactile: Tactile) -> None:
-    assert tactile('param', 'get', '/lamp', name).out == said
+def test_a_parameter_is_read_with_its_type(name: str, printed: str, lamp: LampNode, tactile: Tactile) -> None:
+    assert tactile('param', 'get', '/lamp', name).out == printed
 
 
 def test_the_type_can_be_hidden(lamp: LampNode, tactile: Tactile) -> None:
     assert tactile('param', 'get', '/lamp', 'level', '--hide-type').out == '0.5\n'
 
 
-def test_a_missing_parameter_is_told(lamp: LampNode, tactile: Tactile) -> None:
+def test_a_missing_parameter_is_reported(lamp: LampNode, tactile: Tactile) -> None:
     ended = tactile('param', 'get', '/lamp', 'levle')
     assert (ended.status, ended.err) == (1, "/lamp has no parameter 'levle'; see tactile param list\n")
 
@@ -191,7 +191,7 @@ def test_a_service_is_called(lamp: LampNode, tactile: Tactile) -> None:
 
 
 @pytest.mark.parametrize(
-    ('words', 'said'),
+    ('words', 'error'),
     [
         (('/nothing', 'std_srvs/srv/Trigger'), 'no node offers the service /nothing'),
         (('/lamp/blink', 'std_srvs/srv/SetBool'), '/lamp/blink is a std_srvs/srv/Trigger, not a std_srvs/srv/SetBool'),
@@ -199,8 +199,10 @@ def test_a_service_is_called(lamp: LampNode, tactile: Tactile) -> None:
         (('/lamp/blink', 'std_srvs/srv/Trigger', '{data: 1}'), "has no field 'data'"),
     ],
 )
-def test_a_wrong_call_is_told_in_one_line(words: tuple[str, ...], said: str, lamp: LampNode, tactile: Tactile) -> None:
+def test_a_wrong_call_is_reported_in_one_line(
+    words: tuple[str, ...], error: str, lamp: LampNode, tactile: Tactile
+) -> None:
     ended = tactile('service', 'call', *words)
     assert (ended.status, ended.out) == (1, '')
-    assert said in ended.err
+    assert error in ended.err
     assert ended.err.count('\n') == 1

@@ -41,11 +41,11 @@ NEWTON_PER_GRAM = 9.81e-3
 
 
 class Aside(SimulatedPerson):
-    """Presses 10 mm to the right of the mark, and tells it only when asked again."""
+    """Presses 10 mm to the right of the mark, and says so only when asked again."""
 
-    def __init__(self, said: list[str]) -> None:
-        super().__init__(Sensor(), NEWTON_PER_GRAM, said.append, world='aside')
-        self.told = [(0.0, 0.0), (10.0, 0.0)]
+    def __init__(self, lines: list[str]) -> None:
+        super().__init__(Sensor(), NEWTON_PER_GRAM, lines.append, world='aside')
+        self.places = [(0.0, 0.0), (10.0, 0.0)]
 
     def press(self, target: Target, picture: np.ndarray, done: list[Done]) -> None:
         super().press(Target(10.0, 0.0, target.force_n), picture, done)
@@ -56,25 +56,25 @@ class Aside(SimulatedPerson):
         self._tell(text)
 
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
-        return 30.0, self.told.pop(0)
+        return 30.0, self.places.pop(0)
 
 
 class Unsteady(SimulatedPerson):
-    """Presses as told, but lifts while the scale is read, passes one press over, and stops after four."""
+    """Presses as asked, but lifts while the scale is read, passes one press over, and stops after four."""
 
-    def __init__(self, said: list[str]) -> None:
-        super().__init__(Sensor(), NEWTON_PER_GRAM, said.append, world='unsteady')
-        self.asked = 0
+    def __init__(self, lines: list[str]) -> None:
+        super().__init__(Sensor(), NEWTON_PER_GRAM, lines.append, world='unsteady')
+        self.readings = 0
 
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
-        self.asked += 1
-        told = super().reading(target)
-        if self.asked == 2:
+        self.readings += 1
+        answer = super().reading(target)
+        if self.readings == 2:
             self._now = Press(target.x_mm, target.y_mm, 0.7 * self._now.depth_mm)
-        if self.asked == 4:
+        if self.readings == 4:
             raise KeyboardInterrupt
-        assert told is not None
-        return None if self.asked == 3 else told
+        assert answer is not None
+        return None if self.readings == 3 else answer
 
 
 def folder_of(path: Path, unit: str = 'g') -> PressFolder:
@@ -86,9 +86,9 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
 ) -> None:
     words = ['press', str(tmp_path / 'by_hand'), '--indenter', 'ball:0.6', '--forces', '20', '60', '--presses']
     assert main([*words, '2']) == 0
-    told = capsys.readouterr().out
-    assert '2 of 2 presses (1 of about 20 g, 1 of about 60 g)' in told
-    assert told.endswith('2 presses are too few: a calibration needs at least 5. Continue with --presses 30\n')
+    printed = capsys.readouterr().out
+    assert '2 of 2 presses (1 of about 20 g, 1 of about 60 g)' in printed
+    assert printed.endswith('2 presses are too few: a calibration needs at least 5. Continue with --presses 30\n')
     assert main([*words, '10']) == 0
     assert 'enough presses. Next steps:' in capsys.readouterr().out
     table = tmp_path / 'by_hand' / 'presses.csv'
@@ -105,9 +105,9 @@ def test_what_is_printed_at_the_end_calibrates_a_described_sensor(
     monkeypatch.setattr('tactile_nodes.clock.SystemClock', JumpingClock)
     words = ['press', str(tmp_path / 'by hand'), '--sensor', 'printed_dots', '--indenter', 'ball:5', '--presses', '12']
     assert main(words) == 0
-    told = capsys.readouterr().out
-    assert 'under ball:5 the gel responds linearly up to about 150 g' in told
-    commands = [shlex.split(line)[1:] for line in told.splitlines() if line.startswith('  tactile ')]
+    printed = capsys.readouterr().out
+    assert 'under ball:5 the gel responds linearly up to about 150 g' in printed
+    commands = [shlex.split(line)[1:] for line in printed.splitlines() if line.startswith('  tactile ')]
     assert [each[0] for each in commands] == ['calibrate', 'calibrate', 'dataset']
     for command in commands:
         assert main(command) == 0, command
@@ -145,31 +145,31 @@ def test_a_simulated_hand_presses_harder_while_nothing_is_seen() -> None:
 
 
 def test_a_press_that_moves_while_it_is_read_is_not_kept_and_ctrl_c_loses_none(tmp_path: Path) -> None:
-    said: list[str] = []
-    person = Unsteady(said)
+    lines: list[str] = []
+    person = Unsteady(lines)
     settings = CameraSettings(scene=SceneSettings(world='unsteady'))
     camera = open_camera(settings, JumpingClock())
     guide = Guide(camera, person, folder_of(tmp_path), Wish(9, (0.3, 0.5), Outline(*SIDES)), Sensor())
     with pytest.raises(KeyboardInterrupt):
         guide.run()
-    assert any('the press moved while you read the scale' in line for line in said)
-    assert 'passed over' in said
+    assert any('the press moved while you read the scale' in line for line in lines)
+    assert 'passed over' in lines
     (done,) = folder_of(tmp_path).done  # of four the first
     assert done.force_n == pytest.approx(0.3, rel=0.2)
     assert person.press_at(0) != AWAY
 
 
 @pytest.mark.parametrize(
-    ('place_mm', 'grams', 'said'),
+    ('place_mm', 'grams', 'refusal'),
     [
         ((99.0, 0.0), 50.0, 'x is read as 99 mm'),
         (NO_PLACE, 5e5, 'the reading is read as 4905 N: forces must be below 200 N'),
     ],
 )
 def test_an_answer_that_no_press_can_be_is_asked_again_and_never_written(
-    place_mm: tuple[float, float], grams: float, said: str, tmp_path: Path
+    place_mm: tuple[float, float], grams: float, refusal: str, tmp_path: Path
 ) -> None:
-    assert folder_of(tmp_path).fault(grams, place_mm).startswith(said)
+    assert folder_of(tmp_path).fault(grams, place_mm).startswith(refusal)
     assert folder_of(tmp_path).fault(50.0, (1.0, 2.0)) == ''
 
 
@@ -187,11 +187,11 @@ def test_a_picture_is_on_the_disk_before_its_row(tmp_path: Path, monkeypatch: py
 
 
 def test_a_press_beside_its_mark_is_asked_for_its_place(tmp_path: Path) -> None:
-    said: list[str] = []
-    person = Aside(said)
+    lines: list[str] = []
+    person = Aside(lines)
     camera = open_camera(CameraSettings(scene=SceneSettings(world='aside')), JumpingClock())
     Guide(camera, person, folder_of(tmp_path), Wish(1, (0.3,), Outline(*SIDES)), Sensor()).run()
-    assert any('mm away: type the place' in line for line in said)
+    assert any('mm away: type the place' in line for line in lines)
     assert folder_of(tmp_path).done[0][:2] == (10.0, 0.0)
 
 
@@ -234,7 +234,7 @@ def test_a_press_is_held_still_though_the_picture_flickers_where_it_shows_the_ri
     assert states[HELD - 1 :] == [STEADY] * (HELD + 1)
 
 
-def test_a_recording_that_ends_is_told(tmp_path: Path) -> None:
+def test_a_recording_that_ends_is_reported(tmp_path: Path) -> None:
     pictures = tmp_path / 'pictures'
     pictures.mkdir()
     cv2.imwrite(str(pictures / '1.png'), Optics(Gel(), contact_table(Gel())).render((), 1))
@@ -314,7 +314,7 @@ def test_a_sketch_has_y_downwards_as_the_picture_has() -> None:
 
 
 @pytest.mark.parametrize(
-    ('text', 'told'),
+    ('text', 'answer'),
     [
         ('50', (50.0, (3.0, -2.0))),
         ('50,5', (50.5, (3.0, -2.0))),
@@ -326,8 +326,8 @@ def test_a_sketch_has_y_downwards_as_the_picture_has() -> None:
         ('0', 'the reading must be above 0; tare the scale with the sensor on it'),
     ],
 )
-def test_answers_at_the_terminal(text: str, told: object) -> None:
-    assert read_answer(text, (3.0, -2.0)) == told
+def test_answers_at_the_terminal(text: str, answer: object) -> None:
+    assert read_answer(text, (3.0, -2.0)) == answer
 
 
 def test_presses_stay_within_the_rim_of_a_round_gel() -> None:

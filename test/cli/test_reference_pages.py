@@ -52,14 +52,14 @@ def test_what_stands_around_a_part_is_left_as_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ('text', 'said'),
+    ('text', 'refusal'),
     [
         (PAGE.replace('topics', 'topic'), "there is no part 'topic'; known are: topics"),
         (PAGE.replace('<!-- end of topics -->', ''), "'topics' has no end; put this line below it"),
     ],
 )
-def test_a_part_that_cannot_be_made_is_refused(text: str, said: str) -> None:
-    with pytest.raises(ConfigurationError, match=said):
+def test_a_part_that_cannot_be_made_is_refused(text: str, refusal: str) -> None:
+    with pytest.raises(ConfigurationError, match=refusal):
         renewed(text, {'topics': lambda: 'new'}, 'page.md')
 
 
@@ -85,10 +85,12 @@ def test_what_the_source_of_a_node_says_is_what_the_running_node_offers(module: 
     bus = InProcessBus(SteppedClock())
     node = KINDS[module].kind(bus, parse_arguments([]), bus.clock)
     try:
-        told = [ends_of(KINDS[module].kind), ends_of_every_node()]
-        assert own(bus.graph().publishers(), node) == full(node, [name for ends in told for name in ends.publishes])
-        assert own(bus.graph().services(), node) == full(node, [name for ends in told for name in ends.services])
-        assert own(bus.graph().subscriptions(), node) <= full(node, [name for ends in told for name in ends.receives])
+        all_ends = [ends_of(KINDS[module].kind), ends_of_every_node()]
+        assert own(bus.graph().publishers(), node) == full(node, [name for ends in all_ends for name in ends.publishes])
+        assert own(bus.graph().services(), node) == full(node, [name for ends in all_ends for name in ends.services])
+        assert own(bus.graph().subscriptions(), node) <= full(
+            node, [name for ends in all_ends for name in ends.receives]
+        )
     finally:
         node.close()
         bus.close()
@@ -105,8 +107,8 @@ def full(node: Node, names: list[str]) -> set[str]:
 @pytest.mark.parametrize('topic', TOPICS.values(), ids=lambda topic: topic.name)
 def test_every_topic_says_what_it_holds_and_who_publishes_it(topic: Topic) -> None:
     assert topic.holds
-    told = [ends_of_every_node(), *(ends_of(node.kind) for node in node_kinds())]
-    assert any(topic.name in ends.publishes for ends in told)
+    all_ends = [ends_of_every_node(), *(ends_of(node.kind) for node in node_kinds())]
+    assert any(topic.name in ends.publishes for ends in all_ends)
 
 
 @pytest.mark.parametrize(

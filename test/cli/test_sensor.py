@@ -95,9 +95,9 @@ def test_a_person_is_asked_until_the_answer_can_be_read(
     assert sensor.gel.moduli_mpa == (0.12,)
     assert sensor.gel.markers_mm == (0.3, 0.4)
     assert sensor.camera.position_mm[2] == -20.0
-    said = capsys.readouterr().out
-    assert "'soft' is not a number above 0" in said
-    assert "'0.6-0.3' is not in order" in said
+    printed = capsys.readouterr().out
+    assert "'soft' is not a number above 0" in printed
+    assert "'0.6-0.3' is not in order" in printed
 
 
 def test_of_dots_their_pitch_is_asked_for_first(
@@ -126,7 +126,7 @@ def test_questions_that_end_early_name_the_flag(
 
 
 @pytest.mark.parametrize(
-    ('words', 'said'),
+    ('words', 'refusal'),
     [
         (['rest'], 'No picture shows this; give it with --width, or of dots with --pitch'),
         (['rest', 'other.png', '--width', '18'], 'other.png has 640x480 pixels, but picture 0 of rest has 320x240'),
@@ -142,7 +142,7 @@ def test_questions_that_end_early_name_the_flag(
     ],
 )
 def test_what_no_description_follows_from_is_refused_and_nothing_written(
-    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], refusal: str
 ) -> None:
     for name, picture in (
         ('other', np.full((480, 640), 99)), ('flat', np.full((240, 320), 90)), ('black', np.zeros((240, 320))),
@@ -150,7 +150,7 @@ def test_what_no_description_follows_from_is_refused_and_nothing_written(
         cv2.imwrite(f'{name}.png', picture.astype(np.uint8))
     (folder / 'ost.yaml').write_text(CALIBRATION.replace('320', '640', 1))
     assert main(['sensor', 'new', *words, '-o', 'mine.yaml', '--yes']) == 1
-    assert said in capsys.readouterr().err
+    assert refusal in capsys.readouterr().err
     assert not Path('mine.yaml').exists()
 
 

@@ -41,16 +41,16 @@ def test_full_length_prints_everything() -> None:
     assert '...' not in to_yaml(types.Image(data=np.zeros(200, np.uint8)), ALL)
 
 
-def test_arrays_can_be_told_by_type_and_length() -> None:
+def test_arrays_can_be_reported_by_type_and_length() -> None:
     printed = to_yaml(types.Image(data=np.zeros(7, np.uint8)), Shown(arrays=False))
     assert "data: '<sequence type: uint8, length: 7>'" in printed
 
 
-def test_fixed_arrays_are_told_by_their_size() -> None:
+def test_fixed_arrays_are_reported_by_their_size() -> None:
     assert "k: '<array type: float64[9]>'" in to_yaml(types.CameraInfo(), Shown(arrays=False))
 
 
-def test_texts_can_be_told_by_length() -> None:
+def test_texts_can_be_reported_by_length() -> None:
     assert "frame_id: '<string length: <3>>'" in to_yaml(wrench().header, Shown(strings=False))
 
 

@@ -71,7 +71,7 @@ def test_find_and_type_are_each_others_reverse(other: ZmqBus, tactile: Tactile) 
 
 
 @pytest.mark.parametrize('command', ['info', 'type'])
-def test_an_unknown_topic_is_told_in_one_line(command: str, tactile: Tactile) -> None:
+def test_an_unknown_topic_is_reported_in_one_line(command: str, tactile: Tactile) -> None:
     ended = tactile('topic', command, '/nothing')
     assert (ended.status, ended.out) == (1, '')
     assert ended.err.startswith('there is no topic /nothing')
@@ -132,7 +132,7 @@ def test_echo_prints_one_field(other: ZmqBus, tactile: Tactile, repeating: Repea
     assert tactile('topic', 'echo', 'b', '--once', '--field', 'wrench.force', '--csv').out == '0.0,0.0,0.25\n'
 
 
-def test_echo_of_a_latched_topic_prints_what_was_said_before(other: ZmqBus, tactile: Tactile) -> None:
+def test_echo_of_a_latched_topic_prints_what_was_reported_before(other: ZmqBus, tactile: Tactile) -> None:
     other.advertise('/reference_image', STRING, Qos('latest', 1, latched=True)).publish(types.String(data='rest'))
     assert tactile('topic', 'echo', '/reference_image', '--once').out == 'data: rest\n---\n'
 
@@ -223,7 +223,7 @@ def test_pub_fills_in_the_stamp(other: ZmqBus, tactile: Tactile) -> None:
 
 
 @pytest.mark.parametrize(
-    ('words', 'said'),
+    ('words', 'error'),
     [
         (('/b', 'std_msgs/msg/Sting'), "there is no message type 'std_msgs/msg/Sting'"),
         (('/b', STRING, '{date: x}'), "has no field 'date'; it has: data"),
@@ -231,10 +231,10 @@ def test_pub_fills_in_the_stamp(other: ZmqBus, tactile: Tactile) -> None:
         (('/b', STRING, '{data'), 'is not valid YAML'),
     ],
 )
-def test_pub_of_a_wrong_message_is_one_line(words: tuple[str, ...], said: str, tactile: Tactile) -> None:
+def test_pub_of_a_wrong_message_is_one_line(words: tuple[str, ...], error: str, tactile: Tactile) -> None:
     ended = tactile('topic', 'pub', '-1', *words)
     assert ended.status == 1
-    assert said in ended.err
+    assert error in ended.err
     assert ended.err.count('\n') == 1
 
 
@@ -302,10 +302,10 @@ def test_the_bandwidth_is_all_bytes_of_the_window_until_now() -> None:
 
 
 @pytest.mark.parametrize(
-    ('command', 'said'), [('hz', 'average rate: '), ('bw', '/s from '), ('delay', 'average delay')]
+    ('command', 'printed'), [('hz', 'average rate: '), ('bw', '/s from '), ('delay', 'average delay')]
 )
 def test_measuring_reports_once_a_second_until_ctrl_c(
-    command: str, said: str, other: ZmqBus, run_folder: object, repeating: Repeating
+    command: str, printed: str, other: ZmqBus, run_folder: object, repeating: Repeating
 ) -> None:
     publisher = other.advertise('/w', WRENCH, QUEUE)
     repeating(lambda: publisher.publish(types.WrenchStamped(header=types.Header(stamp=time_from_ns(1)))))
@@ -314,7 +314,7 @@ def test_measuring_reports_once_a_second_until_ctrl_c(
         assert process.stdout is not None
         assert process.stderr is not None
         assert process.stdout.readline() == 'Subscribed to [/w]\n'
-        assert said in process.stdout.readline()
+        assert printed in process.stdout.readline()
         process.send_signal(2)
         assert process.wait(2.0) == 130
         assert process.stderr.read() == ''

@@ -109,9 +109,9 @@ def words_of(folder: Path, noise_px: float) -> list[str]:
 
 def test_a_model_of_too_few_presses_says_so_and_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(words_of(tmp_path, noise_px=0.15)) == 0
-    said = ' '.join(capsys.readouterr().out.split())
-    assert 'warning: held-out presses are read' in said
-    assert 'tactile calibrate --dataset presses.npz --model portable' in said
+    printed = ' '.join(capsys.readouterr().out.split())
+    assert 'warning: held-out presses are read' in printed
+    assert 'tactile calibrate --dataset presses.npz --model portable' in printed
 
 
 def few(folder: Path, presses: int, untouched: int) -> str:
@@ -124,7 +124,7 @@ def few(folder: Path, presses: int, untouched: int) -> str:
 
 
 @pytest.mark.parametrize(
-    ('run', 'presses', 'untouched', 'said'),
+    ('run', 'presses', 'untouched', 'missing'),
     [
         # Of 64 samples a fifth, 13, is put aside for the test and a tenth of the others, 6, for validation.
         (
@@ -142,20 +142,20 @@ def few(folder: Path, presses: int, untouched: int) -> str:
         ),
     ],
 )  # fmt: skip
-def test_what_is_missing_to_train_is_told_and_that_a_calibration_needs_less(
-    run: str, presses: int, untouched: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_is_missing_to_train_is_reported_and_that_a_calibration_needs_less(
+    run: str, presses: int, untouched: int, missing: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     (tmp_path / 'run.yaml').write_text(run)
     named = ['--dataset', few(tmp_path, presses, untouched), '-o', str(tmp_path / 'mine.safetensors')]
     assert main(['train', str(tmp_path / 'run.yaml'), *named, '--runs', str(tmp_path / 'runs')]) == 1
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.endswith('tactile calibrate --dataset presses.npz --model portable -o FILE\n')
+    printed = capsys.readouterr().err
+    assert missing in printed
+    assert printed.endswith('tactile calibrate --dataset presses.npz --model portable -o FILE\n')
     assert not (tmp_path / 'mine.safetensors').exists()
 
 
 @pytest.mark.parametrize(
-    ('presses', 'untouched', 'said'),
+    ('presses', 'untouched', 'refusal'),
     [
         (0, 20, 'a network needs presses with a force to train on, but there is none; record some; or calibrate'),
         # Of 12 samples 3 are put aside for the test and of the others one for validation, whose mean is itself.
@@ -163,7 +163,7 @@ def test_what_is_missing_to_train_is_told_and_that_a_calibration_needs_less(
     ],
 )
 def test_a_network_that_no_press_could_judge_is_not_written(
-    presses: int, untouched: int, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    presses: int, untouched: int, refusal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     pytest.importorskip('torch')
     (tmp_path / 'run.yaml').write_text(
@@ -173,7 +173,7 @@ def test_a_network_that_no_press_could_judge_is_not_written(
     output = tmp_path / 'mine.safetensors'
     words = ['train', str(tmp_path / 'run.yaml'), '--dataset', few(tmp_path, presses, untouched), '-o', str(output)]
     assert main([*words, '--runs', str(tmp_path / 'runs')]) == 1
-    assert said in capsys.readouterr().err
+    assert refusal in capsys.readouterr().err
     assert not output.exists()
 
 
@@ -187,9 +187,9 @@ def test_a_model_that_is_no_better_than_the_mean_is_written_only_if_forced(
 ):
     words = words_of(tmp_path, noise_px=5.0)
     assert main(words) == 1
-    said = capsys.readouterr().err
-    assert 'the model would not help: held-out presses are read' in said
-    assert 'tactile train … --force writes it all the same' in said
+    printed = capsys.readouterr().err
+    assert 'the model would not help: held-out presses are read' in printed
+    assert 'tactile train … --force writes it all the same' in printed
     assert not (tmp_path / 'mine.safetensors').exists()
     assert main([*words, '--force']) == 0
     assert (tmp_path / 'mine.safetensors').exists()

@@ -44,18 +44,18 @@ def run(arguments: argparse.Namespace) -> int:
 
 def lines(clocks: Clocks) -> list[str]:
     """A table of the fitted clocks, and a sentence for each clock that could not be fitted."""
-    told = clocks.as_list()
-    if not told:
+    recorders = clocks.as_list()
+    if not recorders:
         return [f'only {clocks.reference} saw the {len(clocks.shared)} edges of the line: there is nothing to compare']
-    fitted = [clock for clock in told if 'refused' not in clock]
-    wide = max(len('recorder'), *(len(clock['recorder']) for clock in told))
+    fitted = [clock for clock in recorders if 'refused' not in clock]
+    wide = max(len('recorder'), *(len(clock['recorder']) for clock in recorders))
     head = (
         f'fitted to {clocks.reference}, {len(clocks.shared)} edges; offset: what stamps lack in the middle of the run'
     )
     rows = [_row(clock['recorder'], _numbers(clock), wide) for clock in fitted]
     refused = [
         f'{clock["recorder"]}: {clock["edges"]} edges, {clock["refused"]}: {clock["why"]}'
-        for clock in told
+        for clock in recorders
         if 'refused' in clock
     ]
     return [head, *([_row('recorder', _COLUMNS, wide), *rows] if rows else []), *refused]

@@ -42,8 +42,8 @@ def method_options(arguments: argparse.Namespace) -> dict[str, Any]:
     from tactile_nodes.learning.recorded.building import gel_told
 
     flow, encoding, bins, crop = (_of_model if arguments.model else _of_run)(arguments)
-    told = {'flow': flow, 'encoding': encoding, 'bins': bins, 'crop': crop, 'frames': arguments.frames}
-    return {**told, 'gel': gel_told(arguments.gel)}
+    options = {'flow': flow, 'encoding': encoding, 'bins': bins, 'crop': crop, 'frames': arguments.frames}
+    return {**options, 'gel': gel_told(arguments.gel)}
 
 
 Measuring = tuple['Choice', 'Choice', 'BinGrid', 'int | tuple[int, int]']

@@ -33,15 +33,15 @@ class Verbs:
 
     def add(self, name: str, action: Action, line: str, examples: str = '') -> argparse.ArgumentParser:
         """A subcommand; `line` is its description, `examples` are shown below its help."""
-        made = self._commands.add_parser(
+        verb = self._commands.add_parser(
             name,
             help=line,
             description=f'{line[0].upper()}{line[1:]}.',
             epilog=f'examples:\n{examples}' if examples else None,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        made.set_defaults(action=action)
-        return made
+        verb.set_defaults(action=action)
+        return verb
 
 
 def _show_help(parser: argparse.ArgumentParser) -> Action:

@@ -86,7 +86,7 @@ DOTS_DEPTH, TEXTURE_DEPTH = (
 STIFFNESS = Question(
     'stiffness', 'How stiff is the gel: shear modulus [MPa], or Shore A, e.g. 10A?', modulus, 0.1, ('gel.moduli_mpa',)
 )
-TOLD_OFF = 0.3
+DATA_SHEET_OFF = 0.3
 """Relative uncertainty of a modulus that follows from a hardness or a data sheet."""
 DISTANCE = Question(
     'distance', 'How far is the lens from the surface of the gel [mm]?', positive_float, 20.0,
@@ -122,7 +122,7 @@ def answered(
     sources['gel.moduli_off'] = 'from a hardness or a data sheet' if known else 'not measured'
     answers = Answers(
         arguments.output.stem, width, pitch, given['thickness'], given['stiffness'],
-        TOLD_OFF if known else Answers.modulus_off, markers, distance, camera,
+        DATA_SHEET_OFF if known else Answers.modulus_off, markers, distance, camera,
     )  # fmt: skip
     return answers, sources
 
@@ -148,7 +148,7 @@ class _Asking:
         from tactile_nodes.errors import ConfigurationError
 
         given = getattr(self._given, question.flag)
-        value = given if given is not None else self._asked(question) if self.asks else None
+        value = given if given is not None else self._answer_to(question) if self.asks else None
         if value is None and not question.usual:
             or_pitch = ', or of dots with --pitch' if question is WIDTH else ''
             raise ConfigurationError(f'{question.text} No picture shows this; give it with --{question.flag}{or_pitch}')
@@ -156,11 +156,11 @@ class _Asking:
         self.sources |= dict.fromkeys(question.entries, source)
         return question.usual if value is None else value
 
-    def _asked(self, question: Question) -> Any:
+    def _answer_to(self, question: Question) -> Any:
         """The answer to a question; None if it is not known."""
         from tactile_nodes.errors import ConfigurationError
 
-        usual = f' (empty: {_told(question.usual)})' if question.usual else ''
+        usual = f' (empty: {_as_text(question.usual)})' if question.usual else ''
         while True:
             try:
                 text = input(f'{question.text}{usual} ').strip()
@@ -176,7 +176,7 @@ class _Asking:
                 print(error)
 
 
-def _told(value: Any) -> str:
+def _as_text(value: Any) -> str:
     return '-'.join(f'{each:g}' for each in (value if isinstance(value, tuple) else (value,)))
 
 
@@ -196,12 +196,12 @@ def _calibrated(arguments: argparse.Namespace, size_px: tuple[int, int]) -> Came
         raise ConfigurationError('--fisheye is the lens model of a calibration: give its file with --camera-info')
     if file is None:
         return None
-    told = read_camera_file(file, 'fisheye' if arguments.fisheye else '')
-    of = told.pop('image.width', size_px[0]), told.pop('image.height', size_px[1])
+    fields = read_camera_file(file, 'fisheye' if arguments.fisheye else '')
+    of = fields.pop('image.width', size_px[0]), fields.pop('image.height', size_px[1])
     if of != size_px:
         raise ConfigurationError(
             f'{file} was calibrated with pictures of {of[0]}x{of[1]}, but these have {size_px[0]}x{size_px[1]}; '
             'calibrate at the size in use'
         )
-    values = {name.removeprefix('camera.'): value for name, value in told.items()}
+    values = {name.removeprefix('camera.'): value for name, value in fields.items()}
     return from_mapping(CameraDescription, values, source=str(file), exact=False)

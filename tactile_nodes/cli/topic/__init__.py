@@ -38,34 +38,34 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _add_list(verbs: Verbs) -> None:
-    made = verbs.add('list', list_topics, 'list the topics', '  tactile topic list -t\n  tactile topic list -v\n')
-    made.add_argument('-t', '--show-types', action='store_true', help='show the types too')
-    made.add_argument('-c', '--count-topics', '--count', action='store_true', help='only print how many there are')
-    made.add_argument('-a', '--include-hidden-topics', '--all', action='store_true', help='list hidden topics as well')
-    made.add_argument('-v', '--verbose', action='store_true', help='show publishers and subscribers')
+    verb = verbs.add('list', list_topics, 'list the topics', '  tactile topic list -t\n  tactile topic list -v\n')
+    verb.add_argument('-t', '--show-types', action='store_true', help='show the types too')
+    verb.add_argument('-c', '--count-topics', '--count', action='store_true', help='only print how many there are')
+    verb.add_argument('-a', '--include-hidden-topics', '--all', action='store_true', help='list hidden topics as well')
+    verb.add_argument('-v', '--verbose', action='store_true', help='show publishers and subscribers')
 
 
 def _add_info(verbs: Verbs) -> None:
-    made = verbs.add(
+    verb = verbs.add(
         'info',
         show_info,
         'show type, publishers and subscribers of a topic',
         '  tactile topic info /force_distribution -v\n',
     )
-    completed(made.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
-    made.add_argument('-v', '--verbose', action='store_true', help='show each publisher and subscription')
+    completed(verb.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
+    verb.add_argument('-v', '--verbose', action='store_true', help='show each publisher and subscription')
 
 
 def _add_find(verbs: Verbs) -> None:
-    made = verbs.add('find', find, 'list the topics of a type', '  tactile topic find sensor_msgs/msg/Image\n')
-    completed(made.add_argument('type', help='a message type, sensor_msgs/msg/Image'), completers.topic_types)
-    made.add_argument('-c', '--count-topics', '--count', action='store_true', help='only print how many there are')
-    made.add_argument('-a', '--include-hidden-topics', '--all', action='store_true', help='list hidden topics as well')
+    verb = verbs.add('find', find, 'list the topics of a type', '  tactile topic find sensor_msgs/msg/Image\n')
+    completed(verb.add_argument('type', help='a message type, sensor_msgs/msg/Image'), completers.topic_types)
+    verb.add_argument('-c', '--count-topics', '--count', action='store_true', help='only print how many there are')
+    verb.add_argument('-a', '--include-hidden-topics', '--all', action='store_true', help='list hidden topics as well')
 
 
 def _add_type(verbs: Verbs) -> None:
-    made = verbs.add('type', show_type, "print a topic's type", '  tactile topic type /wrench\n')
-    completed(made.add_argument('topic', help='a topic'), completers.topics)
+    verb = verbs.add('type', show_type, "print a topic's type", '  tactile topic type /wrench\n')
+    completed(verb.add_argument('topic', help='a topic'), completers.topics)
 
 
 def list_topics(arguments: argparse.Namespace) -> int:
@@ -120,12 +120,12 @@ def _visible(graph: Graph, hidden_too: bool) -> dict[str, list[str]]:
     return {name: types for name, types in graph.topics().items() if hidden_too or not is_hidden(name)}
 
 
-def _ends_of(topics: dict[str, list[str]], title: str, ends: list[Endpoint], what: str) -> str:
+def _ends_of(topics: dict[str, list[str]], title: str, ends: list[Endpoint], kind: str) -> str:
     lines = [title]
     for name, types in topics.items():
         number = sum(end.name == name for end in ends)
         if number:
-            lines.append(f' * {name} [{", ".join(types)}] {number} {what}{"s" if number > 1 else ""}')
+            lines.append(f' * {name} [{", ".join(types)}] {number} {kind}{"s" if number > 1 else ""}')
     return '\n'.join(lines) + '\n'
 
 

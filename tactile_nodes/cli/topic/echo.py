@@ -43,26 +43,26 @@ _EXAMPLES = """\
 
 def add(verbs: Verbs) -> None:
     """The command and its arguments."""
-    made = verbs.add('echo', echo, "print a topic's messages", _EXAMPLES)
-    completed(made.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
-    kind = made.add_argument('type', nargs='?', help='its type; needed only if the topic does not appear within 10 s')
+    verb = verbs.add('echo', echo, "print a topic's messages", _EXAMPLES)
+    completed(verb.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
+    kind = verb.add_argument('type', nargs='?', help='its type; needed only if the topic does not appear within 10 s')
     completed(kind, completers.topic_types)
-    made.add_argument('--once', action='store_true', help='print the first message and exit')
-    made.add_argument('--timeout', type=positive_float, metavar='N', help='exit after N seconds')
-    made.add_argument('--field', metavar='PATH', help='print this field alone: header.stamp, normal_force[40]')
-    made.add_argument('--csv', action='store_true', help='one line per message, values separated by commas')
-    made.add_argument('--flow-style', action='store_true', help='YAML lists and maps on one line')
-    made.add_argument('--no-arr', action='store_true', help='print the length of arrays instead of their elements')
-    made.add_argument('--no-str', action='store_true', help='print the length of strings instead of their text')
-    made.add_argument('-f', '--full-length', action='store_true', help='do not truncate arrays and strings')
-    made.add_argument(
+    verb.add_argument('--once', action='store_true', help='print the first message and exit')
+    verb.add_argument('--timeout', type=positive_float, metavar='N', help='exit after N seconds')
+    verb.add_argument('--field', metavar='PATH', help='print this field alone: header.stamp, normal_force[40]')
+    verb.add_argument('--csv', action='store_true', help='one line per message, values separated by commas')
+    verb.add_argument('--flow-style', action='store_true', help='YAML lists and maps on one line')
+    verb.add_argument('--no-arr', action='store_true', help='print the length of arrays instead of their elements')
+    verb.add_argument('--no-str', action='store_true', help='print the length of strings instead of their text')
+    verb.add_argument('-f', '--full-length', action='store_true', help='do not truncate arrays and strings')
+    verb.add_argument(
         '-l', '--truncate-length', type=count, metavar='N', help='truncate arrays and strings after N (128)'
     )
-    made.add_argument(
+    verb.add_argument(
         '-i', '--include-message-info', action='store_true', help='print the times of sending and arrival'
     )
-    made.add_argument('--no-lost-messages', action='store_true', help='do not report messages that were lost')
-    made.add_argument('--raw', action='store_true', help='print the serialized bytes')
+    verb.add_argument('--no-lost-messages', action='store_true', help='do not report messages that were lost')
+    verb.add_argument('--raw', action='store_true', help='print the serialized bytes')
 
 
 def echo(arguments: argparse.Namespace) -> int:
@@ -92,13 +92,13 @@ def awaited_type(bus: Bus, topic: str, timeout_s: float | None = None) -> str:
     Raises:
         BusError: the topic still has no publisher and no subscriber, or the types differ.
     """
-    wait_s, said = timeout_s or WAIT_S, False
+    wait_s, noticed = timeout_s or WAIT_S, False
     end_ns = bus.clock.now_ns() + round(wait_s * NS_PER_S)
     while topic not in bus.graph().topics() and (now_ns := bus.clock.now_ns()) < end_ns:
-        if not said:
-            told = f'no publisher and no subscriber of {topic} yet; waiting up to {wait_s:g} s'
-            print(told, file=sys.stderr, flush=True)
-        said = True
+        if not noticed:
+            notice = f'no publisher and no subscriber of {topic} yet; waiting up to {wait_s:g} s'
+            print(notice, file=sys.stderr, flush=True)
+        noticed = True
         bus.clock.sleep_until(min(now_ns + LOOK_EVERY_NS, end_ns))
     return type_of_topic(bus.graph(), topic)
 

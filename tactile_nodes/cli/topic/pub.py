@@ -40,29 +40,29 @@ _EXAMPLES = """\
 
 def add(verbs: Verbs) -> None:
     """The command and its arguments."""
-    made = verbs.add('pub', publish, 'publish messages', _EXAMPLES)
-    completed(made.add_argument('topic', help='a topic, /greeting for example'), completers.topics)
-    completed(made.add_argument('type', help='its type, std_msgs/msg/String for example'), completers.topic_types)
-    made.add_argument('values', nargs='?', default='{}', help='its fields as YAML; fields not named are zero')
-    made.add_argument(
+    verb = verbs.add('pub', publish, 'publish messages', _EXAMPLES)
+    completed(verb.add_argument('topic', help='a topic, /greeting for example'), completers.topics)
+    completed(verb.add_argument('type', help='its type, std_msgs/msg/String for example'), completers.topic_types)
+    verb.add_argument('values', nargs='?', default='{}', help='its fields as YAML; fields not named are zero')
+    verb.add_argument(
         '-r', '--rate', type=positive_float, default=1.0, metavar='HZ', help='publishing rate (default: 1)'
     )
-    made.add_argument('-p', '--print', type=count, default=1, metavar='N', help='print every Nth message (default: 1)')
-    often = made.add_mutually_exclusive_group()
+    verb.add_argument('-p', '--print', type=count, default=1, metavar='N', help='print every Nth message (default: 1)')
+    often = verb.add_mutually_exclusive_group()
     often.add_argument('-1', '--once', action='store_true', help='publish one message and exit')
     often.add_argument('-t', '--times', type=positive_int, metavar='N', help='publish N messages and exit')
-    made.add_argument(
+    verb.add_argument(
         '-w',
         '--wait-matching-subscriptions',
         type=count,
         metavar='N',
         help='first wait for N subscribing processes (default: 1 with --once or --times, else 0)',
     )
-    made.add_argument('--max-wait-time-secs', type=positive_float, metavar='S', help='wait S seconds at most')
-    made.add_argument(
+    verb.add_argument('--max-wait-time-secs', type=positive_float, metavar='S', help='wait S seconds at most')
+    verb.add_argument(
         '--keep-alive', type=duration, default=0.1, metavar='S', help='stay S seconds after the last message (0.1)'
     )
-    made.add_argument('-n', '--node-name', metavar='NAME', help='the name of the publishing node')
+    verb.add_argument('-n', '--node-name', metavar='NAME', help='the name of the publishing node')
 
 
 def publish(arguments: argparse.Namespace) -> int:

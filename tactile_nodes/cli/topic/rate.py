@@ -47,10 +47,10 @@ def add(verbs: Verbs) -> None:
 
 
 def _add(verbs: Verbs, name: str, window: int, meter: Callable[[int], Meter], line: str, examples: str) -> None:
-    made = verbs.add(name, lambda arguments: measure(arguments, meter(arguments.window)), line, examples)
-    completed(made.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
+    verb = verbs.add(name, lambda arguments: measure(arguments, meter(arguments.window)), line, examples)
+    completed(verb.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
     window_help = f'messages to average over (default: {window})'
-    made.add_argument('-w', '--window', type=positive_int, default=window, metavar='N', help=window_help)
+    verb.add_argument('-w', '--window', type=positive_int, default=window, metavar='N', help=window_help)
 
 
 def measure(arguments: argparse.Namespace, meter: Meter) -> int:
@@ -110,7 +110,7 @@ class Rate:
     def __init__(self, window: int) -> None:
         self._intervals_s: deque[float] = deque(maxlen=window)
         self._last_ns: int | None = None
-        self._told_ns: int | None = None
+        self._reported_ns: int | None = None
 
     def add(self, received: Received) -> None:
         if self._last_ns is not None:
@@ -120,9 +120,9 @@ class Rate:
     def report(self, _: int) -> str | None:
         if not self._intervals_s:
             return None
-        if self._told_ns == self._last_ns:
+        if self._reported_ns == self._last_ns:
             return 'no new messages'
-        self._told_ns = self._last_ns
+        self._reported_ns = self._last_ns
         spread = Spread.of(self._intervals_s)
         return f'average rate: {1 / spread.mean if spread.mean > 0 else 0:.3f}\n{spread.text()}'
 

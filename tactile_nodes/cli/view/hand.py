@@ -25,9 +25,9 @@ def picture(shot: Snapshot) -> Text:
     lines += [Text(), Text.assemble(('sum      ', BOLD), _sum_text(shot.wrench))]
     lines += health_lines(shot, _WARNING)
     lines += [Text(line, LEVELS[_WARNING]) for line in shot.logs]
-    made = Text('\n').join(lines)
-    made.no_wrap, made.overflow = True, 'ellipsis'
-    return made
+    text = Text('\n').join(lines)
+    text.no_wrap, text.overflow = True, 'ellipsis'
+    return text
 
 
 def line(shot: Snapshot) -> str:
@@ -43,10 +43,10 @@ def summary(shot: Snapshot) -> str:
     """The text that is printed at the end; `shot` covers the whole run."""
     rows = [f'{"sensor":<12} {"frames":>7}  {"fps":>5}  {"p50":>6}  {"p99":>6} ms  lost  skipped  invalid']
     for each in shot.sensors:
-        whole = each.latencies['end to end']
+        total = each.latencies['end to end']
         rows.append(
-            f'{_name(each, shot):<12} {each.frames:>7}  {hz(each.arrivals_hz):>5}  {milliseconds(whole.p50):>6}  '
-            f'{milliseconds(whole.p99):>6}     {each.lost:>4}  {each.skipped:>7}  {each.invalid:>7}'
+            f'{_name(each, shot):<12} {each.frames:>7}  {hz(each.arrivals_hz):>5}  {milliseconds(total.p50):>6}  '
+            f'{milliseconds(total.p99):>6}     {each.lost:>4}  {each.skipped:>7}  {each.invalid:>7}'
         )
     return '\n'.join(rows)
 
@@ -72,9 +72,9 @@ def _numbers(sensor: Snapshot, wrench: Any) -> str:
 def _margin(namespace: str, wrench: Any) -> str:
     """The smallest margin of the sensor's contacts."""
     name = namespace.rpartition('/')[2]
-    told = [each.margin for each in (wrench.margins if wrench else ()) if each.sensor == name]
-    known = [each for each in told if not math.isnan(each)]
-    return f'{min(known):.2f}' if known else '-'
+    margins = [each.margin for each in (wrench.margins if wrench else ()) if each.sensor == name]
+    usable = [each for each in margins if not math.isnan(each)]
+    return f'{min(usable):.2f}' if usable else '-'
 
 
 def _sum_text(wrench: Any) -> str:

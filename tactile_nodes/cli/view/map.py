@@ -67,9 +67,9 @@ def _pooled(newtons: np.ndarray) -> np.ndarray:
     """A grid of at most 22 columns; each cell holds the largest force of its bins."""
     factor = math.ceil(newtons.shape[1] * 2 / MAP_WIDTH)
     rows, cols = (math.ceil(size / factor) * factor for size in newtons.shape)
-    whole = np.full((rows, cols), -np.inf)
-    whole[: newtons.shape[0], : newtons.shape[1]] = newtons
-    pooled: np.ndarray = whole.reshape(rows // factor, factor, cols // factor, factor).max(axis=(1, 3))
+    padded = np.full((rows, cols), -np.inf)
+    padded[: newtons.shape[0], : newtons.shape[1]] = newtons
+    pooled: np.ndarray = padded.reshape(rows // factor, factor, cols // factor, factor).max(axis=(1, 3))
     return pooled
 
 

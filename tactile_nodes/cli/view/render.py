@@ -35,9 +35,9 @@ def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
         lines += [_counts_line(shot), _provenance_line(shot)]
     lines += health_lines(shot)
     lines += [Text(line, LEVELS[1]) for line in shot.logs]
-    made = Text('\n').join(lines)
-    made.no_wrap, made.overflow = True, 'ellipsis'
-    return made
+    text = Text('\n').join(lines)
+    text.no_wrap, text.overflow = True, 'ellipsis'
+    return text
 
 
 def line(shot: Snapshot) -> str:
@@ -45,19 +45,19 @@ def line(shot: Snapshot) -> str:
     head = f'{shot.running_s:7.1f} s'
     if shot.force is None:
         return f'{head}  {waiting(shot)}'
-    whole = shot.latencies['end to end']
+    total = shot.latencies['end to end']
     parts = [
         head,
         f'{hz(shot.arrivals_hz):>5} fps',
         _total_text(shot),
         _place_text(shot),
         *filter(None, [net_text(shot.force)]),
-        f'capture to here p50 {milliseconds(whole.p50)} p99 {milliseconds(whole.p99)} ms',
+        f'capture to here p50 {milliseconds(total.p50)} p99 {milliseconds(total.p99)} ms',
         f'lost {shot.lost} skipped {shot.skipped}',
         state_text(shot),
     ]
-    told = [complaint(shot)] if is_old(shot) else []
-    return '  '.join(filter(None, [*parts, *told]))
+    complaints = [complaint(shot)] if is_old(shot) else []
+    return '  '.join(filter(None, [*parts, *complaints]))
 
 
 def waiting(shot: Snapshot) -> str:
@@ -65,8 +65,10 @@ def waiting(shot: Snapshot) -> str:
     topic = _topic(shot)
     if not shot.estimators:
         return f'no force yet: {topic} has no publisher; {shot.advice}'
-    told = '; '.join(f'{entry.node}: {entry.text or _LEVEL_NAMES[entry.level]}' for entry in _by_level(shot.health))
-    return f'no force yet: {", ".join(shot.estimators)} is waiting; is a camera running? Diagnostics: {told or "none"}'
+    reports = '; '.join(f'{entry.node}: {entry.text or _LEVEL_NAMES[entry.level]}' for entry in _by_level(shot.health))
+    return (
+        f'no force yet: {", ".join(shot.estimators)} is waiting; is a camera running? Diagnostics: {reports or "none"}'
+    )
 
 
 def summary(shot: Snapshot) -> str:
@@ -120,11 +122,11 @@ def _latency_lines(shot: Snapshot) -> list[Text]:
 
 def _side_by_side(left: list[Text], right: list[Text]) -> Iterator[Text]:
     for one, other in zip_longest(left, right):
-        made = one.copy() if one is not None else Text()
+        text = one.copy() if one is not None else Text()
         if other is not None:
-            made.pad_right(max(2, MAP_WIDTH + 2 - made.cell_len))
-            made.append_text(other)
-        yield made
+            text.pad_right(max(2, MAP_WIDTH + 2 - text.cell_len))
+            text.append_text(other)
+        yield text
 
 
 def _force_line(shot: Snapshot) -> Text:
@@ -143,17 +145,16 @@ def _net_lines(shot: Snapshot) -> list[Text]:
 
 
 def _counts_line(shot: Snapshot) -> Text:
-    made = Text.assemble(('frames   ', BOLD), f'{shot.frames}, {hz(shot.stamps_hz)} fps by stamps, {_drops_text(shot)}')
+    text = Text.assemble(('frames   ', BOLD), f'{shot.frames}, {hz(shot.stamps_hz)} fps by stamps, {_drops_text(shot)}')
     if shot.malformed:
-        made.append(f', {shot.malformed} malformed', LEVELS[1])
-    return made
+        text.append(f', {shot.malformed} malformed', LEVELS[1])
+    return text
 
 
 def _provenance_line(shot: Snapshot) -> Text:
-    known = shot.force.provenance
-    text = (
-        f'{known.model or "?"} ({known.model_id or "?"})  gel {known.gel or "?"}  rest {known.reference_id or "none"}'
-    )
+    provenance = shot.force.provenance
+    model = f'{provenance.model or "?"} ({provenance.model_id or "?"})'
+    text = f'{model}  gel {provenance.gel or "?"}  rest {provenance.reference_id or "none"}'
     return Text.assemble(('model    ', BOLD), text)
 
 
@@ -165,11 +166,11 @@ def health_lines(shot: Snapshot, least: int = 0) -> list[Text]:
         if entry.level < least and entry not in quiet:
             continue
         name = _LEVEL_NAMES[min(entry.level, 3)]
-        made = Text.assemble((f'{entry.node}  ', _DIM), (name, LEVELS[min(entry.level, 3)]))
-        made.append(f'  {entry.text}' if entry.text else '')
+        text = Text.assemble((f'{entry.node}  ', _DIM), (name, LEVELS[min(entry.level, 3)]))
+        text.append(f'  {entry.text}' if entry.text else '')
         if entry in quiet:
-            made.append(f'  silent for {entry.age_s:.0f} s', LEVELS[1])
-        lines.append(made)
+            text.append(f'  silent for {entry.age_s:.0f} s', LEVELS[1])
+        lines.append(text)
     return lines
 
 

@@ -136,14 +136,14 @@ def started(*words: str) -> subprocess.Popen:
 
 def test_ctrl_c_ends_a_recording_and_says_what_was_written(tmp_path: Path) -> None:
     process = started('record', '-o', str(tmp_path / 'press'), '-a')
-    said = process.stderr.readline()
-    while 'recording into' not in said:
-        said += process.stderr.readline()
+    printed = process.stderr.readline()
+    while 'recording into' not in printed:
+        printed += process.stderr.readline()
     os.kill(process.pid, signal.SIGINT)
-    said += process.communicate(timeout=10)[1]
+    printed += process.communicate(timeout=10)[1]
     with BagReader(tmp_path / 'press') as reader:
         assert reader.problems == []
-        assert f'wrote {reader.extent.messages} messages' in said
+        assert f'wrote {reader.extent.messages} messages' in printed
     assert process.returncode == 0
 
 
@@ -167,6 +167,6 @@ def test_a_recording_that_a_bug_ends_has_exit_status_1(tmp_path: Path) -> None:
 
 def test_a_signal_that_comes_in_the_middle_of_waiting_for_one_is_heard() -> None:
     with ended_by_signals() as done:
-        with done._cond:  # as the main thread holds it for an instant whenever it begins to wait, or is told again
+        with done._cond:  # as the main thread holds it for an instant whenever it begins to wait, or is notified again
             signal.raise_signal(signal.SIGINT)
         assert done.wait(20.0)

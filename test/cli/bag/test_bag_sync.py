@@ -50,7 +50,7 @@ def test_offset_drift_and_residuals_are_printed(tmp_path: Path, capsys: pytest.C
     assert float(drift) == pytest.approx(100, abs=0.01)
 
 
-def test_a_clock_that_cannot_be_fitted_is_told_with_its_reason(
+def test_a_clock_that_cannot_be_fitted_is_reported_with_its_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = bag(tmp_path / 'few', rig=TIMES_NS, camera=BEHIND_NS, light=BEHIND_NS[:5])
@@ -58,7 +58,7 @@ def test_a_clock_that_cannot_be_fitted_is_told_with_its_reason(
     assert 'light: 5 edges, too few edges: 5 edges seen by both are too few' in capsys.readouterr().out
 
 
-def test_a_rig_that_nobody_watches_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_rig_that_nobody_watches_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['bag', 'sync', str(bag(tmp_path / 'alone', rig=TIMES_NS))]) == 1
     assert capsys.readouterr().out == 'only rig saw the 40 edges of the line: there is nothing to compare\n'
 

@@ -41,7 +41,7 @@ def test_each_sensor_has_a_row_and_the_sum_its_line() -> None:
     )
 
 
-def test_a_sensor_that_falls_silent_is_told() -> None:
+def test_a_sensor_that_falls_silent_is_reported() -> None:
     (row,) = (line for line in hand.picture(seen(late_ms=2000.0)).plain.splitlines() if line.startswith('left'))
     assert 'no force for 2.0 s, the last was OK' in row
 

@@ -99,23 +99,23 @@ def in_a_terminal(term: str, until: bytes, *words: str) -> str:
     command = [sys.executable, '-m', 'tactile_nodes', *words]
     with subprocess.Popen(command, stdout=theirs, env={**os.environ, 'TERM': term}) as process:
         os.close(theirs)
-        told = b''
+        output = b''
         with contextlib.suppress(OSError):  # EIO: nobody has the other end any more
             while more := os.read(ours, 4096):
-                seen, told = until in told, told + more
-                if until in told and not seen:
+                seen, output = until in output, output + more
+                if until in output and not seen:
                     process.send_signal(signal.SIGINT)
         os.close(ours)
         assert process.wait(10.0) == 0
-    return told.decode()
+    return output.decode()
 
 
 @pytest.mark.parametrize('term', ['dumb', ''])
 def test_a_terminal_that_cannot_draw_gets_lines(other: ZmqBus, repeating: Repeating, term: str) -> None:
     publish_forces(other, repeating)
-    told = in_a_terminal(term, b' fps  force  0.000 N  contact none', 'view', '--duration', '60')
-    assert 'frames in' in told
-    assert '\x1b' not in told
+    output = in_a_terminal(term, b' fps  force  0.000 N  contact none', 'view', '--duration', '60')
+    assert 'frames in' in output
+    assert '\x1b' not in output
 
 
 def test_a_terminal_that_can_draw_gets_the_picture(other: ZmqBus, repeating: Repeating) -> None:
@@ -191,11 +191,11 @@ def test_in_front_of_a_launch_only_what_matters_is_shown(line: Line, seen: bool)
 
 
 def test_notes_reach_the_view_and_are_kept_for_the_end() -> None:
-    told: list[str] = []
+    shown: list[str] = []
     notes = Notes()
-    notes.tell = told.append
+    notes.tell = shown.append
     notes(Line('a-1', 'process has died [pid 7, exit code 1].', 'ERROR'))
-    assert told == list(notes.lines) == ['[ERROR] [a-1]: process has died [pid 7, exit code 1].']
+    assert shown == list(notes.lines) == ['[ERROR] [a-1]: process has died [pid 7, exit code 1].']
 
 
 def launch(run_folder: Path, tmp_path: Path, *commands: str, errors: int = subprocess.PIPE) -> subprocess.Popen[str]:
@@ -239,7 +239,7 @@ def test_ctrl_c_in_front_of_a_launch_ends_both(run_folder: Path, tmp_path: Path)
     assert 'Traceback' not in err
 
 
-def test_a_wrong_launch_file_is_told_before_the_view_begins(run_folder: Path, tmp_path: Path) -> None:
+def test_a_wrong_launch_file_is_reported_before_the_view_begins(run_folder: Path, tmp_path: Path) -> None:
     file = tmp_path / 'test.launch.yaml'
     file.write_text('launch:\n  - nonsense: {}\n')
     words = [sys.executable, '-m', 'tactile_nodes', 'launch', '--view', str(file)]

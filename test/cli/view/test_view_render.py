@@ -76,14 +76,14 @@ def test_status_and_reasons_are_shown_in_words() -> None:
     assert 'INVALID: dark image' in drawn(state)[0]
 
 
-def test_forces_that_stop_are_told() -> None:
+def test_forces_that_stop_are_reported() -> None:
     assert 'no force for 2.5 s, the last was OK' in drawn(pressed(), now_ms=2520)[0]
 
 
-def test_who_complains_is_told_beside_a_force_that_is_old_and_not_beside_a_new_one() -> None:
+def test_who_complains_is_reported_beside_a_force_that_is_old_and_not_beside_a_new_one() -> None:
     state = pressed()
-    told = diagnostics(('camera: camera', 1, 'recording ended'), ('flow_features: pictures', 0, '640x480'))
-    state.add_diagnostics(received(told, 25))
+    reports = diagnostics(('camera: camera', 1, 'recording ended'), ('flow_features: pictures', 0, '640x480'))
+    state.add_diagnostics(received(reports, 25))
     assert 'recording ended' not in view_render.line(state.snapshot(30 * MS))
     assert view_render.line(state.snapshot(2520 * MS)).endswith('/camera: camera: recording ended')
 
@@ -110,7 +110,7 @@ def test_without_an_estimator_the_view_says_how_to_start_one() -> None:
     assert text == ('no force yet: /left/force_distribution has no publisher; start a sensor with: tactile launch live')
 
 
-def test_while_waiting_the_last_diagnostics_are_told_worst_first() -> None:
+def test_while_waiting_the_last_diagnostics_are_reported_worst_first() -> None:
     state = ViewState()
     state.estimators = ('/force_estimator',)
     state.add_diagnostics(received(diagnostics(('flow: rest', 1, 'no rest image'), ('camera: camera', 2, 'not found'))))
@@ -134,12 +134,12 @@ def test_a_line_counts_the_contacts_beyond_the_one_that_it_places() -> None:
     assert 'contact ( +1.00,  +0.00) mm and 1 more' in view_render.line(state.snapshot(30 * MS))
 
 
-def test_shear_torsion_and_explanation_are_told_where_they_are_known() -> None:
+def test_shear_torsion_and_explanation_are_reported_where_they_are_known() -> None:
     state = ViewState()
     state.add_force(received(ring(10 * MS)[0], 20))
-    told = 'shear 0.600±0.020 N →  torsion 4.0±0.1 N mm  explained by field'
-    assert f'acting   {told}' in drawn(state)
-    assert told in view_render.line(state.snapshot(30 * MS))
+    shear = 'shear 0.600±0.020 N →  torsion 4.0±0.1 N mm  explained by field'
+    assert f'acting   {shear}' in drawn(state)
+    assert shear in view_render.line(state.snapshot(30 * MS))
 
 
 def test_a_model_that_knows_normal_forces_alone_tells_no_shear() -> None:
