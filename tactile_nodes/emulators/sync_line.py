@@ -80,16 +80,16 @@ def recorded(
     """(ticks, level) of every edge that a recorder with its own clock records, in order of time."""
     faults = faults or RecorderFaults()
     chance = random.Random(seed)  # noqa: S311  (noise, not secrets)
-    seen: list[tuple[int, bool]] = []
+    recording: list[tuple[int, bool]] = []
     for edge in edges:
         if chance.random() < faults.missing:
             continue
         stamp_ns = edge.stamp_ns + round(chance.uniform(-faults.jitter_s, faults.jitter_s) * NS_PER_S)
-        seen.append((clock.offset + clock.count(stamp_ns), edge.level))
+        recording.append((clock.offset + clock.count(stamp_ns), edge.level))
         if chance.random() < faults.doubled:
             again_ns = stamp_ns + round(chance.uniform(*faults.bounce_s) * NS_PER_S)
-            seen.append((clock.offset + clock.count(again_ns), edge.level))
-    return sorted(seen)
+            recording.append((clock.offset + clock.count(again_ns), edge.level))
+    return sorted(recording)
 
 
 def light_brightness(

@@ -162,10 +162,10 @@ class World:
     def stick(self, axis: int, time_ns: int, stuck: bool = True) -> None:
         """Make an axis (0, 1, 2) stop following its motor, or follow it again; the steps in between are lost."""
         with self._lock:
-            here, motor = self.tip_at(time_ns), self._motor.position(time_ns)
+            tip_mm, motor = self.tip_at(time_ns), self._motor.position(time_ns)
             moves = list(self._epochs[-1].moves)
             moves[axis] = 0.0 if stuck else 1.0
-            self._epochs.append(_Epoch(time_ns, here, motor, as_vector(moves)))
+            self._epochs.append(_Epoch(time_ns, tip_mm, motor, as_vector(moves)))
 
     # Input of the sensors.
 

@@ -25,10 +25,10 @@ class Dialogue:
         self.port = DirectPort(self.device, self.clock)
 
     def hear(self, seconds: float = 0.05) -> bytes:
-        end_ns, heard = self.clock.now_ns() + round(seconds * 1e9), b''
+        end_ns, received = self.clock.now_ns() + round(seconds * 1e9), b''
         while self.clock.now_ns() < end_ns:
-            heard += self.port.read((end_ns - self.clock.now_ns()) / 1e9)
-        return heard
+            received += self.port.read((end_ns - self.clock.now_ns()) / 1e9)
+        return received
 
     def say(self, data: bytes, seconds: float = 0.05) -> bytes:
         self.port.write(data)

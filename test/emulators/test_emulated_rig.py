@@ -87,7 +87,7 @@ def test_trace_tells_faults_and_where_the_tip_is(rig: EmulatedRig, tmp_path: Pat
     assert next(each['tip'] for each in entries if 'tip' in each) == [-50.0, -70.0, -8.0]
 
 
-def test_port_that_is_taken_is_told(tmp_path: Path) -> None:
+def test_port_that_is_taken_is_reported(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(('127.0.0.1', 0))
         ports = {**PORTS, 'rdt_port': taken.getsockname()[1]}

@@ -54,8 +54,8 @@ def test_carriage_return_and_line_feed_are_two_lines_to_grbl_and_one_to_grblhal(
 
 
 def test_real_time_bytes_are_taken_out_wherever_they_are() -> None:
-    heard = grbl().say(b'(a?b)G4 P0.01\n')
-    assert heard == b'<Idle|MPos:-1.000,-1.000,-1.000|FS:0,0>\r\nok\r\n'
+    received = grbl().say(b'(a?b)G4 P0.01\n')
+    assert received == b'<Idle|MPos:-1.000,-1.000,-1.000|FS:0,0>\r\nok\r\n'
 
 
 def test_a_line_of_more_than_79_characters_is_refused_and_a_long_comment_is_not() -> None:
@@ -108,9 +108,9 @@ def test_a_line_beyond_the_planner_waits_for_room() -> None:
 def test_without_flow_control_lines_vanish_silently() -> None:
     """61 lines at once: 34 ok, no error, on the firmware; it depends on the length of the lines."""
     dialogue = grbl()
-    heard = dialogue.say(b''.join(b'G1X-%.1fF600\n' % (2 + n / 10) for n in range(61)), 40)
-    assert b'error' not in heard
-    assert 20 <= heard.count(b'ok') <= 40
+    received = dialogue.say(b''.join(b'G1X-%.1fF600\n' % (2 + n / 10) for n in range(61)), 40)
+    assert b'error' not in received
+    assert 20 <= received.count(b'ok') <= 40
     assert dialogue.device.overflowed > 200
 
 
@@ -121,7 +121,7 @@ def test_a_hold_a_rest_and_a_reset_keep_the_place_without_an_alarm() -> None:
     dialogue.hear(0.2)
     rest = dialogue.say(b'?')
     assert rest.startswith(b'<Hold:0|')
-    assert b'FS:600,0' in rest  # as the firmware: the feed tells nothing in a hold
+    assert b'FS:600,0' in rest  # as the firmware: the feed means nothing in a hold
     assert dialogue.say(b'\x18') == BANNER
     after = dialogue.say(b'?')
     assert after.startswith(b'<Idle|')
@@ -168,8 +168,8 @@ def test_check_mode_still_finds_soft_limits() -> None:
 
 
 def test_a_probe_that_does_not_close_is_an_alarm_before_the_ok() -> None:
-    heard = grbl().say(b'G38.2 Z-3 F100\n', 3)
-    assert heard == b'ALARM:5\r\n[PRB:0.000,0.000,0.000:0]\r\nok\r\n'
+    received = grbl().say(b'G38.2 Z-3 F100\n', 3)
+    assert received == b'ALARM:5\r\n[PRB:0.000,0.000,0.000:0]\r\nok\r\n'
 
 
 def test_a_probe_closed_before_the_start_is_alarm_4() -> None:
@@ -195,9 +195,9 @@ def test_a_jog_is_cancelled_without_an_alarm_and_later_jogs_are_forgotten() -> N
     assert dialogue.say(b'$J=G91 G21 Z-5 F600\n$J=G91 X-5 F600\n', 0.2) == b'ok\r\nok\r\n'
     assert dialogue.say(b'\x85?', 0.01).startswith(b'<Jog|')
     assert dialogue.say(b'?', 1).startswith(b'<Jog|')
-    heard = dialogue.say(b'?', 1)
-    assert heard.startswith(b'<Idle|')
-    assert place(heard)[0] == -1.0
+    received = dialogue.say(b'?', 1)
+    assert received.startswith(b'<Idle|')
+    assert place(received)[0] == -1.0
 
 
 @pytest.mark.parametrize(('feed', 'firmware_mm'), [(60, 0.044), (300, 0.35), (600, 0.65)])
@@ -231,8 +231,8 @@ def test_a_reset_restores_the_modal_defaults() -> None:
 def test_coolant_switches_the_line_when_the_motion_is_done_and_then_says_ok() -> None:
     dialogue = grbl()
     dialogue.say(b'G1 X-11 F600\n', 0.01)
-    heard_before = dialogue.say(b'M8\n', 0.5)
-    assert (heard_before, dialogue.world.line_edges()) == (b'', ())
+    received_before = dialogue.say(b'M8\n', 0.5)
+    assert (received_before, dialogue.world.line_edges()) == (b'', ())
     assert dialogue.hear(1.0) == b'ok\r\n'
     (edge,) = dialogue.world.line_edges()
     assert edge.level
@@ -278,7 +278,7 @@ def test_slow_fields_come_with_every_tenth_report_at_rest_and_never_together() -
     assert [n for n, report in enumerate(reports) if b'Ov:' in report] == [1, 11, 21]
 
 
-def test_accessories_are_told_with_the_overrides_only() -> None:
+def test_accessories_are_reported_with_the_overrides_only() -> None:
     dialogue = grbl()
     dialogue.say(b'M8\n')
     reports = [dialogue.say(b'?', 0.2) for _ in range(20)]
@@ -289,16 +289,16 @@ def test_reports_may_be_in_inches() -> None:
     """0.6 mm were seen as 0.0236."""
     dialogue = grbl('grbl', '$13=1')
     dialogue.say(b'$J=G91 G21 X-0.6 F600\n', 1)
-    heard = dialogue.say(b'?')
-    assert place(heard)[0] == pytest.approx(-(1 + 0.6) / 25.4, abs=5e-5)
+    received = dialogue.say(b'?')
+    assert place(received)[0] == pytest.approx(-(1 + 0.6) / 25.4, abs=5e-5)
 
 
 def test_work_coordinates_are_machine_coordinates_less_the_offset() -> None:
     dialogue = grbl('grbl', '$10=0')
     dialogue.say(b'G92 X0 Y0 Z0\n')
-    heard = dialogue.say(b'?') + b''.join(dialogue.say(b'?', 0.2) for _ in range(10))
-    assert b'WPos:0.000,0.000,0.000' in heard
-    assert b'WCO:-1.000,-1.000,-1.000' in heard
+    received = dialogue.say(b'?') + b''.join(dialogue.say(b'?', 0.2) for _ in range(10))
+    assert b'WPos:0.000,0.000,0.000' in received
+    assert b'WCO:-1.000,-1.000,-1.000' in received
 
 
 def test_machine_coordinates_can_be_asked_for_whatever_the_offset() -> None:

@@ -23,9 +23,9 @@ def numbered(number: int, command: str) -> bytes:
 
 
 def test_it_says_start_when_it_gets_power() -> None:
-    heard = Dialogue(Marlin).hear()
-    assert heard.startswith(b'start\n')
-    assert b'Marlin 2.1.2.7\n' in heard
+    received = Dialogue(Marlin).hear()
+    assert received.startswith(b'start\n')
+    assert b'Marlin 2.1.2.7\n' in received
 
 
 def test_the_checksum_is_the_exclusive_or_of_all_characters() -> None:
@@ -33,7 +33,7 @@ def test_the_checksum_is_the_exclusive_or_of_all_characters() -> None:
     assert xor('N3 T0') == 57
 
 
-def test_an_unknown_command_is_said_and_still_ok() -> None:
+def test_an_unknown_command_is_reported_and_still_ok() -> None:
     assert marlin().say(b'M8\n') == b'echo:Unknown command: "M8"\nok\n'
 
 
@@ -42,8 +42,8 @@ def test_it_tells_its_capabilities() -> None:
 
 
 def test_a_position_is_the_target_while_the_count_is_where_it_is() -> None:
-    heard = marlin().say(b'G1 X10 F600\nM114\n', 0.01)
-    assert heard == b'ok\nX:10.00 Y:0.00 Z:60.00 E:0.00 Count X:0 Y:0 Z:24000\nok\n'
+    received = marlin().say(b'G1 X10 F600\nM114\n', 0.01)
+    assert received == b'ok\nX:10.00 Y:0.00 Z:60.00 E:0.00 Count X:0 Y:0 Z:24000\nok\n'
 
 
 def test_a_dwell_is_in_milliseconds() -> None:
@@ -55,8 +55,8 @@ def test_a_dwell_is_in_milliseconds() -> None:
 def test_waiting_for_the_end_of_motion_tells_every_two_seconds_that_it_is_busy() -> None:
     """50 mm at 600 mm/min: 5.05 s."""
     dialogue = marlin()
-    heard = dialogue.say(b'G1 X50 F600\nM400\n', 6)
-    assert heard == b'ok\n' + 2 * b'echo:busy: processing\n' + b'ok\n'
+    received = dialogue.say(b'G1 X50 F600\nM400\n', 6)
+    assert received == b'ok\n' + 2 * b'echo:busy: processing\n' + b'ok\n'
     assert dialogue.tip[0] == pytest.approx(-70)
 
 
@@ -64,8 +64,8 @@ def test_a_wrong_checksum_or_number_is_asked_for_again() -> None:
     dialogue = marlin()
     assert dialogue.say(numbered(0, 'M110 N0')) == b'ok\n'
     assert dialogue.say(b'N1 M17*0\n') == b'Error:checksum mismatch, Last Line: 0\nResend: 1\nok\n'
-    heard = dialogue.say(numbered(7, 'M17'))
-    assert heard == b'Error:Line Number is not Last Line Number+1, Last Line: 0\nResend: 1\nok\n'
+    received = dialogue.say(numbered(7, 'M17'))
+    assert received == b'Error:Line Number is not Last Line Number+1, Last Line: 0\nResend: 1\nok\n'
     assert dialogue.say(numbered(1, 'M17')) == b'ok\n'
 
 
@@ -94,6 +94,6 @@ def test_targets_beyond_the_room_are_clipped_without_a_word() -> None:
 
 def test_lines_beyond_its_buffers_vanish_silently() -> None:
     dialogue = marlin()
-    heard = dialogue.say(b''.join(b'G1 X%.1f F600\n' % (n / 10) for n in range(61)), 20)
-    assert heard.count(b'ok') < 61
+    received = dialogue.say(b''.join(b'G1 X%.1f F600\n' % (n / 10) for n in range(61)), 20)
+    assert received.count(b'ok') < 61
     assert dialogue.device.overflowed > 0

@@ -125,9 +125,9 @@ def test_faults_show_on_the_line(fault: str, expected: bytes) -> None:
 def test_garbage_is_as_long_as_what_it_replaces() -> None:
     sensor = cell(settling=1)
     sensor.faults.garbage = 1
-    said = sensor.due(25 * MS)
-    assert said.endswith(b'25000,500\r\n')
-    assert len(said) == len(b'12500,500\r\n25000,500\r\n')
+    sent = sensor.due(25 * MS)
+    assert sent.endswith(b'25000,500\r\n')
+    assert len(sent) == len(b'12500,500\r\n25000,500\r\n')
 
 
 def test_on_its_terminal_it_can_be_read_unplugged_and_plugged_in_again(tmp_path: Path) -> None:

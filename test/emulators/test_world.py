@@ -83,7 +83,7 @@ def test_pressing_pushes_the_sensor_up_with_the_force_of_the_table() -> None:
     assert (fx, fy, tx, ty, tz) == pytest.approx((0, 0, 0, 0, 0))
 
 
-def test_a_press_is_told_in_coordinates_of_the_gel() -> None:
+def test_a_press_is_reported_in_coordinates_of_the_gel() -> None:
     (press,) = pressed(0.5, x=-57.0, y=-64.0).presses_at(0)
     assert (press.x_mm, press.y_mm, press.depth_mm) == pytest.approx((3.0, -4.0, 0.5))
 
@@ -179,7 +179,7 @@ def test_steps_of_a_motor_make_no_new_place_in_a_settling_gel() -> None:
     assert len(machine.presses_at(rest_ns + S)) == 1
 
 
-def test_the_world_presses_with_the_indenter_that_it_was_told() -> None:
+def test_the_world_presses_with_the_indenter_that_it_was_reported() -> None:
     ball = World(WorldSettings(start_mm=(-60.0, -60.0, -30.5), indenter='ball'))
     (press,) = ball.presses_at(0)
     assert (press.indenter, ball.indenter_name) == ('ball', 'sphere 6 mm')

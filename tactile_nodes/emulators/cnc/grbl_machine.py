@@ -98,22 +98,22 @@ class GrblMachine:
 
     def set_offset(self, command: Command, now_ns: int) -> None:
         """Execute G10 L2 and L20, G92 and G92.1, G28.1 and G30.1."""
-        here = self.planned(now_ns)
+        place = self.planned(now_ns)
         if command.non_modal in {28.1, 30.1}:
-            self.homes[float(int(command.non_modal))] = here
+            self.homes[float(int(command.non_modal))] = place
         elif command.non_modal == 92.1:
             self.shift = ZERO
         elif command.non_modal == 92.0:
-            self.shift = _with(self.shift, command.axes, plus(here, self.systems[self.modal.system], -1.0), sign=-1.0)
+            self.shift = _with(self.shift, command.axes, plus(place, self.systems[self.modal.system], -1.0), sign=-1.0)
         else:
-            self._set_system(command, here)
+            self._set_system(command, place)
 
-    def _set_system(self, command: Command, here: Vector) -> None:
+    def _set_system(self, command: Command, place: Vector) -> None:
         form, number = command.values.get('L', 0.0), int(command.values.get('P', 0.0))
         system = self.modal.system if number == 0 else 53 + number
         if form not in {2.0, 20.0} or system not in self.systems:
             raise GrblError(20)
-        base, sign = (ZERO, 1.0) if form == 2.0 else (plus(here, self.shift, -1.0), -1.0)
+        base, sign = (ZERO, 1.0) if form == 2.0 else (plus(place, self.shift, -1.0), -1.0)
         self.systems[system] = _with(self.systems[system], command.axes, base, sign)
 
     def parameters(self) -> list[str]:

@@ -96,10 +96,10 @@ class Planner:
         self._queue.clear()
 
     def _start(self, block: Block, now_ns: int) -> None:
-        here = self._world.motor_at(now_ns)
-        way = plus(block.target, here, -1.0)
+        start = self._world.motor_at(now_ns)
+        way = plus(block.target, start, -1.0)
         fastest = limited(way, block.rates_mm_s) * length(way) if length(way) else 1.0
         feed = fastest if block.feed_mm_s is None else min(block.feed_mm_s * self.feed_override, fastest)
-        self._segment = line(now_ns, here, block.target, feed, block.acceleration)
+        self._segment = line(now_ns, start, block.target, feed, block.acceleration)
         self._world.move(self._segment)
         self._current, self._end_ns = block, self._segment.end_ns

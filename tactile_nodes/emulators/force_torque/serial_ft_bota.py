@@ -38,30 +38,30 @@ class BotaSensor(SampledSensor):
         self.sinc = 512
         self.calibrated = True
         self.commands: list[bytes] = []
-        self._heard = b''
+        self._received = b''
         self._to_say = b''
 
     def power_on(self, now_ns: int) -> None:
         """Boot, with the factory settings of the filter."""
         self.running, self.calibrated = True, True
         self._set_filter(512)
-        self._heard, self._to_say = b'', b'App Init\r\n'
+        self._received, self._to_say = b'', b'App Init\r\n'
         self.restart(now_ns)
 
     def receive(self, data: bytes, now_ns: int) -> None:
         """Execute commands, which have no line ends."""
-        self._heard += data
-        while (found := COMMAND.search(self._heard)) is not None:
-            self._heard = self._heard[found.end() :]
+        self._received += data
+        while (found := COMMAND.search(self._received)) is not None:
+            self._received = self._received[found.end() :]
             self._obey(found, now_ns)
 
     def due(self, now_ns: int) -> bytes:
         """Responses, and the frames since the last call."""
-        said, self._to_say = self._to_say, b''
+        response, self._to_say = self._to_say, b''
         if not self.running:
-            return said
+            return response
         frames = (self.spoilt(self._frame(stamp, values)) for stamp, values in self.samples(now_ns))
-        return said + b''.join(frames)
+        return response + b''.join(frames)
 
     def next_ns(self) -> int | None:
         """When the next frame is complete."""

@@ -66,7 +66,7 @@ class SampledSensor:
             found.append((self.clock.reading(count), self._sampled(count)))
         return found
 
-    def spoilt(self, said: bytes) -> bytes:
+    def spoilt(self, sent: bytes) -> bytes:
         """The bytes that reach the host, after the active faults."""
         faults = self.faults
         if faults.silent:
@@ -76,12 +76,12 @@ class SampledSensor:
             return b''
         if faults.garbage > 0:
             faults.garbage -= 1
-            return self._random.randbytes(len(said))
+            return self._random.randbytes(len(sent))
         if faults.garble > 0:
             faults.garble -= 1
-            middle = len(said) // 2
-            return said[:middle] + bytes([said[middle] ^ 0x55]) + said[middle + 1 :]
-        return said
+            middle = len(sent) // 2
+            return sent[:middle] + bytes([sent[middle] ^ 0x55]) + sent[middle + 1 :]
+        return sent
 
     def _next_count(self) -> int:
         return self._from + round((self._taken + 1) * self.period_us)

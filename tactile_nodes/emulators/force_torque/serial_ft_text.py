@@ -54,8 +54,8 @@ class TextLineSensor(SampledSensor):
 
     def due(self, now_ns: int) -> bytes:
         """The lines since the last call."""
-        said, self._to_say = self._to_say, b''
-        return said + b''.join(self.spoilt(self._line(stamp, values)) for stamp, values in self.samples(now_ns))
+        response, self._to_say = self._to_say, b''
+        return response + b''.join(self.spoilt(self._line(stamp, values)) for stamp, values in self.samples(now_ns))
 
     def next_ns(self) -> int | None:
         """When the next line is complete."""
