@@ -100,10 +100,10 @@ def definition(name: str) -> str:
         MessageError: no such type.
     """
     message_class(name)
-    known = store()
+    message_store = store()
     found = [name]
     for entry in found:
-        found += [nested for nested in known.nested(entry) if nested not in found]
+        found += [nested for nested in message_store.nested(entry) if nested not in found]
     parts = [_text(name)] + [f'{"=" * 80}\nMSG: {_short(entry)}\n{_text(entry)}' for entry in found[1:]]
     return '\n'.join(parts)
 
@@ -149,18 +149,18 @@ def from_dict(name: str, values: Mapping[str, Any]) -> Any:
     Raises:
         MessageError: no such type or field, or a value that does not fit.
     """
-    made = message_class(name)
+    message_type = message_class(name)
     fields = {normalize_fieldname(field): description for field, description in store().fielddefs[name][1]}
     if unknown := sorted(values.keys() - fields.keys()):
         raise MessageError(f'{name} has no field {unknown[0]!r}; it has: {", ".join(fields) or "none"}')
-    message = made(**{key: _typed(fields[key], value, f'{name}.{key}') for key, value in values.items()})
+    message = message_type(**{key: _typed(fields[key], value, f'{name}.{key}') for key, value in values.items()})
     encode(message)  # finds a value that does not fit here, not at a subscriber
     return message
 
 
 def _text(name: str) -> str:
-    known = store()
-    return known.texts[name] if name in known.texts else known.gendefhash(name, {}, 2)[0]
+    message_store = store()
+    return message_store.texts[name] if name in message_store.texts else message_store.gendefhash(name, {}, 2)[0]
 
 
 def _short(name: str) -> str:

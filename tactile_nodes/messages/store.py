@@ -112,11 +112,11 @@ class MessageStore(Typestore):
         class_name = name.rpartition('/')[2]
         columns = columns or [(_EMPTY, Any, dataclasses.field(default=0))]
         # eq=False, because comparing arrays gives no single bool; two messages are equal if their bytes are.
-        made = dataclasses.make_dataclass(
+        frozen = dataclasses.make_dataclass(
             class_name, columns, namespace=namespace, frozen=True, kw_only=False, eq=False
         )
-        made.__module__ = f'{PACKAGE}.messages.types'
-        return made
+        frozen.__module__ = f'{PACKAGE}.messages.types'
+        return frozen
 
     def _default(self, description: Any) -> Any:
         kind, rest = description

@@ -68,10 +68,10 @@ def from_mapping(
         ConfigurationError: an unknown name, a wrong type, a value out of range, or values that the block refuses (a
         `ValueError` from its ``__post_init__``).
     """
-    known = {description.name for description in describe(block)}
+    names = {description.name for description in describe(block)}
     for name, value in values.items():
-        if name not in known:
-            raise _at(value, source, f'unknown parameter {name!r}; available: {", ".join(sorted(known))}')
+        if name not in names:
+            raise _at(value, source, f'unknown parameter {name!r}; available: {", ".join(sorted(names))}')
     try:
         return typing.cast(Block, _build(block, '', values, source, exact))
     except ValueError as error:

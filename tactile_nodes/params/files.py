@@ -156,12 +156,12 @@ def _require_each_once(node: yaml.Node | None, source: str) -> None:
         for each in node.value:
             _require_each_once(each, source)
     if isinstance(node, yaml.MappingNode):
-        seen = set()
+        patterns = set()
         for key, value in node.value:
             name = str(key.value)
-            if name in seen:
+            if name in patterns:
                 raise _refusal(source, key, f'{name!r} is given twice')
-            seen.add(name)
+            patterns.add(name)
             _require_each_once(value, source)
 
 
