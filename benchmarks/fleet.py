@@ -189,7 +189,7 @@ def page(result: Mapping[str, Any]) -> str:
         {'presses': str(presses), 'prior': name, **_summed(result['read'], f'{presses}, {name}')}
         for presses in FEW for name in (LEARNED, NONE, FIXED)
     ]  # fmt: skip
-    told = columns(
+    errors = columns(
         rows, ('presses', '{presses}'), ('prior', '{prior}'), ('centre [mm]', '{centre_mm}'), ('total', '{total}')
     )
     x, y, about_x, about_y, roll, focal = result['usual']
@@ -210,7 +210,7 @@ def page(result: Mapping[str, Any]) -> str:
     return '\n\n'.join(
         [
             *opening('A prior from many gels', result, about),
-            told,
+            errors,
             '## The learned prior',
             TAUGHT.format(**result),
             learned,

@@ -68,7 +68,7 @@ def measure(ways: Sequence[Way], frames: int, presses: int, speckle: Path | None
     flows = {way.name: _flow(way.make, REGIONS if REGIONS in way.grids else way.grids[0]) for way in ways}
 
     def of_each(sets: Mapping[str, Iterable[Case]]) -> dict[str, dict[str, Errors]]:
-        return {name: errors_of(flows, cases, REGIONS) for name, cases in _told(sets, progress)}
+        return {name: errors_of(flows, cases, REGIONS) for name, cases in _with_progress(sets, progress)}
 
     sensor, together = Sensor(), {name: Errors() for name in flows}
     moved = of_each(rigid(sensor, frames, SIZES_PX))
@@ -92,7 +92,7 @@ def _summaries(sets: Mapping[str, Mapping[str, Errors]]) -> dict[str, dict[str, 
     return {name: {way: each.along_motion() for way, each in found.items()} for name, found in sets.items()}
 
 
-def _told(sets: Mapping[str, Iterable[Case]], progress: Progress) -> Iterable[tuple[str, Iterable[Case]]]:
+def _with_progress(sets: Mapping[str, Iterable[Case]], progress: Progress) -> Iterable[tuple[str, Iterable[Case]]]:
     with progress.bar('measuring motion', len(sets)) as bar:
         for name, cases in sets.items():
             yield name, cases

@@ -96,14 +96,14 @@ def page(result: Mapping[str, Any]) -> str:
 def _beside_the_papers(name: str) -> Any:
     """A function for the error of each other sensor as a multiple of the paper's."""
 
-    def told(result: Mapping[str, Any]) -> dict[str, str]:
+    def multiples(result: Mapping[str, Any]) -> dict[str, str]:
         own = result['sensors'][PAPERS][name]
         return {
             sensor: f'{each[name] / own:.2f}' + ('' if each[name] <= AIM * own else ', **not reached**')
             for sensor, each in result['sensors'].items() if sensor != PAPERS
         }  # fmt: skip
 
-    return told
+    return multiples
 
 
 AIMS = (

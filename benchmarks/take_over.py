@@ -28,7 +28,7 @@ BESIDE_NS = NS_PER_S
 
 
 @dataclass(frozen=True)
-class Told:
+class PublishedForce:
     """One published force: total in N, place in mm (NaN: no contact)."""
 
     stamp_ns: int
@@ -39,7 +39,7 @@ class Told:
     y_mm: float
 
     @classmethod
-    def of(cls, message: types.ForceDistribution) -> Told:
+    def of(cls, message: types.ForceDistribution) -> PublishedForce:
         made, at = message.provenance, message.contact
         return cls(stamp_ns(message.header.stamp), made.model, made.model_id, message.total, 1e3 * at.x, 1e3 * at.y)
 
@@ -49,7 +49,7 @@ class Recording:
     """The messages of a recorded calibration, in the order of their stamps."""
 
     features_ns: list[int] = field(default_factory=list)
-    forces: list[Told] = field(default_factory=list)
+    forces: list[PublishedForce] = field(default_factory=list)
     presses: list[types.Press] = field(default_factory=list)
 
     @property
@@ -93,13 +93,13 @@ def read(bag: Path) -> Recording:
     found = Recording()
     with BagReader(bag) as reader:
         for message in reader.messages([f'/{topic.name}' for topic in (FLOW_FEATURES, FORCE_DISTRIBUTION, PRESS)]):
-            told = reader.decode(message)
+            decoded = reader.decode(message)
             if message.topic == f'/{PRESS.name}':
-                found.presses.append(told)
+                found.presses.append(decoded)
             elif message.topic == f'/{FLOW_FEATURES.name}':
-                found.features_ns.append(stamp_ns(told.header.stamp))
+                found.features_ns.append(stamp_ns(decoded.header.stamp))
             else:
-                found.forces.append(Told.of(told))
+                found.forces.append(PublishedForce.of(decoded))
     if not found.forces:
         raise BagError(f'{bag} holds no forces; give a bag that tactile launch calibrate recorded, sensing included')
     found.forces.sort(key=lambda each: each.stamp_ns)
@@ -111,9 +111,9 @@ def rows(recording: Recording) -> list[Row]:
     spans = [recording.forces[0].stamp_ns, *recording.taken_over_ns, recording.forces[-1].stamp_ns + 1]
     found = []
     for start_ns, end_ns in pairwise(spans):
-        told = [each for each in recording.forces if start_ns <= each.stamp_ns < end_ns]
-        errors = [error for press in recording.presses if (error := _error(press, told)) is not None]
-        found.append(_row(told, errors))
+        forces = [each for each in recording.forces if start_ns <= each.stamp_ns < end_ns]
+        errors = [error for press in recording.presses if (error := _error(press, forces)) is not None]
+        found.append(_row(forces, errors))
     return found
 
 
@@ -133,10 +133,10 @@ def page(recording: Recording) -> str:
     return '\n'.join(lines)
 
 
-def _error(press: types.Press, told: Iterable[Told]) -> tuple[float, float] | None:
+def _error(press: types.Press, forces: Iterable[PublishedForce]) -> tuple[float, float] | None:
     """Errors of force (N) and place (mm) of a press, from the live forces in its window; None without such forces."""
     start_ns, end_ns = stamp_ns(press.window_start), stamp_ns(press.window_end)
-    seen = [each for each in told if start_ns <= each.stamp_ns <= end_ns]
+    seen = [each for each in forces if start_ns <= each.stamp_ns <= end_ns]
     if press.status != types.Press.STATUS_RECORDED or not seen:
         return None
     total, x_mm, y_mm = np.median([(each.total_n, each.x_mm, each.y_mm) for each in seen], axis=0).tolist()
@@ -144,12 +144,12 @@ def _error(press: types.Press, told: Iterable[Told]) -> tuple[float, float] | No
     return total + press.wrench.force.z, away_mm
 
 
-def _row(told: Sequence[Told], errors: Sequence[tuple[float, float]]) -> Row:
+def _row(forces: Sequence[PublishedForce], errors: Sequence[tuple[float, float]]) -> Row:
     off, away = np.array(errors).reshape(-1, 2).T
     numbers = (math.nan,) * 3
     if len(off):
         numbers = float(np.sqrt(np.mean(off**2))), float(np.median(np.abs(off))), float(np.nanmedian(away))
-    return Row(told[0].model, told[0].model_id, len(told), len(off), *numbers)
+    return Row(forces[0].model, forces[0].model_id, len(forces), len(off), *numbers)
 
 
 def measured(arguments: argparse.Namespace, _: Run) -> Result:

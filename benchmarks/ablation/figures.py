@@ -84,8 +84,8 @@ def streams(mechanism: Mechanism, world: World, progress: Progress, plan: Plan =
     with progress.bar(mechanism.name, len(mechanism.streams)) as bar:
         for stream in mechanism.streams:
             for profile, sides in _read(mechanism, stream, world, plan).items():
-                told = {name: _figures(side, change_of(stream)) for name, side in sides.items()}
-                found[f'{profile}, {stream}'] = _beside(told)
+                figures = {name: _figures(side, change_of(stream)) for name, side in sides.items()}
+                found[f'{profile}, {stream}'] = _beside(figures)
             bar.advance(1, stream)
     return found
 
@@ -106,9 +106,9 @@ def _read(mechanism: Mechanism, stream: str, world: World, plan: Plan) -> dict[s
     return sides
 
 
-def _beside(told: Mapping[str, dict[str, float]]) -> Figures:
+def _beside(sides: Mapping[str, dict[str, float]]) -> Figures:
     """The figures of both sides, by figure."""
-    return {figure: {name: told[name][figure] for name in told} for figure in told[WITH]}
+    return {figure: {name: sides[name][figure] for name in sides} for figure in sides[WITH]}
 
 
 def _figures(side: Side, change: Change) -> dict[str, float]:
@@ -133,12 +133,12 @@ def _figures(side: Side, change: Change) -> dict[str, float]:
 
 def contacts(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
     """Figures for any contact, estimated with the shipped model `field`."""
-    told = {WITH: _contacts_told(nullcontext, progress), WITHOUT: _contacts_told(mechanism.off, progress)}
-    return {'field, any contact': _beside(told)}
+    sides = {WITH: _contact_errors(nullcontext, progress), WITHOUT: _contact_errors(mechanism.off, progress)}
+    return {'field, any contact': _beside(sides)}
 
 
 @cache
-def _contacts_told(switch: Switch, progress: Progress) -> dict[str, float]:
+def _contact_errors(switch: Switch, progress: Progress) -> dict[str, float]:
     from benchmarks.contacts import read
     from benchmarks.contacts.cases import solved, wanted
     from benchmarks.contacts.frames import CONDITIONS
@@ -169,10 +169,10 @@ TRANSFERRED = {
 
 def transfer(mechanism: Mechanism, progress: Progress) -> dict[str, Figures]:
     """Figures for `portable`, calibrated for other gels with a few presses: means over the gels."""
-    told = {WITH: _transferred(nullcontext, progress), WITHOUT: _transferred(mechanism.off, progress)}
+    sides = {WITH: _transferred(nullcontext, progress), WITHOUT: _transferred(mechanism.off, progress)}
     return {
         f'portable, another gel, {count} presses': _beside({
-            name: _means([each for each in scores if each.presses == count]) for name, scores in told.items()
+            name: _means([each for each in scores if each.presses == count]) for name, scores in sides.items()
         })
         for count in COUNTS
     }  # fmt: skip

@@ -35,10 +35,10 @@ measurement. The rows come from several runs; the JSON file has the command and 
 
 def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
-    told = {name: each for name, each in result.items() if isinstance(each, Mapping) and 'figures' in each}
-    rows = [_row(name, told[name]) for name in dict.fromkeys([*BY_NAME, *told]) if name in told]
+    measured = {name: each for name, each in result.items() if isinstance(each, Mapping) and 'figures' in each}
+    rows = [_row(name, measured[name]) for name in dict.fromkeys([*BY_NAME, *measured]) if name in measured]
     heads = ['mechanism', 'what it does', 'files', 'lines', 'without it', 'useful']
-    first = next(iter(told.values()), {})
+    first = next(iter(measured.values()), {})
     return '\n\n'.join([*opening('Ablation study', first, ABOUT), table(heads, rows)])
 
 

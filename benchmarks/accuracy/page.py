@@ -100,8 +100,8 @@ def curve_picture(results: Results, file: Path) -> None:
     save(figure, file, EVALUATION_DPI)
 
 
-def _shown(told: Table) -> str:
-    return '\n\n'.join(filter(None, [told.title, told.markdown()]))
+def _shown(table: Table) -> str:
+    return '\n\n'.join(filter(None, [table.title, table.markdown()]))
 
 
 def _models(models: dict[str, Any]) -> str:
@@ -146,12 +146,12 @@ def _of_each(tell: Callable[[Evaluation], str]) -> Callable[[Mapping[str, Any]],
 def _of_paper(field: str) -> Callable[[Mapping[str, Any]], dict[str, str]]:
     """The value of an aim relative to the model `paper`, on the grid if that was evaluated."""
 
-    def told(result: Mapping[str, Any]) -> dict[str, str]:
+    def shares(result: Mapping[str, Any]) -> dict[str, str]:
         judged = result['_page'].aside or result['_page'].off_grid
         values = {each.name: {**result['models'][each.name], **vars(_all(each))}[field] for each in judged}
         return {name: _share(value, values['paper']) for name, value in values.items()} if 'paper' in values else {}
 
-    return told
+    return shares
 
 
 AIMS = (

@@ -103,8 +103,8 @@ def _troubles(contender: Contender, made: Network, running: Pair, seconds: float
     running.robot.start()
     again_s = running.first_after(clock.now_ns(), LATEST_S)
     running.measured(SETTLING_S)
-    heard = stranger_hears(contender, made, running, seconds)
-    return {'back_s': back_s, 'before_mb': before_mb, 'after_mb': after_mb, 'again_s': again_s, 'stranger': heard}
+    stranger = stranger_hears(contender, made, running, seconds)
+    return {'back_s': back_s, 'before_mb': before_mb, 'after_mb': after_mb, 'again_s': again_s, 'stranger': stranger}
 
 
 def _summary(sent: int, seen: Seen, cores: float) -> dict[str, Any]:

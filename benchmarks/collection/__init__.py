@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.collection.bag import CollectionBag
-from benchmarks.collection.page import told
+from benchmarks.collection.page import page_text
 from benchmarks.devices.rehearsal import Rehearsal
 from benchmarks.harness.declaration import RIG, SIMULATED, Benchmark, Result, argument
 from benchmarks.harness.report import surroundings
@@ -116,7 +116,7 @@ class Collection:
         self._session, self._tell = session, tell
         self._plan = make_plan(session.plan)
         self._order = ordered(self._plan, session.plan)
-        self._started_s = self._told_s = monotonic_s()
+        self._started_s = self._reported_s = monotonic_s()
         self._surroundings = surroundings(' '.join(['tactile', *sys.argv[1:]]))
         self._asked = estimate(
             self._plan.plan_id, self._order, SETTINGS, CNC, session.world.gel_z_mm, session.plan.rest_mm, session.fps
@@ -178,8 +178,8 @@ class Collection:
         progress = self._campaign.progress
         if self._session.most and progress.done + 1 - progress.before >= self._session.most:
             self._stop()
-        if monotonic_s() - self._told_s > TELL_S:
-            self._told_s = monotonic_s()
+        if monotonic_s() - self._reported_s > TELL_S:
+            self._reported_s = monotonic_s()
             self._keep('not ended yet')
             if self._tell is not None:
                 self._tell(self._line(record.point))
@@ -260,7 +260,7 @@ BENCHMARK = Benchmark(
         *RIG,
         *SIMULATED,
     ),
-    page=told,
+    page=page_text,
     measure=measured,
     files=('collection.md', 'collection.png'),
     by_hand=True,

@@ -83,8 +83,8 @@ class CollectionBag:
     def status(self, status: CncStatus) -> None:
         """Add the state of the machine."""
         words = status.state.value
-        told = telling.state_message(status, self.press, self.surface, self._gel_mm, words, MACHINE_FRAME)
-        self._write(RIG_STATE, told)
+        message = telling.state_message(status, self.press, self.surface, self._gel_mm, words, MACHINE_FRAME)
+        self._write(RIG_STATE, message)
 
     def switched(self, switched: Switched) -> None:
         """Add an edge of the digital line."""
@@ -100,8 +100,8 @@ class CollectionBag:
 
     def suspect(self, entry: Entry, reason: str) -> None:
         """Mark a recorded press as suspect."""
-        told = telling.suspect_message(entry, self._plan_id, reason, self._clock.now_ns(), SURFACE_FRAME)
-        self._write(PRESS, told)
+        message = telling.suspect_message(entry, self._plan_id, reason, self._clock.now_ns(), SURFACE_FRAME)
+        self._write(PRESS, message)
 
     def rest_image(self, image: Picture, at_ns: int) -> None:
         """Add a rest image."""

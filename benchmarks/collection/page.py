@@ -12,7 +12,7 @@ from tactile_nodes.collection.plan.progress import duration
 MB = 1e6
 
 
-def told(result: Mapping[str, Any]) -> str:
+def page_text(result: Mapping[str, Any]) -> str:
     """A table of the collection, and one of its topics."""
     sessions = result['sessions']
     recorded, rejected, simulated_s, real_s = (

@@ -48,12 +48,12 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
         def undisturbed() -> Result:
             scores, dis_ms = read(models, gel, chosen, CONDITIONS[0], progress)
             scores |= _read_compiled(models[BEST], gel, chosen, progress)
-            told = {name: {**summed(each), 'families': by_family(each)} for name, each in scores.items()}
-            return {'dis_ms': dis_ms, 'models': told}
+            summaries = {name: {**summed(each), 'families': by_family(each)} for name, each in scores.items()}
+            return {'dis_ms': dis_ms, 'models': summaries}
 
         def broad() -> Result:
             found, _ = read(models, gel, broad_cases(gel, progress), CONDITIONS[0], progress)
-            return {name: [_told(each) for each in told] for name, told in found.items()}
+            return {name: [_broad_entry(each) for each in judged] for name, judged in found.items()}
 
         def disturbed(condition: Condition) -> dict[str, float]:
             scores, _ = read({BEST: models[BEST]}, gel, chosen, condition, progress)
@@ -71,7 +71,7 @@ def measure(arguments: argparse.Namespace, run: Run) -> Result:
         }
 
 
-def _told(score: Score) -> dict[str, Any]:
+def _broad_entry(score: Score) -> dict[str, Any]:
     """Entries of a broad contact: true and estimated force, and whether the interval contains the true one."""
     return {
         'contact': score.family, 'true_n': score.true_n, 'told_n': score.true_n + score.total_n,

@@ -135,11 +135,11 @@ def _misplaced(result: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _over_dis(result: Mapping[str, Any]) -> dict[str, str]:
-    def told(each: Mapping[str, float]) -> str:
+    def ratios(each: Mapping[str, float]) -> str:
         return '; '.join(f'{each[time] / result["dis_ms"]:.2f}' for time in ('cpu_ms', 'cpu_95_ms'))
 
     compiled = result['models'].get(f'{BEST}, compiled')
-    return {'reached': told(result['models'][BEST]) + (f' (compiled {told(compiled)})' if compiled else '')}
+    return {'reached': ratios(result['models'][BEST]) + (f' (compiled {ratios(compiled)})' if compiled else '')}
 
 
 def _shares(*names: str) -> Callable[[Mapping[str, Any]], dict[str, str]]:

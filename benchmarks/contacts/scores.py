@@ -66,33 +66,35 @@ def score(
     """
     bins = BinGrid(force.rows, force.cols, *gel.sides_mm)
     truth = truth_of_touch(case.touch, case.table, gel.shear_modulus_mpa, bins)
-    told = np.nan_to_num(np.asarray(force.normal_force, float)).reshape(bins.rows, bins.cols)
-    off, total = told - truth.normal_force_n, float(truth.total_n)
+    estimated = np.nan_to_num(np.asarray(force.normal_force, float)).reshape(bins.rows, bins.cols)
+    off, total = estimated - truth.normal_force_n, float(truth.total_n)
     shear = np.array(truth.shear_n)
     return Score(
         family=case.family,
         true_n=total,
         misplaced=float(np.abs(off).sum() / 2 / total),
         squared_n2=float(np.square(off).mean()),
-        total_n=float(told.sum() - total),
-        centre_mm=_centre(told, bins, field, truth.position_mm),
+        total_n=float(estimated.sum() - total),
+        centre_mm=_centre(estimated, bins, field, truth.position_mm),
         shear=_shear(force, shear),
         torsion=_torsion(force, truth.torsion_n_mm),
-        map_r=_alike(case, field, gel, told),
-        total_held=_held(told.sum() - total, force.total_sigma),
+        map_r=_alike(case, field, gel, estimated),
+        total_held=_held(estimated.sum() - total, force.total_sigma),
         shear_held=_shear_held(force, shear),
-        bins_held=_bins_held(force, off, truth.normal_force_n, told),
+        bins_held=_bins_held(force, off, truth.normal_force_n, estimated),
         ok=force.status == FORCE.STATUS_OK,
         explanation=int(force.explanation),
         cpu_ms=cpu_ms[0],
         least_cpu_ms=cpu_ms[1],
-        nominal_times=abs(float(told.sum()) - total) / nominal_n if nominal_n > 0 else UNKNOWN,
+        nominal_times=abs(float(estimated.sum()) - total) / nominal_n if nominal_n > 0 else UNKNOWN,
     )
 
 
-def _centre(told: np.ndarray, bins: BinGrid, field: types.ForceField | None, true_mm: tuple[float, float]) -> float:
+def _centre(
+    estimated: np.ndarray, bins: BinGrid, field: types.ForceField | None, true_mm: tuple[float, float]
+) -> float:
     """Distance of the centres of pressure; from the fine map if there is one, else from the bins."""
-    grid, weight = bins, told
+    grid, weight = bins, estimated
     if field is not None and len(field.pressure):
         grid = BinGrid(field.rows, field.cols, bins.width_mm, bins.height_mm)
         weight = np.asarray(field.pressure, float).reshape(field.rows, field.cols)
@@ -106,8 +108,8 @@ def _shear(force: types.ForceDistribution, true_n: np.ndarray) -> float:
     size = float(np.hypot(*true_n))
     if not len(force.shear_force_x) or size < LEAST_SHEAR_N:
         return UNKNOWN
-    told = np.array([float(np.sum(force.shear_force_x)), float(np.sum(force.shear_force_y))])
-    return float(np.hypot(*(told - true_n)) / size)
+    estimated = np.array([float(np.sum(force.shear_force_x)), float(np.sum(force.shear_force_y))])
+    return float(np.hypot(*(estimated - true_n)) / size)
 
 
 def _torsion(force: types.ForceDistribution, true_n_mm: float) -> float:
@@ -117,12 +119,12 @@ def _torsion(force: types.ForceDistribution, true_n_mm: float) -> float:
     return abs(force.contacts[0].torsion * 1e3 - true_n_mm) / abs(true_n_mm)
 
 
-def _alike(case: Case, field: types.ForceField | None, gel: Gel, told: np.ndarray) -> float:
+def _alike(case: Case, field: types.ForceField | None, gel: Gel, estimated: np.ndarray) -> float:
     """Correlation of the map with the truth on 27x27 cells; bins are divided evenly, a fine map is interpolated."""
     place, acting = node_forces(case.table, case.touch)
     fine = BinGrid(MAP, MAP, *gel.sides_mm)
     true = over_bins(place, acting, case.table.node_size_mm, fine)[..., 2]
-    source, way = told, cv2.INTER_NEAREST
+    source, way = estimated, cv2.INTER_NEAREST
     if field is not None and len(field.pressure):
         source, way = np.asarray(field.pressure, float).reshape(field.rows, field.cols), cv2.INTER_LINEAR
     mapped = cv2.resize(source, (MAP, MAP), interpolation=way)
@@ -138,15 +140,15 @@ def _shear_held(force: types.ForceDistribution, true_n: np.ndarray) -> float:
     covariance = np.asarray(force.wrench_covariance, float).reshape(6, 6)
     if covariance[0, 0] < 0 or not len(force.shear_force_x):
         return UNKNOWN
-    told = np.array([force.wrench.force.x, force.wrench.force.y])
-    return float(np.mean(np.abs(told - true_n) <= COVERED * np.sqrt(np.diag(covariance)[:2])))
+    estimated = np.array([force.wrench.force.x, force.wrench.force.y])
+    return float(np.mean(np.abs(estimated - true_n) <= COVERED * np.sqrt(np.diag(covariance)[:2])))
 
 
-def _bins_held(force: types.ForceDistribution, off: np.ndarray, true: np.ndarray, told: np.ndarray) -> float:
+def _bins_held(force: types.ForceDistribution, off: np.ndarray, true: np.ndarray, estimated: np.ndarray) -> float:
     if not len(force.normal_force_sigma):
         return UNKNOWN
     sigma = np.asarray(force.normal_force_sigma, float).reshape(off.shape)
-    counted = np.maximum(true, told) > LEAST_BIN_SHARE * max(float(true.sum()), float(told.sum()))
+    counted = np.maximum(true, estimated) > LEAST_BIN_SHARE * max(float(true.sum()), float(estimated.sum()))
     return float((np.abs(off) <= COVERED * sigma)[counted].mean()) if counted.any() else UNKNOWN
 
 

@@ -45,7 +45,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
     return {'rate_hz': arguments.rate, 'seconds': arguments.seconds, 'cases': cases}
 
 
-def told(result: Mapping[str, Any]) -> str:
+def topics_table(result: Mapping[str, Any]) -> str:
     """A row for each case and topic."""
     entries = [
         {**ends, 'name': name, 'topic': topic, 'percent': case['bridge_percent']}
@@ -99,7 +99,9 @@ def page(result: Mapping[str, Any]) -> str:
     """The whole page in Markdown."""
     assert __doc__ is not None
     more = f'{result["rate_hz"]:g} Hz, {result["seconds"]:g} s each'
-    return '\n\n'.join([*opening('Cost of DDS', result, __doc__.partition('\n\n')[2], more), told(result), HANGING])
+    return '\n\n'.join(
+        [*opening('Cost of DDS', result, __doc__.partition('\n\n')[2], more), topics_table(result), HANGING]
+    )
 
 
 BENCHMARK = Benchmark(

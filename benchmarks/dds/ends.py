@@ -69,9 +69,9 @@ class Ends:
         before_s = self.bridge.cpu_s() if self.bridge else 0.0
         first_ns, last_ns, sent = self._source.ask(seconds, ANSWER_WITHIN_S + seconds)
         spent_s = self.bridge.cpu_s() - before_s if self.bridge else None
-        heard = _times(self._listener.ask((first_ns, last_ns)))
+        listened = _times(self._listener.ask((first_ns, last_ns)))
         read = _times(self._reader.ask((first_ns, last_ns))) if self._reader else None
-        return sent, heard, read, None if spent_s is None else 100.0 * spent_s / seconds
+        return sent, listened, read, None if spent_s is None else 100.0 * spent_s / seconds
 
     def close(self) -> None:
         if self._stuck:

@@ -25,9 +25,9 @@ Values = tuple[float, ...]
 class Lie:
     """Replaces the six values of each sample from the time when `when` is true, using the last true values."""
 
-    def __init__(self, when: Callable[[], bool], told: Callable[[Values], Values]) -> None:
+    def __init__(self, when: Callable[[], bool], distort: Callable[[Values], Values]) -> None:
         self._when = when
-        self._told = told
+        self._distort = distort
         self._begun = False
         self._last: Values = (0.0,) * 6
 
@@ -39,7 +39,7 @@ class Lie:
 
     def of(self, values: Values) -> Values:
         if self.begun:
-            return self._told(self._last)
+            return self._distort(self._last)
         self._last = values
         return values
 
@@ -121,12 +121,12 @@ class UdpProxy:
     def _take(self, record: bytes) -> None:
         self._count += 1
         if self._count % self._every() == 0:
-            self._waiting.append((self._now_s() + self._delay_s(), self._told(record)))
+            self._waiting.append((self._now_s() + self._delay_s(), self._distorted(record)))
 
-    def _told(self, record: bytes) -> bytes:
+    def _distorted(self, record: bytes) -> bytes:
         number, internal, status, *counts = RECORD.unpack(record)
-        told = self._lie.of(tuple(counts)) if self._lie else tuple(counts)
-        return RECORD.pack(number, internal, status | self._status(), *map(round, told))
+        values_sent = self._lie.of(tuple(counts)) if self._lie else tuple(counts)
+        return RECORD.pack(number, internal, status | self._status(), *map(round, values_sent))
 
     def _pass_on(self) -> None:
         while self._waiting and self._waiting[0][0] <= self._now_s():
@@ -157,12 +157,12 @@ class BotaLiar(TalkerLiar):
     """A talker with changed frames and correct check sums."""
 
     def due(self, now_ns: int) -> bytes:
-        said = self.talker.due(now_ns)
-        if not said.startswith(bytes([FRAME_HEADER])) or len(said) % FRAME_BYTES:
-            return said
-        return b''.join(self._told(said[at : at + FRAME_BYTES]) for at in range(0, len(said), FRAME_BYTES))
+        sent = self.talker.due(now_ns)
+        if not sent.startswith(bytes([FRAME_HEADER])) or len(sent) % FRAME_BYTES:
+            return sent
+        return b''.join(self._distorted(sent[at : at + FRAME_BYTES]) for at in range(0, len(sent), FRAME_BYTES))
 
-    def _told(self, frame: bytes) -> bytes:
+    def _distorted(self, frame: bytes) -> bytes:
         status, *values, time_us, temperature = FRAME.unpack(frame[1:-2])
         body = FRAME.pack(status, *self.lie.of(tuple(values)), time_us, temperature)
         return frame[:1] + body + struct.pack('<H', crc16_x25(body))
@@ -173,9 +173,9 @@ class TextLiar(TalkerLiar):
 
     def due(self, now_ns: int) -> bytes:
         lines = self.talker.due(now_ns).splitlines(keepends=True)
-        return b''.join(line if line.startswith(b'#') else self._told(line) for line in lines)
+        return b''.join(line if line.startswith(b'#') else self._distorted(line) for line in lines)
 
-    def _told(self, line: bytes) -> bytes:
+    def _distorted(self, line: bytes) -> bytes:
         time_us, *values = line.decode().strip().split(',')
-        told = self.lie.of(tuple(map(float, values)))
-        return ','.join([time_us, *(f'{value:g}' for value in told)]).encode() + b'\r\n'
+        values_sent = self.lie.of(tuple(map(float, values)))
+        return ','.join([time_us, *(f'{value:g}' for value in values_sent)]).encode() + b'\r\n'

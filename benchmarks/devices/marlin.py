@@ -215,8 +215,8 @@ class Marlin(SerialDevice):
         if self._settings.legacy_position and not realtime:
             yield from self._finish({})
         target, real = self._place_planned(), plus(self.world.motor_at(self.now_ns), self._origin, -1.0)
-        told = real if realtime else target
-        text = ' '.join(f'{letter}:{value:.2f}' for letter, value in zip('XYZ', told, strict=True))
+        place = real if realtime else target
+        text = ' '.join(f'{letter}:{value:.2f}' for letter, value in zip('XYZ', place, strict=True))
         counts = ' '.join(f'{a}:{v * s:.0f}' for a, v, s in zip('XYZ', real, STEPS_PER_MM, strict=True))
         self.tell(f'{text} E:0.00 Count {counts}')
         yield from ()

@@ -106,8 +106,8 @@ def _summary(course: Course, points: Sequence[Point]) -> list[str]:
         first = next((each for each in points if each.level in ENOUGH[level]), None)
         row += ['never', ''] if first is None else [f'{first.extent:g} {course.unit}', _newtons(first)]
     times = [each.after_s for each in points if each.after_s is not None]
-    told = f'{min(times):g} to {max(times):g}' if times and course.apart and not course.again else ''
-    return [*row, told]
+    delays = f'{min(times):g} to {max(times):g}' if times and course.apart and not course.again else ''
+    return [*row, delays]
 
 
 def _detail(course: Course, points: Sequence[Point]) -> list[str]:
@@ -129,8 +129,8 @@ def _newtons(point: Point) -> str:
 def page(result: Mapping[str, Any]) -> str:
     """The results as a page of documentation."""
     heads = ['', 'ageing at', 'force RMSE, N', 'invalid at', 'force RMSE, N', 'seconds']
-    told = result['courses']
-    found = {course: [Point(**each) for each in told[course.name]] for course in COURSES if course.name in told}
+    courses = result['courses']
+    found = {course: [Point(**each) for each in courses[course.name]] for course in COURSES if course.name in courses}
     parts = opening('Drift of a calibration', result, ABOUT)
     parts.append(table(heads, [_summary(course, points) for course, points in found.items()]))
     parts.append(NOTHING_WRONG.format(**result['hours']))

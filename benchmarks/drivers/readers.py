@@ -69,8 +69,8 @@ def _read_samples(settings: ForceTorqueSettings, address: Address, meter: Meter)
             order.follow(np.rint(counts / step))
         newest = sensor.newest()
         lost = newest.dropped - (at_begin or 0) if newest is not None else 0
-        told = {'lost': lost, 'reads that failed': losses, 'health': sensor.health.message, **sensor.description}
-        meter.extra['driver'] = told
+        details = {'lost': lost, 'reads that failed': losses, 'health': sensor.health.message, **sensor.description}
+        meter.extra['driver'] = details
 
 
 def camera(address: Address, stamps: np.ndarray, meter: Meter) -> None:

@@ -58,7 +58,7 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
             outcome = try_fault(case, folder / case.name, arguments.limits)
             load = round(os.getloadavg()[0], 2)
             rows[case.name] = {**asdict(outcome), 'load': load, 'commit': run.about['commit']}
-            run.progress.say(told(outcome))
+            run.progress.say(line_of(outcome))
             run.keep({'faults': rows})
     return {'faults': rows}
 
@@ -87,7 +87,7 @@ def try_fault(case: Case, folder: Path, limits: str = LIMITS, size: tuple[int, i
         outcome.statuses.append(-1 if launch.status is None else launch.status)
         outcome.seconds.append(round((clock.now_ns() - begun_ns) / NS_PER_S, 1))
         if number == 1:
-            outcome.told = [line.replace(f'{folder}/', '') for line in launch.told_since(fault_ns)]
+            outcome.told = [line.replace(f'{folder}/', '') for line in launch.lines_since(fault_ns)]
             outcome.stop = Trace(bench.trace, GEL_MM).stop(fault_ns, clock.now_ns(), SAFE_MM)
         start_mm = _last_place(bench)
         if _is_done(folder, plan):
@@ -152,7 +152,7 @@ def is_good(row: dict[str, Any]) -> bool:
     return bool(kept) and not row['problem'] and not any(kept[flaw] for flaw in flaws)
 
 
-def told(outcome: Outcome) -> str:
+def line_of(outcome: Outcome) -> str:
     """A line for the terminal."""
     kept, stop = outcome.ledger, outcome.stop
     flaws = 'no audit' if kept is None else ', '.join(

@@ -154,7 +154,7 @@ class Launch:
         largest = max((file.stat().st_size for file in files if file.is_file()), default=0)
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (largest + ROOM_BYTES,) * 2)
 
-    def told_since(self, at_ns: int) -> list[str]:
+    def lines_since(self, at_ns: int) -> list[str]:
         """The important lines from `at_ns` on, without progress."""
         found = []
         for stamp_ns, line in list(self.lines):
@@ -164,7 +164,7 @@ class Launch:
         return found
 
     @property
-    def said(self) -> str:
+    def output(self) -> str:
         """All output so far."""
         return '\n'.join(line for _, line in list(self.lines))
 
@@ -221,7 +221,7 @@ class Watcher:
         press, state = topics.PRESS, topics.RIG_STATE
         self._presses = bus.subscribe(f'/{press.name}', press.type_name, Qos('queue', 1000))
         self._states = bus.subscribe(f'/{state.name}', state.type_name, Qos('queue', 1000))
-        self.told = 0
+        self.reported = 0
         self._depths = [0.0, 0.0]
 
     def await_press(self, after: int, patience_s: float, alive: Callable[[], bool]) -> None:
@@ -234,10 +234,10 @@ class Watcher:
         while self._clock.now_ns() < deadline_ns and alive():
             self._look()
             before, now = self._depths
-            if self.told >= after and now > TRIGGER_MM and before < now:
+            if self.reported >= after and now > TRIGGER_MM and before < now:
                 return
             self._clock.sleep_until(self._clock.now_ns() + NS_PER_S // 200)
-        raise ConfigurationError(f'the run came to {self.told} presses, not to {after}; see its log')
+        raise ConfigurationError(f'the run came to {self.reported} presses, not to {after}; see its log')
 
     def switch(self, faults: Mapping[str, Value]) -> None:
         """Set parameters of the emulated rig, as ``tactile param set`` does.
@@ -266,7 +266,7 @@ class Watcher:
 
     def _look(self) -> None:
         while (received := self._presses.take()) is not None:
-            self.told += received.message.press > 0
+            self.reported += received.message.press > 0
         while (received := self._states.take()) is not None:
             depth_mm = received.message.depth * 1000
             if received.message.press and depth_mm != self._depths[1]:

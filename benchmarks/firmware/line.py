@@ -1,7 +1,7 @@
 """The line to a firmware: its simulator as a program, or a port; faults on the line; and the tip's reported place.
 
-`Heard` reads the firmware's output before any fault changes it. So it knows the true depth even if the driver gets
-wrong reports or none.
+`ReportedPlace` reads the firmware's output before any fault changes it. So it knows the true depth even if the driver
+gets wrong reports or none.
 """
 
 from __future__ import annotations
@@ -157,21 +157,21 @@ def open_wire(source: str, baud: int, clock: Clock) -> Wire:
     return Program(source)
 
 
-class Heard:
+class ReportedPlace:
     """The place of the tip, from the firmware's reports.
 
     Args:
         surface_mm: height of the gel.
-        told: called with the time at each report.
+        on_report: called with the time at each report.
 
     Attributes:
         deepest_mm: largest reported depth below the surface since `begin`.
         moved_ns: time of the last report with a changed place.
     """
 
-    def __init__(self, surface_mm: float, told: Callable[[int], None]) -> None:
+    def __init__(self, surface_mm: float, on_report: Callable[[int], None]) -> None:
         self._surface_mm = surface_mm
-        self._told = told
+        self._on_report = on_report
         self._shift_mm = (0.0, 0.0, 0.0)
         self._restarted = False
         self._before: tuple[Place, int] | None = None
@@ -221,43 +221,43 @@ class Heard:
             self.moved_ns = now_ns
         self._before, self._last = self._last, (place, now_ns)
         self.deepest_mm = max(self.deepest_mm, self.depth_mm)
-        self._told(now_ns)
+        self._on_report(now_ns)
 
 
 class Line:
-    """A device for `PtyPort`: the firmware, with faults on its line, and `heard` before the faults.
+    """A device for `PtyPort`: the firmware, with faults on its line, and `place` before the faults.
 
     Args:
         wire: connection to the firmware.
         kind: grbl or marlin.
-        heard: gets every line from the firmware.
+        place: gets every line from the firmware.
         clock: the host's clock.
 
     Attributes:
         faults: faults of the line.
         cut: the host is disconnected; only this object sends questions and reads the answers.
         asking: this object also asks for the place, because the commanding process may have ended.
-        told: bytes from the host while `asking`, with their times.
+        received: bytes from the host while `asking`, with their times.
         kill_host: kills the process that commands the machine.
     """
 
-    def __init__(self, wire: Wire, kind: str, heard: Heard, clock: Clock) -> None:
+    def __init__(self, wire: Wire, kind: str, place: ReportedPlace, clock: Clock) -> None:
         self.wire = wire
         self.kind = kind
-        self._heard = heard
+        self._place = place
         self._clock = clock
         self._partial = b''
-        self._said = b''
-        self._asked_ns = 0
+        self._output = b''
+        self._question_ns = 0
         self.faults = LineFaults()
         self.cut = self.asking = False
-        self.told: list[tuple[int, bytes]] = []
+        self.received: list[tuple[int, bytes]] = []
         self.kill_host: Callable[[], None] = _no_host
 
     def receive(self, data: bytes) -> None:
         """As `Pluggable.receive`."""
         if self.asking:
-            self.told.append((self._clock.now_ns(), data))
+            self.received.append((self._clock.now_ns(), data))
         if not self.cut and (passed := self.faults.passed('>', data)):
             self.wire.write(passed)
 
@@ -265,27 +265,27 @@ class Line:
         """As `Pluggable.run`. The output passes line by line, because faults apply to lines."""
         *lines, self._partial = (self._partial + self.wire.read()).split(b'\n')
         for line in lines:
-            self._heard.take(line.decode('ascii', 'replace').strip(), self._clock.now_ns())
+            self._place.take(line.decode('ascii', 'replace').strip(), self._clock.now_ns())
             if not self.cut:
-                self._said += self.faults.passed('<', line + b'\n')
-        if (self.cut or self.asking) and self._clock.now_ns() - self._asked_ns > OWN_QUESTION_S * NS_PER_S:
-            self._asked_ns = self._clock.now_ns()
+                self._output += self.faults.passed('<', line + b'\n')
+        if (self.cut or self.asking) and self._clock.now_ns() - self._question_ns > OWN_QUESTION_S * NS_PER_S:
+            self._question_ns = self._clock.now_ns()
             self.wire.write(QUESTIONS[self.kind])
 
     def say(self, line: bytes) -> None:
         """Send a line to the host, as if it came from the firmware."""
-        self._said += line
+        self._output += line
 
     def restart(self) -> None:
         """Cut the firmware's power for a moment."""
-        self._heard.restarted()
+        self._place.restarted()
         self._partial = b''
         self.wire.restart()
 
     def take_output(self) -> bytes:
         """As `Pluggable.take_output`."""
-        said, self._said = self._said, b''
-        return said
+        output, self._output = self._output, b''
+        return output
 
     def next_event_ns(self) -> int | None:
         """As `Pluggable.next_event_ns`: unknown."""

@@ -11,7 +11,7 @@ from benchmarks.devices.liars import BotaLiar, Changed, Lie, UdpProxy, Values
 from benchmarks.firmware.descent import SLOPE, above, down, station
 from benchmarks.firmware.faults import FALTER, Fault
 from benchmarks.firmware.killed import DEEP_S, FREE_S, Commander, until
-from benchmarks.firmware.line import Heard, Line, Wire, open_wire
+from benchmarks.firmware.line import Line, ReportedPlace, Wire, open_wire
 from tactile_nodes.clock import NS_PER_S, Clock, monotonic_s
 from tactile_nodes.collection.hands import Hands, TrippedError
 from tactile_nodes.collection.press.surface import HERTZ, Loading
@@ -99,11 +99,11 @@ class Bench:
     descending: bool = False
     begun_mm: float = 0.0
     line: Line = field(init=False)
-    heard: Heard = field(init=False)
+    reported: ReportedPlace = field(init=False)
     port: PtyPort = field(init=False)
 
     def __post_init__(self) -> None:
-        self.heard = Heard(self.machine.gel_mm[2], self._look)
+        self.reported = ReportedPlace(self.machine.gel_mm[2], self._look)
 
     @contextlib.contextmanager
     def plugged(self) -> Iterator[CncSettings]:
@@ -111,7 +111,7 @@ class Bench:
         settings = self.machine.settings
         wire: Wire = open_wire(self.machine.source, settings.baud, self.clock)
         try:
-            self.line = Line(wire, self.machine.kind, self.heard, self.clock)
+            self.line = Line(wire, self.machine.kind, self.reported, self.clock)
             with PtyPort(self.line, self.clock, self._path) as self.port:
                 yield replace(settings, source=str(self.port.path))
         finally:
@@ -131,15 +131,15 @@ class Bench:
 
     def wrench_at(self, time_ns: int) -> Wrench:
         """As `WrenchSource.wrench_at`: the gel's force, 0.44 N at 1 mm, and the fault's load on the tip in it."""
-        force = Loading(0.0, SLOPE, HERTZ).force_n(self.heard.depth_at(time_ns))
+        force = Loading(0.0, SLOPE, HERTZ).force_n(self.reported.depth_at(time_ns))
         if not force:
             return NOTHING
         fx, fy, fz, *torque = self.fault.load if self.begun() else NOTHING
         return (fx, fy, fz + force, torque[0], torque[1], torque[2])
 
     def _look(self, now_ns: int) -> None:
-        if self.descending and not self.begun_ns and self.heard.depth_mm >= BEGINS_MM:
-            self.begun_ns, self.begun_mm = now_ns, self.heard.depth_mm
+        if self.descending and not self.begun_ns and self.reported.depth_mm >= BEGINS_MM:
+            self.begun_ns, self.begun_mm = now_ns, self.reported.depth_mm
             self.fault.begin(self.line)
 
 
@@ -187,7 +187,7 @@ def _killed(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Outc
     commander = Commander(cnc, sensor, bench.machine.gel_mm)
     try:
         bench.line.kill_host = commander.kill
-        bench.heard.begin()
+        bench.reported.begin()
         bench.descending = True
         commander.press()
         if not until(bench.begun, bench.clock, DEEP_S):
@@ -195,15 +195,15 @@ def _killed(bench: Bench, cnc: CncSettings, sensor: ForceTorqueSettings) -> Outc
         free = until(lambda: not bench.port.in_use, bench.clock, FREE_S)
     finally:
         commander.close()
-    said = [(stamp_ns, data) for stamp_ns, data in bench.line.told if b'Z' in data]
-    if not said:
+    commands = [(stamp_ns, data) for stamp_ns, data in bench.line.received if b'Z' in data]
+    if not commands:
         return Outcome(kind=WATCHED)
-    last = said[-1][1].decode('ascii', 'replace').split('\n')[-2]
-    times = sum(last.encode() in data for _, data in said)
+    last = commands[-1][1].decode('ascii', 'replace').split('\n')[-2]
+    times = sum(last.encode() in data for _, data in commands)
     over = '' if free else ', and still holds the port'
     outcome = Outcome(f'{WATCHED} says {times} times {last}{over}', WATCHED)
-    outcome.noticed_s = _since(bench, next(stamp_ns for stamp_ns, data in said if last.encode() in data))
-    outcome.rest_s = _since(bench, bench.heard.moved_ns)
+    outcome.noticed_s = _since(bench, next(stamp_ns for stamp_ns, data in commands if last.encode() in data))
+    outcome.rest_s = _since(bench, bench.reported.moved_ns)
     return outcome
 
 
@@ -216,7 +216,7 @@ def _up(bench: Bench, outcome: Outcome) -> str:
 def _pressed(bench: Bench, rig: Station) -> tuple[Outcome, Tare]:
     hands, outcome = rig.hands, Outcome()
     tare = above(rig, bench.machine.gel_mm, bench.machine.settings.safe_z_mm, bench.clock)
-    bench.heard.begin()
+    bench.reported.begin()
     bench.descending = True
     try:
         hands.run(down(bench.machine.gel_mm[2], tare))
@@ -228,7 +228,7 @@ def _pressed(bench: Bench, rig: Station) -> tuple[Outcome, Tare]:
         outcome.said, outcome.kind = str(error), 'driver'
         outcome.noticed_s = _since(bench, bench.clock.now_ns())
     bench.clock.sleep_until(bench.clock.now_ns() + round(SETTLE_S * NS_PER_S))
-    outcome.rest_s = _since(bench, bench.heard.moved_ns)
+    outcome.rest_s = _since(bench, bench.reported.moved_ns)
     return outcome, tare
 
 
@@ -253,8 +253,8 @@ def _asked(bench: Bench, outcome: Outcome) -> None:
     """Ask the firmware directly, without faults, for its final place."""
     bench.line.cut = True
     bench.clock.sleep_until(bench.clock.now_ns() + round(ASKED_S * NS_PER_S))
-    outcome.reached_mm = round(bench.heard.deepest_mm, 3)
-    outcome.up_mm = round(-bench.heard.depth_mm, 3)
+    outcome.reached_mm = round(bench.reported.deepest_mm, 3)
+    outcome.up_mm = round(-bench.reported.depth_mm, 3)
 
 
 def _since(bench: Bench, time_ns: int) -> float | None:
@@ -302,23 +302,23 @@ def _proxied(bench: Bench, host: str, rdt: int, http: int) -> Iterator[ForceTorq
     units = read_config(host, http).units_per_count
     with UdpProxy(
         rdt,
-        Changed(_told(bench, units)),
+        Changed(_distorted(bench, units)),
         status=lambda: bench.fault.status if bench.begun() else 0,
         delay_s=lambda: _delay_s(bench),
-        every=lambda: bench.fault.every(bench.heard.depth_mm - bench.begun_mm) if bench.begun() else 1,
+        every=lambda: bench.fault.every(bench.reported.depth_mm - bench.begun_mm) if bench.begun() else 1,
         now_s=monotonic_s,
     ) as proxy:
         yield ForceTorqueSettings(f'netft://{host}', net_ft=NetFtSettings(rdt_port=proxy.port, http_port=http))
 
 
-def _told(bench: Bench, units: tuple[float, ...]) -> Callable[[Values], Values]:
+def _distorted(bench: Bench, units: tuple[float, ...]) -> Callable[[Values], Values]:
     lie = Lie(bench.begun, bench.fault.lie) if bench.fault.lie else None
 
     def of(counts: Values) -> Values:
         wrench = bench.wrench_at(bench.clock.now_ns())
         true = tuple(count + value / unit for count, value, unit in zip(counts, wrench, units, strict=True))
-        told = lie.of(true) if lie else true
-        return (*true[:2], told[2], *true[3:]) if bench.fault.sensor == 'net_ft z' else told
+        distorted = lie.of(true) if lie else true
+        return (*true[:2], distorted[2], *true[3:]) if bench.fault.sensor == 'net_ft z' else distorted
 
     return of
 

@@ -38,7 +38,7 @@ def fitted(shelf: Shelf, taking_part: Sequence[Contender], train: int, progress:
             models[each.name] = _fit(shelf, each, train)
             bar.advance(1, each.name)
     answered = _answers(shelf, taking_part, models, train, progress)
-    return {each.name: _told(shelf, each, models[each.name], answered[each.name], train) for each in taking_part}
+    return {each.name: _entry(shelf, each, models[each.name], answered[each.name], train) for each in taking_part}
 
 
 def _key(contender: Contender) -> tuple[str, int, str]:
@@ -85,7 +85,7 @@ def _answers(
     return found
 
 
-def _told(
+def _entry(
     shelf: Shelf, contender: Contender, model: ForceModel, answered: Sequence[Answer], train: int
 ) -> dict[str, Any]:
     presses = np.array(shelf.presses[train:], np.float32)

@@ -107,7 +107,7 @@ def measure_profiles(plan: Plan, progress: Progress) -> dict[str, Any]:
             bar.advance()
     known = np.array([frame.press for turn in turns for frame in turn], np.float32)
     return {
-        'profiles': {each.name: _told(each, known) for each in taking_part},
+        'profiles': {each.name: _entry(each, known) for each in taking_part},
         'floors_cpu_ms': {name: float(np.median(values)) for name, values in others.items()},
     }
 
@@ -153,17 +153,17 @@ def _take_floors(others: dict[str, list[float]], image: np.ndarray, rest: np.nda
         others[name].append((time.process_time_ns() - begun) * 1e-6)
 
 
-def _told(profile: Profile, presses: np.ndarray) -> dict[str, Any]:
+def _entry(profile: Profile, presses: np.ndarray) -> dict[str, Any]:
     touched = presses[:, 2] > 0
     times = np.array(profile.times_ms)[touched]
     whole = times.sum(axis=1)
-    told: dict[str, Any] = {
+    entry: dict[str, Any] = {
         'cpu_ms': quartiles(whole),
         'stages_cpu_ms': dict(zip(STAGES, np.median(times, axis=0).tolist(), strict=True)),
     }
     if profile.name == MEDIUM:
-        return told
+        return entry
     bins = profile.loaded.model.bins
     truth = Dataset(np.zeros(0), presses, np.zeros(0), np.zeros(0), '').labels(bins)
     scores = Validation.of(truth, np.stack(profile.answers).astype(np.float32), bins)
-    return {**told, 'armse_n': scores.armse_n, 'd_loc_mm': scores.d_loc_mm, 'rmse_mc_n': scores.rmse_mc_n}
+    return {**entry, 'armse_n': scores.armse_n, 'd_loc_mm': scores.d_loc_mm, 'rmse_mc_n': scores.rmse_mc_n}

@@ -76,8 +76,8 @@ def _hand(
                 disturbed(running, trouble),
                 progress.bar(f'{count} sensors, {way} {trouble}'.rstrip(), round(seconds)) as bar,
             ):
-                heard = running.listen(seconds, hz, bar, without=1 if trouble else 0)
-            return {**arrived(heard.streams), 'cores': heard.cores / count}
+                arrivals = running.listen(seconds, hz, bar, without=1 if trouble else 0)
+            return {**arrived(arrivals.streams), 'cores': arrivals.cores / count}
 
 
 def page(result: Mapping[str, Any]) -> str:

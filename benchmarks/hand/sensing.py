@@ -30,13 +30,13 @@ from tactile_nodes.launching.hand import arguments_of, parameter_text
 from tactile_nodes.learning.progress import Bar
 from tactile_nodes.sensors import load_hand
 
-PATIENCE_S, SETTLES_S, HEARD_S, STOP_WITHIN_S, STEP_S = 90.0, 5.0, 4.0, 20.0, 1.0
+PATIENCE_S, SETTLES_S, MESSAGE_WITHIN_S, STOP_WITHIN_S, STEP_S = 90.0, 5.0, 4.0, 20.0, 1.0
 TROUBLES = 'hangs', 'dies', 'floods'
 DIES_EVERY_S, FLOODS = 2.0, 10.0
 
 
 @dataclass(frozen=True)
-class Heard:
+class HandArrivals:
     """The forces of the observed sensors, and the CPU load (cores) of the processes of all sensors."""
 
     streams: list[Arrivals]
@@ -64,7 +64,7 @@ class RunningHand:
                 return each.pid
         return None
 
-    def listen(self, seconds: float, hz: float, bar: Bar, without: int = 0) -> Heard:
+    def listen(self, seconds: float, hz: float, bar: Bar, without: int = 0) -> HandArrivals:
         """Receive from all sensors but the first `without`."""
         streams = {name: Arrivals(frame_ns=NS_PER_S / hz) for name in self.names[without:]}
         for each in self.forces.values():
@@ -80,8 +80,8 @@ class RunningHand:
         took_s = monotonic_s() - begun_s
         spent = sum(processor_s(each) - before.get(each.pid, 0.0) for each in self.processes())
         if not all(each.late_ms for each in streams.values()):
-            raise ConfigurationError(f'a sensor brought no force for {seconds:g} s; {self.launch.said[-2000:]}')
-        return Heard(list(streams.values()), spent / took_s)
+            raise ConfigurationError(f'a sensor brought no force for {seconds:g} s; {self.launch.output[-2000:]}')
+        return HandArrivals(list(streams.values()), spent / took_s)
 
 
 @contextmanager
@@ -147,8 +147,8 @@ def relayed_hand(folder: Path, file: Path) -> Iterator[RunningHand]:
         ConfigurationError: it did not start.
     """
     with hand(file) as real:
-        for topic in relay.SAID:
-            relay.keep(folder, topic, longest(real.bus, f'/{real.names[0]}/{topic.name}', topic, HEARD_S))
+        for topic in relay.RELAYED:
+            relay.keep(folder, topic, longest(real.bus, f'/{real.names[0]}/{topic.name}', topic, MESSAGE_WITHIN_S))
     whole = load_hand(file)
     launch = relay.relayed(folder)
     parts: list[dict[str, object]] = []
@@ -158,8 +158,8 @@ def relayed_hand(folder: Path, file: Path) -> Iterator[RunningHand]:
         words = [{'name': name, 'value': value} for name, value in arguments_of(sensor, '', own).items()]
         parts.append({'group': [{'include': {'file': str(launch), 'arg': words}}]})
     for program, more in (('hand_wrench_node', {}), ('live_view_node', {'port': 0})):
-        told = [{'name': name, 'value': value} for name, value in {'hand': str(file), **more}.items()]
-        parts.append({'node': {'pkg': 'tactile_nodes', 'exec': program, 'output': 'screen', 'param': told}})
+        parameters = [{'name': name, 'value': value} for name, value in {'hand': str(file), **more}.items()]
+        parts.append({'node': {'pkg': 'tactile_nodes', 'exec': program, 'output': 'screen', 'param': parameters}})
     document = folder / 'relayed_hand.launch.yaml'
     document.write_text(yaml.safe_dump({'launch': parts}), encoding='utf-8')
     with relay.relaying(folder), _launched(str(document), whole.names) as running:
@@ -177,7 +177,7 @@ def _launched(file: str, names: Sequence[str], *words: str) -> Iterator[RunningH
             for name, each in forces.items():
                 if each.get(PATIENCE_S) is None:
                     raise ConfigurationError(
-                        f'no force of {name} within {PATIENCE_S:g} s; it says: {launch.said[-2000:]}'
+                        f'no force of {name} within {PATIENCE_S:g} s; it says: {launch.output[-2000:]}'
                     )
             threading.Event().wait(SETTLES_S)
             yield RunningHand(tuple(names), forces, launch, bus)

@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks.harness.declaration import Benchmark
 from tactile_nodes.errors import ConfigurationError
 
-NOT_TOLD = 'help', 'redraw', 'processes', 'on'
+LEFT_OUT = 'help', 'redraw', 'processes', 'on'
 
 
 def parser_of(benchmark: Benchmark) -> argparse.ArgumentParser:
@@ -87,16 +87,16 @@ def check(benchmark: Benchmark, given: argparse.Namespace) -> None:
 
 def command_of(parser: argparse.ArgumentParser, arguments: argparse.Namespace, words: str) -> str:
     """The command with all arguments that differ from the default; files outside this folder appear by name only."""
-    told = [words]
+    parts = [words]
     for action in parser._actions:
         value = getattr(arguments, action.dest, action.default)
-        if action.dest in NOT_TOLD or value == action.default or value in (None, []):
+        if action.dest in LEFT_OUT or value == action.default or value in (None, []):
             continue
         if action.option_strings:
-            told.append(max(action.option_strings, key=len) if action.dest != 'output' else '-o')
+            parts.append(max(action.option_strings, key=len) if action.dest != 'output' else '-o')
         if action.nargs != 0:
-            told += [shlex.quote(_word(each)) for each in (value if isinstance(value, (list, tuple)) else [value])]
-    return ' '.join(told)
+            parts += [shlex.quote(_word(each)) for each in (value if isinstance(value, (list, tuple)) else [value])]
+    return ' '.join(parts)
 
 
 def _word(value: Any) -> str:

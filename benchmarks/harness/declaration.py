@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Result = dict[str, Any]
 """Plain data, as in the JSON file."""
-Told = Mapping[str, Any]
+ResultFields = Mapping[str, Any]
 Part = Callable[[str, Callable[[], Any]], Any]
 """Returns a part of a long run by its name: the stored one, or a new one from the function."""
 
@@ -55,18 +55,18 @@ class Aim:
 
     figure: str
     to_reach: str
-    reached: Callable[[Told], Mapping[str, str]]
+    reached: Callable[[ResultFields], Mapping[str, str]]
 
 
-def reached(aims: Sequence[Aim], result: Told) -> str:
+def reached(aims: Sequence[Aim], result: ResultFields) -> str:
     """A table of targets and measured values, with a row for each aim that this result has values for."""
-    told = [(aim, found) for aim in aims if (found := aim.reached(result))]
-    columns = list(dict.fromkeys(column for _, found in told for column in found))
-    rows = [[aim.figure, aim.to_reach, *(found.get(column, '–') for column in columns)] for aim, found in told]
+    aim_columns = [(aim, found) for aim in aims if (found := aim.reached(result))]
+    columns = list(dict.fromkeys(column for _, found in aim_columns for column in found))
+    rows = [[aim.figure, aim.to_reach, *(found.get(column, '–') for column in columns)] for aim, found in aim_columns]
     return table(['figure', 'target', *columns], rows)
 
 
-def _never(_: Told) -> bool:
+def _never(_: ResultFields) -> bool:
     return False
 
 
@@ -98,7 +98,7 @@ class Benchmark:
     name: str
     about: str | None
     sources: tuple[str, ...]
-    page: Callable[[Told], str]
+    page: Callable[[ResultFields], str]
     measure: Callable[[argparse.Namespace, Run], Result]
     arguments: tuple[Argument, ...] = ()
     cases: tuple[str, ...] = ()
@@ -106,8 +106,8 @@ class Benchmark:
     tasks: bool = False
     seed: int | None = None
     quick: bool = False
-    draw: Callable[[Told, Path, str], None] | None = None
-    failed: Callable[[Told], bool] = _never
+    draw: Callable[[ResultFields, Path, str], None] | None = None
+    failed: Callable[[ResultFields], bool] = _never
     name_of: Callable[[argparse.Namespace], str] | None = None
     files: tuple[str, ...] | None = None
     keeps: bool = True

@@ -11,10 +11,10 @@ from pathlib import Path
 def git(root: Path, *words: str) -> str | None:
     """The output of a git command; None without git, without a repository, or if the command fails."""
     try:
-        told = subprocess.run(['git', '-C', str(root), *words], capture_output=True, text=True, check=True)
+        done = subprocess.run(['git', '-C', str(root), *words], capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
-    return told.stdout.strip()
+    return done.stdout.strip()
 
 
 def describe(root: Path) -> str | None:
@@ -43,5 +43,5 @@ def commits_since(root: Path, commit: str, sources: Sequence[str]) -> int | None
     """The number of commits that changed these paths; None if the commit is not in the history."""
     if git(root, 'cat-file', '-e', f'{commit}^{{commit}}') is None:
         return None
-    told = git(root, 'rev-list', '--count', f'{commit}..HEAD', '--', *(f':(glob){source}' for source in sources))
-    return None if told is None else int(told)
+    count = git(root, 'rev-list', '--count', f'{commit}..HEAD', '--', *(f':(glob){source}' for source in sources))
+    return None if count is None else int(count)

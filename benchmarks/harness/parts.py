@@ -27,8 +27,8 @@ class Parts:
         source = state(share_directory())
         if source is None:
             return cls(None)
-        told = json.dumps({'source': source, **configuration}, sort_keys=True, default=str)
-        key = hashlib.sha256(told.encode()).hexdigest()[:16]
+        settings = json.dumps({'source': source, **configuration}, sort_keys=True, default=str)
+        key = hashlib.sha256(settings.encode()).hexdigest()[:16]
         return cls(cache_directory() / 'benchmarks' / f'{benchmark}_{key}')
 
     def get(self, name: str, make: Callable[[], Any]) -> Any:

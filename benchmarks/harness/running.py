@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from benchmarks.harness.command import NOT_TOLD, check, command_of, parser_of
+from benchmarks.harness.command import LEFT_OUT, check, command_of, parser_of
 from benchmarks.harness.declaration import Benchmark, Result
 from benchmarks.harness.parts import Parts
 from benchmarks.harness.report import surroundings
@@ -37,9 +37,9 @@ class Run:
         self.cases: tuple[str, ...] = tuple(chosen or benchmark.cases)
         self.folder, self.name = _place(benchmark, arguments)
         self.about = {} if benchmark.in_parts else surroundings(self.command)
-        told = {key: value for key, value in vars(arguments).items() if key not in {'output', *NOT_TOLD}}
+        options = {key: value for key, value in vars(arguments).items() if key not in {'output', *LEFT_OUT}}
         self._processes: int = getattr(arguments, 'processes', 1)
-        self._parts = Parts.of(benchmark.name, told)
+        self._parts = Parts.of(benchmark.name, options)
 
     def part(self, name: str, make: Callable[[], Any]) -> Any:
         """A part of a long run, as plain JSON data: measured now, or before the run was killed."""

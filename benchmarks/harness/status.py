@@ -146,13 +146,13 @@ def _disagreement(root: Path, file: Path, benchmark: Benchmark) -> Iterator[str]
         text = page.read_text(encoding='utf-8')
         if benchmark.by_hand or benchmark.more_than_json:
             agrees = not (commits := _commits(result)) or any(each[:SHORT] in text for each in commits)
-            said = f'names none of the commits of {file.name}; say at which it was measured'
+            complaint = f'names none of the commits of {file.name}; say at which it was measured'
         else:
             agrees = parted(text)[0] == benchmark.page(result).rstrip()
-            said = (
+            complaint = (
                 f'says another thing than {file.name}; renew it with: tactile bench {benchmark.name} --redraw {shown}'
             )
     except (ConfigurationError, KeyError, TypeError, ValueError) as error:
-        agrees, said = False, f'cannot be compared with {file.name}: {error!r}'
+        agrees, complaint = False, f'cannot be compared with {file.name}: {error!r}'
     if not agrees:
-        yield f'{page.relative_to(root)} {said}'
+        yield f'{page.relative_to(root)} {complaint}'

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 STAGES = ('acquire', 'flow', 'features', 'predict', 'transport')
 SETTLES_S = 3.0
 """The first frames are delayed by the initialization of each process."""
-HEARD_S = 4.0
+MESSAGE_WITHIN_S = 4.0
 """Time in which the relay's messages are recorded from real sensing: two presses of the pictures."""
 RELAY = 'a relay in their place'
 ARRANGEMENTS: Mapping[str, tuple[str, ...]] = {
@@ -108,8 +108,8 @@ def _relayed(seconds: float, words: Sequence[str], progress: Progress) -> dict[s
         folder = Path(name)
         with sensing(*words) as running:
             running.watch_for(SETTLES_S)
-            for topic in relay.SAID:
-                relay.keep(folder, topic, longest(running.bus, f'/{topic.name}', topic, HEARD_S))
+            for topic in relay.RELAYED:
+                relay.keep(folder, topic, longest(running.bus, f'/{topic.name}', topic, MESSAGE_WITHIN_S))
         with relay.relaying(folder):
             return _live(seconds, words, progress, file=str(relay.relayed(folder)))
 
@@ -125,7 +125,7 @@ def _live(seconds: float, words: Sequence[str], progress: Progress, file: str = 
             bar.advance(1, f'{len(stream.late_ms)} forces, {stream.skipped} images without one')
         took_s = monotonic_s() - begun_s
         cpu = {name: (processor_s(each) - before[name]) / took_s for name, each in processes.items()}
-    return _told(stream, cpu)
+    return _summary(stream, cpu)
 
 
 def _listen(running: Sensing, seconds: float, stream: Stream) -> None:
@@ -134,7 +134,7 @@ def _listen(running: Sensing, seconds: float, stream: Stream) -> None:
         stream.stages_ms.append(tuple(1e3 * getattr(received.message.stages, stage) for stage in STAGES))
 
 
-def _told(stream: Stream, cpu: Mapping[str, float]) -> dict[str, Any]:
+def _summary(stream: Stream, cpu: Mapping[str, float]) -> dict[str, Any]:
     stages = np.nanmedian(np.array(stream.stages_ms or [(math.nan,) * len(STAGES)]), axis=0)
     return {
         **arrived([stream]),
@@ -166,12 +166,12 @@ def _stage_table(runs: Sequence[Mapping[str, Any]]) -> str:
     names = sorted({name for each in runs for name in each['cpu_share']})
     rows = [
         {**each, 'cpu': {name: shown(each['cpu_share'].get(name), '{:.0%}') for name in names},
-         'told': {stage: shown(_own(each, stage), '{:.2f}') for stage in STAGES}}
+         'medians': {stage: shown(_own(each, stage), '{:.2f}') for stage in STAGES}}
         for each in runs
     ]  # fmt: skip
     return columns(
         rows, ('model', '{model}'), ('processes', '{arrangement}'),
-        *((f'{stage} p50 [ms]', f'{{told[{stage}]}}') for stage in STAGES),
+        *((f'{stage} p50 [ms]', f'{{medians[{stage}]}}') for stage in STAGES),
         *((f'CPU of {name}', f'{{cpu[{name}]}}') for name in names),
     )  # fmt: skip
 

@@ -29,7 +29,7 @@ from tactile_nodes.nodes.force_estimator import ForceEstimatorParams
 
 PACKAGE, PROGRAM, FOLDER = 'tactile_relay', 'relay_node', 'TACTILE_RELAY'
 REPLACED = 'pkg: tactile_nodes\n          exec: composed_node'
-SAID = topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION
+RELAYED = topics.FLOW_FEATURES, topics.FORCE_DISTRIBUTION
 
 
 class RelayedMotion(Node):

@@ -129,7 +129,7 @@ def summed_up(seen: Seen) -> dict[str, Any]:
     }
 
 
-def told(result: Mapping[str, Any]) -> str:
+def conditions_table(result: Mapping[str, Any]) -> str:
     """The table with a row for each condition."""
     spent = [(f'CPU of {name} [%]', f'{{cpu_percent[{name}]:.1f}}') for name in PROCESSES.values()]
     return columns(
@@ -146,7 +146,7 @@ BENCHMARK = Benchmark(
     name='page',
     about=__doc__,
     sources=('benchmarks/page/**', 'tactile_nodes/web/**', 'tactile_nodes/viewing/**', *LIVE),
-    page=told,
+    page=conditions_table,
     measure=measured,
     failed=too_slow,
     by_hand=True,

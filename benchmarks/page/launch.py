@@ -60,12 +60,12 @@ def longest(bus: Bus, name: str, topic: Topic, seconds: float) -> Any:
     Raises:
         ConfigurationError: no message came.
     """
-    heard = bus.subscribe(name, topic.type_name, Qos('queue', 1000))
+    subscription = bus.subscribe(name, topic.type_name, Qos('queue', 1000))
     end_s, found = monotonic_s() + seconds, []
     while (left_s := end_s - monotonic_s()) > 0:
-        if (received := heard.get(left_s)) is not None:
+        if (received := subscription.get(left_s)) is not None:
             found.append(received.message)
-    heard.close()
+    subscription.close()
     if not found:
         raise ConfigurationError(f'nothing came on {name} within {seconds:g} s')
     return max(found, key=lambda message: len(encode(message)))
@@ -87,7 +87,7 @@ def sensing(*words: str, file: str = 'live') -> Iterator[Sensing]:
             topic = topics.FORCE_DISTRIBUTION
             forces = bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
             if forces.get(PATIENCE_S) is None:
-                raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {launch.said}')
+                raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {launch.output}')
             yield Sensing(_served(launch, clock), launch.pids, bus, forces)
         finally:
             bus.close()
@@ -97,8 +97,8 @@ def sensing(*words: str, file: str = 'live') -> Iterator[Sensing]:
 def _served(launch: Launch, clock: Clock) -> str:
     """The address of the page, which may start later than the first force."""
     end_s = monotonic_s() + PATIENCE_S
-    while (found := _SERVED.search(launch.said)) is None and monotonic_s() < end_s:
+    while (found := _SERVED.search(launch.output)) is None and monotonic_s() < end_s:
         clock.sleep_until(clock.now_ns() + LOOK_NS)
     if found is None:
-        raise ConfigurationError(f'the launch serves no page; it says: {launch.said}')
+        raise ConfigurationError(f'the launch serves no page; it says: {launch.output}')
     return found[1]

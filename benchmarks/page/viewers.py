@@ -83,8 +83,8 @@ async def _take(channel: object, packets: Synchronized[int]) -> None:
     from aiohttp import ClientWebSocketResponse, WSMsgType
 
     assert isinstance(channel, ClientWebSocketResponse)
-    async for said in channel:
-        if said.type == WSMsgType.BINARY:
+    async for message in channel:
+        if message.type == WSMsgType.BINARY:
             packets.value += 1
             await channel.send_str('drawn')
 

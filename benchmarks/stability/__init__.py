@@ -85,10 +85,10 @@ def _followed(stream: Stream) -> dict[str, Any]:
     case = next((each for each in CASES if each.key == stream.case), None)
     change = Change() if case is None else case.at(stream.level)
     scores = follow(world, change, stream.profiles, stream.plan)
-    told: dict[str, Any] = {'level': stream.level, 'scores': {name: asdict(each) for name, each in scores.items()}}
+    entry: dict[str, Any] = {'level': stream.level, 'scores': {name: asdict(each) for name, each in scores.items()}}
     if case is None or stream.level in case.held_at:
-        told['floor_n'] = floor_n(world, change, stream.plan)
-    return told
+        entry['floor_n'] = floor_n(world, change, stream.plan)
+    return entry
 
 
 @cache

@@ -62,8 +62,8 @@ class Point:
     @property
     def falsely_touched(self) -> bool:
         """Whether a contact above 20 mN was reported with status ok, but without contact."""
-        told: float = self.score['false_ok_n']
-        return told > FALSE_N
+        false_n: float = self.score['false_ok_n']
+        return false_n > FALSE_N
 
 
 def _ratio(value: float | None, of: float | None) -> float | None:
@@ -159,21 +159,21 @@ def losers(points: Sequence[Point]) -> list[str]:
     hold and does not."""
     lines: dict[str, list[str]] = {}
     for each in points:
-        if told := _loss(each):
-            lines.setdefault(each.name, []).append(f'{each.level:g} {each.unit}'.strip() + f' ({told})')
+        if loss := _loss(each):
+            lines.setdefault(each.name, []).append(f'{each.level:g} {each.unit}'.strip() + f' ({loss})')
     return [f'{name}: {"; ".join(found)}' for name, found in lines.items()]
 
 
 def _loss(point: Point) -> str:
-    told = []
+    losses = []
     if point.silently_wrong:
-        told.append(
+        losses.append(
             f'{point.times_ok:.1f}x the nominal error with status ok; '
             f'{point.score["held_ok"]:.0%} of held frames are ok'
         )
     if point.falsely_touched:
-        told.append(f'a false contact of {1e3 * point.score["false_ok_n"]:.0f} mN with status ok')
+        losses.append(f'a false contact of {1e3 * point.score["false_ok_n"]:.0f} mN with status ok')
     if point.shall_hold and not point.holds:
         ratio = 'no force' if point.ratio is None else f'{point.ratio:.1f}x the undisturbed error'
-        told.append(f'{ratio}, target 1.5x; {point.score["held_invalid"]:.0%} of held frames are invalid')
-    return ', '.join(told)
+        losses.append(f'{ratio}, target 1.5x; {point.score["held_invalid"]:.0%} of held frames are invalid')
+    return ', '.join(losses)

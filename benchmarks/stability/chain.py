@@ -46,20 +46,20 @@ class Watching:
     def rest(self, stamp_ns: int, picture: np.ndarray) -> tuple[int, int]:
         """Set a new rest image; returns the stamp from which forces have new reasons, and these reasons."""
         self._monitor.rest(picture)
-        return self._told(stamp_ns, of_rest=True)
+        return self._judged(stamp_ns, of_rest=True)
 
     def look(self, stamp_ns: int, picture: np.ndarray, taken_out: PictureMotion | None) -> tuple[int, int] | None:
         """Check a frame if a check is due; returns the same as `rest`."""
         if not self._monitor.is_due(stamp_ns, CHECK_S):
             return None
         self._monitor.frame(stamp_ns, picture, taken_out)
-        return self._told(stamp_ns)
+        return self._judged(stamp_ns)
 
     def feel(self, stamp_ns: int, force: types.ForceDistribution) -> None:
         """Add a published force."""
         self._monitor.force(stamp_ns, force.total, force.unlikeness, in_contact=force.in_contact, usable=usable(force))
 
-    def _told(self, stamp_ns: int, *, of_rest: bool = False) -> tuple[int, int]:
+    def _judged(self, stamp_ns: int, *, of_rest: bool = False) -> tuple[int, int]:
         verdict = self._monitor.verdict
         state = types.CalibrationState(level=int(verdict.level), reasons=int(verdict.reasons))
         return self._stamps.holds_from_ns(verdict, stamp_ns, of_rest=of_rest), calibration_reasons(state)

@@ -91,11 +91,11 @@ def _aim(name: str, judge: Judge) -> Aim:
     """An aim for each profile, with a name such as 'light ±30 %: within 1.5x'."""
     figure, _, to_reach = name.partition(': ')
 
-    def told(result: Mapping[str, Any]) -> dict[str, str]:
+    def verdicts(result: Mapping[str, Any]) -> dict[str, str]:
         points = points_of(result)
         return {each: _verdict(judge([p for p in points if p.profile == each])) for each in result['profiles']}
 
-    return Aim(figure, to_reach or 'all streams', told)
+    return Aim(figure, to_reach or 'all streams', verdicts)
 
 
 def _verdict(found: Verdict | None) -> str:

@@ -60,7 +60,7 @@ class Answer:
         return self.error_n / self.nominal_n
 
     @property
-    def said(self) -> bool:
+    def reports_a_cause(self) -> bool:
         """Whether it is not ok for another reason than the beginning of contact, which occurs in every stream."""
         return self.status != OK and self.reasons != FORCE.REASON_BEGINNING
 
@@ -143,7 +143,7 @@ def score(answers: Sequence[Answer], change: Change | None = None) -> Score:
         held_invalid=_share(held, [each.status == INVALID for each in held]),
         sigma_n=_median([each.sigma_n for each in held]),
         error_sigmas=_rms_of([each.error_n / each.sigma_n for each in held if each.sigma_n > 0]),
-        until_said=next((n for n, each in enumerate(since, 1) if each.said), None),
+        until_said=next((n for n, each in enumerate(since, 1) if each.reports_a_cause), None),
         until_invalid=_first(since[beyond:], (INVALID,)),
         until_left=None if endless else _last(after, (INVALID,)),
         reasons=_reasons(during),
@@ -189,7 +189,7 @@ def _missed(held: Sequence[Answer]) -> float | None:
 
 def _place_mm(held: Sequence[Answer]) -> float | None:
     return _median([
-        min(math.dist(place, told) for told in each.contacts_mm)
+        min(math.dist(place, estimate) for estimate in each.contacts_mm)
         for each in held if each.contacts_mm
         for place in each.true_mm
     ])  # fmt: skip

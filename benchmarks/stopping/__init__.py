@@ -138,7 +138,7 @@ def _down(feed_mm_min: float) -> Procedure[None]:
     yield Go(z=WorldSettings().gel_z_mm - DEEP_MM, feed_mm_min=feed_mm_min)
 
 
-def told(result: Mapping[str, Any]) -> str:
+def feeds_table(result: Mapping[str, Any]) -> str:
     """The table with a row for each feed and measure."""
     rows = []
     for feed, found in result['feeds'].items():
@@ -155,7 +155,7 @@ BENCHMARK = Benchmark(
     name='stopping',
     about=__doc__,
     sources=('benchmarks/stopping/**', *RIG),
-    page=told,
+    page=feeds_table,
     measure=measured,
     failed=lambda result: any(each['not the first command'] for each in result['feeds'].values()),
     by_hand=True,

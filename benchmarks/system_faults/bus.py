@@ -85,8 +85,8 @@ def _newcomer(running: Sensor) -> float:
     start_ns, kind = running.clock.now_ns(), topics.FORCE_DISTRIBUTION
     bus = ZmqBus()
     try:
-        heard = bus.subscribe(f'/{kind.name}', kind.type_name, Qos('latest', 1)).get(PATIENCE_S)
-        return float('nan') if heard is None else (running.clock.now_ns() - start_ns) / NS_PER_S
+        received = bus.subscribe(f'/{kind.name}', kind.type_name, Qos('latest', 1)).get(PATIENCE_S)
+        return float('nan') if received is None else (running.clock.now_ns() - start_ns) / NS_PER_S
     finally:
         bus.close()
 
@@ -99,11 +99,11 @@ def garbage(running: Sensor, frames: int, watch_s: float = WATCH_S, seed: int = 
     running.watch(running.clock.now_ns() + NS_PER_S // 2)
     messages = _to_topics(frames, chance)
     after = running.watch(running.clock.now_ns() + round(watch_s * NS_PER_S))
-    told = [line for _, line in list(running.launch.lines) if 'dropped a message' in line]
+    warnings = [line for _, line in list(running.launch.lines) if 'dropped a message' in line]
     bugs = [line for _, line in list(running.launch.lines) if 'Traceback' in line or 'a bug in the thread' in line]
     return {
         'sockets': sockets, 'frames': frames * sockets, 'topics': len(FORGED), 'messages': messages,
-        'died': sorted(alive - _alive(running)), 'forces_after': len(after), 'told': told, 'bugs': bugs,
+        'died': sorted(alive - _alive(running)), 'forces_after': len(after), 'told': warnings, 'bugs': bugs,
     }  # fmt: skip
 
 

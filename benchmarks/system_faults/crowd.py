@@ -117,25 +117,25 @@ def _there(place: dict[str, str], target: Any, *arguments: Any) -> None:
     target(*arguments)
 
 
-def _be_light(said: Connection, number: int) -> None:
+def _be_light(pipe: Connection, number: int) -> None:
     words = ['--ros-args', '-r', f'__node:=n{number:03d}', '-r', '__ns:=/crowd', '--log-level', 'ERROR']
     node = LightNode(ZmqBus(), parse_arguments(words))
-    said.send('ready')
+    pipe.send('ready')
     node.spin()
 
 
-def _sense(said: Connection, numbers: Sequence[int], model: str) -> None:
+def _sense(pipe: Connection, numbers: Sequence[int], model: str) -> None:
     bus, nodes = ZmqBus(), []
     for number in numbers:
         space = ['-r', f'__ns:=/s{number:02d}', '-p', f'model:={model}', '--log-level', 'ERROR']
         nodes += [kind(bus, parse_arguments(['--ros-args', *space])) for kind in (FlowFeaturesNode, ForceEstimatorNode)]
     for node in nodes:
         threading.Thread(target=node.spin, daemon=True).start()
-    said.send('ready')
+    pipe.send('ready')
     threading.Event().wait()
 
 
-def _film(said: Connection, count: int, rate_hz: float, seconds: float) -> None:
+def _film(pipe: Connection, count: int, rate_hz: float, seconds: float) -> None:
     """Cameras with a random pattern; the last two digits of a stamp identify the sensor."""
     clock, bus, rng = SystemClock(), ZmqBus(), np.random.default_rng(3)
     pattern = np.kron(rng.integers(40, 200, (SIDE_PX // 4, SIDE_PX // 4)), np.ones((4, 4))).astype(np.uint8)
@@ -150,22 +150,22 @@ def _film(said: Connection, count: int, rate_hz: float, seconds: float) -> None:
             end.publish(conversions.image_message(pattern + frame % 3, conversions.header(at_ns, 'camera')))
     clock.sleep_until(clock.now_ns() + NS_PER_S // 2)  # for messages that are still on their way
     bus.close()
-    said.send('done')
+    pipe.send('done')
 
 
 @contextmanager
 def _children(tasks: Sequence[tuple[Any, tuple[Any, ...]]]) -> Iterator[list[BaseProcess]]:
     """Start processes, and wait until each has reported that it is ready or done; kill them at the end."""
     children: list[BaseProcess] = []
-    told = []
+    pipes = []
     for target, arguments in tasks:
         ours, theirs = _CONTEXT.Pipe()
-        told_them = (_place(), target, theirs, *arguments)
-        children.append(_CONTEXT.Process(target=_there, args=told_them, daemon=True))
+        process_arguments = (_place(), target, theirs, *arguments)
+        children.append(_CONTEXT.Process(target=_there, args=process_arguments, daemon=True))
         children[-1].start()
-        told.append(ours)
+        pipes.append(ours)
     try:
-        for end in told:
+        for end in pipes:
             if not end.poll(PATIENCE_S):
                 raise ConfigurationError(f'a process did not come up within {PATIENCE_S:g} s')
             end.recv()

@@ -39,13 +39,13 @@ class Damaged:
     outcomes: Counter[str] = field(default_factory=Counter)
     wrong: list[str] = field(default_factory=list)
 
-    def told(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         return {'what': self.what, 'tried': self.tried, 'outcomes': dict(self.outcomes), 'wrong': self.wrong[:10]}
 
 
 def bag_cuts(folder: Path, progress: Progress, every: int = 1) -> list[dict[str, Any]]:
     """Read a small bag, plain and compressed, truncated after each byte."""
-    return [_cuts(folder, compression, every, progress).told() for compression in ('none', 'zstd')]
+    return [_cuts(folder, compression, every, progress).summary() for compression in ('none', 'zstd')]
 
 
 def _cuts(folder: Path, compression: str, every: int, progress: Progress) -> Damaged:
@@ -92,7 +92,7 @@ def model_bytes(folder: Path, name: str, count: int, progress: Progress, seed: i
             except Exception as error:  # noqa: BLE001 - any other exception is a failure
                 found.wrong.append(f'byte {place} altered by {flip}: {error!r}')
             bar.advance()
-    return found.told()
+    return found.summary()
 
 
 def _refused(found: Damaged, error: TactileError, where: str) -> None:

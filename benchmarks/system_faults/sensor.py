@@ -117,8 +117,8 @@ class Sensor:
         return any(node in each.nodes for each in self.bus.graph().participants)
 
     def _take_truths(self) -> None:
-        while (told := self._truth.take()) is not None:
-            self.truths[stamp_ns(told.message.header.stamp)] = told.message.total
+        while (received := self._truth.take()) is not None:
+            self.truths[stamp_ns(received.message.header.stamp)] = received.message.total
 
     def _subscribe(self, topic: Topic) -> Subscription:
         return self.bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 2000))

@@ -73,8 +73,8 @@ def measured(arguments: argparse.Namespace, run: Run) -> Result:
         pictures=arguments.pictures, part=run.part,
     )  # fmt: skip
     gels = [other_gel(config_of(loaded).gel, number, seed) for number in range(arguments.gels)]
-    told = {'own': own.as_dict(), 'scores': [each.as_dict() for each in scores]}
-    return {**told, '_page': Measured(own, scores, gels, f'{name_of(arguments)}.png', arguments.pictures)}
+    summary = {'own': own.as_dict(), 'scores': [each.as_dict() for each in scores]}
+    return {**summary, '_page': Measured(own, scores, gels, f'{name_of(arguments)}.png', arguments.pictures)}
 
 
 def name_of(arguments: argparse.Namespace) -> str:
@@ -120,9 +120,9 @@ def measure(
         progress.say('; '.join(f'{each.way} {each.presses}: {each.force_rmse_n:.4f} N' for each in made))
         return [each.kept() for each in made]
 
-    told = part('own gel', on_own_gel) if trained else []
-    told += [each for number in gels for each in part(f'gel {number}', partial(on_gel, number))]
-    return own, [Score.of(each) for each in told]
+    entries = part('own gel', on_own_gel) if trained else []
+    entries += [each for number in gels for each in part(f'gel {number}', partial(on_gel, number))]
+    return own, [Score.of(each) for each in entries]
 
 
 def _of_many(loaded: LoadedModel, gel: Gel, many: int, progress: Progress) -> AxisymmetricReadout:

@@ -91,20 +91,20 @@ class Measured:
 
 def page(result: Mapping[str, Any]) -> str:
     """The results as a page of documentation."""
-    told: Measured = result['_page']
-    own, scores = told.own, [each for each in told.scores if each.gel != OWN_GEL]
-    trained = [each for each in told.scores if each.gel == OWN_GEL]
+    measured: Measured = result['_page']
+    own, scores = measured.own, [each for each in measured.scores if each.gel != OWN_GEL]
+    trained = [each for each in measured.scores if each.gel == OWN_GEL]
     about = ABOUT.format(
-        gels=len({each.gel for each in scores}), tested=own.tested, pictures=_held(told.pictures),
+        gels=len({each.gel for each in scores}), tested=own.tested, pictures=_held(measured.pictures),
         placements=PLACEMENTS,
     )  # fmt: skip
     return '\n\n'.join([
         *opening('Transfer to other gels', result, about), *_of_trained(trained),
-        f'![error against number of presses]({told.picture})', _errors(own, scores, trained),
+        f'![error against number of presses]({measured.picture})', _errors(own, scores, trained),
         '## Compared with the source on its own gel', CHANCE, reached(_aims(own, scores), result),
         HARDER, table(['presses', *(f'{of}, median gel (worst)' for of in OF_FORCE)], _of_force(own, scores)),
         *_against_each(own, scores, trained), *_gel_by_gel(own, scores), '## The gels',
-        table(GEL_HEADS, [_gel(number, each) for number, each in enumerate(told.gels)]),
+        table(GEL_HEADS, [_gel(number, each) for number, each in enumerate(measured.gels)]),
     ])  # fmt: skip
 
 
@@ -150,15 +150,18 @@ def _against_each(own: Score, scores: Sequence[Score], trained: Sequence[Score])
     levels = [each for each in scores if each.way == TRAINED]
     if not levels:
         return []
-    rows = [[f'{TRAINED} / source', *(_told(ratio(own, levels, measured)) for measured in COMPARED)]]
+    rows = [[f'{TRAINED} / source', *(_ratio_text(ratio(own, levels, measured)) for measured in COMPARED)]]
     rows += [
-        [f'own gel, {each.presses} presses / source', *(_told(ratio(own, [each], measured)) for measured in COMPARED)]
+        [
+            f'own gel, {each.presses} presses / source',
+            *(_ratio_text(ratio(own, [each], measured)) for measured in COMPARED),
+        ]
         for each in trained
     ]
     for presses, chosen in _calibrated(scores).items():
         of = [next(level for level in levels if level.gel == each.gel) for each in chosen]
-        told = [_told(ratio(of, chosen, measured)) for measured in COMPARED]
-        rows.append([f'calibrated, {presses} presses / {TRAINED}', *told])
+        ratios = [_ratio_text(ratio(of, chosen, measured)) for measured in COMPARED]
+        rows.append([f'calibrated, {presses} presses / {TRAINED}', *ratios])
     heads = ['', *(f'{of}, median gel (worst)' for of in COMPARED)]
     return ['## Compared with a model trained on each gel', LEVELS, table(heads, rows)]
 
@@ -172,12 +175,12 @@ def _aims(own: Score, scores: Sequence[Score]) -> list[Aim]:
 
 
 def _reached(own: Score, chosen: Sequence[Score], _: Mapping[str, Any]) -> dict[str, str]:
-    return {f'{of}, median gel (worst)': _told(ratio(own, chosen, of)) for of in COMPARED}
+    return {f'{of}, median gel (worst)': _ratio_text(ratio(own, chosen, of)) for of in COMPARED}
 
 
 def _of_force(own: Score, scores: Sequence[Score]) -> list[list[str]]:
     return [
-        [str(presses), *(_told(ratio(own, chosen, measured, of_force=True)) for measured in OF_FORCE)]
+        [str(presses), *(_ratio_text(ratio(own, chosen, measured, of_force=True)) for measured in OF_FORCE)]
         for presses, chosen in _calibrated(scores).items()
     ]
 
@@ -192,7 +195,7 @@ def _gel_by_gel(own: Score, scores: Sequence[Score]) -> list[str]:
     """Ratios gel by gel, which show the part due to the gel's force at a depth."""
     asked = {f'{presses} presses': (CALIBRATED, presses) for presses in sorted(AIMS)}
     asked |= {each.way: (TRAINED, each.presses) for each in scores if each.way == TRAINED}
-    asked = {told: way for told, way in asked.items() if way in {(each.way, each.presses) for each in scores}}
+    asked = {name: way for name, way in asked.items() if way in {(each.way, each.presses) for each in scores}}
     if not asked:
         return []
     rows = []
@@ -201,11 +204,11 @@ def _gel_by_gel(own: Score, scores: Sequence[Score]) -> list[str]:
         borne = next(iter(of.values())).pressed_n / own.pressed_n
         times = [ratio(own, [of[way]], measured).worst for measured in OF_FORCE for way in asked.values()]
         rows.append([str(gel), f'{borne:.2f}x', *(f'{each:.2f}x ({each / borne:.2f}x)' for each in times)])
-    heads = ['gel', 'force ratio', *(f'{of}, {told}' for of in OF_FORCE for told in asked)]
+    heads = ['gel', 'force ratio', *(f'{of}, {name}' for of in OF_FORCE for name in asked)]
     return ['## Gel by gel', BORNE, table(heads, rows)]
 
 
-def _told(of: Ratio) -> str:
+def _ratio_text(of: Ratio) -> str:
     return f'{of.median:.2f}x ±{of.median_error:.2f} ({of.worst:.2f}x ±{of.worst_error:.2f})'
 
 

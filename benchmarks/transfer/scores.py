@@ -62,18 +62,18 @@ class Score:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data for a file, without `drawn`."""
-        told = asdict(self)
-        del told['drawn']
-        return told
+        fields = asdict(self)
+        del fields['drawn']
+        return fields
 
     def kept(self) -> dict[str, Any]:
         """Plain data for a part of a run, with `drawn`."""
         return {**self.as_dict(), 'drawn': None if self.drawn is None else self.drawn.tolist()}
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Score:
+    def of(cls, fields: Mapping[str, Any]) -> Score:
         """The score from the data of `kept`."""
-        return cls(**{**told, 'drawn': None if told['drawn'] is None else np.array(told['drawn'])})
+        return cls(**{**fields, 'drawn': None if fields['drawn'] is None else np.array(fields['drawn'])})
 
 
 def score(gel: int, presses: int, way: str, readout: AnyReadout, tested: Dataset) -> Score:

@@ -155,8 +155,8 @@ def measure(
         made = [_layered(readout, presses, count, way, each) for way, each in layer_settings(patience).items()]
         made.append(_from_scratch(presses, count, config))
         scores += [score for each in made for score in each]
-        told = '; '.join(f'{one.way} {one.armse_n:.4f} N, {new.armse_n:.4f} N at new places' for one, new in made)
-        say(f'gel {presses.gel}, {count} presses: {told}')
+        errors = '; '.join(f'{one.way} {one.armse_n:.4f} N, {new.armse_n:.4f} N at new places' for one, new in made)
+        say(f'gel {presses.gel}, {count} presses: {errors}')
     return scores
 
 
@@ -167,8 +167,8 @@ def _layered(readout: NetworkReadout, presses: Presses, count: int, way: str, co
     fitted = fit_layer(readout, presses.grid, *shuffled_parts(np.arange(count), config), config)
     if fitted.ended == 'interrupted':
         raise KeyboardInterrupt
-    told = {'best_epoch': fitted.best_epoch, 'epochs': fitted.epochs_run, 'seconds': fitted.seconds}
-    return _scores(dataclasses.replace(readout, layer=fitted.layer), presses, count, way, **told)
+    details = {'best_epoch': fitted.best_epoch, 'epochs': fitted.epochs_run, 'seconds': fitted.seconds}
+    return _scores(dataclasses.replace(readout, layer=fitted.layer), presses, count, way, **details)
 
 
 def _from_scratch(presses: Presses, count: int, config: TrainConfig) -> list[Score]:
@@ -184,17 +184,18 @@ def _from_scratch(presses: Presses, count: int, config: TrainConfig) -> list[Sco
     readout, report = fit_network(presses.grid.take(np.arange(count)), held_out, config, Progress())
     if report['ended'] == 'interrupted':
         raise KeyboardInterrupt
-    told = {'best_epoch': report['best_epoch'], 'epochs': report['epochs_run']}
+    details = {'best_epoch': report['best_epoch'], 'epochs': report['epochs_run']}
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
-    return _scores(readout, presses, count, SCRATCH, seconds=seconds, **told)
+    return _scores(readout, presses, count, SCRATCH, seconds=seconds, **details)
 
 
-def _scores(readout: NetworkReadout, presses: Presses, count: int, way: str, **told: Any) -> list[Score]:
+def _scores(readout: NetworkReadout, presses: Presses, count: int, way: str, **details: Any) -> list[Score]:
     """Scores on the rest of the grid, and at new places."""
     rest = presses.grid.take(np.arange(count, len(presses.grid.presses)))
     tests = {REST: rest, NEW: presses.new}
     return [
-        Score(presses.gel, count, way, name, *metrics_of(readout, dataset), **told) for name, dataset in tests.items()
+        Score(presses.gel, count, way, name, *metrics_of(readout, dataset), **details)
+        for name, dataset in tests.items()
     ]
 
 

@@ -80,13 +80,13 @@ def _scores(result: Mapping[str, Any]) -> list[Score]:
 def _found(scores: Sequence[Score]) -> str:
     """Errors of the shipped layer with the most presses, on both tests, beside those without calibration."""
     most = max(each.presses for each in scores)
-    told = []
+    errors = []
     for tested in (REST, NEW):
         mine = [each for each in scores if each.tested == tested and each.gel != OWN]
         pair = (_median(mine, 'armse_n', *each) for each in ((AS_IT_IS, 0), (OURS, most)))
-        told.append('aRMSE {:.4f} N without, {:.4f} N with it'.format(*pair))
+        errors.append('aRMSE {:.4f} N without, {:.4f} N with it'.format(*pair))
     return (
-        f'With {most} presses `{OURS}` on the {REST}: {told[0]};\nat {NEW}: {told[1]}. '
+        f'With {most} presses `{OURS}` on the {REST}: {errors[0]};\nat {NEW}: {errors[1]}. '
         'The difference\nbetween the tests shows that the layer learns the places, and generalizes little between them.'
     )
 

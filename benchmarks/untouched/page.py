@@ -46,8 +46,8 @@ def _touches(gels: Mapping[str, Any]) -> str:
         alarms = rest['count'] - rest['within']
         rows.append([f'{name}, at rest', str(rest['count']), f'{alarms} ({alarms / rest["count"]:.1%}) alarms',
                      *_spread(rest)])  # fmt: skip
-        told = {f'{1e3 * float(force):g} mN': touches for force, touches in each['touches'].items()}
-        for label, touches in {**told, '20 mN in corners': each['corners']}.items():
+        labelled = {f'{1e3 * float(force):g} mN': touches for force, touches in each['touches'].items()}
+        for label, touches in {**labelled, '20 mN in corners': each['corners']}.items():
             missed = f'{touches["within"]} ({touches["within"] / touches["count"]:.1%}) missed'
             rows.append([f'{name}, {label}', str(touches['count']), missed, *_spread(touches)])
     return table(['gel', 'frames', 'errors', 'least motion', 'median', 'largest'], rows)
@@ -64,7 +64,7 @@ def _disturbances(found: Mapping[str, Mapping[str, float]]) -> str:
 
 def _minute(found: Mapping[str, Any]) -> str:
     first = next(iter(found.values()))
-    said = (
+    summary = (
         f'{first["frames"]} frames, {first["touching"]} of them with contact. Still: {first["untouched"]}, of which '
         f'{first["untouched_at_rest"]} without any contact. Missed touches of at least 20 mN: '
         f'{first["missed_20_mn"]}. Hardest missed touch: {1e3 * first["most_missed_n"]:.1f} mN.'
@@ -83,4 +83,4 @@ def _minute(found: Mapping[str, Any]) -> str:
         if same
         else 'SOME MEASURED FRAMES DIFFER.'
     )
-    return f'{said}\n\n{table(heads, rows)}\n\n{end}'
+    return f'{summary}\n\n{table(heads, rows)}\n\n{end}'

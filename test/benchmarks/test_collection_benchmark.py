@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.collection import told
+from benchmarks.collection import page_text
 from benchmarks.collection.bag import CollectionBag
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
@@ -81,7 +81,7 @@ def test_a_run_that_was_killed_and_started_again_holds_every_press_once(folder: 
 def test_the_result_tells_how_the_run_ended_and_what_is_on_the_disk(folder: Path) -> None:
     result = json.loads((folder / 'result.json').read_text(encoding='utf-8'))
     assert result['sessions'][-1]['ended'].startswith('the plan is done')
-    assert '4 of 4 presses recorded' in told(result)
+    assert '4 of 4 presses recorded' in page_text(result)
     assert result['disk_bytes'] == sum(each.stat().st_size for each in folder.glob('*/*.mcap'))
 
 

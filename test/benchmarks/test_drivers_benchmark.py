@@ -45,7 +45,7 @@ def test_durations_are_summed_up_to_one_percent_and_the_worst_exactly() -> None:
     assert Durations().summary_ms() == {}
 
 
-def test_lost_doubled_and_reordered_are_told_by_the_numbers() -> None:
+def test_lost_doubled_and_reordered_are_reported_by_the_numbers() -> None:
     clock = SteppedClock(1)
     meter = Meter(clock, 10.0)
     meter.going_on()

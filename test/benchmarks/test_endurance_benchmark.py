@@ -64,7 +64,7 @@ def test_a_file_left_open_is_a_complaint() -> None:
 
 
 @pytest.mark.parametrize(
-    ('change', 'told'),
+    ('change', 'complaint'),
     [
         ({'forces': 4}, '1 of 5 images'),
         ({'drift_n': 0.5}, 'changed by 0.5 N'),
@@ -72,8 +72,8 @@ def test_a_file_left_open_is_a_complaint() -> None:
         ({**growth(looks(10.0))}, '10.0 MiB more each hour'),
     ],
 )
-def test_what_is_wrong_is_told(change: dict[str, Any], told: str) -> None:
-    assert any(told in text for text in endurance.complaints('stepped', part(**change)))
+def test_what_is_wrong_is_reported(change: dict[str, Any], complaint: str) -> None:
+    assert any(complaint in text for text in endurance.complaints('stepped', part(**change)))
 
 
 def test_a_step_is_no_steady_growth_and_a_slope_is() -> None:

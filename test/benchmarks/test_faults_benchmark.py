@@ -117,7 +117,7 @@ def test_stop_is_when_the_tip_goes_no_deeper(tmp_path: Path) -> None:
     assert stop.force_n == pytest.approx(0.3)
 
 
-def test_tip_that_stays_in_the_gel_is_told(tmp_path: Path) -> None:
+def test_tip_that_stays_in_the_gel_is_reported(tmp_path: Path) -> None:
     stop = traced(tmp_path, [*np.linspace(0, -0.3, 31), *[-0.3] * 20]).stop(0, 2000 * MS, safe_mm=2.0)
     assert stop is not None
     assert stop.up_s is None

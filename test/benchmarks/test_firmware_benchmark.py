@@ -22,7 +22,7 @@ from benchmarks.devices.rehearsal import JumpingClock
 from benchmarks.firmware import pressed
 from benchmarks.firmware.descent import LIMITS, approach
 from benchmarks.firmware.faults import FAULTS
-from benchmarks.firmware.line import Heard, Line, Program, open_wire
+from benchmarks.firmware.line import Line, Program, ReportedPlace, open_wire
 from benchmarks.firmware.obeys import connected, obeys
 from benchmarks.firmware.page import complaints, page
 from benchmarks.firmware.press import Bench, Machine, Outcome, require_begun
@@ -42,8 +42,8 @@ S = 1_000_000_000
 SURFACE_MM = -20.0
 
 
-def ear() -> Heard:
-    return Heard(SURFACE_MM, lambda _: None)
+def ear() -> ReportedPlace:
+    return ReportedPlace(SURFACE_MM, lambda _: None)
 
 
 def at(z: float) -> str:
@@ -83,29 +83,29 @@ def emulated(folder: Path, *changes: str) -> Iterator[Machine]:
     ],
 )
 def test_the_depth_is_heard_of_either_kind(line: str) -> None:
-    heard = ear()
-    heard.take(line, S)
-    assert heard.depth_mm == pytest.approx(0.5)
+    place = ear()
+    place.take(line, S)
+    assert place.depth_mm == pytest.approx(0.5)
 
 
 def test_between_two_reports_the_tip_goes_on_and_without_reports_it_rests() -> None:
     """0.1 mm deeper in 0.1 s, so 0.05 mm more 0.05 s later; and a second later where it was last heard of."""
-    heard = ear()
-    heard.take(at(-20.1), S)
-    heard.take(at(-20.2), S + S // 10)
-    assert heard.depth_at(S + 3 * S // 20) == pytest.approx(0.25)
-    assert heard.depth_at(2 * S) == pytest.approx(0.2)
+    place = ear()
+    place.take(at(-20.1), S)
+    place.take(at(-20.2), S + S // 10)
+    assert place.depth_at(S + 3 * S // 20) == pytest.approx(0.25)
+    assert place.depth_at(2 * S) == pytest.approx(0.2)
 
 
 def test_what_a_restarted_firmware_calls_zero_is_where_the_tip_stands() -> None:
-    heard = ear()
-    heard.take(at(-20.4), S)
-    heard.restarted()
-    heard.take('<Alarm|MPos:0.000,0.000,0.000|FS:0,0>', 2 * S)
-    assert heard.depth_mm == pytest.approx(0.4)
-    heard.take(at(-0.1), 3 * S)
-    assert heard.deepest_mm == pytest.approx(0.5)
-    assert heard.moved_ns == 3 * S
+    place = ear()
+    place.take(at(-20.4), S)
+    place.restarted()
+    place.take('<Alarm|MPos:0.000,0.000,0.000|FS:0,0>', 2 * S)
+    assert place.depth_mm == pytest.approx(0.4)
+    place.take(at(-0.1), 3 * S)
+    assert place.deepest_mm == pytest.approx(0.5)
+    assert place.moved_ns == 3 * S
 
 
 # The line.
@@ -114,14 +114,14 @@ def test_what_a_restarted_firmware_calls_zero_is_where_the_tip_stands() -> None:
 def test_a_program_on_a_line_is_heard_before_the_faults_and_may_be_restarted(tmp_path: Path) -> None:
     script = tmp_path / 'firmware'
     script.write_text(f'echo "Grbl 1.1h [help]"; while read -r line; do echo "{at(-20.5)}"; done')
-    heard, program = ear(), Program(f'sh {script}')
-    line = Line(program, 'grbl', heard, SystemClock())
+    place, program = ear(), Program(f'sh {script}')
+    line = Line(program, 'grbl', place, SystemClock())
     line.faults.mute = True
 
     def deep() -> bool:
         line.receive(b'\n')
         line.run()
-        return heard.depth_mm == pytest.approx(0.5)
+        return place.depth_mm == pytest.approx(0.5)
 
     until(deep)
     assert line.take_output() == b''
@@ -201,8 +201,8 @@ LOADS = [
 ]
 
 
-@pytest.mark.parametrize(('fault', 'kind', 'said'), LOADS)
-def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, said: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(('fault', 'kind', 'reason'), LOADS)
+def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, reason: str, tmp_path: Path) -> None:
     """At 0.3 mm the gel gives (0.577·0.3)^1.5 = 0.07 N, to which 3.5 N or 6 N come; 2 N within 40 ms are 50 N/s."""
     bench = Bench(firmware.machines(arguments(grbl=['A=b']))[0], FAULTS[fault], SystemClock(), tmp_path)
     safety = Safety(CollectionSettings(limits=LIMITS).watched)
@@ -216,7 +216,7 @@ def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, said: str,
         now_ns = S + number * S // 500
         safety.sample(Sample(bench.wrench_at(now_ns), now_ns, now_ns, 0, number, 0, 0, 0, ()))
     assert safety.trip is not None
-    assert (safety.trip.kind, safety.trip.reason) == (kind, said)
+    assert (safety.trip.kind, safety.trip.reason) == (kind, reason)
     bench.heard.take(at(-19.9), S)
     assert bench.wrench_at(S) == NOTHING
 
@@ -291,7 +291,7 @@ def test_an_echo_says_all_that_is_sent_and_loses_none_of_it() -> None:
     program.close()
 
 
-def test_a_fault_that_kills_kills_nobody_where_nobody_is_told_to_be_killed() -> None:
+def test_a_fault_that_kills_kills_nobody_where_nobody_is_reported_to_be_killed() -> None:
     program = Program('cat')
     line = Line(program, 'grbl', ear(), SystemClock())
     with pytest.raises(ConfigurationError, match='not the one to be killed'):
@@ -300,27 +300,27 @@ def test_a_fault_that_kills_kills_nobody_where_nobody_is_told_to_be_killed() -> 
 
 
 @pytest.mark.parametrize(
-    ('kind', 'said', 'arrives'),
+    ('kind', 'sent', 'arrives'),
     [
         ('grbl', at(-20.4).encode() + b'\r\n', b'<Jog|MPos:0.000,0.000,0.000|FS:60,0>\r\n'),
         ('marlin', b'X:20.00 Y:20.00 Z:19.60 E:0.00\n', b'X:0.00 Y:0.00 Z:0.00 E:0.00\n'),
         ('marlin', b'ok X:20.0 Y:20.0 Z:19.6 E:0\n', b'ok X:0.00 Y:0.00 Z:0.00 E:0\n'),
     ],
 )
-def test_reports_of_zero_replace_the_true_ones(kind: str, said: bytes, arrives: bytes) -> None:
+def test_reports_of_zero_replace_the_true_ones(kind: str, sent: bytes, arrives: bytes) -> None:
     program = Program('cat')
     line = Line(program, kind, ear(), SystemClock())
     FAULTS['zero'].begin(line)
-    assert line.faults.passed('<', said) == line.faults.passed('<', said) == arrives
+    assert line.faults.passed('<', sent) == line.faults.passed('<', sent) == arrives
     program.close()
 
 
-# What is told.
+# What is reported.
 
 
-def outcome(said: str, reached_mm: float) -> dict[str, Any]:
+def outcome(reason: str, reached_mm: float) -> dict[str, Any]:
     times = {'noticed_s': 0.3, 'rest_s': None}
-    return {'said': said, 'kind': 'machine', 'reached_mm': reached_mm, **times, 'up': 'up', 'up_mm': 1.0}
+    return {'said': reason, 'kind': 'machine', 'reached_mm': reached_mm, **times, 'up': 'up', 'up_mm': 1.0}
 
 
 def result(kind: str = 'grbl', **faults: dict[str, Any]) -> dict[str, Any]:
@@ -334,7 +334,7 @@ def test_a_press_that_went_on_is_complained_of_and_one_that_stopped_is_not() -> 
     assert found == ['A firmware, nothing arrives in either direction: 2.00 mm, nothing was said']
 
 
-def test_a_line_with_a_checksum_is_said_again_so_that_the_press_goes_on() -> None:
+def test_a_line_with_a_checksum_is_reported_again_so_that_the_press_goes_on() -> None:
     assert complaints(result('marlin', deeper_9=outcome('', 2.0))) == []
     assert complaints(result('grbl', deeper_9=outcome('', 2.0)))
     assert complaints(result('marlin', deeper_9=outcome('it is off its way', 1.0)))

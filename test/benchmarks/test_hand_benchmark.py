@@ -20,7 +20,15 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.messages import types
 from tactile_nodes.sensors import load_hand
 
-TOLD = {'forces': 7200, 'skipped': 3, 'lost': 0, 'p50_ms': 3.0, 'worst_ms': 21.0, 'longest_ms': 33.3, 'cores': 0.115}
+MEASURED = {
+    'forces': 7200,
+    'skipped': 3,
+    'lost': 0,
+    'p50_ms': 3.0,
+    'worst_ms': 21.0,
+    'longest_ms': 33.3,
+    'cores': 0.115,
+}
 
 
 @pytest.fixture
@@ -61,7 +69,7 @@ def test_the_page_tells_how_far_over_the_relay_it_is_and_what_troubles_did(
 ) -> None:
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))  # where parts of a run are kept
     late = {hand.SENSED: 6.25, hand.RELAYED: 4.5}
-    monkeypatch.setattr(hand, '_hand', lambda *words: {**TOLD, 'p99_ms': late[words[3]]})
+    monkeypatch.setattr(hand, '_hand', lambda *words: {**MEASURED, 'p99_ms': late[words[3]]})
     asked = parser_of(hand.BENCHMARK).parse_args(['--sensors', '4', '--hz', '60', '--models', 'fast'])
     run = Run(hand.BENCHMARK, asked, Progress())
     text = hand.page(run.keep(hand.measured(asked, run)))

@@ -58,7 +58,7 @@ def test_the_page_tells_losses_and_rates(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert 'compiled |  mixed |               300 |     2.50 |               0.80 |            400 |' in text
 
 
-def test_a_relay_answers_each_picture_with_what_was_said_of_another(
+def test_a_relay_answers_each_picture_with_what_was_reported_of_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(relay.FOLDER, str(tmp_path))
@@ -73,9 +73,9 @@ def test_a_relay_answers_each_picture_with_what_was_said_of_another(
         bus.advertise('/image_raw', topics.IMAGE.type_name, Qos('newest')).publish(picture)
         for node in (motion, motion, force, force):
             node.spin_once()
-        told = forces.take()
-    assert told is not None
-    assert (stamp_ns(told.message.header.stamp), told.message.total) == (START_NS + 7, 1.5)
+        published = forces.take()
+    assert published is not None
+    assert (stamp_ns(published.message.header.stamp), published.message.total) == (START_NS + 7, 1.5)
 
 
 def test_a_relay_takes_the_place_of_motion_and_force_in_the_live_launch(tmp_path: Path) -> None:

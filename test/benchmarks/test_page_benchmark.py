@@ -16,7 +16,7 @@ def test_sensing_is_measured_under_viewers_of_whom_one_hangs() -> None:
     assert 0 < result['latency_ms']['p50'] <= result['latency_ms']['p99']
     assert result['shown_hz'] > 0
     assert set(result['cpu_percent']) == set(page.PROCESSES.values())
-    assert condition.title in page.told({'conditions': {condition.title: result}})
+    assert condition.title in page.conditions_table({'conditions': {condition.title: result}})
 
 
 def test_percentiles_are_over_all_frames_and_the_spread_is_over_rounds() -> None:

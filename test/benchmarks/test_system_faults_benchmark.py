@@ -66,7 +66,7 @@ def kill(**other: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ('change', 'told'),
+    ('change', 'complaint'),
     [
         ({}, ''),
         ({'blind_s': 2.5}, 'back after 2.50 s'),
@@ -74,10 +74,10 @@ def kill(**other: Any) -> dict[str, Any]:
         ({'same_rest': False}, 'rest image or model'),
     ],
 )
-def test_a_kill_is_judged_by_recovery_rest_image_and_model(change: dict[str, Any], told: str) -> None:
+def test_a_kill_is_judged_by_recovery_rest_image_and_model(change: dict[str, Any], complaint: str) -> None:
     found = complaints({'kills': {'kills': [kill(**change)]}})
-    assert bool(found) == bool(told)
-    assert told in ''.join(found)
+    assert bool(found) == bool(complaint)
+    assert complaint in ''.join(found)
 
 
 def test_the_page_shows_what_was_measured_and_what_is_wrong() -> None:

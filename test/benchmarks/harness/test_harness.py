@@ -52,7 +52,7 @@ COUNTING = Benchmark(
 )
 
 
-def case_told(arguments: argparse.Namespace, _: Run) -> dict[str, Any]:
+def measured_case(arguments: argparse.Namespace, _: Run) -> dict[str, Any]:
     return {'measured': arguments.only}
 
 
@@ -79,15 +79,15 @@ def test_what_is_wrong_is_in_the_exit_status(capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize(
-    ('words', 'said'),
+    ('words', 'refusal'),
     [
         (['--to', '-1'], '--to must be at least 0, got -1'),
         (['--steps', '1', '0'], '--steps must be above 0, got 0'),
         (['--steps', 'nan'], '--steps must be above 0, got nan'),
     ],
 )
-def test_numbers_that_nothing_can_be_measured_with_are_refused(words: list[str], said: str) -> None:
-    with pytest.raises(ConfigurationError, match=said):
+def test_numbers_that_nothing_can_be_measured_with_are_refused(words: list[str], refusal: str) -> None:
+    with pytest.raises(ConfigurationError, match=refusal):
         counted(words)
 
 
@@ -115,14 +115,14 @@ def test_notes_of_a_person_at_the_end_of_a_page_stay(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ('text', 'said'),
+    ('text', 'refusal'),
     [(None, 'there is no result'), ('{', 'cannot read the result'), ('[]', 'no result'), ('{}', 'of an older form')],
 )
-def test_what_cannot_be_drawn_again_is_one_sentence(tmp_path: Path, text: str | None, said: str) -> None:
+def test_what_cannot_be_drawn_again_is_one_sentence(tmp_path: Path, text: str | None, refusal: str) -> None:
     file = tmp_path / 'counting.json'
     if text is not None:
         file.write_text(text)
-    with pytest.raises(ConfigurationError, match=said):
+    with pytest.raises(ConfigurationError, match=refusal):
         counted(['--redraw', str(file)])
 
 
@@ -135,8 +135,8 @@ def test_a_result_that_cannot_be_kept_is_one_sentence(tmp_path: Path) -> None:
 def test_the_command_tells_what_is_not_as_by_default_and_no_place_on_this_machine() -> None:
     parser = parser_of(COUNTING)
     arguments = parser.parse_args(['--quick', '--to', '3', '--images', '/home/me/speckle', '-o', 'docs/results'])
-    said = command_of(parser, arguments, 'tactile bench counting')
-    assert said == 'tactile bench counting --images speckle --quick -o docs/results'
+    command = command_of(parser, arguments, 'tactile bench counting')
+    assert command == 'tactile bench counting --images speckle --quick -o docs/results'
 
 
 def test_parts_are_measured_and_dated_each_and_the_others_stay(tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_tasks_that_were_done_before_a_kill_are_not_done_again(monkeypatch: pyte
 
 def test_cases_of_a_benchmark_in_parts_are_tasks_too(tmp_path: Path) -> None:
     both = Benchmark(
-        name='both', about='Two parts.', sources=(), page=json.dumps, measure=case_told, cases=('one', 'two'),
+        name='both', about='Two parts.', sources=(), page=json.dumps, measure=measured_case, cases=('one', 'two'),
         in_parts=True, tasks=True,
     )  # fmt: skip
     assert counted(['--processes', '2', '-o', str(tmp_path)], both) == 0

@@ -61,7 +61,7 @@ class Repository:
         self.git('commit', '-qm', 'change')
         return self.git('rev-parse', 'HEAD')
 
-    def told(self, benchmark: Benchmark = COUNTING) -> list[str]:
+    def row(self, benchmark: Benchmark = COUNTING) -> list[str]:
         """The words of the line of the result."""
         lines = status.listing(self.root, [benchmark]).splitlines()
         return next(line for line in lines if line.startswith('counting')).split()
@@ -79,34 +79,34 @@ def repository(tmp_path: Path) -> Repository:
 def test_a_result_is_fresh_until_one_of_its_sources_changes(repository: Repository) -> None:
     repository.write('README', '2')
     repository.commit()
-    assert repository.told() == ['counting.json', repository.first[:12], '0', 'fresh']
+    assert repository.row() == ['counting.json', repository.first[:12], '0', 'fresh']
     for text in ('2', '3'):
         repository.write('package/counting/deep/source.py', text)
         repository.commit()
-    assert repository.told()[2:] == ['2', 'stale', 'package/counting/**']
+    assert repository.row()[2:] == ['2', 'stale', 'package/counting/**']
 
 
 def test_a_result_that_was_measured_with_changes_counts_from_their_commit(repository: Repository) -> None:
     repository.keep({'commit': f'{repository.first[:12]}-dirty'})
-    assert repository.told()[1:4] == [f'{repository.first[:12]}-dirty', '0', 'fresh']
+    assert repository.row()[1:4] == [f'{repository.first[:12]}-dirty', '0', 'fresh']
 
 
 def test_of_parts_the_oldest_counts(repository: Repository) -> None:
     repository.write('models/model', '2')
     second = repository.commit()
     repository.keep({'new': {'commit': second}, 'old': {'commit': repository.first}})
-    assert repository.told() == ['counting.json', repository.first, '1', 'stale', 'models/**']
+    assert repository.row() == ['counting.json', repository.first, '1', 'stale', 'models/**']
 
 
 @pytest.mark.parametrize('result', [{}, {'commit': '0.1.0'}, {'commit': 'c0ffee012345'}])
 def test_without_a_commit_that_git_knows_it_is_unknown(repository: Repository, result: Mapping[str, Any]) -> None:
     repository.keep(result)
-    assert repository.told()[1:] == [result.get('commit', 'unknown'), '–', 'unknown']
+    assert repository.row()[1:] == [result.get('commit', 'unknown'), '–', 'unknown']
 
 
 def test_a_page_without_numbers_is_unknown(repository: Repository) -> None:
     repository.write('docs/results/counting.md', 'By hand.')
-    assert repository.told(dataclasses.replace(COUNTING, files=('counting.md',))) == [
+    assert repository.row(dataclasses.replace(COUNTING, files=('counting.md',))) == [
         'counting.md', 'unknown', '–', 'unknown',
     ]  # fmt: skip
 
@@ -114,15 +114,15 @@ def test_a_page_without_numbers_is_unknown(repository: Repository) -> None:
 def test_a_shallow_clone_says_what_is_missing(repository: Repository, tmp_path: Path) -> None:
     clone = tmp_path / 'clone'
     subprocess.run(['git', 'clone', '-q', '--depth', '1', f'file://{repository.root}', str(clone)], check=True)
-    told = status.listing(clone, [COUNTING])
-    assert told.startswith('this clone is shallow, so older commits are unknown; get them with: git fetch --unshallow')
-    assert told.rstrip().endswith('unknown')
+    text = status.listing(clone, [COUNTING])
+    assert text.startswith('this clone is shallow, so older commits are unknown; get them with: git fetch --unshallow')
+    assert text.rstrip().endswith('unknown')
 
 
-def test_without_history_nothing_is_said_of_changes(repository: Repository) -> None:
+def test_without_history_nothing_is_reported_of_changes(repository: Repository) -> None:
     shutil.rmtree(repository.root / '.git')
     assert status.listing(repository.root, [COUNTING]).startswith('no history: ')
-    assert repository.told()[3] == 'unknown'
+    assert repository.row()[3] == 'unknown'
 
 
 def test_being_stale_is_no_fault_and_what_is_broken_is(
@@ -140,12 +140,12 @@ def test_being_stale_is_no_fault_and_what_is_broken_is(
     assert 'wrong: docs/results/counting.md of counting is missing' in capsys.readouterr().out
 
 
-def test_a_source_that_does_not_exist_is_told(repository: Repository) -> None:
+def test_a_source_that_does_not_exist_is_reported(repository: Repository) -> None:
     benchmark = dataclasses.replace(COUNTING, sources=('package/counted/**',))
     assert repository.problems(benchmark) == ['counting names package/counted/** as a source, and there is none']
 
 
-def test_a_page_that_is_not_that_of_its_numbers_is_told(repository: Repository) -> None:
+def test_a_page_that_is_not_that_of_its_numbers_is_reported(repository: Repository) -> None:
     repository.keep({'commit': repository.first, 'to': 4})
     (problem,) = repository.problems()
     assert problem == (
@@ -165,13 +165,13 @@ def test_a_page_that_a_person_writes_names_the_commit(repository: Repository) ->
 
 
 @pytest.mark.parametrize('text', ['{', '{}'])
-def test_numbers_that_cannot_be_read_are_told(repository: Repository, text: str) -> None:
+def test_numbers_that_cannot_be_read_are_reported(repository: Repository, text: str) -> None:
     repository.write('docs/results/counting.json', text)
     (problem,) = repository.problems()
     assert problem.startswith('docs/results/counting.md cannot be compared with counting.json')
 
 
-def test_a_file_of_no_benchmark_is_told(repository: Repository) -> None:
+def test_a_file_of_no_benchmark_is_reported(repository: Repository) -> None:
     repository.write('docs/results/README.md', 'Which page answers which question.')
     repository.write('docs/results/deep/other.png', '')
     (problem,) = repository.problems()

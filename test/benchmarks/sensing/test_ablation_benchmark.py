@@ -68,14 +68,14 @@ def test_a_figure_counts_that_gets_worse_by_more_than_a_tenth(
 def test_the_page_says_what_pays_and_what_went() -> None:
     about = {'does': 'something', 'files': ['a.py'], 'lines': 10, 'command': 'tactile bench ablation', 'commit': 'abc'}
     machine = {'machine': {'processor': 'x', 'cores_allowed': 2, 'load_before': [0.0]}, 'versions': {}}
-    told = page(
+    text = page(
         {
             'registration': {**about, **machine, 'figures': _measured(2.0, 4.0)},
             'dead pixels': {**about, **machine, 'figures': _measured(2.0, 2.0)},
             'something of before': {**about, **machine, 'figures': _measured(2.0, 2.0)},
         }
     )
-    rows = {line.split('|')[1].strip(): line for line in told.splitlines() if line.startswith('|')}
+    rows = {line.split('|')[1].strip(): line for line in text.splitlines() if line.startswith('|')}
     assert '2 to 4' in rows['registration'] and rows['registration'].rstrip(' |').endswith('yes')
     assert rows['dead pixels'].rstrip(' |').endswith('**no**')
     assert rows['something of before'].rstrip(' |').endswith('removed')

@@ -1,4 +1,4 @@
-"""The bench of accuracy: what it writes, and the shares that its aims are told in."""
+"""The bench of accuracy: what it writes, and the shares that its aims are stated in."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def case() -> Case:
     return Case('ring', 0, Touch('ring', 5.0, -1.0, 0.3, float(table.stages - 1)), table, True)
 
 
-def told(case: Case, roll: int = 0) -> types.ForceDistribution:
+def force_of(case: Case, roll: int = 0) -> types.ForceDistribution:
     """What the simulator's camera says of a contact, its normal forces moved along x by some bins."""
     truth = truth_of_touch(case.touch, case.table, GEL.shear_modulus_mpa, BINS)
     moved = dataclasses.replace(truth, normal_force_n=np.roll(truth.normal_force_n, roll, axis=1))
@@ -39,7 +39,7 @@ def scored(case: Case, force: types.ForceDistribution) -> Score:
 
 
 def test_the_truth_is_without_error(case: Case):
-    found = scored(case, told(case))
+    found = scored(case, force_of(case))
     assert found.misplaced == pytest.approx(0.0, abs=1e-5)
     assert found.total_n == pytest.approx(0.0, abs=1e-5)
     assert found.shear == pytest.approx(0.0, abs=1e-5)
@@ -47,14 +47,14 @@ def test_the_truth_is_without_error(case: Case):
 
 
 def test_a_force_that_is_elsewhere_is_all_misplaced(case: Case):
-    found = scored(case, told(case, roll=-4))
+    found = scored(case, force_of(case, roll=-4))
     assert found.misplaced == pytest.approx(1.0, abs=0.02)
     assert found.total_n == pytest.approx(0.0, abs=1e-5)
     assert found.centre_mm == pytest.approx(4 * 32 / 9, abs=0.6)
 
 
 def test_the_page_tells_of_all_models_and_of_what_was_to_be_reached(case: Case):
-    found = [scored(case, told(case)), scored(case, told(case, roll=1))]
+    found = [scored(case, force_of(case)), scored(case, force_of(case, roll=1))]
     models = {name: {**summed(found), 'families': by_family(found)} for name in NAMES}
     result = {
         'command': 'tactile bench contacts', 'models': models, 'seed': 1, 'dis_ms': 10.0,

@@ -53,9 +53,9 @@ def test_page_tells_where_each_level_begins_and_the_error_there() -> None:
         Point(0.2, 0.05, 0.03, 0.5, 'ageing', 'picture moved', 3.5),
         Point(0.3, float('nan'), 0.04, 1.0, 'invalid', 'picture moved', 3.0),
     ]
-    told = {COURSES[0].name: list(map(asdict, points))}
+    courses = {COURSES[0].name: list(map(asdict, points))}
     hours = asdict(Hours(1.0, 7200, 0, 0.0, 0.001, 0.1))
-    text = page({**surroundings('tactile bench drift'), 'courses': told, 'hours': hours})
+    text = page({**surroundings('tactile bench drift'), 'courses': courses, 'hours': hours})
     cells = [cell.strip() for cell in next(line for line in text.splitlines() if 'knocked' in line).split('|')[1:-1]]
     assert cells == ['the camera is knocked', '0.2 px', '0.0500', '0.3 px', '-', '3 to 3.5']
     assert '0 alarms' in text

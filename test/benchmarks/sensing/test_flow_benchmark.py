@@ -27,7 +27,7 @@ def test_a_perfect_method_scores_no_error_and_slope_one() -> None:
     assert (summary['rms_px'], summary['slope'], summary['far_share'], summary['cpu_ms']) == (0, 1, 0, 3)
 
 
-def test_half_the_motion_is_slope_a_half_and_what_is_not_believed_is_told_apart() -> None:
+def test_half_the_motion_is_slope_a_half_and_what_is_not_believed_is_reported_apart() -> None:
     truth = np.array([[4.0, 0.0], [0.0, 0.4]])
     summary = Errors([-truth / 2], [truth], [np.array([False, True])], [1.0]).by_belief()
     assert summary['slope'] == pytest.approx(0.5)

@@ -92,8 +92,8 @@ def test_a_short_run_scores_and_times_all_and_finds_the_front(monkeypatch: pytes
 
 
 def test_the_front_is_by_time_and_each_error() -> None:
-    def told(ms: float, *errors: float) -> dict[str, Any]:
+    def entry(ms: float, *errors: float) -> dict[str, Any]:
         return {'cpu_ms': {'median': ms}, **dict(zip(front.ERRORS, errors, strict=True))}
 
-    table = {'a': told(1.0, 5.0, 1.0, 9.0), 'b': told(2.0, 4.0, 2.0, 9.0), 'c': told(3.0, 4.5, 0.5, 8.0)}
+    table = {'a': entry(1.0, 5.0, 1.0, 9.0), 'b': entry(2.0, 4.0, 2.0, 9.0), 'c': entry(3.0, 4.5, 0.5, 8.0)}
     assert front.fronts(table) == {'armse_n': ['a', 'b'], 'd_loc_mm': ['a', 'c'], 'rmse_mc_n': ['a', 'c']}

@@ -29,11 +29,11 @@ GUARDED = (
 SETTLING = 8
 """Frames at rest in which it is found out what the whole picture's motion left."""
 
-Heard = Callable[..., list[Answer]]
+Answers = Callable[..., list[Answer]]
 
 
 @pytest.fixture(scope='module')
-def heard() -> Heard:
+def read_once() -> Answers:
     """What a profile says of a few presses under a disturbance; asked again, it is not read again."""
     world = World()
 
@@ -58,8 +58,10 @@ def beyond_twice_the_usual(answers: list[Answer]) -> list[Answer]:
 
 
 @pytest.mark.parametrize(('name', 'level'), GUARDED)
-def test_error_stays_within_twice_the_usual_while_the_status_says_ok(heard: Heard, name: str, level: float) -> None:
-    answers = heard('fast', name, level)
+def test_error_stays_within_twice_the_usual_while_the_status_says_ok(
+    read_once: Answers, name: str, level: float
+) -> None:
+    answers = read_once('fast', name, level)
     assert all(each.status != OK for each in beyond_twice_the_usual(answers))
     assert score(answers, change_of(name, level)).false_ok_n <= 0.020
 
@@ -71,26 +73,28 @@ def test_error_stays_within_twice_the_usual_while_the_status_says_ok(heard: Hear
         ('magnified', 0.2), ('magnified', 1), ('magnified', -1),
     ],
 )  # fmt: skip
-def test_forces_that_a_disturbance_changes_by_less_than_a_tenth_are_ok(heard: Heard, name: str, level: float) -> None:
-    held = [each for each in held_of(heard('fast', name, level)) if abs(each.error_n) < 0.1 * each.true_n]
+def test_forces_that_a_disturbance_changes_by_less_than_a_tenth_are_ok(
+    read_once: Answers, name: str, level: float
+) -> None:
+    held = [each for each in held_of(read_once('fast', name, level)) if abs(each.error_n) < 0.1 * each.true_n]
     assert [each.status for each in held] == [OK] * 4
 
 
 @pytest.mark.parametrize('profile', ['paper', 'fast', 'field'])
 @pytest.mark.parametrize(('name', 'level'), [('', 0), ('magnified', 1)])
 def test_frames_at_rest_and_pressed_are_ok_of_every_profile_but_while_a_contact_begins(
-    heard: Heard, profile: str, name: str, level: float
+    read_once: Answers, profile: str, name: str, level: float
 ) -> None:
-    told = [each for each in heard(profile, name, level) if each.moment.part != BEFORE]
-    assert [each.moment for each in told[SETTLING:] if each.said] == []
+    settled = [each for each in read_once(profile, name, level) if each.moment.part != BEFORE]
+    assert [each.moment for each in settled[SETTLING:] if each.reports_a_cause] == []
 
 
 @pytest.mark.parametrize(('name', 'level'), [('blur', 1), ('markers gone', 20), ('stuck pixels', 5), ('dirt', 1)])
 def test_error_stays_within_twice_the_usual_in_pictures_that_training_and_rest_image_tell_of(
-    heard: Heard, name: str, level: float
+    read_once: Answers, name: str, level: float
 ) -> None:
     """Degraded or not."""
-    assert not beyond_twice_the_usual(heard('fast', name, level))
+    assert not beyond_twice_the_usual(read_once('fast', name, level))
 
 
 @pytest.mark.parametrize(
@@ -103,18 +107,20 @@ def test_error_stays_within_twice_the_usual_in_pictures_that_training_and_rest_i
         ('dragged', 1),
     ],
 )
-def test_a_network_says_of_contacts_that_it_cannot_know_that_it_does_not(heard: Heard, name: str, level: float) -> None:
-    held = held_of(heard('paper', name, level))
+def test_a_network_says_of_contacts_that_it_cannot_know_that_it_does_not(
+    read_once: Answers, name: str, level: float
+) -> None:
+    held = held_of(read_once('paper', name, level))
     assert len(held) == 4
     assert all(each.status != OK and each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in held)
 
 
 @pytest.mark.parametrize(('name', 'level'), [('dragged', 0.1), ('dragged', 0.3), ('ball', 1), ('flat punch', 1)])
 def test_a_response_is_as_unsure_of_other_contacts_than_tips_pressed_straight_down_as_they_are_off(
-    heard: Heard, name: str, level: float
+    read_once: Answers, name: str, level: float
 ) -> None:
     """The profile `field` reads them; some are off by more than twice what `fast` states of tips."""
-    held = held_of(heard('fast', name, level))
+    held = held_of(read_once('fast', name, level))
     assert any(abs(each.error_n) > 2 * 0.0026 for each in held)
     assert all(abs(each.error_n) < 2 * each.sigma_n for each in held)
     assert all(each.reasons & FORCE.REASON_UNLIKE_TRAINING for each in held if each.status != OK)

@@ -59,7 +59,7 @@ def test_errors_are_over_held_frames_and_again_over_those_that_say_ok() -> None:
     assert found.held_ok == 0.5
 
 
-def test_of_each_press_the_first_held_frame_is_told_apart() -> None:
+def test_of_each_press_the_first_held_frame_is_reported_apart() -> None:
     frames = [held(total_n) for total_n in (0.8, 0.5, 0.9, 0.5)]
     presses = (0, 0, 1, 1)
     some = [
@@ -77,13 +77,13 @@ def test_what_is_pressed_slowly_ends_where_it_would_be_held() -> None:
     assert depths == pytest.approx([0.98, 0.99, 1.0])
 
 
-def test_a_false_contact_is_a_force_told_as_contact_at_rest_and_ok_ones_are_counted_apart() -> None:
+def test_a_false_contact_is_a_force_reported_as_contact_at_rest_and_ok_ones_are_counted_apart() -> None:
     found = score([rest(0.3), rest(0.1, DEGRADED, touching=True), rest(0.04, touching=True), held(0.5)])
     assert (found.rest_n, found.false_n, found.false_ok_n) == (0.3, 0.1, 0.04)
     assert found.false_share == pytest.approx(2 / 3)
 
 
-def test_a_contact_is_missed_when_none_is_told_for_it() -> None:
+def test_a_contact_is_missed_when_none_is_reported_for_it() -> None:
     found = score([held(0.5), held(0.5, touching=False)])
     assert found.missed == 0.5
     assert found.place_mm == pytest.approx(0.5)

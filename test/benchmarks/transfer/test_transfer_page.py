@@ -20,7 +20,7 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.other_gels import LEARNED_SEED, other_gel
 
 
-def told(own: Score, scores: list[Score], gels: Sequence[Gel] = (), pictures: int = 8) -> dict[str, Any]:
+def result(own: Score, scores: list[Score], gels: Sequence[Gel] = (), pictures: int = 8) -> dict[str, Any]:
     return {**surroundings('tactile bench transfer'), '_page': Measured(own, scores, gels, pictures=pictures)}
 
 
@@ -47,7 +47,7 @@ def test_the_table_has_median_and_worst_over_the_gels() -> None:
         Score(gel, 10, CALIBRATED, force_n, 0.2, 0.05, 0.01, 0.3, 0.02, 0.88, form, 3.0)
         for gel, force_n, form in ((0, 0.02, 'whole'), (1, 0.03, 'whole'), (2, 0.07, 'hardness'))
     ]
-    text = page(told(own, scores, [other_gel(Gel(), 0)]))
+    text = page(result(own, scores, [other_gel(Gel(), 0)]))
     assert '3 simulated gels' in text
     row = next(line for line in text.splitlines() if line.startswith(f'| {CALIBRATED}'))
     assert '0.0300 (0.0700)' in row
@@ -61,7 +61,7 @@ def scored(gel: int, presses: int, way: str, force_n: float) -> Score:
     return Score(gel, presses, way, force_n, 0.2, 0.05, 0.01, 0.3, 0.02, 0.88)
 
 
-def test_calibrations_are_told_in_times_what_each_gel_allows() -> None:
+def test_calibrations_are_reported_in_times_what_each_gel_allows() -> None:
     own = Score(-1, 0, AS_IT_IS, 0.001, 0.2, 0.002, 0.01, 0.02, 0.003, 0.9)
     scores = [
         scored(OWN_GEL, 3000, TRAINED, 0.0011),
@@ -69,7 +69,7 @@ def test_calibrations_are_told_in_times_what_each_gel_allows() -> None:
         scored(1, 25, CALIBRATED, 0.004), scored(1, 3000, TRAINED, 0.004),
         scored(2, 25, CALIBRATED, 0.006), scored(2, 3000, TRAINED, 0.003),
     ]  # fmt: skip
-    text = page(told(own, scores))
+    text = page(result(own, scores))
     assert '3 simulated gels' in text
     rows = text.split('Compared with a model trained on each gel')[1].splitlines()
     # 3, 1 and 2 times what the same gels allow, which is 2, 4 and 3 times the source's own.
@@ -78,13 +78,13 @@ def test_calibrations_are_told_in_times_what_each_gel_allows() -> None:
     assert any('own gel' in row and ' 1.10x ±0.00 (1.10x ±0.00) |' in row for row in rows)
 
 
-def test_a_gel_that_bears_more_force_is_told_as_a_share_of_it_too() -> None:
+def test_a_gel_that_bears_more_force_is_reported_as_a_share_of_it_too() -> None:
     own = Score(-1, 0, AS_IT_IS, 0.002, 0.2, 0.002, 0.01, 0.02, 0.003, 0.9, pressed_n=0.5)
     scores = [
         replace(scored(0, 25, CALIBRATED, 0.003), pressed_n=0.625),
         replace(scored(0, 100, CALIBRATED, 0.0025), pressed_n=0.625),
     ]
-    row = page(told(own, scores)).split('Gel by gel')[1].splitlines()[8]
+    row = page(result(own, scores)).split('Gel by gel')[1].splitlines()[8]
     # 3 and 2.5 mN over 2 mN, on a gel that bears a quarter more; the aRMSE is the source's own.
     cells = [each.strip() for each in row.split('|')[1:-1]]
     assert cells == ['0', '1.25x', '1.50x (1.20x)', '1.25x (1.00x)', '1.00x (0.80x)', '1.00x (0.80x)']
@@ -92,7 +92,7 @@ def test_a_gel_that_bears_more_force_is_told_as_a_share_of_it_too() -> None:
 
 def test_without_models_of_their_own_gels_have_no_level_on_the_page() -> None:
     own = Score(-1, 0, AS_IT_IS, 0.001, 0.2, 0.002, 0.01, 0.02, 0.003, 0.9)
-    text = page(told(own, [scored(0, 25, CALIBRATED, 0.006)]))
+    text = page(result(own, [scored(0, 25, CALIBRATED, 0.006)]))
     assert TRAINED not in text
     assert 'Compared with a model trained on each gel' not in text
 
@@ -111,14 +111,14 @@ def test_the_figure_is_written(tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     own = Score(-1, 0, AS_IT_IS, 0.001, 0.01, 0.002, 0.001, 0.02, 0.003, 0.9)
     scores = [scored(0, 10, CALIBRATED, 0.02), scored(0, 3000, TRAINED, 0.01), scored(OWN_GEL, 3000, TRAINED, 0.002)]
-    draw(told(own, scores), tmp_path, 'transfer')
+    draw(result(own, scores), tmp_path, 'transfer')
     assert (tmp_path / 'transfer.png').read_bytes().startswith(b'\x89PNG')
 
 
-@pytest.mark.parametrize(('pictures', 'said'), [(1, 'one picture each'), (8, 'held for 8 pictures each')])
-def test_the_page_says_how_many_pictures_of_a_press_calibrations_get(pictures: int, said: str) -> None:
+@pytest.mark.parametrize(('pictures', 'sentence'), [(1, 'one picture each'), (8, 'held for 8 pictures each')])
+def test_the_page_says_how_many_pictures_of_a_press_calibrations_get(pictures: int, sentence: str) -> None:
     own = scored(OWN_GEL, 0, AS_IT_IS, 0.001)
-    assert said in page(told(own, [scored(0, 10, CALIBRATED, 0.006)], pictures=pictures))
+    assert sentence in page(result(own, [scored(0, 10, CALIBRATED, 0.006)], pictures=pictures))
 
 
 @pytest.mark.parametrize('words', [['--pictures', '0'], ['--gels', '0'], ['--own', '10']])

@@ -106,28 +106,28 @@ def test_the_first_step_moves_no_unit_further_than_the_sum_of_its_inputs_allows(
     assert found['a tenth of the rate'].moved_px == pytest.approx(published.moved_px / 10, rel=0.2)
 
 
-def told(scores: list[Score], steps: list[FirstSteps]) -> dict[str, Any]:
+def result(scores: list[Score], steps: list[FirstSteps]) -> dict[str, Any]:
     return {**PLAIN, 'scores': list(map(dataclasses.asdict, scores)), 'steps': list(map(dataclasses.asdict, steps))}
 
 
 def test_page_and_figure_name_every_way_and_the_own_gel(scores: list[Score], tmp_path: Path) -> None:
     own = [dataclasses.replace(each, gel=OWN) for each in scores if each.way == AS_IT_IS]
     steps = [FirstSteps('as published', 1e-4, 0.5, 0.4, 3.9, 0.04, 0.09, 0.08, 0.08, 0.02)]
-    text = page(told([*own, *scores], steps))
+    text = page(result([*own, *scores], steps))
     rows = [line.split('|')[1].strip() for line in text.splitlines() if line.startswith('|')]
     assert {'own gel', *WAYS, 'as published'} <= set(rows)
     published = next(line for line in text.splitlines() if line.startswith(f'| {PUBLISHED}'))
     score = next(each for each in scores if (each.way, each.tested) == (PUBLISHED, NEW))
     assert f'{score.armse_n:.4f}' in published
     assert 'With 60 presses `layer as it ships` on the rest of the 800: aRMSE' in text
-    draw(told([*own, *scores], steps), tmp_path, 'figure')
+    draw(result([*own, *scores], steps), tmp_path, 'figure')
     assert (tmp_path / 'figure.png').stat().st_size > 10_000
 
 
 def test_the_worst_gel_stands_beside_the_median(scores: list[Score]) -> None:
     own = [dataclasses.replace(each, gel=OWN) for each in scores if each.way == AS_IT_IS]
     worse = [dataclasses.replace(each, gel=1, armse_n=0.5) for each in scores]
-    text = page(told([*own, *scores, *worse], []))
+    text = page(result([*own, *scores, *worse], []))
     assert text.count('(0.5000)') == 2 * len(WAYS)
 
 

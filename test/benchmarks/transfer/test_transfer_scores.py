@@ -44,9 +44,9 @@ def test_on_the_grid_in_the_middle_of_all_placements_bins_get_what_a_reading_giv
     # Placement 0 is half a bin aside along both axes.
     aside = 32.0 / 18
     for (x, y, force_n, sigma_mm), square, at in zip(found, placed_squares(found, truth, BINS), truth, strict=True):
-        told = spread_over_bins((Contact(x - aside, y - aside, force_n, sigma_mm, 0.01),), BINS).ravel().astype(float)
-        told[BINS.bin_of(at[0] - aside, at[1] - aside)] -= at[2]
-        np.testing.assert_allclose(square[0], told**2, atol=1e-6)
+        force = spread_over_bins((Contact(x - aside, y - aside, force_n, sigma_mm, 0.01),), BINS).ravel().astype(float)
+        force[BINS.bin_of(at[0] - aside, at[1] - aside)] -= at[2]
+        np.testing.assert_allclose(square[0], force**2, atol=1e-6)
 
 
 def test_a_place_that_is_off_shows_in_as_many_placements_as_a_border_comes_between() -> None:
