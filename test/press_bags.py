@@ -97,21 +97,21 @@ class Collection:
             self._write(PRESS_IMAGE, image_message(picture, header(stamp_ns + number * FRAME_NS, 'camera')))
 
     def press(
-        self, slot: int, number: int, x_mm: float, y_mm: float, depth_mm: float, *, frames: int = FRAMES, **told: Any
+        self, slot: int, number: int, x_mm: float, y_mm: float, depth_mm: float, *, frames: int = FRAMES, **changes: Any
     ) -> types.Press:
         """Two images of the untouched gel, those of the window, and the message that tells of it.
 
-        `frames` are in the bag, `FRAMES` were taken; `told` changes the message.
+        `frames` are in the bag, `FRAMES` were taken; `changes` changes the message.
         """
         begin_ns, end_ns = self.window_ns(slot)
         self.images(begin_ns - 2 * SECOND_NS, 2, -1.0)
         self.images(begin_ns, frames, depth_mm, self.sensor.touching(x_mm, y_mm, depth_mm))
-        message = self.message(number, x_mm, y_mm, depth_mm, (begin_ns, end_ns), **told)
+        message = self.message(number, x_mm, y_mm, depth_mm, (begin_ns, end_ns), **changes)
         self._write(PRESS, message, end_ns + SECOND_NS // 10)
         return message
 
     def message(
-        self, number: int, x_mm: float, y_mm: float, depth_mm: float, window_ns: tuple[int, int], **told: Any
+        self, number: int, x_mm: float, y_mm: float, depth_mm: float, window_ns: tuple[int, int], **changes: Any
     ) -> types.Press:
         force = types.Vector3(z=-self.sensor.force_n(depth_mm))
         fields: dict[str, Any] = {
@@ -132,7 +132,7 @@ class Collection:
             'tare_id': 'feedbeef0001',
             'status': types.Press.STATUS_RECORDED,
         }
-        return types.Press(**{**fields, **told})
+        return types.Press(**{**fields, **changes})
 
     def again(self, message: types.Press, slot: int) -> None:
         """The same message once more."""

@@ -81,7 +81,7 @@ NAMED = re.compile(
 """Bags, keys and folders, which a reader names. Of commands that differ in nothing else one is run."""
 
 
-def told() -> list[str]:
+def page_commands() -> list[str]:
     """All commands of the pages, in their order."""
     shells = [each for each in blocks() if each.language in {'sh', 'console'} and 'results' not in each.file.parts]
     return list(dict.fromkeys(command for each in shells for command in commands(each)))
@@ -89,7 +89,7 @@ def told() -> list[str]:
 
 def chosen() -> list[str]:
     skipped = [ELSEWHERE, WITH_A_RIG, ON_PRESSES] + ([] if LONG else [MINUTES])
-    kept = [command for command in told() if not any(each.search(command) for each in skipped)]
+    kept = [command for command in page_commands() if not any(each.search(command) for each in skipped)]
     return kept if LONG else list({NAMED.sub('', command): command for command in reversed(kept)}.values())[::-1]
 
 
@@ -220,7 +220,7 @@ def prepare(command: str, folder: Path, environment: dict[str, str]) -> None:
 
 def asked_of_a_rig() -> list[str]:
     """What a reader asks of a rig in the midst of a run, its end last."""
-    found = [command for command in told() if OF_A_RIG.search(command)]
+    found = [command for command in page_commands() if OF_A_RIG.search(command)]
     return sorted(found, key=lambda command: ('/stop' in command, command))
 
 
@@ -246,7 +246,7 @@ def test_what_the_documents_ask_of_a_rig_is_done(folder: Path, environment: dict
 def test_what_the_documents_learn_from_presses_is_learned(tmp_path: Path, environment: dict[str, str]) -> None:
     for name in ('presses.npz', 'gel_7.npz'):
         save_dataset(tmp_path / name, many_presses())
-    for command in told():
+    for command in page_commands():
         if ON_PRESSES.search(command):
             run(command, tmp_path, environment)
 

@@ -10,13 +10,15 @@ from tactile_nodes.collection.press.guarded import GuardSettings
 PAGE = (Path(__file__).parents[2] / 'docs/robots.md').read_text(encoding='utf-8')
 
 
-def test_the_loop_is_told_with_the_numbers_that_it_has() -> None:
-    told, text = GuardSettings(), re.sub(r'\s+', ' ', PAGE)
-    assert f'one step of at most {told.step_mm:g} mm' in text
+def test_the_loop_is_reported_with_the_numbers_that_it_has() -> None:
+    settings, text = GuardSettings(), re.sub(r'\s+', ' ', PAGE)
+    assert f'one step of at most {settings.step_mm:g} mm' in text
     assert (
-        f'A step is {told.gain:g} of the missing force over the steepest stiffness expected '
-        f'({told.stiffness_n_mm:g} N/mm)' in text
+        f'A step is {settings.gain:g} of the missing force over the steepest stiffness expected '
+        f'({settings.stiffness_n_mm:g} N/mm)' in text
     )
-    assert f'Within {told.band_n:g} N of the target' in text
-    assert f'above {told.limit_n:g} N or older than {told.stale_ms:g} ms, after {told.travel_mm:g} mm' in text
-    assert f'after {told.seconds:g} s' in text
+    assert f'Within {settings.band_n:g} N of the target' in text
+    assert (
+        f'above {settings.limit_n:g} N or older than {settings.stale_ms:g} ms, after {settings.travel_mm:g} mm' in text
+    )
+    assert f'after {settings.seconds:g} s' in text

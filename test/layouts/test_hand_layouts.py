@@ -27,7 +27,7 @@ def topic_type(name: str) -> str:
 
 def test_the_urdf_has_the_sensors_where_the_hand_has_them() -> None:
     joints = ET.parse(CONFIG / 'hands/two_fingers.urdf').getroot().findall('joint')
-    told = {
+    expected = {
         joint.find('child').get('link'): (
             joint.find('parent').get('link'),
             *(pytest.approx([float(each) for each in joint.find('origin').get(key).split()]) for key in ('xyz', 'rpy')),
@@ -35,7 +35,7 @@ def test_the_urdf_has_the_sensors_where_the_hand_has_them() -> None:
         for joint in joints
     }
     frames = [sensor.frame for sensor in HAND.sensors]
-    assert {frame.id: (frame.parent, list(frame.xyz_m), list(frame.rpy_rad)) for frame in frames} == told
+    assert {frame.id: (frame.parent, list(frame.xyz_m), list(frame.rpy_rad)) for frame in frames} == expected
 
 
 def test_rviz_shows_both_fingers_in_the_frame_of_the_hand() -> None:

@@ -55,11 +55,11 @@ def test_rviz_subscribes_topics_of_the_table_by_displays_that_draw_their_type() 
 
 
 def test_rviz_stands_in_the_frame_that_the_static_transform_tells() -> None:
-    told = Mounting()
-    assert ForceViewsParams().parent_frame_id == told.parent
-    assert rviz()['Global Options']['Fixed Frame'] == told.parent
-    assert [each['Reference Frame'] for each in rviz()['Displays'] if 'Reference Frame' in each] == [told.id]
-    assert foxglove()['configById']['3D!gel']['followTf'] == told.parent
+    mounting = Mounting()
+    assert ForceViewsParams().parent_frame_id == mounting.parent
+    assert rviz()['Global Options']['Fixed Frame'] == mounting.parent
+    assert [each['Reference Frame'] for each in rviz()['Displays'] if 'Reference Frame' in each] == [mounting.id]
+    assert foxglove()['configById']['3D!gel']['followTf'] == mounting.parent
 
 
 def test_foxglove_lays_out_each_panel_that_it_configures_once() -> None:

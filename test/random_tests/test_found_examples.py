@@ -22,19 +22,25 @@ def test_small(number):
 
 def ran(file: Path, found: Path, seed: int) -> str:
     """What pytest says of a file, run as `make fuzz` runs the suite."""
-    told = {
+    environment = {
         'TACTILE_HYPOTHESIS': 'fuzz',
         'TACTILE_SEED': str(seed),
         'TACTILE_FOUND': str(found),
         'PYTHONPATH': str(TESTS),
     }
-    asked = [sys.executable, '-m', 'pytest', '-q', '-p', 'conftest', '-m', 'hypothesis', str(file)]
+    command = [sys.executable, '-m', 'pytest', '-q', '-p', 'conftest', '-m', 'hypothesis', str(file)]
     return subprocess.run(
-        asked, cwd=TESTS.parent, env={**os.environ, **told}, capture_output=True, text=True, timeout=120, check=False
+        command,
+        cwd=TESTS.parent,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     ).stdout
 
 
-def test_what_the_random_run_finds_is_kept_tried_first_and_told(tmp_path: Path) -> None:
+def test_what_the_random_run_finds_is_kept_tried_first_and_reported(tmp_path: Path) -> None:
     file, found = tmp_path / 'test_small.py', tmp_path / 'found'
     file.write_text(RANDOM_TEST)
     said = ran(file, found, 7)

@@ -361,11 +361,11 @@ def test_numbers_of_messages_grow_by_one(join: Join, until: Until) -> None:
     assert others == [first + 1, first + 2]
 
 
-@pytest.mark.parametrize(('told', 'number'), [(1, 1), (900, 900), (None, 2), (2**64 - 1, 2)])
-def test_numbers_begin_with_the_publishers_own_where_the_middleware_tells_it(told: int | None, number: int) -> None:
+@pytest.mark.parametrize(('reported', 'number'), [(1, 1), (900, 900), (None, 2), (2**64 - 1, 2)])
+def test_numbers_begin_with_the_publishers_own_where_the_middleware_tells_it(reported: int | None, number: int) -> None:
     subscription = Subscription('/n', NUMBER, QUEUE, '/node', None, lambda _: None)
     receive = receiving(subscription, SystemClock())
-    receive(messages.encode(_number(7)), {'publication_sequence_number': told})
+    receive(messages.encode(_number(7)), {'publication_sequence_number': reported})
     received = subscription.get(1.0)
     assert received is not None
     assert received.sequence == number

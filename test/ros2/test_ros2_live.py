@@ -78,7 +78,7 @@ def test_launched_by_ros_2_it_answers_the_tools_of_ros_2_and_ends_within_five_se
 def test_images_of_a_best_effort_camera_of_others_are_taken(
     installed: dict[str, str], running: Callable[..., Any], until: Until, join: Join
 ) -> None:
-    """`usb_cam` and `v4l2_camera` can be told to publish as best effort: then a parameter makes it match."""
+    """`usb_cam` and `v4l2_camera` can be set to publish as best effort: then a parameter makes it match."""
     override = 'qos_overrides./image_raw.subscription.reliability:=best_effort'
     running('ros2', 'run', 'tactile_nodes', 'flow_features_node', '--ros-args', '-p', override)
     publisher = join().advertise('/image_raw', topics.IMAGE.type_name, Qos('latest', 1, reliable=False))

@@ -93,7 +93,7 @@ def test_all_six_parameter_services_are_there_because_clients_wait_for_all(
     until(lambda: wanted <= {end.name.removeprefix('/sensor/') for end in bus.graph().services()})
 
 
-def test_types_of_parameters_are_told(start: Start, join: Join) -> None:
+def test_types_of_parameters_are_reported(start: Start, join: Join) -> None:
     start()
     request = types.GetParameterTypes_Request(names=['rate', 'names', 'use_sim_time', 'none'])
     response = join().call('/sensor/get_parameter_types', services.GET_PARAMETER_TYPES, request)
@@ -112,7 +112,7 @@ def test_parameters_set_atomically_are_all_set_or_none(start: Start, join: Join)
     assert node.params.names == ()
 
 
-def test_parameters_that_were_set_are_told_to_the_graph(start: Start, join: Join, until: Until) -> None:
+def test_parameters_that_were_set_are_reported_to_the_graph(start: Start, join: Join, until: Until) -> None:
     start()
     bus = join()
     events = bus.subscribe('/parameter_events', 'rcl_interfaces/msg/ParameterEvent', QUEUE)

@@ -19,7 +19,7 @@ CHECKED = ['test_ros2_bus.py', 'test_ros2_nodes.py']
 
 
 def _inner(name: str, environment: Mapping[str, str], *more: str) -> str:
-    """What a pytest of its own says of a file of the folder above, whatever the outer one was told."""
+    """What a pytest of its own says of a file of the folder above, whatever the outer one was given."""
     said_to_the_outer = ('PYTEST_ADDOPTS', 'PYTEST_PLUGINS', 'PYTEST_XDIST_')
     env = {key: value for key, value in environment.items() if not key.startswith(said_to_the_outer)}
     env |= {'PYTEST_DISABLE_PLUGIN_AUTOLOAD': '1', 'ROS_PYTHON_CHECK_FIELDS': '1'}
