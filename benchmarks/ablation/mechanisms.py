@@ -246,7 +246,7 @@ MECHANISMS = (
     Mechanism(
         'forces where the surface is now', 'moves forces along with the surface under shear',
         ('sensing/explain/field/where_now.py',),
-        instead(f'{EXPLAIN}.field.told:moved_along', _first), (), ('field',), contacts=True,
+        instead(f'{EXPLAIN}.field.sums:moved_along', _first), (), ('field',), contacts=True,
     ),
     Mechanism(
         'weights by what is explained', 'reduces the weight of regions whose pattern changes',

@@ -15,7 +15,7 @@ from types import ModuleType
 
 from tactile_nodes.errors import ConfigurationError, in_a_line
 
-PARTS = ('response', 'field', 'patches', 'told', 'stillness', 'weights', 'axisymmetric', 'pictures')
+PARTS = ('response', 'field', 'patches', 'sums', 'stillness', 'weights', 'axisymmetric', 'pictures')
 """Modules that are compiled, each separately, the slowest first."""
 
 NOTICE = 'compiling the inner loops, once per machine: about half a minute; tactile compile does it in advance'
@@ -43,17 +43,17 @@ def compile_part(name: str) -> bool:
 
 
 @contextmanager
-def told_of_compiling(tell: Callable[[str], None]) -> Iterator[None]:
+def notice_of_compiling(tell: Callable[[str], None]) -> Iterator[None]:
     """Context in which `tell` gets one line if numba compiles instead of loading from its cache."""
     from numba.core import event
 
     class Listener(event.Listener):  # type: ignore[misc, unused-ignore]
-        told = False
+        announced = False
 
         def on_start(self, event: object) -> None:
             del event
-            if not self.told:
-                self.told = True
+            if not self.announced:
+                self.announced = True
                 tell(NOTICE)
 
         def on_end(self, event: object) -> None:
@@ -75,7 +75,7 @@ def load_compiled(name: str, tell: Callable[[str], None]) -> ModuleType:
         ConfigurationError: numba cannot compile it.
     """
     try:
-        with told_of_compiling(tell):
+        with notice_of_compiling(tell):
             return importlib.import_module(f'tactile_nodes.sensing.loops.{name}')
     except (ImportError, OSError, RuntimeError) as error:  # not installed, no LLVM, or no cache folder
         raise ConfigurationError(

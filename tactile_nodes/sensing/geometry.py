@@ -35,9 +35,9 @@ class BinGrid:
     @classmethod
     def of_sensor(cls, sensor: Sensor) -> BinGrid:
         """The grid of a sensor description, over the gel's rectangle or over a separate one."""
-        told, gel = sensor.bins, sensor.gel
-        x, y = told.centre_mm
-        return cls(told.rows, told.cols, told.width_mm or gel.width_mm, told.height_mm or gel.height_mm, (x, y))
+        bins, gel = sensor.bins, sensor.gel
+        x, y = bins.centre_mm
+        return cls(bins.rows, bins.cols, bins.width_mm or gel.width_mm, bins.height_mm or gel.height_mm, (x, y))
 
     @classmethod
     def of_card(cls, card: Mapping[str, Any]) -> BinGrid:
@@ -48,10 +48,10 @@ class BinGrid:
     @property
     def card(self) -> dict[str, Any]:
         """The entries in model files and data sets. A centre at the origin is left out."""
-        told = asdict(self)
+        entries = asdict(self)
         if self.centre_mm == (0.0, 0.0):
-            del told['centre_mm']
-        return told
+            del entries['centre_mm']
+        return entries
 
     @property
     def count(self) -> int:

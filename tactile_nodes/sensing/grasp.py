@@ -28,7 +28,7 @@ def grasp_margin(
     """How much of the greatest friction is left, 1 - shear / (friction normal), and its standard deviation.
 
     1: no shear; 0: at the limit. 0.4 N of shear under 1 N with a friction of 0.8 leave 0.5. NaN where nothing presses
-    or no friction is told.
+    or no friction is given.
     """
     if not (normal_n > 0 and friction > 0):
         return math.nan, math.nan

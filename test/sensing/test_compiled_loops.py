@@ -20,12 +20,12 @@ from responding import COMPONENTS, components, features, readout
 
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.pipeline.loop_choice import choose
-from tactile_nodes.sensing.compiling import NOTICE, PARTS, told_of_compiling
+from tactile_nodes.sensing.compiling import NOTICE, PARTS, notice_of_compiling
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.explain.field.cone import inverse_root
 from tactile_nodes.sensing.explain.field.solver import Field
-from tactile_nodes.sensing.explain.field.told import sums
+from tactile_nodes.sensing.explain.field.sums import sums
 from tactile_nodes.sensing.explain.model import ForceEstimator
 from tactile_nodes.sensing.explain.reading import Reading
 from tactile_nodes.sensing.features import Features
@@ -69,7 +69,7 @@ def test_the_same_forces_are_read(contacts: list[tuple[float, float, float]], lo
     seen = features(reader, components(reader.response, *contacts) + noise)
     plain, compiled = both(lambda compiled: dataclasses.replace(reader, compiled=compiled).read(seen, sure))
     np.testing.assert_allclose(compiled.normal_force_n, plain.normal_force_n, atol=1e-5)
-    np.testing.assert_allclose(told(compiled), told(plain), rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(numbers_of(compiled), numbers_of(plain), rtol=1e-3, atol=1e-5)
 
 
 @needs_numba
@@ -85,10 +85,10 @@ def test_the_same_is_said_of_drags(
     seen = features(reader, components(reader.response, *contacts) + noise) + np.array(shift, np.float32)
     sure = np.ones((6, 6), np.float32)
     plain, compiled = both(lambda compiled: dataclasses.replace(reader, compiled=compiled).read(seen, sure))
-    np.testing.assert_allclose(told(compiled), told(plain), rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(numbers_of(compiled), numbers_of(plain), rtol=1e-3, atol=1e-5)
 
 
-def told(reading: Reading) -> list[float]:
+def numbers_of(reading: Reading) -> list[float]:
     """All its numbers in a row."""
     contacts = [number for each in reading.contacts for number in dataclasses.astuple(each) if number is not None]
     return [*contacts, reading.total_sigma_n, reading.unlikeness]
@@ -103,8 +103,8 @@ def test_nothing_is_read_from_what_is_no_number_or_too_little(value: float, lost
     seen = features(reader, components(reader.response, (2.0, 1.0, 0.4)))
     seen[5, 5, 0] = value
     plain, compiled = both(lambda compiled: dataclasses.replace(reader, compiled=compiled).read(seen, sure))
-    assert np.isnan(told(compiled)).all()
-    np.testing.assert_array_equal(told(compiled), told(plain))
+    assert np.isnan(numbers_of(compiled)).all()
+    np.testing.assert_array_equal(numbers_of(compiled), numbers_of(plain))
 
 
 @needs_numba
@@ -152,8 +152,8 @@ def test_the_same_common_motion_is_found(about_none: bool):
 @needs_numba
 @pytest.mark.parametrize('shape', [(0, 440), (440, 0)])
 def test_a_picture_without_pixels_is_dark(shape: tuple[int, int]):
-    for said in both(lambda compiled: picture_faults(np.zeros(shape, np.uint8), compiled=compiled)):
-        assert said == PictureFaults(0.0, True, False)
+    for faults in both(lambda compiled: picture_faults(np.zeros(shape, np.uint8), compiled=compiled)):
+        assert faults == PictureFaults(0.0, True, False)
 
 
 @needs_numba
@@ -173,13 +173,13 @@ def test_the_same_pictures_are_still(speckle: np.ndarray):
     for check in checks:
         check.set_reference(speckle)
     noise = np.random.default_rng(8).normal(size=speckle.shape)
-    told = set()
+    verdicts = set()
     for grey, shift in itertools.product((0.0, 1.0, 2.0), (0.0, 0.02, 0.3)):
         picture = np.clip(np.rint(moved(speckle, shift, 0.0) + grey * noise), 0, 255).astype(np.uint8)
         plain, compiled = (check(picture) for check in checks)
         assert compiled == plain
-        told.add(plain)
-    assert told == {True, False}
+        verdicts.add(plain)
+    assert verdicts == {True, False}
 
 
 @needs_numba
@@ -213,16 +213,16 @@ def test_the_same_motion_is_expected_around_a_press(lateral: int):
 
 
 @needs_numba
-def test_compiling_is_told_in_one_line_and_loading_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_compiling_is_reported_in_one_line_and_loading_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     from numba import config, njit
 
     monkeypatch.setattr(config, 'CACHE_DIR', str(tmp_path))
-    for times_told in (1, 0):
+    for notices_expected in (1, 0):
         notices: list[str] = []
-        with told_of_compiling(notices.append):
+        with notice_of_compiling(notices.append):
             njit('i8(i8)', cache=True)(one_more)
             njit('i8(i8)', cache=True)(one_less)
-        assert notices == times_told * [NOTICE]
+        assert notices == notices_expected * [NOTICE]
 
 
 def one_more(number):
@@ -312,7 +312,7 @@ def test_regions_count_as_much(moved_px: float, lost: float):
 
 @needs_numba
 @pytest.mark.parametrize('contacts', [0, 1, 2, 3])
-def test_the_same_is_told_of_a_field(contacts: int):
+def test_the_same_is_reported_of_a_field(contacts: int):
     """2x3, 2x4 and 2x5 patches, one of them in the corner, each with a force of its own."""
     readout = load_model(find_model('field')).model.readout
     patches, random = readout.solver.patches, np.random.default_rng(5)
@@ -334,34 +334,34 @@ def test_the_same_is_told_of_a_field(contacts: int):
 
 @needs_numba
 @pytest.mark.parametrize('name', ['fast', 'portable', 'field', 'paper'])
-def test_every_part_of_a_model_computes_as_its_estimator_was_told(name: str):
+def test_every_part_of_a_model_computes_as_its_estimator_was_configured(name: str):
     loaded = load_model(find_model(name))
     model, layout = loaded.model, loaded.model.layout
     noise = np.random.default_rng(4).normal(scale=0.02, size=(layout.rows, layout.cols, layout.channels))
     seen = Features(layout.encoding, noise.astype(np.float32), np.ones(noise.shape[:2], np.float32))
     plain, compiled = both(lambda compiled: ForceEstimator(model, compiled=compiled).predict(seen))
     np.testing.assert_allclose(compiled.normal_force_n, plain.normal_force_n, atol=1e-3)
-    assert told_by(ForceEstimator(model, compiled=True).model) == {True}
-    assert told_by(ForceEstimator(model).model) == {False}
+    assert compiled_flags(ForceEstimator(model, compiled=True).model) == {True}
+    assert compiled_flags(ForceEstimator(model).model) == {False}
 
 
-def told_by(part: object) -> set[bool]:
-    """What all parts of a model that know compiled loops were told."""
+def compiled_flags(part: object) -> set[bool]:
+    """The settings `compiled` of all parts of a model that have compiled loops."""
     values = [getattr(part, each.name) for each in dataclasses.fields(part)]
     own = {part.compiled} if hasattr(part, 'compiled') else set()
-    return own.union(*(told_by(each) for each in values if dataclasses.is_dataclass(each)))
+    return own.union(*(compiled_flags(each) for each in values if dataclasses.is_dataclass(each)))
 
 
 WITHOUT_NUMBA = """
 import sys
 sys.modules['numba'] = None  # as if it were not installed: to import it fails
 from tactile_nodes.pipeline.loop_choice import choose
-print(choose({asked}, print, print))
+print(choose({setting}, print, print))
 """
 
 
-def chosen_without_numba(asked: bool | None) -> subprocess.CompletedProcess[str]:
-    code = WITHOUT_NUMBA.format(asked=asked)
+def chosen_without_numba(setting: bool | None) -> subprocess.CompletedProcess[str]:
+    code = WITHOUT_NUMBA.format(setting=setting)
     return subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
 
 

@@ -40,5 +40,5 @@ def test_margin_is_what_is_left_of_the_greatest_friction() -> None:
 
 
 @pytest.mark.parametrize(('normal_n', 'friction'), [(0.0, 0.8), (math.nan, 0.8), (1.0, 0.0)])
-def test_margin_of_what_does_not_press_or_has_no_friction_told_is_not_known(normal_n: float, friction: float) -> None:
+def test_margin_of_what_does_not_press_or_has_no_friction_given_is_not_known(normal_n: float, friction: float) -> None:
     assert all(map(math.isnan, grasp_margin(normal_n, 0.1, 0.1, 0.1, friction)))

@@ -54,7 +54,7 @@ def test_normal_errors_are_covered_as_stated():
     assert metrics.coverage(errors, sigma, 0.5) == pytest.approx(0.5, abs=0.015)
 
 
-def test_a_model_that_states_no_uncertainty_covers_nothing_that_can_be_told():
+def test_a_model_that_states_no_uncertainty_covers_nothing_that_can_be_stated():
     assert np.isnan(metrics.coverage(np.ones(3), np.full(3, np.nan)))
 
 

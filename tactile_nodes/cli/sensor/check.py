@@ -43,4 +43,4 @@ def run(arguments: argparse.Namespace) -> int:
 def tell(inspection: Inspection) -> None:
     """Print each finding on a line."""
     for each in inspection.findings:
-        print(f'{each.level:4} {each.what}: {each.text}')
+        print(f'{each.level:4} {each.subject}: {each.text}')

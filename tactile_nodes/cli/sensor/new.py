@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     shown = pictures.read_pictures(arguments.pictures, arguments)
     size_px = _one_size(shown)
     seen = _seen(shown, arguments, size_px)
-    print(f'detected: {seen.told}')
+    print(f'detected: {seen.summary}')
     answers, sources = answered(arguments, seen, size_px)
     sensor = describe(seen, answers, size_px)
     inspection = Inspection(sensor, shown)

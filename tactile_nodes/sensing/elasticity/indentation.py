@@ -71,7 +71,7 @@ class Indenter:
             change, held = float(np.abs(found - held).sum()), found
             if change < CLOSE * force_n:
                 break
-        return self._told(held)
+        return self._indentation(held)
 
     def _begin(self, force_n: float) -> Float[np.ndarray, 'y x']:
         """Start with the force spread evenly over the body."""
@@ -82,7 +82,7 @@ class Indenter:
         sunk: np.ndarray = scipy.fft.irfft2(self._sinks * scipy.fft.rfft2(force), s=self._shape)
         return sunk
 
-    def _told(self, held: np.ndarray) -> Indentation:
+    def _indentation(self, held: np.ndarray) -> Indentation:
         touches = held > 0
         depth = float((self._sunk(held) + self._height)[touches].mean())
         return Indentation(held[touches], self._nodes_mm[touches], depth)

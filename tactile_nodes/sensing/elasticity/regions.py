@@ -25,7 +25,7 @@ from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.elasticity.rays import ALONG, Rays, described_dots, of_dots, of_windows
 from tactile_nodes.sensing.elasticity.stack import Elastic
 from tactile_nodes.sensing.elasticity.view import DEPTHS, View
-from tactile_nodes.sensing.flow.dots import told_by_dots
+from tactile_nodes.sensing.flow.dots import weights_of_dots
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor
 
@@ -93,12 +93,12 @@ class Regions:
         return self.sensor.pattern.kind == 'dots'
 
     @cached_property
-    def _told_by(self) -> Float32[np.ndarray, 'regions dots']:
+    def _dot_weights(self) -> Float32[np.ndarray, 'regions dots']:
         """Weight of each dot's motion in each region."""
         pitch_px = self.view.px_per_mm * self.sensor.pattern.pitch_mm
         shape = self.rows, self.cols
-        told_by = told_by_dots(described_dots(self.view), pitch_px, self.sensor.image.crop_px, shape)
-        return np.asarray(told_by, np.float32)
+        weights = weights_of_dots(described_dots(self.view), pitch_px, self.sensor.image.crop_px, shape)
+        return np.asarray(weights, np.float32)
 
     @cached_property
     def layer(self) -> ElasticLayer:
@@ -196,7 +196,7 @@ class Regions:
         if not self._of_dots:
             return self._patches_on_parts(known, slopes)
         terms = self._patches_on_parts(np.arange(len(self.rays)), slopes)
-        return np.asarray(np.tensordot(self._told_by[known], terms, axes=1))
+        return np.asarray(np.tensordot(self._dot_weights[known], terms, axes=1))
 
     def _patches_on_parts(
         self, parts: Int[np.ndarray, ' n'], slopes: bool
@@ -257,8 +257,8 @@ class Regions:
         if not self._of_dots:
             return self._pressure_on_parts(places_mm, spectrum, known)
         terms = self._pressure_on_parts(places_mm, spectrum, np.arange(len(self.rays)))
-        told: np.ndarray = np.einsum('rd,nd...->nr...', self._told_by[known], terms)
-        return told
+        in_regions: np.ndarray = np.einsum('rd,nd...->nr...', self._dot_weights[known], terms)
+        return in_regions
 
     def fields_under(self, spectrum: Inexact[np.ndarray, 'ky kx'], *, slopes: bool = True) -> Fields:
         """Displacements in the gel under a pressure, independent of the camera."""

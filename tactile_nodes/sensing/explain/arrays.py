@@ -46,31 +46,31 @@ RANGES['passes'] = 1, 10
 def readout_arrays(readout: AnyReadout) -> tuple[Arrays, dict[str, Any]]:
     """Arrays by name, and further numbers; both are stored in a model file."""
     if isinstance(readout, NetworkReadout):
-        made = _network_arrays(readout)
+        parts = _network_arrays(readout)
     elif isinstance(readout, ResponseReadout):
-        made = _response_arrays(readout)
+        parts = _response_arrays(readout)
     elif isinstance(readout, FieldReadout):
-        made = _field_arrays(readout)
+        parts = _field_arrays(readout)
     else:
-        made = _axisymmetric_arrays(readout)
-    return {name: np.ascontiguousarray(array) for name, array in made[0].items()}, made[1]
+        parts = _axisymmetric_arrays(readout)
+    return {name: np.ascontiguousarray(array) for name, array in parts[0].items()}, parts[1]
 
 
-def readout_from(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AnyReadout:
+def readout_from(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: BinGrid) -> AnyReadout:
     """The inverse of `readout_arrays`.
 
     Raises:
         KeyError, TypeError, ValueError: a part is missing or invalid.
     """
-    made: AnyReadout
-    if said['kind'] == NetworkReadout.kind:
-        made = _network(arrays, said, bins)
-    elif said['kind'] == FieldReadout.kind:
-        made = _field(arrays, said, bins)
+    readout: AnyReadout
+    if entries['kind'] == NetworkReadout.kind:
+        readout = _network(arrays, entries, bins)
+    elif entries['kind'] == FieldReadout.kind:
+        readout = _field(arrays, entries, bins)
     else:
-        made = (_response if said['kind'] == ResponseReadout.kind else _axisymmetric)(arrays, said, bins)
-    check_numbers(made)
-    return made
+        readout = (_response if entries['kind'] == ResponseReadout.kind else _axisymmetric)(arrays, entries, bins)
+    check_numbers(readout)
+    return readout
 
 
 def _known_activation(name: str) -> str:
@@ -86,16 +86,16 @@ def _network_arrays(readout: NetworkReadout) -> tuple[Arrays, dict[str, Any]]:
         arrays[f'layer{i}.bias'] = bias
     if readout.layer:
         arrays |= {'calibration.change': readout.layer.change, 'calibration.bias': readout.layer.bias}
-    heard, told = _novelty_check_arrays(readout.novelty_check)
-    return arrays | heard, {
-        **_said(readout.kind, readout.scaling, readout.likeness),
+    check_arrays, check_entries = _novelty_check_arrays(readout.novelty_check)
+    return arrays | check_arrays, {
+        **_entries(readout.kind, readout.scaling, readout.likeness),
         'sizes': list(readout.network.sizes),
         'hidden': readout.network.hidden,
         'output': 'identity',
         'output_scale_n': readout.output_scale_n,
         'spread': _finite(asdict(readout.spread)),
         **({'calibration_layer': 'relu'} if readout.layer else {}),
-        **told,
+        **check_entries,
     }
 
 
@@ -103,36 +103,36 @@ def _novelty_check_arrays(check: Readout | None) -> tuple[Arrays, dict[str, Any]
     """Arrays of a novelty check, under their own prefix; files of networks without one stay as before."""
     if not isinstance(check, NoveltyCheck):
         return {}, {}
-    arrays, said = _response_arrays(check.readout)
+    arrays, entries = _response_arrays(check.readout)
     return {NOVELTY_CHECK + name: each for name, each in arrays.items()}, {
-        'witness': said | {'encoding': check.encoding}
+        'witness': entries | {'encoding': check.encoding}
     }
 
 
 def _novelty_check(
-    arrays: Mapping[str, np.ndarray], said: Mapping[str, Any] | None, bins: BinGrid
+    arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any] | None, bins: BinGrid
 ) -> NoveltyCheck | None:
-    if said is None:
+    if entries is None:
         return None
     own = {name.removeprefix(NOVELTY_CHECK): each for name, each in arrays.items() if name.startswith(NOVELTY_CHECK)}
-    return NoveltyCheck(_response(own, said, bins), said['encoding'])
+    return NoveltyCheck(_response(own, entries, bins), entries['encoding'])
 
 
-def _network(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> NetworkReadout:
-    layers = range(len(said['sizes']) - 1)
+def _network(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: BinGrid) -> NetworkReadout:
+    layers = range(len(entries['sizes']) - 1)
     network = Mlp(
         tuple(arrays[f'layer{i}.weight'].astype(np.float32) for i in layers),
         tuple(arrays[f'layer{i}.bias'] for i in layers),
-        _known_activation(said['hidden']),
+        _known_activation(entries['hidden']),
     )
-    spread = TotalSpread(**{name: value for name, value in said['spread'].items() if value is not None})
-    likeness = _likeness(arrays, said['likeness'])
+    spread = TotalSpread(**{name: value for name, value in entries['spread'].items() if value is not None})
+    likeness = _likeness(arrays, entries['likeness'])
     layer = None
-    if 'calibration_layer' in said:
+    if 'calibration_layer' in entries:
         layer = CalibrationLayer.of_change(arrays['calibration.change'], arrays['calibration.bias'])
-    novelty_check = _novelty_check(arrays, said.get('witness'), bins)
+    novelty_check = _novelty_check(arrays, entries.get('witness'), bins)
     return NetworkReadout(
-        _scaling(arrays, said), network, bins, said['output_scale_n'], spread, likeness, layer, novelty_check
+        _scaling(arrays, entries), network, bins, entries['output_scale_n'], spread, likeness, layer, novelty_check
     )
 
 
@@ -142,7 +142,7 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
     arrays |= {'whitening': readout.whitening, 'coefficients': response.coefficients, 'growth': response.growth}
     limits = {} if readout.most_shift_gain == math.inf else {'most_shift_gain': readout.most_shift_gain}
     return arrays, {
-        **_said(readout.kind, readout.scaling, readout.likeness),
+        **_entries(readout.kind, readout.scaling, readout.likeness),
         'axes': [asdict(axis) for axis in response.axes],
         'calibration': asdict(readout.calibration),
         'most_contacts': readout.most_contacts,
@@ -150,27 +150,27 @@ def _response_arrays(readout: ResponseReadout) -> tuple[Arrays, dict[str, Any]]:
     }
 
 
-def _most_shift_gain(said: Mapping[str, Any]) -> float:
+def _most_shift_gain(entries: Mapping[str, Any]) -> float:
     """The limit of a drag; files of earlier releases hold it in another form, equal to within a tenth."""
-    return float(said.get('most_shift_gain', said.get('drag', {}).get('least_gain', math.inf)))
+    return float(entries.get('most_shift_gain', entries.get('drag', {}).get('least_gain', math.inf)))
 
 
-def _response(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> ResponseReadout:
-    x, y, s = (SplineAxis(**axis) for axis in said['axes'])
-    likeness = _likeness(arrays, said['likeness'])
+def _response(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: BinGrid) -> ResponseReadout:
+    x, y, s = (SplineAxis(**axis) for axis in entries['axes'])
+    likeness = _likeness(arrays, entries['likeness'])
     if likeness is None:
         raise KeyError('likeness.directions')
-    if said.get('power', 1) != 1:
+    if entries.get('power', 1) != 1:
         raise ValueError('a response over another power of the force is no longer supported; train it again')
     return ResponseReadout(
-        _scaling(arrays, said),
+        _scaling(arrays, entries),
         likeness,
         arrays['whitening'],
         Response(x, y, s, arrays['coefficients'], arrays['growth']),
         bins,
-        _calibration(said['calibration']),
-        said['most_contacts'],
-        _most_shift_gain(said),
+        _calibration(entries['calibration']),
+        entries['most_contacts'],
+        _most_shift_gain(entries),
     )
 
 
@@ -188,7 +188,7 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
         arrays['carried'] = np.asarray(readout.prior.terms, np.float32)
         prior = {'carried': list(readout.prior.presses)}
     return arrays, {
-        **_said(readout.kind, readout.scaling, None),
+        **_entries(readout.kind, readout.scaling, None),
         'lateral': response.lateral,
         'hardest_n': response.hardest_n,
         'width': response.width,
@@ -202,25 +202,25 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
     }
 
 
-def _axisymmetric(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> AxisymmetricReadout:
-    _require_within(said)
-    _require_within(said['correction'])
+def _axisymmetric(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: BinGrid) -> AxisymmetricReadout:
+    _require_within(entries)
+    _require_within(entries['correction'])
     profiles, places, couplings = (arrays[name].astype(float) for name in ('profiles', 'places', 'couplings'))
-    numbers = said['hardest_n'], places, couplings, said['width'], said['softness']
-    smear = RadialSmear(**said.get('streak', {}))
+    numbers = entries['hardest_n'], places, couplings, entries['width'], entries['softness']
+    smear = RadialSmear(**entries.get('streak', {}))
     unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
     local = arrays['local'].astype(float) if 'local' in arrays else None
-    prior = ErrorPrior(tuple(said['carried']), arrays['carried'].astype(float)) if 'carried' in said else None
+    prior = ErrorPrior(tuple(entries['carried']), arrays['carried'].astype(float)) if 'carried' in entries else None
     return AxisymmetricReadout(
-        _scaling(arrays, said),
-        AxisymmetricResponse(profiles, said['lateral'], *numbers, smear, unsure),
+        _scaling(arrays, entries),
+        AxisymmetricResponse(profiles, entries['lateral'], *numbers, smear, unsure),
         arrays['doubt'].astype(float),
-        Correction(arrays['correction'].astype(float), **said['correction'], local=local),
+        Correction(arrays['correction'].astype(float), **entries['correction'], local=local),
         bins,
-        _calibration(said['calibration']),
-        said['most_contacts'],
+        _calibration(entries['calibration']),
+        entries['most_contacts'],
         prior,
-        said.get('pressed_n', 0.0),
+        entries.get('pressed_n', 0.0),
     )
 
 
@@ -233,40 +233,40 @@ def _field_arrays(readout: FieldReadout) -> tuple[Arrays, dict[str, Any]]:
     }
     tips: dict[str, Any] = {}
     if readout.tips is not None:
-        inner, said = _axisymmetric_arrays(readout.tips)
+        inner, entries = _axisymmetric_arrays(readout.tips)
         arrays |= {TIPS + name: each for name, each in inner.items()}
-        tips = {'tips': said}
+        tips = {'tips': entries}
     numbers = {name: getattr(readout, name) for name in (*FIELD_NUMBERS, 'passes')}
     spread = {'spread': {'response': readout.spread.response}}
-    return arrays, {**_said(readout.kind, readout.scaling, None), **numbers, **spread, **tips}
+    return arrays, {**_entries(readout.kind, readout.scaling, None), **numbers, **spread, **tips}
 
 
-def _field(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any], bins: BinGrid) -> FieldReadout:
-    _require_within(said)
+def _field(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], bins: BinGrid) -> FieldReadout:
+    _require_within(entries)
     own = {name.removeprefix(TIPS): each for name, each in arrays.items() if name.startswith(TIPS)}
-    tips = _axisymmetric(own, said['tips'], bins) if 'tips' in said else None
-    numbers: dict[str, Any] = {name: float(said[name]) for name in FIELD_NUMBERS}
-    response, spread = arrays['field'].astype(np.float32), FieldSpread(response=float(said['spread']['response']))
+    tips = _axisymmetric(own, entries['tips'], bins) if 'tips' in entries else None
+    numbers: dict[str, Any] = {name: float(entries[name]) for name in FIELD_NUMBERS}
+    response, spread = arrays['field'].astype(np.float32), FieldSpread(response=float(entries['spread']['response']))
     surface = arrays.get('surface', STILL)
     return FieldReadout(
-        _scaling(arrays, said), response, bins, spread=spread, tips=tips, surface=surface,
-        passes=int(said.get('passes', 1)), **numbers,
+        _scaling(arrays, entries), response, bins, spread=spread, tips=tips, surface=surface,
+        passes=int(entries.get('passes', 1)), **numbers,
     )  # fmt: skip
 
 
-def _require_within(said: Mapping[str, Any]) -> None:
-    for name in RANGES.keys() & said.keys():
+def _require_within(entries: Mapping[str, Any]) -> None:
+    for name in RANGES.keys() & entries.keys():
         low, high = RANGES[name]
-        if not low <= said[name] <= high:
-            raise ValueError(f'{name} is {said[name]!r:.40}, but must be from {low:g} to {high:g}')
+        if not low <= entries[name] <= high:
+            raise ValueError(f'{name} is {entries[name]!r:.40}, but must be from {low:g} to {high:g}')
 
 
-def _calibration(said: Mapping[str, Any]) -> Calibration:
-    plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in said.items()}
+def _calibration(entries: Mapping[str, Any]) -> Calibration:
+    plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in entries.items()}
     return Calibration(**plain)
 
 
-def _said(kind: str, scaling: InputScaling, likeness: Likeness | None) -> dict[str, Any]:
+def _entries(kind: str, scaling: InputScaling, likeness: Likeness | None) -> dict[str, Any]:
     limits = None if likeness is None else {'floor': likeness.floor, 'share': likeness.share}
     return {'kind': kind, 'confidence_floor': scaling.confidence_floor, 'likeness': limits}
 
@@ -275,9 +275,9 @@ def _scaling_arrays(scaling: InputScaling) -> Arrays:
     return {'input.mean': scaling.mean, 'input.gain': scaling.gain, 'input.trusted': scaling.trusted}
 
 
-def _scaling(arrays: Mapping[str, np.ndarray], said: Mapping[str, Any]) -> InputScaling:
+def _scaling(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any]) -> InputScaling:
     return InputScaling(
-        arrays['input.mean'], arrays['input.gain'], arrays['input.trusted'], float(said['confidence_floor'])
+        arrays['input.mean'], arrays['input.gain'], arrays['input.trusted'], float(entries['confidence_floor'])
     )
 
 

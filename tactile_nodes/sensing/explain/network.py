@@ -199,9 +199,9 @@ class NetworkReadout:
         contact = Contact(*contact_position_mm(forces, self.bins.centres_mm), total_n, UNKNOWN, sigma_n)
         unlike = self._left_over(inputs)
         if self.novelty_check is not None and math.isfinite(total_n):
-            heard = self.novelty_check.read(values, confidence)
-            apart = abs(total_n - heard.contacts[0].force_n) / max(CONTRADICTED_SIGMAS * sigma_n, TINY_N)
-            unlike = _largest(unlike, heard.unlikeness, apart)
+            checked = self.novelty_check.read(values, confidence)
+            apart = abs(total_n - checked.contacts[0].force_n) / max(CONTRADICTED_SIGMAS * sigma_n, TINY_N)
+            unlike = _largest(unlike, checked.unlikeness, apart)
         return Reading(forces, (contact,), sigma_n, unlike)
 
     def _left_over(self, inputs: Float32[np.ndarray, ' inputs']) -> float:

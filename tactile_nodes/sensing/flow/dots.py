@@ -16,10 +16,10 @@ from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.flow.dot_pattern import Dots, contrast, find_dots
 from tactile_nodes.sensing.flow.methods import (
     DisplacementField,
+    recorded_options,
     require_covered,
     require_grey,
     require_like,
-    told_options,
 )
 
 REACH = 0.75
@@ -41,7 +41,7 @@ ALONE = float(np.exp(-1 / (2 * ABOUT**2)))
 """Weight of a dot one pitch away. The confidence of regions with less weight around them is lower in proportion."""
 
 STIFF = 1.0
-"""Ridge on the slopes of a region's motion, as a share of the weights: at the rim dots on one side alone tell of it."""
+"""Ridge on the slopes of a region's motion, as a share of the weights: at the rim only dots on one side show it."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class DotsFlow:
 
     @property
     def options(self) -> dict[str, object]:
-        return told_options(self._options)
+        return recorded_options(self._options)
 
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)
@@ -81,7 +81,7 @@ class DotsFlow:
 
     def displacement(self, image: np.ndarray) -> DisplacementField:
         require_like(self._reference, image)
-        field = self._rest.told(*self._rest.followed(image))
+        field = self._rest.displacement(*self._rest.followed(image))
         if self._options.covered and field.confidence is not None:
             field.confidence.flat[list(self._options.covered)] = 0
         return field
@@ -100,7 +100,7 @@ class _Rest:
     near: Int[np.ndarray, 'dots near']
     weights: Float[np.ndarray, 'regions dots']
     levers: Float[np.ndarray, 'regions dots 3']
-    told_by: Float[np.ndarray, 'regions dots']
+    dot_weights: Float[np.ndarray, 'regions dots']
     shape: tuple[int, int]
 
     @classmethod
@@ -145,19 +145,20 @@ class _Rest:
         strayed: np.ndarray = np.hypot(*(motion - around).T) > APART * self.pitch_px
         return strayed
 
-    def told(self, motion: Float[np.ndarray, 'dots 2'], found: Bool[np.ndarray, ' dots']) -> DisplacementField:
+    def displacement(self, motion: Float[np.ndarray, 'dots 2'], found: Bool[np.ndarray, ' dots']) -> DisplacementField:
         """The motion of each region."""
-        told_by = self.told_by if found.all() else _planes(self.weights * found, self.levers)
+        dot_weights = self.dot_weights if found.all() else _planes(self.weights * found, self.levers)
         sure = (self.weights @ found) / np.maximum(self.weights.sum(axis=1), ALONE)
         return DisplacementField(
-            (told_by @ motion).reshape(*self.shape, 2).astype(np.float32), sure.reshape(self.shape).astype(np.float32)
+            (dot_weights @ motion).reshape(*self.shape, 2).astype(np.float32),
+            sure.reshape(self.shape).astype(np.float32),
         )
 
 
-def told_by_dots(
+def weights_of_dots(
     centres_px: Float[np.ndarray, 'dots 2'], pitch_px: float, size_px: tuple[int, int], shape: tuple[int, int]
 ) -> Float[np.ndarray, 'regions dots']:
-    """How much of the motion of each dot each of rows x cols regions tells, where all dots are found.
+    """Weight of each dot's motion in each of rows x cols regions, where all dots are found.
 
     Args:
         centres_px: where they are at rest, in a picture of `size_px` (width, height).
@@ -213,9 +214,9 @@ def _planes(
 ) -> Float[np.ndarray, 'regions dots']:
     """How much of each dot's motion is in the middle of the plane through those about a region, by least squares."""
     normal = np.einsum('rd,rdi,rdj->rij', weights, levers, levers)
-    whole = np.maximum(weights.sum(axis=1), 1e-9)
-    normal[:, [1, 2], [1, 2]] += STIFF * whole[:, None]
-    normal[:, 0, 0] += 1e-6 * whole
+    total = np.maximum(weights.sum(axis=1), 1e-9)
+    normal[:, [1, 2], [1, 2]] += STIFF * total[:, None]
+    normal[:, 0, 0] += 1e-6 * total
     first = np.linalg.solve(normal, np.array([[1.0], [0.0], [0.0]]))[..., 0]
-    told_by: np.ndarray = np.einsum('ri,rd,rdi->rd', first, weights, levers)
-    return told_by
+    shares: np.ndarray = np.einsum('ri,rd,rdi->rd', first, weights, levers)
+    return shares

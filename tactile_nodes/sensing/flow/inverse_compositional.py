@@ -20,10 +20,10 @@ from tactile_nodes.sensing.flow.methods import (
     DisFlow,
     DisOptions,
     DisplacementField,
+    recorded_options,
     require_covered,
     require_grey,
     require_like,
-    told_options,
 )
 from tactile_nodes.sensing.flow.patches import (
     LARGEST_ANSWER_PX,
@@ -82,7 +82,7 @@ class InverseCompositionalOptions:
     `rows` x `cols` patches, each `window` times as wide as their distance. `finest_scale` 0 measures at full size, 1 at
     half, 2 at a quarter. A patch is read at most `iterations` times from one start. `texture_grey` is the root mean
     square gradient, in grey levels per pixel, at which a patch counts half. When more than `search_share` of the
-    patches are lost, a dense search is made: 1 never does. `threads` is what OpenCV is told to use. `covered` are the
+    patches are lost, a dense search is made: 1 never does. `threads` is the number that OpenCV uses. `covered` are the
     numbers of patches, row by row, that show no gel: nothing is believed there.
     """
 
@@ -110,7 +110,7 @@ class InverseCompositionalFlow:
 
     @property
     def options(self) -> dict[str, object]:
-        return told_options(self._options)
+        return recorded_options(self._options)
 
     def set_reference(self, image: np.ndarray) -> None:
         require_grey(image)
@@ -167,9 +167,9 @@ class InverseCompositionalFlow:
         """Matched patches, the reported motion, and the number of lost patches: compiled."""
         rows, cols = self._options.rows, self._options.cols
         motion, explained = np.empty((2, rows * cols), np.float32), np.empty(rows * cols, np.float32)
-        told, confidence = np.empty((rows, cols, 2), np.float32), np.empty((rows, cols), np.float32)
-        lost = compiled_loops().displacement(picture, *self._for_loops, motion, explained, told, confidence)
-        return Match(motion, explained), DisplacementField(told, confidence), lost
+        field, confidence = np.empty((rows, cols, 2), np.float32), np.empty((rows, cols), np.float32)
+        lost = compiled_loops().displacement(picture, *self._for_loops, motion, explained, field, confidence)
+        return Match(motion, explained), DisplacementField(field, confidence), lost
 
     def _recover(
         self, found: Match, picture: np.ndarray, pair: tuple[UInt8[np.ndarray, 'h w'], UInt8[np.ndarray, 'h w']]

@@ -209,7 +209,7 @@ def checked_options(method: str, options_type: type, options: Mapping[str, objec
     return {name: tuple(value) if isinstance(value, list) else value for name, value in options.items()}
 
 
-def told_options(options: Any) -> dict[str, object]:
+def recorded_options(options: Any) -> dict[str, object]:
     """A method's options as recorded in a model's card; empty lists are left out, as in older cards."""
     return {name: value for name, value in asdict(options).items() if value != ()}
 

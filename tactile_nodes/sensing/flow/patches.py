@@ -84,8 +84,8 @@ class Templates:
         """`moved` gives the rest image, at the grid's resolution, moved right and down by parts of its pixels."""
         self.grid, self._compiled = grid, compiled
         basis, triangle = np.linalg.qr(self._model(moved))
-        self._whole, self._unit = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
-        self._basis = self._whole * self._unit[:, :, None]
+        self._rounded, self._unit = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
+        self._basis = self._rounded * self._unit[:, :, None]
         scale = np.abs(np.einsum('pkk->pk', triangle))
         self.texture_grey: Float32[np.ndarray, ' patches'] = (scale[:, 1:].min(axis=1) / grid.window_px).astype(
             np.float32
@@ -161,7 +161,7 @@ class Templates:
     @property
     def for_loops(self) -> tuple[np.ndarray, ...]:
         """Templates as whole numbers, what one of them is, and how motion follows: see `loops.patches`."""
-        return self._whole, self._unit, self._unmix, self._mend
+        return self._rounded, self._unit, self._unmix, self._mend
 
 
 def rounded(basis: np.ndarray) -> tuple[Int16[np.ndarray, 'patches some pixels'], Float32[np.ndarray, 'patches some']]:

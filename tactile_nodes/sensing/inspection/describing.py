@@ -77,7 +77,7 @@ class Understood:
     covered: Bool[np.ndarray, 'h w'] = field(repr=False)
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """A summary as text."""
         share = f'{100 * self.covered.mean():.0f} % of the image look covered'
         if self.dots is None:

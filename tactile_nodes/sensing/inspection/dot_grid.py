@@ -38,14 +38,14 @@ def dot_findings(view: View, dots: Dots | None, wanted: int) -> Sequence[Finding
     """Findings about the dots, of which `wanted` are described within the picture."""
     pattern = view.sensor.pattern
     if dots is None:
-        told = (
+        text = (
             f'no dots in rows and columns; {wanted} are described: check light and focus, or set pattern.kind to '
             'spheres'
         )
-        return (Finding('dots', BAD, told),)
+        return (Finding('dots', BAD, text),)
     if dots.dark != pattern.dark:
-        told = f'dots are {tone(dots.dark)}, but the description says {tone(pattern.dark)}: set pattern.dark'
-        return (Finding('dots', BAD, told),)
+        text = f'dots are {tone(dots.dark)}, but the description says {tone(pattern.dark)}: set pattern.dark'
+        return (Finding('dots', BAD, text),)
     found = f'{len(dots)} {tone(pattern.dark)} dots found, {wanted} described within the image'
     if fault := _no_grid(view, dots):
         return (Finding('dots', BAD, f'{found}: {fault}{NO_GRID}'),)
@@ -99,10 +99,10 @@ def _pitch(view: View, dots: Dots) -> Finding:
     # Rows and columns are alike: a grid that is turned by 90 degrees is the same.
     turned = (dots.turn_deg + view.sensor.camera.roll_deg + 45) % 90 - 45
     off = dots.pitch_px / described_px - 1
-    told = f'{dots.pitch_px:.1f} px apart, {described_px:.1f} described, rows turned by {turned:.1f} degrees'
+    text = f'{dots.pitch_px:.1f} px apart, {described_px:.1f} described, rows turned by {turned:.1f} degrees'
     if abs(off) > PITCH_OFF:
-        told += f': {PITCH_HELP}'
-    return Finding('pitch', LOOK if abs(off) > PITCH_OFF or abs(turned) > TURNED_DEG else OK, told)
+        text += f': {PITCH_HELP}'
+    return Finding('pitch', LOOK if abs(off) > PITCH_OFF or abs(turned) > TURNED_DEG else OK, text)
 
 
 def _place(view: View, dots: Dots) -> Finding:
@@ -111,8 +111,8 @@ def _place(view: View, dots: Dots) -> Finding:
     x, y = dot_place_mm(view, dots.centres_px)
     aside = np.array([x, y]) - pattern.dot_mm
     away = float(np.hypot(*(aside - pattern.pitch_mm * np.rint(aside / pattern.pitch_mm))))
-    told = f'dots are {away:.1f} mm off the described positions'
+    text = f'dots are {away:.1f} mm off the described positions'
     if away <= ASIDE * pattern.pitch_mm:
-        return Finding('place', OK, told)
-    told += f', so forces are reported at the wrong places: set pattern.dot_mm to [{x:.1f}, {y:.1f}]'
-    return Finding('place', LOOK, told)
+        return Finding('place', OK, text)
+    text += f', so forces are reported at the wrong places: set pattern.dot_mm to [{x:.1f}, {y:.1f}]'
+    return Finding('place', LOOK, text)

@@ -78,7 +78,7 @@ def _words(inspection: Inspection, width: int) -> Canvas:
     lines = [('', GREY, LEGEND)]
     for each in inspection.findings:
         tag, colour = TAGS[each.level]
-        first, *rest = textwrap.wrap(f'{each.what}: {each.text}', max(20, round(CHARACTERS * width / WIDTH_PX)))
+        first, *rest = textwrap.wrap(f'{each.subject}: {each.text}', max(20, round(CHARACTERS * width / WIDTH_PX)))
         lines += [(tag, colour, first), *(('', colour, line) for line in rest)]
     below = np.zeros((LINE_PX * (len(lines) + 1), width, 3), np.uint8)
     for number, (tag, colour, text) in enumerate(lines):

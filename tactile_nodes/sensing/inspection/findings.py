@@ -12,7 +12,7 @@ OK, LOOK, BAD = 'ok', 'look', 'bad'
 class Finding:
     """What was checked, its level (`OK`, `LOOK`, `BAD`), and a sentence about it."""
 
-    what: str
+    subject: str
     level: str
     text: str
 

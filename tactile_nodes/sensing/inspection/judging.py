@@ -117,8 +117,8 @@ class Inspection:
     def findings(self) -> tuple[Finding, ...]:
         """All findings, in the order in which to correct them."""
         pattern = *self._pattern(), self._focus(), self._shown()
-        told = self._size(), self._frame(), self._light(), *pattern, self._seen(), self._mask(), self._rest()
-        return tuple(each for each in told if each is not None)
+        findings = self._size(), self._frame(), self._light(), *pattern, self._seen(), self._mask(), self._rest()
+        return tuple(each for each in findings if each is not None)
 
     @property
     def usable(self) -> bool:
@@ -128,8 +128,8 @@ class Inspection:
     def _size(self) -> Finding:
         image, (width, height) = self.sensor.image, self.sensor.image.crop_px
         count = len(self.pictures)
-        told = f'{count} image{"s" * (count > 1)} of {image.width}x{image.height}, of which {width}x{height} are used'
-        return Finding('size', OK, told)
+        text = f'{count} image{"s" * (count > 1)} of {image.width}x{image.height}, of which {width}x{height} are used'
+        return Finding('size', OK, text)
 
     def _frame(self) -> Finding:
         return Finding('frame', OK, f'{self.sensor.frame}')
@@ -140,26 +140,26 @@ class Inspection:
         burnt = float((self.rest[self.gel] == 255).mean()) if self.gel.any() else 0.0
         levels = [each.level for each in faults]
         flicker = max(levels) / max(min(levels), 1.0) - 1
-        told = f'brightest parts at {bright:.0f} of 255, {percent(burnt)} of the gel overexposed'
+        text = f'brightest parts at {bright:.0f} of 255, {percent(burnt)} of the gel overexposed'
         if any(each.dark for each in faults):
-            return Finding('light', BAD, f'{told}; an image is black: switch on the light or uncover the lens')
+            return Finding('light', BAD, f'{text}; an image is black: switch on the light or uncover the lens')
         if any(each.saturated for each in faults):
-            return Finding('light', BAD, f'{told}; lower the exposure, the gain or the light')
+            return Finding('light', BAD, f'{text}; lower the exposure, the gain or the light')
         if bright < DIM_GREY:
-            return Finding('light', LOOK, f'{told}; raise the exposure or the light')
+            return Finding('light', LOOK, f'{text}; raise the exposure or the light')
         if burnt > BURNT_SHARE:
-            return Finding('light', LOOK, f'{told}; lower the exposure, or mask reflecting parts')
+            return Finding('light', LOOK, f'{text}; lower the exposure, or mask reflecting parts')
         if flicker > FLICKER:
-            told += f'; it differs by {percent(flicker)} between images: set exposure and gain to fixed values'
-            return Finding('light', LOOK, told)
-        return Finding('light', OK, told)
+            text += f'; it differs by {percent(flicker)} between images: set exposure and gain to fixed values'
+            return Finding('light', LOOK, text)
+        return Finding('light', OK, text)
 
     def _pattern(self) -> Sequence[Finding]:
         if self.sensor.pattern.kind == 'dots':
             return dot_findings(self.regions.view, self.dots, len(self.expected_dots))
         if self.dots is not None:
-            told = f'{len(self.dots)} dots in rows and columns, but the description says spheres: set pattern.kind'
-            return (Finding('pattern', BAD, told),)
+            text = f'{len(self.dots)} dots in rows and columns, but the description says spheres: set pattern.kind'
+            return (Finding('pattern', BAD, text),)
         inside = self._per_region(self._markers.peaks)[self.regions.usable]
         return (self._markers.pattern(int(np.median(inside)) if inside.size else 0),)
 
@@ -177,21 +177,21 @@ class Inspection:
             return self._markers.focus() if self.gel.any() else None
         if self.dots is None:
             return None
-        told = f'edges of dots have a blur of {self.dots.edge_px:.1f} px (standard deviation)'
+        text = f'edges of dots have a blur of {self.dots.edge_px:.1f} px (standard deviation)'
         if self.dots.edge_px < LEAST_EDGE_PX:
-            return Finding('focus', OK, told)
-        return Finding('focus', LOOK, f'{told}; turn the lens until the edges are sharpest')
+            return Finding('focus', OK, text)
+        return Finding('focus', LOOK, f'{text}; turn the lens until the edges are sharpest')
 
     def _shown(self) -> Finding:
         """How much of the gel is visible, and whether the pattern extends beyond the gel's rim."""
         share = self._shown_share
-        told = f'{percent(share)} of the described gel are visible'
+        text = f'{percent(share)} of the described gel are visible'
         if self.sensor.pattern.kind == 'spheres' and self.dots is None and (more := self._markers.beyond()):
-            return Finding('gel', BAD if self._markers.much_beyond else LOOK, f'{told}, and {more}')
+            return Finding('gel', BAD if self._markers.much_beyond else LOOK, f'{text}, and {more}')
         if share < LITTLE_SEEN:
-            told += ': check gel.width_mm and height_mm, camera.position_mm and its focal length'
-            return Finding('gel', BAD if share < HARDLY_SEEN else LOOK, told)
-        return Finding('gel', OK, told)
+            text += ': check gel.width_mm and height_mm, camera.position_mm and its focal length'
+            return Finding('gel', BAD if share < HARDLY_SEEN else LOOK, text)
+        return Finding('gel', OK, text)
 
     @property
     def _shown_share(self) -> float:
@@ -208,21 +208,21 @@ class Inspection:
         usable = self.regions.usable
         share = float(self.marked[usable].mean()) if usable.any() else 0.0
         sure = float(np.median(self._confidence[usable])) if usable.any() else 0.0
-        told = (
+        text = (
             f'{usable.sum()} of {usable.size} see only the gel, {percent(share)} of them a pattern that can be '
             f'measured (confidence {sure:.2f}, median)'
         )
         if share < MARKED or self._measured.mean() < LEAST_SEEN:
-            told += (
+            text += (
                 '; that is too little to estimate forces: a gel without marks shows no motion, so print dots or spray '
                 'speckle on it; if it has marks, check light, focus and mask'
             )
-            return Finding('regions', BAD, told)
+            return Finding('regions', BAD, text)
         if refused := self._refused():
-            return Finding('regions', BAD, f'{told}; {refused}')
+            return Finding('regions', BAD, f'{text}; {refused}')
         if share < MOST_MARKED or sure < 0.5:
-            return Finding('regions', LOOK, f'{told}; more contrast would help: light, exposure, focus')
-        return Finding('regions', OK, told)
+            return Finding('regions', LOOK, f'{text}; more contrast would help: light, exposure, focus')
+        return Finding('regions', OK, text)
 
     def _refused(self) -> str:
         """Why a live node would refuse this rest image; empty if it would accept it."""
@@ -235,10 +235,10 @@ class Inspection:
 
     def _mask(self) -> Finding:
         covered, more = float(self.sensor.covered.mean()), float(self.unmasked.mean())
-        told = f'the mask covers {percent(covered)} of the image'
+        text = f'the mask covers {percent(covered)} of the image'
         if more > UNMASKED:
-            told += f', and {percent(more)} more look covered (red in the figure): mask them'
-        return Finding('mask', LOOK if more > UNMASKED else OK, told)
+            text += f', and {percent(more)} more look covered (red in the figure): mask them'
+        return Finding('mask', LOOK if more > UNMASKED else OK, text)
 
     def _rest(self) -> Finding | None:
         """Motion between pictures in which nothing touches."""
@@ -247,16 +247,16 @@ class Inspection:
             return None
         noise_px = self.noise_px[usable]
         middle, most = float(np.median(noise_px)), float(np.percentile(noise_px, 95))
-        told = (
+        text = (
             f'regions seem to move by {middle:.3f} px (median; 95 % less than {most:.3f}) from image to image, '
             f'which is {1000 * middle / self.regions.view.px_per_mm:.1f} um on the gel'
         )
         first, still = self._alike
         if not still.all():
-            return Finding('noise', LOOK, f'{told}; {self._touched(still)}')
+            return Finding('noise', LOOK, f'{text}; {self._touched(still)}')
         if middle < UNSTEADY_PX and self._apart_px[first].max() < UNEVEN_PX:
-            return Finding('noise', OK, told)
-        return Finding('noise', LOOK, f'{told}: something touches or moves, or the light flickers')
+            return Finding('noise', OK, text)
+        return Finding('noise', LOOK, f'{text}: something touches or moves, or the light flickers')
 
     def _touched(self, still: Bool[np.ndarray, ' pictures']) -> str:
         """Advice about pictures that differ. The pictures cannot show which of the two kinds is untouched."""

@@ -60,30 +60,30 @@ class Markers:
             return Finding('pattern', BAD, f'no gel is visible: {CHECK}')
         skew = self._skewness
         if abs(skew) > CLEAR and (skew < 0) != pattern.dark:
-            told = f'markers are {tone(skew < 0)}, but the description says {tone(pattern.dark)}: set pattern.dark'
-            return Finding('pattern', BAD, told)
+            text = f'markers are {tone(skew < 0)}, but the description says {tone(pattern.dark)}: set pattern.dark'
+            return Finding('pattern', BAD, text)
         per_mm2, found = self.view.px_per_mm**2, float(self.peaks[self.gel].mean())
         expected = self._expected
-        told = (
+        text = (
             f'{in_region} markers per region (median), {found * per_mm2:.3g} per mm² found and '
             f'{expected * per_mm2:.3g} expected from the description'
         )
         times = max(found, 1e-9) / expected
         if in_region < 1 or not 1 / WHOLLY_OTHER < times < WHOLLY_OTHER:
-            return Finding('pattern', BAD, told if in_region < 1 else f'{told}: {CHECK}')
+            return Finding('pattern', BAD, text if in_region < 1 else f'{text}: {CHECK}')
         if not 1 / OTHER < times < OTHER:
-            return Finding('pattern', LOOK, f'{told}: {CHECK}')
-        return Finding('pattern', LOOK if in_region < 2 else OK, told)
+            return Finding('pattern', LOOK, f'{text}: {CHECK}')
+        return Finding('pattern', LOOK if in_region < 2 else OK, text)
 
     def focus(self) -> Finding:
         """Whether marks are as wide as the described ones in a sharp picture."""
         wide, sharp = mark_px(self.rest, self.gel), self._sharp_px
-        told = f'marks are {wide:.1f} px wide (standard deviation), {sharp:.1f} where they are sharp'
+        text = f'marks are {wide:.1f} px wide (standard deviation), {sharp:.1f} where they are sharp'
         if wide < NARROW * sharp:
-            return Finding('focus', LOOK, f'{told}, smaller than described: {CHECK}')
+            return Finding('focus', LOOK, f'{text}, smaller than described: {CHECK}')
         if wide > BLURRED * sharp:
-            return Finding('focus', LOOK, f'{told}; turn the lens until they are narrowest, or {CHECK}')
-        return Finding('focus', OK, told)
+            return Finding('focus', LOOK, f'{text}; turn the lens until they are narrowest, or {CHECK}')
+        return Finding('focus', OK, text)
 
     def beyond(self) -> str:
         """A message if the pattern extends beyond the described gel; empty if not, or if nothing is visible there."""

@@ -54,7 +54,7 @@ class Verdict:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is wrong and what to do, one sentence per reason."""
-        told = {
+        sentence_of = {
             Reason.PICTURE_MOVED: self._picture_moved,
             Reason.MOVED_SINCE_CALIBRATION: self._moved_since_calibration,
             Reason.LIGHT: self._light,
@@ -64,7 +64,7 @@ class Verdict:
             Reason.FORCE_RATIO: self._force_ratio,
             Reason.DENTED_REST: self._dented_rest,
         }
-        return tuple(tell() for reason, tell in told.items() if reason in self.reasons)
+        return tuple(sentence() for reason, sentence in sentence_of.items() if reason in self.reasons)
 
     @property
     def text(self) -> str:

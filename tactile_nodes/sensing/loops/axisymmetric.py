@@ -22,7 +22,7 @@ def _along(force, k, weights, profiles, result):
 
 
 @compiled()
-def _seen_along(couplings, columns, slopes, made, made_slopes):
+def _seen_along(couplings, columns, slopes, motion, motion_slopes):
     """The motion of one region and its three slopes, from the region's columns and their slopes."""
     for channel in range(2):
         total, by_x, by_y, by_force = 0.0, 0.0, 0.0, 0.0
@@ -32,8 +32,8 @@ def _seen_along(couplings, columns, slopes, made, made_slopes):
             by_x += share * slopes[0, c]
             by_y += share * slopes[1, c]
             by_force += share * slopes[2, c]
-        made[channel] = total
-        made_slopes[0, channel], made_slopes[1, channel], made_slopes[2, channel] = by_x, by_y, by_force
+        motion[channel] = total
+        motion_slopes[0, channel], motion_slopes[1, channel], motion_slopes[2, channel] = by_x, by_y, by_force
 
 
 @compiled()
@@ -74,7 +74,7 @@ def _shown(x, y, aslant_x, aslant_y, numbers, away, bend):
     'void(f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, :, ::1], '
     'f8[:, :, ::1])'
 )
-def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made, slopes, columns):
+def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, motion, slopes, columns):
     """As `AxisymmetricResponse.motion_slopes_and_columns`: fills in (n, regions, 2), (3, n, regions, 2) and columns.
 
     `numbers` are the number of lateral profiles, the hardest force, width, softness, bend, core and least distance,
@@ -102,15 +102,15 @@ def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, made
             i = spline_weights(np.arcsinh(distance / bend), axes[0], near)
             per_mm = 1 / np.sqrt(distance * distance + bend * bend)
             for p in range(count):
-                here, out, more = 0.0, 0.0, 0.0
+                value_at, out, more = 0.0, 0.0, 0.0
                 for j in range(4):
-                    here += along[0, p, i + j] * near[0, j]
+                    value_at += along[0, p, i + j] * near[0, j]
                     out += along[0, p, i + j] * near[1, j]
                     more += along[1, p, i + j] * near[0, j]
-                value[p], outward[p], by_force[p] = here, out * per_mm, more * softness
+                value[p], outward[p], by_force[p] = value_at, out * per_mm, more * softness
             core = np.tanh(distance / numbers[5])
             _columns(value, outward, by_force, toward, core, distance, numbers, columns[n, r], column_slopes)
-            _seen_along(couplings[r], columns[n, r], column_slopes, made[n, r], region_slopes)
+            _seen_along(couplings[r], columns[n, r], column_slopes, motion[n, r], region_slopes)
             for channel in range(2):
                 over = aslant_x * region_slopes[0, channel] + aslant_y * region_slopes[1, channel]
                 for axis in range(2):

@@ -10,7 +10,7 @@ from tactile_nodes.sensing.loops.patches import displacement, match
 from tactile_nodes.sensing.loops.pictures import common, counted, differences, halved
 from tactile_nodes.sensing.loops.response import read as read_response
 from tactile_nodes.sensing.loops.stillness import looked, most_away
-from tactile_nodes.sensing.loops.told import told
+from tactile_nodes.sensing.loops.sums import sums
 from tactile_nodes.sensing.loops.weights import weighed
 
 __all__ = [
@@ -26,6 +26,6 @@ __all__ = [
     'motion_and_slopes',
     'motion_variance',
     'read_response',
-    'told',
+    'sums',
     'weighed',
 ]

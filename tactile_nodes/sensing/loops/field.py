@@ -137,7 +137,7 @@ def _nearby(pressed, cols, near):
 
 
 @compiled()
-def _hold(pressed, cols, told, near, held):
+def _hold(pressed, cols, regularization, near, held):
     """As `FieldSolver._held`. Also fills in the nearby patches."""
     _nearby(pressed, cols, near)
     total, above, squared = 0.0, 0.0, 0.0
@@ -145,12 +145,12 @@ def _hold(pressed, cols, told, near, held):
         more = max(pressed[k] - solver.UNSEEN_N / 2, 0.0)
         total, above, squared = total + pressed[k], above + more, squared + more * more
     wide = solver.WIDE / max(above * above / max(squared, 1e-12), 1.0)
-    weight, total, mean = solver.HELD * told * min(1.0, wide * wide), max(total, solver.LEAST_N), 0.0
+    weight, total, mean = solver.HELD * regularization * min(1.0, wide * wide), max(total, solver.LEAST_N), 0.0
     for k in range(pressed.shape[0]):
         held[k] = weight / (near[k] + solver.SPREAD * total)
         mean += pressed[k] * held[k] / total
     for k in range(pressed.shape[0]):
-        held[k] -= solver.CENTRED * (1 - told) * mean
+        held[k] -= solver.CENTRED * (1 - regularization) * mean
 
 
 @compiled()
@@ -176,17 +176,17 @@ def _squared(rows, forces):
 
 
 @compiled()
-def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, told, pressed):
+def _on_bins(by_bin, on, around, bin_of, motion, weights, cols, regularization, pressed):
     """As `FieldSolver._on_bins`: fills in each patch's share of the normal force."""
     patches, bins, n = pressed.shape[0], on.shape[0], 3 * on.shape[0]
     near, held, by_place = np.empty(patches), np.empty(patches), np.zeros(around.shape[0])
     for k in range(patches):
         pressed[k] = around[bin_of[k]] / PER_BIN**2
-    _hold(pressed, cols, told, near, held)
+    _hold(pressed, cols, regularization, near, held)
     for k in range(patches):
         by_place[bin_of[k]] += held[k]
     information, evidence = np.empty((n, n), np.float32), np.empty(n, np.float32)
-    _evidence(by_bin, on, weights, motion, solver.GRANTED * told / PER_BIN**2, information, evidence)
+    _evidence(by_bin, on, weights, motion, solver.GRANTED * regularization / PER_BIN**2, information, evidence)
     for i in range(bins):
         evidence[i] -= np.float32(solver.ON_BINS / PER_BIN**2 * by_place[on[i]])
     forces = np.empty(n)
@@ -223,7 +223,7 @@ def _moves(caused):
     'Tuple((b1, f8[:, ::1], i8[::1], f4[:, ::1], f8, f8))(UniTuple(f4[:, ::1], 2), i8[::1], f8[::1], f8[::1], '
     'Tuple((f4[::1], f4[:, ::1])), i8, f8)'
 )
-def field(by_force, bin_of, around, motion, weights, cols, told):
+def field(by_force, bin_of, around, motion, weights, cols, regularization):
     """As `FieldSolver.field`, if there are bins to solve on: those above the limit, or all of one value.
 
     Args:
@@ -233,7 +233,7 @@ def field(by_force, bin_of, around, motion, weights, cols, told):
         motion: motion of the regions along x and y.
         weights: weights of the regions, and the camera's share.
         cols: number of patch columns.
-        told: share of the weight that regularizes forces and patches.
+        regularization: share of the weight that regularizes forces and patches.
 
     Returns:
         Whether the forces are separable, the forces, the patches that were solved on, the root of the forces'
@@ -248,8 +248,8 @@ def field(by_force, bin_of, around, motion, weights, cols, told):
         allowed[k] = around[bin_of[k]] > limit and _moves(by_force[1][k])
     bins = which[: _chosen(around, limit, np.ones(around.shape[0], np.bool_), which)].copy()
     pressed, near, held = np.empty(patches), np.empty(patches), np.empty(patches)
-    able = _on_bins(by_force[0], bins, around, bin_of, motion, weights, cols, told, pressed)
-    _hold(pressed, cols, told, near, held)
+    able = _on_bins(by_force[0], bins, around, bin_of, motion, weights, cols, regularization, pressed)
+    _hold(pressed, cols, regularization, near, held)
     limit = 0.0
     for value in near:
         limit = max(limit, solver.ACTIVE * value)
@@ -257,7 +257,7 @@ def field(by_force, bin_of, around, motion, weights, cols, told):
     active, n = which[:count].copy(), 3 * count
     forces, root = np.zeros((3, patches)), np.zeros((n, n), np.float32)
     information, evidence, found = np.empty((n, n), np.float32), np.empty(n, np.float32), np.zeros(n)
-    rows = _evidence(by_force[1], active, weights, motion, solver.GRANTED * told, information, evidence)
+    rows = _evidence(by_force[1], active, weights, motion, solver.GRANTED * regularization, information, evidence)
     before = _squared(rows, found)
     for i in range(count):
         evidence[i] -= np.float32(held[active[i]])

@@ -25,19 +25,19 @@ from tactile_nodes.sensing.loops.shape import noise_without, shapes, value_and_s
 
 
 @compiled()
-def _compare(components, contacts, axes, coefficients, growth, information, down):
+def _compare(components, contacts, axes, coefficients, growth, information, descent):
     """Mean squared misfit of the components for given contacts. Fills in information and the descent direction."""
     count, outputs = contacts.shape[0], components.shape[0]
-    made = np.empty((count, 4, outputs), np.float32)
+    modelled = np.empty((count, 4, outputs), np.float32)
     left = np.empty(outputs)
     for c in range(outputs):
         left[c] = components[c]
     strongest = 0.0
     for n in range(count):
-        value_and_slopes(contacts[n], axes, coefficients, made[n])
+        value_and_slopes(contacts[n], axes, coefficients, modelled[n])
         strongest = max(strongest, contacts[n, 2])
         for c in range(outputs):
-            left[c] -= made[n, 0, c]
+            left[c] -= modelled[n, 0, c]
     certainty = np.empty(outputs)
     height = strongest / axes[2, 1]
     misfit = 0.0
@@ -45,13 +45,13 @@ def _compare(components, contacts, axes, coefficients, growth, information, down
         certainty[c] = 1 / (1 + growth[c] * height * height)
         misfit += left[c] * left[c] * certainty[c]
     for i in range(3 * count):
-        one = made[i // 3, 1 + i % 3]
+        one = modelled[i // 3, 1 + i % 3]
         along = 0.0
         for c in range(outputs):
             along += one[c] * certainty[c] * left[c]
-        down[i] = along
+        descent[i] = along
         for j in range(i + 1):
-            other = made[j // 3, 1 + j % 3]
+            other = modelled[j // 3, 1 + j % 3]
             both = 0.0
             for c in range(outputs):
                 both += np.float64(one[c]) * other[c] * certainty[c]
@@ -80,16 +80,16 @@ def _locate(components, begin, axes, coefficients, growth, limits, ends, contact
     along each. `ends` are the final step size, most steps, the gain that is worth a step, and the least gain.
     """
     n, outputs = begin.shape[0], components.shape[0]
-    here, down = np.empty((n, 3)), np.empty(3 * n)
-    copy(begin, here)
+    current, descent = np.empty((n, 3)), np.empty(3 * n)
+    copy(begin, current)
     now, system = np.empty((3 * n, 3 * n)), np.empty((3 * n, 3 * n))
     best = np.inf
     for step in range(int(ends[1])):
-        misfit = _compare(components, here, axes, coefficients, growth, now, down)
+        misfit = _compare(components, current, axes, coefficients, growth, now, descent)
         before = best
         if step == 0 or misfit < best:
             best = misfit
-            copy(here, contacts)
+            copy(current, contacts)
             copy(now, information)
         hardly = step > 0 and before - best < 2 * ends[2] / outputs
         if hardly and _gained(components, growth, contacts, best, axes[2, 1]) < ends[3]:
@@ -98,14 +98,14 @@ def _locate(components, begin, axes, coefficients, growth, limits, ends, contact
         for i in range(3 * n):
             system[i, i] += limits[0, i % 3]
         factorise(system)
-        substitute(system, down)
+        substitute(system, descent)
         furthest = 0.0
         for i in range(3 * n):
             axis = i % 3
-            moved = here[i // 3, axis] + min(max(down[i], -limits[1, axis]), limits[1, axis])
+            moved = current[i // 3, axis] + min(max(descent[i], -limits[1, axis]), limits[1, axis])
             moved = min(max(moved, limits[2, axis]), limits[3, axis])
-            furthest = max(furthest, abs(moved - here[i // 3, axis]))
-            here[i // 3, axis] = moved
+            furthest = max(furthest, abs(moved - current[i // 3, axis]))
+            current[i // 3, axis] = moved
         if furthest < ends[0]:
             break
     return best
@@ -135,22 +135,22 @@ def _start(components, table, levels, begin):
 
 
 @compiled()
-def _one_more(components, contacts, response, table, ends, levels, more, told):
+def _one_more(components, contacts, response, table, ends, levels, more, information):
     """Add one contact where the residual is largest. Fills in contacts and information, and returns the misfit."""
     axes, coefficients, growth, limits = response
     count = contacts.shape[0]
     begin, left = np.empty((count + 1, 3)), np.empty_like(components)
-    made = np.empty((4, components.shape[0]), np.float32)
+    modelled = np.empty((4, components.shape[0]), np.float32)
     copy(contacts, begin[:count])
     for c in range(left.shape[0]):
         left[c] = components[c]
     for n in range(count):
-        value_and_slopes(contacts[n], axes, coefficients, made)
+        value_and_slopes(contacts[n], axes, coefficients, modelled)
         for c in range(left.shape[0]):
-            left[c] -= made[0, c]
+            left[c] -= modelled[0, c]
     _start(left, table, levels, begin[count])
     now = np.array((ends[0], ends[1], ends[2], 0.0 if count else ends[3]))
-    return _locate(components, begin, axes, coefficients, growth, limits, now, more, told)
+    return _locate(components, begin, axes, coefficients, growth, limits, now, more, information)
 
 
 @compiled()
@@ -160,11 +160,11 @@ def _fit(components, response, table, ends, levels, limit, most):
     misfit = _one_more(components, np.empty((0, 3)), response, table, ends, levels, contacts, information)
     while misfit > limit and contacts.shape[0] < most:
         count = contacts.shape[0] + 1
-        more, told = np.empty((count, 3)), np.empty((3 * count, 3 * count))
-        found = _one_more(components, contacts, response, table, ends, levels, more, told)
+        more, more_information = np.empty((count, 3)), np.empty((3 * count, 3 * count))
+        found = _one_more(components, contacts, response, table, ends, levels, more, more_information)
         if found > 0.5 * misfit:
             break
-        contacts, information, misfit = more, told, found
+        contacts, information, misfit = more, more_information, found
     return contacts, information, misfit
 
 
@@ -198,7 +198,7 @@ def _near_ends(contacts, axes, hard):
 
 
 @compiled()
-def _tell(contacts, doubt, information, limits, highest, nowhere, floors, factors, told):
+def _tell(contacts, doubt, information, limits, highest, nowhere, floors, factors, rows):
     """As `ResponseReadout.contacts`: fills in rows of x, y, force, sigma of place and of force, strongest first."""
     count = contacts.shape[0]
     spread = np.empty((count, 3))
@@ -210,12 +210,12 @@ def _tell(contacts, doubt, information, limits, highest, nowhere, floors, factor
             row += harder > 0 or (harder == 0 and other < n)
         x, y, s = contacts[n, 0], contacts[n, 1], contacts[n, 2]
         of_x, of_y, of_s = spread[n, 0], spread[n, 1], spread[n, 2]
-        told[row, 0], told[row, 1], told[row, 2] = x, y, max(s, 0.0)
+        rows[row, 0], rows[row, 1], rows[row, 2] = x, y, max(s, 0.0)
         fitted = math.sqrt((of_x + of_y) / 2)
         sigma_mm = factor_at(factors[0], s / highest) * math.hypot(floors[0], fitted)
         sigma_n = factor_at(factors[1], s / highest) * math.hypot(floors[1], math.sqrt(of_s))
-        told[row, 3] = min(math.hypot(sigma_mm, math.sqrt((doubt[n, 0] + doubt[n, 1]) / 2)), nowhere)
-        told[row, 4] = math.hypot(sigma_n, math.sqrt(doubt[n, 2]))
+        rows[row, 3] = min(math.hypot(sigma_mm, math.sqrt((doubt[n, 0] + doubt[n, 1]) / 2)), nowhere)
+        rows[row, 4] = math.hypot(sigma_n, math.sqrt(doubt[n, 2]))
 
 
 @compiled(
@@ -252,18 +252,18 @@ def read(
         return 0, math.nan, math.nan
     whitened(whitening, scores, components)
     found, information, misfit = _fit(components, response, table, ends, int(levels), limit * limit, contacts.shape[0])
-    count, told, floors = found.shape[0], found, (place_floor, force_floor)
+    count, corrected, floors = found.shape[0], found, (place_floor, force_floor)
     unlike = max(math.sqrt(misfit) / limit, left_over / (likeness + share * size))
     noise = noise_without(0.0, misfit, numbers[18], components.shape[0])
     touching = _gained(components, growth, found, misfit, axes[2, 1]) >= ends[3] * noise
     doubt = np.zeros((count, 3))
     if touching:
-        told = np.empty_like(found)
-        shapes(components, found, information, misfit, response, shifts, numbers[13:], told, doubt)
-        at_end = _stay_at_ends(found, limits, ends[0], told)
+        corrected = np.empty_like(found)
+        shapes(components, found, information, misfit, response, shifts, numbers[13:], corrected, doubt)
+        at_end = _stay_at_ends(found, limits, ends[0], corrected)
         if at_end or _near_ends(found, axes, numbers[12]):
             unlike = max(unlike, beyond)
-    _tell(told, doubt, information, limits, axes[2, 1], nowhere, floors, factors, contacts)
+    _tell(corrected, doubt, information, limits, axes[2, 1], nowhere, floors, factors, contacts)
     if not touching:
         count = 1
         contacts[0, 2], contacts[0, 3] = 0.0, nowhere

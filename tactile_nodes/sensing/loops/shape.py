@@ -64,17 +64,17 @@ def laplacian(at, axes, coefficients, result):
 
 
 @compiled()
-def _width(made, left, certainty, granted, column, step):
+def _width(modelled, left, certainty, granted, column, step):
     """As `contact_shape._width`: fills in a step in x, y, s and width, and the last column of its covariance."""
     information = np.empty((4, 4))
     for i in range(4):
-        one = made[i + 1]
+        one = modelled[i + 1]
         step[i] = 0.0
         column[i] = 1.0 if i == 3 else 0.0
         for c in range(left.shape[0]):
             step[i] += np.float64(one[c]) * left[c] * certainty[c]
         for j in range(i + 1):
-            other = made[j + 1]
+            other = modelled[j + 1]
             both = granted[i] if i == j and i < 3 else 0.0
             for c in range(left.shape[0]):
                 both += np.float64(one[c]) * other[c] * certainty[c]
@@ -104,36 +104,36 @@ def _dot(one, other, certainty):
 
 
 @compiled()
-def _shifted(made, shifts, left, certainty, information, limits, granted, by_shift):
+def _shifted(modelled, shifts, left, certainty, information, limits, granted, by_shift):
     """As `contact_shape._shifted`: fills in the effect of a shift on x, y and s (n, 3), and returns its gain.
 
     `information` is that of all contacts.
     """
     count, channels = information.shape[0], shifts.shape[0]
     system, shared, by_contact = information.copy(), np.empty((channels, count)), np.empty((channels, count))
-    down, own = np.empty(channels), np.empty((channels, channels))
+    descent, own = np.empty(channels), np.empty((channels, channels))
     for i in range(count):
         system[i, i] += limits[0, i % 3]
     factorise(system)
     for k in range(channels):
         for i in range(count):
-            by_contact[k, i] = _dot(made[i // 3, 1 + i % 3], shifts[k], certainty)
+            by_contact[k, i] = _dot(modelled[i // 3, 1 + i % 3], shifts[k], certainty)
             shared[k, i] = by_contact[k, i]
         substitute(system, shared[k])
     for k in range(channels):
-        down[k] = _dot(shifts[k], left, certainty)
+        descent[k] = _dot(shifts[k], left, certainty)
         for i in range(count):
-            down[k] -= shared[k, i] * _dot(made[i // 3, 1 + i % 3], left, certainty)
+            descent[k] -= shared[k, i] * _dot(modelled[i // 3, 1 + i % 3], left, certainty)
         for m in range(channels):
             own[k, m] = _dot(shifts[k], shifts[m], certainty) + (granted if k == m else 0.0)
             for i in range(count):
                 own[k, m] -= by_contact[k, i] * shared[m, i]
-    step = down.copy()
+    step = descent.copy()
     factorise(own)
     substitute(own, step)
     gain = 0.0
     for k in range(channels):
-        gain += down[k] * step[k] / 2
+        gain += descent[k] * step[k] / 2
     for i in range(count):
         by_shift[i // 3, i % 3] = 0.0
         for k in range(channels):
@@ -156,25 +156,25 @@ def shapes(components, contacts, information, misfit, response, shifts, numbers,
     axes, coefficients, growth, limits = response
     most_gain, wide, sure, usual, granted, usual_misfit, per_mm2, of_shift = numbers
     count, outputs = contacts.shape[0], components.shape[0]
-    made = np.empty((count, 5, outputs), np.float32)
+    modelled = np.empty((count, 5, outputs), np.float32)
     left, certainty = np.empty(outputs), np.empty(outputs)
     column, step = np.empty(4), np.empty(4)
     height = 0.0
     for n in range(count):
         height = max(height, contacts[n, 2] / axes[2, 1])
-        value_and_slopes(contacts[n], axes, coefficients, made[n])
-        laplacian(contacts[n], axes, coefficients, made[n, 4])
+        value_and_slopes(contacts[n], axes, coefficients, modelled[n])
+        laplacian(contacts[n], axes, coefficients, modelled[n, 4])
     for c in range(outputs):
         certainty[c] = 1 / (1 + growth[c] * height * height)
         left[c] = components[c]
         for n in range(count):
-            left[c] -= made[n, 0, c]
-    gain = _shifted(made, shifts, left, certainty, information, limits, granted, doubt)
+            left[c] -= modelled[n, 0, c]
+    gain = _shifted(modelled, shifts, left, certainty, information, limits, granted, doubt)
     dragged = gain > most_gain * noise_without(2 * gain, misfit, usual_misfit, outputs)
     for n in range(count):
         for i in range(3):
             doubt[n, i] = (of_shift * doubt[n, i]) ** 2 if dragged else 0.0
-        _width(made[n], left, certainty, limits[0], column, step)
+        _width(modelled[n], left, certainty, limits[0], column, step)
         _step(step, column, contacts[n], limits, usual, moved[n])
         sigmas = step[3] / math.sqrt(column[3])
         noise = noise_without(sigmas * sigmas, misfit, usual_misfit, outputs)

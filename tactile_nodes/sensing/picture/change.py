@@ -173,13 +173,13 @@ def common_motion(motion: Float[np.ndarray, 'n 2'], places: Float[np.ndarray, 'n
     x, y = places.T
     zero, one = np.zeros_like(x), np.ones_like(x)
     design = np.concatenate([np.column_stack([one, zero, x, -y]), np.column_stack([zero, one, y, x])])
-    told = np.concatenate([motion[:, 0], motion[:, 1]])
+    observed = np.concatenate([motion[:, 0], motion[:, 1]])
     common = np.array([*np.median(motion, axis=0), 0.0, 0.0])
     scale = max(FAR_PX, float(np.median(np.hypot(*(motion - common[:2]).T))))
     for _ in range(ROUNDS):
-        away = np.square(told - design @ common).reshape(2, -1).sum(axis=0)
+        away = np.square(observed - design @ common).reshape(2, -1).sum(axis=0)
         weight = np.tile(1 / (1 + away / scale**2), 2)  # the root of the weight
-        common = np.linalg.lstsq(design * weight[:, None], told * weight, rcond=None)[0]
+        common = np.linalg.lstsq(design * weight[:, None], observed * weight, rcond=None)[0]
         scale = max(FAR_PX, scale / 2)
     return common
 

@@ -76,8 +76,8 @@ class Filling:
         """The picture with the dead pixels filled in."""
         filled: np.ndarray = image.copy()
         mean = np.float32(self._mean)
-        told = np.einsum('pn,pn->p', image.reshape(-1)[self._around] - mean, self._weights) + mean
-        filled.reshape(-1)[self.pixels] = np.clip(np.rint(told), 0, 255).astype(np.uint8)
+        predicted = np.einsum('pn,pn->p', image.reshape(-1)[self._around] - mean, self._weights) + mean
+        filled.reshape(-1)[self.pixels] = np.clip(np.rint(predicted), 0, 255).astype(np.uint8)
         return filled
 
     def without(self, alive: Bool[np.ndarray, ' pixels']) -> None:
@@ -241,10 +241,10 @@ def _impossible(rest: UInt8[np.ndarray, 'h w']) -> Bool[np.ndarray, 'h w']:
     if not ends.any() or ends.mean() > MOST_SHARE:
         return found
     like = np.where(ends, cv2.medianBlur(rest, 2 * REACH_PX + 1), rest)
-    told = Filling(like, ends)(rest)[ends].astype(np.float32)
+    predicted = Filling(like, ends)(rest)[ends].astype(np.float32)
     dark, bright = AT_CAPTURE_GREY
     black, sure = rest[ends] == 0, around(ends)[ends] >= 1 - MOST_ENDS
-    far = sure & np.where(black, told > dark, told < 255 - bright)
+    far = sure & np.where(black, predicted > dark, predicted < 255 - bright)
     for end in (black, ~black):
         if far[end].sum() > NEARLY_ALL * end.sum():
             far |= end & sure

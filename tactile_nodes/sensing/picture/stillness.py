@@ -128,7 +128,7 @@ class StillnessCheck:
         self._rest: np.ndarray
         self._light: np.ndarray
         self._contrast: np.ndarray
-        self._whole: tuple[np.ndarray, np.ndarray]
+        self._rounded: tuple[np.ndarray, np.ndarray]
         self._places: TouchPlaces
         self._camera: np.ndarray
         self._average = _averaging(self.options.blocks)
@@ -153,7 +153,7 @@ class StillnessCheck:
         motions = camera_motions(self.options.blocks, self.options.blocks) * np.abs(size[:, 2:, None])
         self._camera = np.linalg.qr(motions.reshape(-1, motions.shape[-1]))[0]
         self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
-        self._whole = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
+        self._rounded = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))
         self._rest = shrunk(image)
         self._light = np.maximum(np.square(self._blocks(self._rest).astype(np.float32)).sum(axis=1), 1.0)
         self._contrast = np.maximum(np.abs(size[:, 1]), 1e-6).astype(np.float32)
@@ -176,7 +176,7 @@ class StillnessCheck:
         if not self._able:
             return False, None
         small = shrunk(image, compiled=self._compiled)
-        seen = self._seen(small, closely=False)
+        seen = self._measured(small, closely=False)
         if seen is None or not seen.within(self.options):
             return False, seen
         # Noise makes the sum of the pixels a random number, and a replay gives the same one.
@@ -195,7 +195,7 @@ class StillnessCheck:
         """
         require_like(self.reference, image)
         assert self._able
-        seen = self._seen(shrunk(image), closely=True)
+        seen = self._measured(shrunk(image), closely=True)
         assert seen is not None
         return seen
 
@@ -252,7 +252,7 @@ class StillnessCheck:
         left = np.maximum(np.square(change).sum(axis=1) - np.square(part).sum(axis=1), 1e-6)
         return part, (left / (change.shape[1] - part.shape[1])).astype(np.float32)
 
-    def _seen(self, small: UInt8[np.ndarray, 'h w'], *, closely: bool) -> Stillness | None:
+    def _measured(self, small: UInt8[np.ndarray, 'h w'], *, closely: bool) -> Stillness | None:
         """How still a frame is, or None if blocks changed so much, as under most presses, that no check is needed.
 
         No split into parts could make such blocks even. `closely`: check all the same.
@@ -260,8 +260,8 @@ class StillnessCheck:
         plain = (math.inf, 0.0) if closely else (PLAIN_UNEVENNESS, LARGEST_LIGHT_SHARE**2)
         if self._compiled:
             motion = np.empty((len(self._light), 2), np.float32)
-            worth, *numbers = compiled_loops().looked(small, self._rest, self._whole, self._light, plain, motion)
-            return self._told(motion, *numbers) if worth else None
+            worth, *numbers = compiled_loops().looked(small, self._rest, self._rounded, self._light, plain, motion)
+            return self._stillness(motion, *numbers) if worth else None
         change = self._blocks(cv2.subtract(small, self._rest, dtype=cv2.CV_32F))
         energy = np.einsum('bn,bn->b', change, change)
         if (energy > plain[0] * _middle(energy) + plain[1] * self._light).any():
@@ -271,9 +271,9 @@ class StillnessCheck:
         left = np.maximum(energy - squared.sum(axis=1), 1e-6)
         left /= change.shape[1] - part.shape[1]
         share = float((squared[:, :2].sum(axis=1) / self._light).max())
-        return self._told(part[:, 2:], middle := _middle(left), share, float(left.max()) / middle)
+        return self._stillness(part[:, 2:], middle := _middle(left), share, float(left.max()) / middle)
 
-    def _told(
+    def _stillness(
         self, motion: Float32[np.ndarray, 'blocks 2'], variance: float, light: float, unevenness: float
     ) -> Stillness:
         """The result in units of noise. A pixel at half size is the mean of four."""

@@ -35,7 +35,7 @@ def ring(radius_mm: np.ndarray) -> np.ndarray:
     return np.where(away < 1.5, 0.02 * np.cos(np.pi * away / 3.0) ** 2, 0.0)
 
 
-def told(regions: Regions, known: np.ndarray) -> np.ndarray:
+def predicted(regions: Regions, known: np.ndarray) -> np.ndarray:
     """The motion (px) of regions under the ring, by the response to patches."""
     patches, response = regions.patches, np.einsum(
         'rptu,t->rpu', regions.terms_of_patches(known), regions.nominal_shares
@@ -89,9 +89,9 @@ def test_a_load_on_the_slope_of_a_dome_moves_regions_as_finite_elements_have_it(
     domed, dome = Regions(DOMED, 10, 10), DOMED.gel.dome
     known = np.flatnonzero(domed.usable)[::2]  # of each two that mirror each other one
     layer = DomedLayer(4.0, lambda r: dome.height_mm(np.stack([np.minimum(r, 9.0), 0 * r], -1)), 0.1, 0.45)
-    true, found = seen(domed, known, layer), told(domed, known)
+    true, found = seen(domed, known, layer), predicted(domed, known)
     flat = Regions(dataclasses.replace(DOMED, gel=dataclasses.replace(DOMED.gel, dome_radius_mm=0.0)), 10, 10)
     assert np.linalg.norm(found - true) < 0.1 * np.linalg.norm(true)
     assert gain(found, true) == pytest.approx(1.03, abs=0.02)
-    assert gain(told(flat, known), true) == pytest.approx(0.89, abs=0.02)
-    assert gain(told(AsThick(DOMED, 10, 10), known), true) == pytest.approx(1.09, abs=0.02)
+    assert gain(predicted(flat, known), true) == pytest.approx(0.89, abs=0.02)
+    assert gain(predicted(AsThick(DOMED, 10, 10), known), true) == pytest.approx(1.09, abs=0.02)

@@ -10,7 +10,7 @@ from pressures import hertz
 from tactile_nodes.sensing.elasticity.rays import described_dots
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import DEPTHS, View
-from tactile_nodes.sensing.flow.dots import told_by_dots
+from tactile_nodes.sensing.flow.dots import weights_of_dots
 from tactile_nodes.sensing.geometry import FisheyeCamera
 from tactile_nodes.sensors import CameraDescription, GelDescription, ImageSettings, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
@@ -48,8 +48,8 @@ def test_a_press_moves_a_region_as_points_along_its_ray_move(regions: Regions) -
         )
         moved = np.array([*away / distance * outward, upward])
         start = point + np.array([0, 0, PUPIL_MM])
-        told = camera.project(np.stack([start + moved * 1e-3, start]))
-        by_hand = 1e3 * (told[0] - told[1])
+        projected = camera.project(np.stack([start + moved * 1e-3, start]))
+        by_hand = 1e3 * (projected[0] - projected[1])
         assert terms[:, depth] == pytest.approx(by_hand, rel=0.06, abs=0.02), at_mm
 
 
@@ -96,13 +96,13 @@ def test_a_region_of_printed_dots_moves_as_its_dots_do(dark_dots: Sensor) -> Non
     at_rest, moved = optics.project(()), optics.project((Press(1.6, -0.9, 0.5),))
     dots_px, pitch_px = described_dots(regions.view), 2.5 * regions.view.px_per_mm
     motion = [(moved - at_rest)[np.hypot(*(at_rest - dot).T) < pitch_px / 3].mean(axis=0) for dot in dots_px]
-    expected = told_by_dots(dots_px, pitch_px, (320, 240), (6, 8)) @ np.array(motion)
+    expected = weights_of_dots(dots_px, pitch_px, (320, 240), (6, 8)) @ np.array(motion)
     terms = regions.terms_of_pressure(
         np.array([[1.6, -0.9]]), hertz(regions.layer, contact_radius_mm(0.5, gel.tip_radius_mm)), np.arange(48)
     )
-    told = table.force_at(0.5) * terms[0] @ regions.nominal_shares
+    predicted = table.force_at(0.5) * terms[0] @ regions.nominal_shares
     assert np.abs(expected).max() > 0.2
-    assert told == pytest.approx(expected, abs=0.03 * float(np.abs(expected).max()))
+    assert predicted == pytest.approx(expected, abs=0.03 * float(np.abs(expected).max()))
 
 
 def test_nominal_shares_count_depths_once_and_slopes_not_at_all(regions: Regions) -> None:
@@ -133,8 +133,8 @@ def test_the_scale_of_an_image_does_not_depend_on_the_roll_of_its_camera(roll_de
 
 def test_a_pressure_aside_of_its_place_is_that_pressure_there(regions: Regions) -> None:
     known, aside = np.arange(0, 400, 7), np.array([[1.5, -2.25]])
-    here = regions.layer.points(aside, np.ones(1))
+    at_aside = regions.layer.points(aside, np.ones(1))
     there = regions.layer.points(np.zeros((1, 2)), np.ones(1))
-    about = regions.terms_of_pressure(np.array([[2.0, 3.0]]), here, known)[..., ::3]
+    about = regions.terms_of_pressure(np.array([[2.0, 3.0]]), at_aside, known)[..., ::3]
     straight = regions.terms_of_pressure(np.array([[3.5, 0.75]]), there, known)[..., ::3]
     assert about == pytest.approx(straight, abs=0.03 * float(np.abs(straight).max()))

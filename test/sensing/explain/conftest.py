@@ -19,8 +19,8 @@ def regions() -> Regions:
 @pytest.fixture(scope='session')
 def response(regions: Regions) -> np.ndarray:
     terms = regions.terms_of_patches(np.arange(regions.count))
-    told = np.einsum('rptu,t->rpu', terms, regions.nominal_shares.astype(np.float32))
-    return np.ascontiguousarray(told.reshape(2 * regions.count, -1))
+    motion = np.einsum('rptu,t->rpu', terms, regions.nominal_shares.astype(np.float32))
+    return np.ascontiguousarray(motion.reshape(2 * regions.count, -1))
 
 
 @pytest.fixture(scope='session')

@@ -1,4 +1,4 @@
-"""Contacts that are wider than those of the training, or drag the skin, are told from the training's own."""
+"""Contacts that are wider than those of the training, or drag the skin, are distinguished from the training's own."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def test_contacts_of_a_usual_width_are_read_better_with_it_than_without() -> Non
         seen = components(gel, *[(*place, 0.15) for place in places])
         seen += random.normal(size=COMPONENTS).astype(np.float32)
         fit, shape = found_in(gel, seen)
-        told = with_usual_width(gel, fit, shape)
-        found.append((fit.contacts[0, 2] - 0.6, told.contacts[0, 2] - 0.6))
+        corrected = with_usual_width(gel, fit, shape)
+        found.append((fit.contacts[0, 2] - 0.6, corrected.contacts[0, 2] - 0.6))
     without, with_it = np.sqrt(np.square(found).mean(axis=0))
     assert with_it < 0.5 * without
 
@@ -116,12 +116,12 @@ def dragged(pull_mm: tuple[float, float], seed: int = 2) -> np.ndarray:
 @pytest.mark.parametrize('pull_mm', [(-0.1, 0.15), (0.0, 0.2)])
 def test_a_tip_that_drags_puts_place_and_force_in_doubt(pull_mm: tuple[float, float]) -> None:
     """It may be taken for another place and force, and the fit leaves no more over than that of other presses."""
-    (blind,), (told,) = (each.read(dragged(pull_mm), SURE).contacts for each in (READER, WATCHFUL))
-    off_mm = float(np.hypot(told.x_mm - 2.0, told.y_mm + 1.0))
+    (blind,), (watchful,) = (each.read(dragged(pull_mm), SURE).contacts for each in (READER, WATCHFUL))
+    off_mm = float(np.hypot(watchful.x_mm - 2.0, watchful.y_mm + 1.0))
     assert READER.read(dragged(pull_mm), SURE).unlikeness < 1
-    assert (told.x_mm, told.y_mm, told.force_n) == (blind.x_mm, blind.y_mm, blind.force_n)
-    assert 2 * blind.sigma_mm < off_mm < 2 * told.sigma_mm
-    assert told.sigma_n > 10 * blind.sigma_n
+    assert (watchful.x_mm, watchful.y_mm, watchful.force_n) == (blind.x_mm, blind.y_mm, blind.force_n)
+    assert 2 * blind.sigma_mm < off_mm < 2 * watchful.sigma_mm
+    assert watchful.sigma_n > 10 * blind.sigma_n
 
 
 def test_a_tip_that_drags_hard_is_unlike_the_training() -> None:
@@ -130,9 +130,9 @@ def test_a_tip_that_drags_hard_is_unlike_the_training() -> None:
 
 def test_what_gains_no_more_by_a_shift_than_presses_do_is_read_to_the_bit_as_unasked() -> None:
     seen = dragged((0.0, 0.0))
-    told, plain = WATCHFUL.read(seen, SURE), READER.read(seen, SURE)
-    assert told.contacts == plain.contacts
-    assert (told.total_sigma_n, told.unlikeness) == (plain.total_sigma_n, plain.unlikeness)
+    watchful, plain = WATCHFUL.read(seen, SURE), READER.read(seen, SURE)
+    assert watchful.contacts == plain.contacts
+    assert (watchful.total_sigma_n, watchful.unlikeness) == (plain.total_sigma_n, plain.unlikeness)
 
 
 def test_a_press_straight_down_gains_by_a_shift_what_noise_does() -> None:
@@ -160,15 +160,15 @@ def test_a_shift_of_all_regions_is_what_is_asked_for() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.1, 300.0))
-def test_whatever_is_seen_a_contact_stays_within_the_splines_and_is_told_with_a_usual_width(
+def test_whatever_is_seen_a_contact_stays_within_the_splines_and_is_reported_with_a_usual_width(
     seed: int, size: float
 ) -> None:
     seen = np.random.default_rng(seed).normal(scale=size, size=COMPONENTS).astype(np.float32)
     fit = READER.fit(seen)
-    told = READER.with_usual_width(seen, fit).contacts
+    corrected = READER.with_usual_width(seen, fit).contacts
     _, _, low, high = GEL.limits_array
-    assert np.isfinite(told).all()
-    assert ((told >= low) & (told <= high)).all()
+    assert np.isfinite(corrected).all()
+    assert ((corrected >= low) & (corrected <= high)).all()
     found = READER.reading(READER.seen(features(READER, seen), SURE))
     if found.contacts[0].force_n > 0:
-        assert found.contacts[0].force_n == pytest.approx(told[:, 2].max(), rel=1e-3, abs=1e-4)
+        assert found.contacts[0].force_n == pytest.approx(corrected[:, 2].max(), rel=1e-3, abs=1e-4)

@@ -6,7 +6,7 @@ import pytest
 from tactile_nodes.sensing.explain.field.contacts import contacts_of, parts_of, slip_share
 from tactile_nodes.sensing.explain.field.solver import Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
-from tactile_nodes.sensing.explain.field.told import sums
+from tactile_nodes.sensing.explain.field.sums import sums
 from tactile_nodes.sensing.grasp import moved_wrench
 
 NOISE_PX = 0.004
@@ -27,7 +27,7 @@ def disc(solver: FieldSolver, at_mm: tuple[float, float], radius_mm: float, tota
     return forces
 
 
-def test_a_dragged_contact_is_told_with_its_place_force_and_shear(solver: FieldSolver) -> None:
+def test_a_dragged_contact_is_reported_with_its_place_force_and_shear(solver: FieldSolver) -> None:
     forces = disc(solver, (3.0, -2.0), 3.0, 1.5)
     forces[1] = 0.3 * forces[0]
     motion = moved(solver, forces)
@@ -35,8 +35,8 @@ def test_a_dragged_contact_is_told_with_its_place_force_and_shear(solver: FieldS
     assert field.total_n == pytest.approx(1.5, rel=0.05)
     assert field.forces_n[1].sum() == pytest.approx(0.45, rel=0.05)
     assert abs(field.forces_n[2].sum()) < 0.02
-    told, true = (solver.patches.over_bins(each) for each in (field.forces_n[0], forces[0]))
-    assert np.abs(told - true).sum() / 2 < 0.15 * 1.5
+    estimated, true = (solver.patches.over_bins(each) for each in (field.forces_n[0], forces[0]))
+    assert np.abs(estimated - true).sum() / 2 < 0.15 * 1.5
 
 
 def test_noise_alone_is_no_force(solver: FieldSolver) -> None:
@@ -60,15 +60,15 @@ def test_what_the_camera_moves_is_no_force(solver: FieldSolver, way: int) -> Non
     assert field.total_n < 0.01
 
 
-def test_a_contact_is_told_as_it_is_while_the_camera_moves(solver: FieldSolver) -> None:
+def test_a_contact_is_reported_as_it_is_while_the_camera_moves(solver: FieldSolver) -> None:
     forces = disc(solver, (3.0, -2.0), 3.0, 1.5)
     forces[1] = 0.3 * forces[0]
     still = moved(solver, forces)
     motion = still + (solver.camera @ [1.0, -1.0, 1.0, 0.5]).reshape(-1, 2)
-    told, true = (solver.field(each, solver.weights(each, np.ones(len(each)))) for each in (motion, still))
-    assert told.total_n == pytest.approx(true.total_n, rel=0.02)
-    assert told.forces_n[1].sum() == pytest.approx(true.forces_n[1].sum(), abs=0.02)
-    assert np.abs(solver.patches.over_bins(told.forces_n[0] - true.forces_n[0])).sum() / 2 < 0.05 * 1.5
+    estimated, true = (solver.field(each, solver.weights(each, np.ones(len(each)))) for each in (motion, still))
+    assert estimated.total_n == pytest.approx(true.total_n, rel=0.02)
+    assert estimated.forces_n[1].sum() == pytest.approx(true.forces_n[1].sum(), abs=0.02)
+    assert np.abs(solver.patches.over_bins(estimated.forces_n[0] - true.forces_n[0])).sum() / 2 < 0.05 * 1.5
 
 
 def test_a_region_that_was_followed_wrongly_and_knows_it_does_no_harm(solver: FieldSolver) -> None:
@@ -82,15 +82,15 @@ def test_a_region_that_was_followed_wrongly_and_knows_it_does_no_harm(solver: Fi
 
 @pytest.mark.parametrize('total_n', [2.0, 5.0, 10.0])
 def test_a_contact_that_is_wide_beside_the_layer_is_filled(solver: FieldSolver, total_n: float) -> None:
-    """An even pressure on 20x20 mm moves next to nothing under its middle; told within 20 %, and the interval holds."""
+    """An even pressure on 20x20 mm moves next to nothing under its middle; estimated within 20 %, in the interval."""
     forces = np.zeros((3, solver.patches.count))
     forces[0] = total_n * (np.abs(solver.patches.centres_mm) < 10.0).all(axis=1)
     forces[0] *= total_n / forces[0].sum()
     motion = moved(solver, forces)
     field = solver.field(motion, solver.weights(motion, np.ones(len(motion))))
     assert field.total_n == pytest.approx(total_n, rel=0.2)
-    told = sums(field, STILL, solver.patches)
-    covariance = FieldSpread().covariance(told.field, solver.patches, told.wrench_covariance)
+    summed = sums(field, STILL, solver.patches)
+    covariance = FieldSpread().covariance(summed.field, solver.patches, summed.wrench_covariance)
     assert abs(field.total_n - total_n) < 1.645 * np.sqrt(covariance[2, 2])
 
 
@@ -125,7 +125,7 @@ def test_contacts_are_told_apart_with_what_acts_on_each(solver: FieldSolver) -> 
 
 
 @pytest.mark.parametrize(
-    ('row', 'told'),
+    ('row', 'parts'),
     [
         ([0.0, 1.0, 0.20, 0.8, 0.0], [0, 1, 1, 2, 0]),  # 0.20 < 0.3 * 0.8
         ([0.0, 1.0, 0.28, 0.8, 0.0], [0, 1, 1, 1, 0]),
@@ -134,13 +134,13 @@ def test_contacts_are_told_apart_with_what_acts_on_each(solver: FieldSolver) -> 
         ([5.0, 0.16, 4.0, 0.20, 3.0], [1, 1, 2, 2, 3]),
     ],
 )
-def test_two_peaks_are_two_contacts_where_pressure_between_them_falls_below_three_tenths(row, told) -> None:
+def test_two_peaks_are_two_contacts_where_pressure_between_them_falls_below_three_tenths(row, parts) -> None:
     grid = np.pad(np.array([row]), 1)
-    assert parts_of(grid.ravel(), grid.shape).reshape(grid.shape)[1, 1:-1].tolist() == told
-    assert parts_of(grid.T.ravel(), grid.T.shape).reshape(grid.T.shape)[1:-1, 1].tolist() == told
+    assert parts_of(grid.ravel(), grid.shape).reshape(grid.shape)[1, 1:-1].tolist() == parts
+    assert parts_of(grid.T.ravel(), grid.T.shape).reshape(grid.T.shape)[1:-1, 1].tolist() == parts
 
 
-def test_a_twist_is_told_as_torsion(solver: FieldSolver) -> None:
+def test_a_twist_is_reported_as_torsion(solver: FieldSolver) -> None:
     """Shear around the middle, q = 0.2 N / mm² r: the moment is that sum over the patches."""
     forces = disc(solver, (0.9, 0.9), 4.0, 3.0)
     away = solver.patches.centres_mm - 0.9

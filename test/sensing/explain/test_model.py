@@ -53,7 +53,7 @@ def test_hidden_units_are_logistic_and_outputs_plain():
     assert network(np.array([2.0, -3.0], np.float32)).tolist() == [-8.0]
 
 
-def test_the_sizes_of_the_papers_network_are_told():
+def test_the_sizes_of_the_papers_network_are_reported():
     sizes = (3200, 800, 400, 400, 81)
     pairs = list(zip(sizes[1:], sizes[:-1], strict=True))
     network = Mlp(

@@ -72,8 +72,8 @@ def test_forces_in_a_usual_picture_are_the_networks_to_the_bit():
     alone = network(0.9, novelty_check=None).read(values, SURE)
     beside = network(0.9).read(values, SURE)
     assert beside.normal_force_n.tobytes() == alone.normal_force_n.tobytes()
-    (told,), (expected,) = beside.contacts, alone.contacts
-    assert repr(told) == repr(expected)  # its deviation of the place is NaN, which equals nothing
+    (contact,), (expected,) = beside.contacts, alone.contacts
+    assert repr(contact) == repr(expected)  # its deviation of the place is NaN, which equals nothing
     assert beside.total_sigma_n == alone.total_sigma_n
 
 
@@ -85,8 +85,8 @@ def test_what_directions_leave_over_counts_beside_the_novelty_check():
     assert reading.unlikeness == strict.unlikeness(values.reshape(-1)) > 1
 
 
-def test_of_no_motion_no_force_is_told_as_sure_as_the_network_is_of_none():
-    """It says 0.3 N there, 10 times its 0.03 N, and 0.5 N / N more of that: none of it is told."""
+def test_of_no_motion_no_force_is_reported_as_sure_as_the_network_is_of_none():
+    """It says 0.3 N there, 10 times its 0.03 N, and 0.5 N / N more of that: none of it is reported."""
     sure_of_none = network(0.3, spread=TotalSpread(0.03, 0.5))
     model = ForceModel(FeatureLayout('cartesian_mean', 6, 6, 2), BINS, sure_of_none)
     still = Features('cartesian_mean', np.zeros((6, 6, 2), np.float32), SURE)

@@ -11,7 +11,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import find_model, load_model, save_model
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
-from tactile_nodes.sensing.explain.field.told import covariance_of_tips
+from tactile_nodes.sensing.explain.field.sums import covariance_of_tips
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.reading import Contact
@@ -50,7 +50,7 @@ def edge(readout: FieldReadout) -> np.ndarray:
     return forces
 
 
-def test_a_frame_is_told_with_wrench_bins_and_fine_map_that_agree(readout: FieldReadout) -> None:
+def test_a_frame_is_reported_with_wrench_bins_and_fine_map_that_agree(readout: FieldReadout) -> None:
     forces = edge(readout)
     reading = readout.read(*seen(readout, forces))
     acting = reading.acting
@@ -100,9 +100,9 @@ def test_nine_times_the_noise_alone_is_explained_by_nothing_either(readout: Fiel
         assert not readout.read(values, np.ones((SIDE, SIDE), np.float32)).normal_force_n.any(), seed
 
 
-def test_what_so_much_noise_may_hide_is_told_and_is_not_ok(readout: FieldReadout) -> None:
+def test_what_so_much_noise_may_hide_is_reported_and_is_not_ok(readout: FieldReadout) -> None:
     """A force is ok while its deviation is at most twice the nominal error. Half the squared motion of a force over the
-    noise is what it gains; nothing is told where that is below 8 at least."""
+    noise is what it gains; nothing is reported where that is below 8 at least."""
     noise = np.random.default_rng(5).standard_normal((SIDE, SIDE, 2)).astype(np.float32) * NOISE_PX
     sure, nominal_n = np.ones((SIDE, SIDE), np.float32), readout.nominal_n(0.0)
     quiet, noisy = readout.read(noise, sure), readout.read(9 * noise, sure)
@@ -115,8 +115,8 @@ def test_what_so_much_noise_may_hide_is_told_and_is_not_ok(readout: FieldReadout
     assert noisy.acting is not None
     assert noisy.acting.wrench_covariance[2, 2] == pytest.approx(noisy.total_sigma_n**2)
     assert noisy.acting.field is not None
-    told_n = noisy.acting.field().pressure_sigma_mpa * np.prod(readout.solver.patches.size_mm)
-    assert told_n == pytest.approx(np.full_like(told_n, noisy.total_sigma_n), rel=1e-4)
+    noise_n = noisy.acting.field().pressure_sigma_mpa * np.prod(readout.solver.patches.size_mm)
+    assert noise_n == pytest.approx(np.full_like(noise_n, noisy.total_sigma_n), rel=1e-4)
 
 
 def test_a_motion_that_no_force_makes_widens_the_interval(readout: FieldReadout) -> None:
@@ -162,9 +162,9 @@ def test_a_file_keeps_it(readout: FieldReadout, tmp_path: Path) -> None:
     save_model(file, ForceModel(layout, BinGrid(), readout), CARD)
     loaded = load_model(file).model
     values, sure = seen(readout, edge(readout))
-    told = ForceEstimator(loaded).predict(Features('cartesian_mean', values, sure))
-    assert told.total_n == pytest.approx(float(readout.read(values, sure).normal_force_n.sum()), rel=5e-3)
-    assert told.acting is not None
+    estimate = ForceEstimator(loaded).predict(Features('cartesian_mean', values, sure))
+    assert estimate.total_n == pytest.approx(float(readout.read(values, sure).normal_force_n.sum()), rel=5e-3)
+    assert estimate.acting is not None
 
 
 def test_a_response_of_other_bins_is_refused(readout: FieldReadout) -> None:

@@ -66,9 +66,9 @@ def test_a_contact_at_the_end_of_the_training_is_unlike_it(place: tuple[float, f
 )  # fmt: skip
 def test_near_the_rim_of_the_training_less_force_is_hard(place: tuple[float, float, float], known: bool) -> None:
     """The last intervals begin at an s of 0.75, 10 mm from the middle, and are 2 mm long."""
-    told = READER.read(features(READER, components(GEL, place)), SURE)
-    assert (told.unlikeness < 0.5) == known
-    assert (told.unlikeness == BEYOND_UNLIKENESS) == (not known)
+    reading = READER.read(features(READER, components(GEL, place)), SURE)
+    assert (reading.unlikeness < 0.5) == known
+    assert (reading.unlikeness == BEYOND_UNLIKENESS) == (not known)
 
 
 def test_noise_is_given_up_after_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,7 +138,7 @@ def test_one_contact_is_found_where_one_is(place: tuple[float, float, float], se
     assert len(READER.fit(components(GEL, place) + noise).contacts) == 1
 
 
-def test_contacts_are_told_strongest_first_and_add_up() -> None:
+def test_contacts_are_reported_strongest_first_and_add_up() -> None:
     reading = READER.read(features(READER, components(GEL, (-6.0, 0.0, 0.3), (6.0, 2.0, 0.7))), SURE)
     assert [each.force_n for each in reading.contacts] == pytest.approx([0.7, 0.3], abs=5e-3)
     assert (reading.contacts[0].x_mm, reading.contacts[0].y_mm) == pytest.approx((6.0, 2.0), abs=0.02)
@@ -146,7 +146,7 @@ def test_contacts_are_told_strongest_first_and_add_up() -> None:
     assert reading.total_sigma_n == pytest.approx(math.hypot(*(each.sigma_n for each in reading.contacts)))
 
 
-def test_no_more_contacts_are_told_than_allowed() -> None:
+def test_no_more_contacts_are_reported_than_allowed() -> None:
     seen = components(GEL, (-6.0, 0.0, 0.5), (6.0, 2.0, 0.7))
     assert len(dataclasses.replace(READER, most_contacts=1).fit(seen).contacts) == 1
 

@@ -55,7 +55,7 @@ def test_weights_without_the_camera_are_those_of_both_found_together() -> None:
 EVERYWHERE = inside_of(np.ones((20, 20), bool))
 
 
-def test_the_noise_of_a_frame_is_told_beside_a_strong_contact() -> None:
+def test_the_noise_of_a_frame_is_reported_beside_a_strong_contact() -> None:
     """0.03 px of noise; a contact that moves its 25 regions by up to 1 px in all directions, all others smoothly."""
     random = np.random.default_rng(1)
     along = np.linspace(-1, 1, 20)
@@ -66,7 +66,7 @@ def test_the_noise_of_a_frame_is_told_beside_a_strong_contact() -> None:
     assert noise_of(smooth.astype(np.float32), EVERYWHERE) < 0.001
 
 
-def test_of_noise_alone_so_much_is_told_as_there_is() -> None:
+def test_of_noise_alone_so_much_is_reported_as_there_is() -> None:
     """648 differences, whose three tenths quantile is known to a twentieth."""
     moved = np.random.default_rng(2).normal(0, 0.03, (20, 20, 2))
     assert noise_of(moved.astype(np.float32), EVERYWHERE) == pytest.approx(0.03, rel=0.15)

@@ -1,4 +1,4 @@
-"""Forces are told where the surface is that carries them."""
+"""Forces are reported where the surface is that carries them."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ def on_one(place: int, pressed: float, along_x: float, along_y: float) -> np.nda
     return forces
 
 
-def test_a_force_is_told_as_much_further_as_its_shear_takes_the_surface_along():
+def test_a_force_is_reported_as_much_further_as_its_shear_takes_the_surface_along():
     """0.45 * 0.5 mm/N * 0.8 N of 2 mm to the right: 9 %; of 0.4 N downwards: 4.5 %."""
     row, col = 3, 2
-    told = moved_along(on_one(8 * row + col, 2.0, 0.8, 0.4), YIELDING, PATCHES).reshape(3, 8, 8)
+    moved = moved_along(on_one(8 * row + col, 2.0, 0.8, 0.4), YIELDING, PATCHES).reshape(3, 8, 8)
     expected = 2.0 * np.outer([0.955, 0.045], [0.91, 0.09])
-    np.testing.assert_allclose(told[0, row : row + 2, col : col + 2], expected, rtol=1e-6)
-    np.testing.assert_allclose(told[1:].sum(axis=(1, 2)), [0.8, 0.4], rtol=1e-12)
+    np.testing.assert_allclose(moved[0, row : row + 2, col : col + 2], expected, rtol=1e-6)
+    np.testing.assert_allclose(moved[1:].sum(axis=(1, 2)), [0.8, 0.4], rtol=1e-12)
 
 
 def test_the_sum_of_all_forces_stays_at_the_rim_too():
-    told = moved_along(on_one(63, 3.0, 2.0, 1.0) + on_one(0, 1.0, -0.8, -0.5), YIELDING, PATCHES)
-    np.testing.assert_allclose(told.sum(axis=1), [4.0, 1.2, 0.5], rtol=1e-12)
+    moved = moved_along(on_one(63, 3.0, 2.0, 1.0) + on_one(0, 1.0, -0.8, -0.5), YIELDING, PATCHES)
+    np.testing.assert_allclose(moved.sum(axis=1), [4.0, 1.2, 0.5], rtol=1e-12)
 
 
 def test_without_shear_and_without_a_known_surface_nothing_moves():

@@ -30,7 +30,7 @@ def seen(places: np.ndarray, light: float = 1.0) -> DisplacementField:
 
 
 @pytest.mark.parametrize('shift', [(0.3, -0.2), (1.7, 2.2), (-9.0, 12.0), (0.0, 20.0)])
-def test_a_shift_of_up_to_nearly_half_the_pitch_is_told_everywhere(shift: tuple[float, float]) -> None:
+def test_a_shift_of_up_to_nearly_half_the_pitch_is_measured_everywhere(shift: tuple[float, float]) -> None:
     field = seen(PLACES + np.array(shift))
     assert np.abs(field.displacement_px - np.array(shift)).max() < 0.08
     assert field.confidence is not None

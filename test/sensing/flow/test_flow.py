@@ -144,7 +144,7 @@ def test_wrong_options_are_refused(options: dict[str, object]):
         make_flow('dis', options)
 
 
-def test_options_are_told_with_their_defaults():
+def test_options_are_recorded_with_their_defaults():
     assert make_flow('dis', {'finest_scale': None}).options == {
         'preset': 'ultrafast',
         'finest_scale': None,

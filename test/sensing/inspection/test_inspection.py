@@ -1,4 +1,4 @@
-"""What pictures show of a sensor: patterns drawn by hand, and simulated from descriptions, are told as they are."""
+"""What pictures show of a sensor: patterns drawn by hand, and simulated from descriptions, are reported as they are."""
 
 from __future__ import annotations
 
@@ -124,14 +124,14 @@ def test_pictures_of_the_described_sensor_are_ok(printed: list[np.ndarray], memb
     ):
         assert {each.level for each in inspection.findings} == {OK}
         assert figure(inspection).shape[1] >= 640
-    found = {each.what: each.text for each in Inspection(DOTS, {'a': printed[0], 'b': printed[1]}).findings}
+    found = {each.subject: each.text for each in Inspection(DOTS, {'a': printed[0], 'b': printed[1]}).findings}
     assert found['dots'] == '35 dark dots found, 35 described within the image'
     assert found['pitch'].startswith('43.2 px apart, 43.3 described')
 
 
 def levels(sensor: Sensor, *pictures: np.ndarray) -> dict[str, str]:
     named = {str(number): each for number, each in enumerate(pictures)}
-    return {each.what: each.level for each in Inspection(sensor, named).findings}
+    return {each.subject: each.level for each in Inspection(sensor, named).findings}
 
 
 def test_what_is_wrong_is_said(printed: list[np.ndarray], membrane: np.ndarray) -> None:
@@ -178,7 +178,7 @@ def test_a_grid_that_no_description_holds_is_bad(
     """Of 400 px that are 20 mm: 20 px a millimetre."""
     picture = grid(across, down)
     sensor = describe(understood(picture), Answers('it', 20.0, markers_mm=(0.3, 0.4)), (400, 300))
-    (dots,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.what == 'dots')
+    (dots,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.subject == 'dots')
     assert dots.level == BAD
     assert fault in dots.text
     assert 'supports rows and columns at right angles only' in dots.text
@@ -205,30 +205,30 @@ def test_a_gel_that_shows_hardly_any_marks_tells_no_force(membrane: np.ndarray) 
     plain = np.tile(np.linspace(60, 180, width).astype(np.uint8), (height, 1))
     most = MaskSettings((f'0,0 {0.85 * width:.0f},0 {0.85 * width:.0f},{height - 1} 0,{height - 1}',))
     for sensor, picture in ((MEMBRANE, plain), (replace(MEMBRANE, mask=most), membrane)):
-        (regions,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.what == 'regions')
+        (regions,) = (each for each in Inspection(sensor, {'it': picture}).findings if each.subject == 'regions')
         assert regions.level == BAD
         assert 'too little to estimate forces: a gel without marks' in regions.text
 
 
-def test_markers_that_are_not_those_described_are_told(membrane: np.ndarray) -> None:
+def test_markers_that_are_not_those_described_are_reported(membrane: np.ndarray) -> None:
     """Seen of 25x19 mm 24.8 at the surface; from twice as far 50, of which 75 % lie beside the gel."""
 
-    def told(**camera: object) -> dict[str, str]:
+    def levels_for(**camera: object) -> dict[str, str]:
         return levels(replace(MEMBRANE, camera=replace(MEMBRANE.camera, **camera)), membrane)
 
     dark = replace(MEMBRANE.pattern, dark=True)
     assert levels(replace(MEMBRANE, pattern=dark), membrane)['pattern'] == BAD
     assert levels(replace(MEMBRANE, pattern=dark), 255 - membrane)['pattern'] == OK
     assert levels(MEMBRANE, 255 - membrane)['pattern'] == BAD
-    assert told(position_mm=(0.0, 0.0, -40.0))['gel'] == BAD
-    assert told(position_mm=(0.0, 0.0, -25.0))['gel'] == LOOK
-    near = told(position_mm=(0.0, 0.0, -10.0))
+    assert levels_for(position_mm=(0.0, 0.0, -40.0))['gel'] == BAD
+    assert levels_for(position_mm=(0.0, 0.0, -25.0))['gel'] == LOOK
+    near = levels_for(position_mm=(0.0, 0.0, -10.0))
     assert (near['pattern'], near['focus'], near['gel']) == (LOOK, LOOK, LOOK)
     few = replace(MEMBRANE, pattern=replace(MEMBRANE.pattern, count=900))
     assert levels(few, membrane)['pattern'] == LOOK
 
 
-def test_how_much_of_the_gel_is_seen_is_told(membrane: np.ndarray) -> None:
+def test_how_much_of_the_gel_is_seen_is_reported(membrane: np.ndarray) -> None:
     """A lens of twice the focal length sees half of each side; a mask over the left half takes half of that."""
     tele = replace(MEMBRANE, camera=replace(MEMBRANE.camera, focal_px=(1024.0, 1024.0)))
     half = replace(tele, mask=MaskSettings(('0,0 319,0 319,479 0,479',)))
@@ -236,7 +236,7 @@ def test_how_much_of_the_gel_is_seen_is_told(membrane: np.ndarray) -> None:
         (tele, 0.5 * 0.5 * 24.75 / 25 * 18.56 / 19),
         (half, 0.5 * 0.5 * 0.5 * 24.75 / 25 * 18.56 / 19),
     ):
-        (gel,) = (each for each in Inspection(sensor, {'it': membrane}).findings if each.what == 'gel')
+        (gel,) = (each for each in Inspection(sensor, {'it': membrane}).findings if each.subject == 'gel')
         assert gel.level == LOOK
         assert int(gel.text.split(' %')[0]) == pytest.approx(100 * share, abs=2)
 
@@ -254,7 +254,7 @@ def test_pressed_pictures_among_untouched_ones_are_never_ok(
     pressed = [optics.render((Press(3.0 * x, -2.0, 0.4),), 10 + x) for x in (-1, 0, 1, 2)]
     shown = {f'{number}.png': each for number, each in enumerate([*pressed[:untouched], *printed[:untouched]])}
     finding = Inspection(DOTS, shown).findings[-1]
-    assert (finding.what, finding.level) == ('noise', LOOK)
+    assert (finding.subject, finding.level) == ('noise', LOOK)
     assert 'something touches' in finding.text
 
 
@@ -306,7 +306,7 @@ def test_dots_are_found_where_they_are_printed() -> None:
     gel = replace(gel_of(there), mechanics='linear')
     rest = Optics(gel, linear_table(gel)).render((), 1)
     seen = Inspection(DOTS, {'a': rest}).findings
-    assert [each.text for each in seen if each.what == 'place'] == [
+    assert [each.text for each in seen if each.subject == 'place'] == [
         'dots are 1.1 mm off the described positions, so forces are reported at the wrong places: set '
         'pattern.dot_mm to [0.5, -1.0]'
     ]

@@ -136,7 +136,7 @@ def test_a_new_rest_image_ends_the_false_forces_and_says_how_far_off_it_lies(mon
 
 
 @pytest.mark.parametrize(('depth_mm', 'level'), [(0.1, Level.VALID), (0.6, Level.AGEING), (1.5, Level.INVALID)])
-def test_a_rest_image_with_a_touch_in_it_is_told(
+def test_a_rest_image_with_a_touch_in_it_is_reported(
     monitor: DriftMonitor, plain: Seen, depth_mm: float, level: Level
 ) -> None:
     monitor.rest(plain.picture((Press(4.0, -3.0, depth_mm),)))
@@ -175,7 +175,7 @@ def test_another_gel_is_called_one_at_once(monitor: DriftMonitor) -> None:
     assert 'differ from those of the calibration' in verdict.text
 
 
-def test_a_gel_changed_while_sensing_is_told_against_the_rest_image(monitor: DriftMonitor) -> None:
+def test_a_gel_changed_while_sensing_is_reported_against_the_rest_image(monitor: DriftMonitor) -> None:
     verdict = watched(monitor, [changed(seed=5).picture()]).verdict
     assert (verdict.level, verdict.reasons) == (Level.INVALID, Reason.OTHER_GEL)
     assert 'differ from those of the rest image' in verdict.text
@@ -250,7 +250,7 @@ def test_a_weight_that_does_not_lie_there_is_asked_for(monitor: DriftMonitor) ->
         monitor.weigh(200.0)
 
 
-def test_contacts_that_are_unlike_one_after_the_other_are_told_once_they_are_many(monitor: DriftMonitor) -> None:
+def test_contacts_that_are_unlike_one_after_the_other_are_reported_once_they_are_many(monitor: DriftMonitor) -> None:
     assert touched(monitor, 1.0, 19, unlike=2.0).verdict.level == Level.VALID
     verdict = touched(monitor, 1.0, 6, begin_s=60, unlike=2.0).verdict
     assert (verdict.level, verdict.reasons) == (Level.AGEING, Reason.UNLIKE_CONTACTS)

@@ -12,25 +12,25 @@ from tactile_nodes.sensing.judge.freshness import Freshness
 S = 1_000_000_000
 
 
-def told(stamps_s: list[float], age_s: float = 0.0) -> list[bool]:
+def staleness(stamps_s: list[float], age_s: float = 0.0) -> list[bool]:
     found = Freshness(0.1)
     return [found.stale(round(each * S), age_s) for each in stamps_s]
 
 
 def test_a_frame_that_comes_after_a_newer_one_or_twice_is_stale_and_the_next_is_not() -> None:
-    assert told([1, 3, 2, 4]) == [False, False, True, False]
-    assert told([1, 1, 2]) == [False, True, False]
+    assert staleness([1, 3, 2, 4]) == [False, False, True, False]
+    assert staleness([1, 1, 2]) == [False, True, False]
 
 
 def test_stamps_that_jump_back_for_good_are_believed_after_three_in_order() -> None:
-    assert told([100, 101, 1, 2, 3, 4, 5]) == [False, False, True, True, True, False, False]
+    assert staleness([100, 101, 1, 2, 3, 4, 5]) == [False, False, True, True, True, False, False]
 
 
 def test_a_frame_is_stale_by_its_age_and_not_judged_where_that_is_not_known() -> None:
-    assert told([1], 0.11) == [True]
-    assert told([1], 0.09) == [False]
-    assert told([1], -1.0) == [True]
-    assert told([1], math.nan) == [False]
+    assert staleness([1], 0.11) == [True]
+    assert staleness([1], 0.09) == [False]
+    assert staleness([1], -1.0) == [True]
+    assert staleness([1], math.nan) == [False]
 
 
 @given(st.lists(st.integers(1, 10**10), min_size=1, max_size=50, unique=True))

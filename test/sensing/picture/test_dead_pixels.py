@@ -55,8 +55,8 @@ def test_where_pixels_go_their_own_way_one_is_filled_in_with_the_mean() -> None:
 def test_pixels_in_a_row_go_together_as_their_covariance_says() -> None:
     """Columns of 0 and 100 in turn, half of each: covariance 2500 two columns away, -2500 one away."""
     columns = np.tile(np.array([0, 100], np.uint8), (40, 20))
-    told = covariance(columns)
-    np.testing.assert_allclose(told[4, [2, 3, 5, 6]], [2500, -2500, -2500, 2500], rtol=0.03)
+    measured = covariance(columns)
+    np.testing.assert_allclose(measured[4, [2, 3, 5, 6]], [2500, -2500, -2500, 2500], rtol=0.03)
 
 
 @pytest.mark.parametrize('grey', [0, 140, 255])

@@ -74,12 +74,12 @@ def swollen(at: np.ndarray) -> np.ndarray:
 def test_a_gel_of_another_shape_is_lost_at_once_and_found_at_once_when_it_is_as_it_was(knocked_px: float) -> None:
     registration = Registration()
     measure = Measured(picture(), registration=registration)
-    told = []
+    lost = []
     for number, motions in enumerate(
         [[shift(knocked_px, 0.0)]] * 6 + [[swollen, shift(knocked_px, 0.0)]] * 3 + [[]] * 6
     ):
         measure(picture(*motions, number=number), (1 + number) * S)
-        told.append(registration.lost)
-    assert told == [False] * 6 + [True] * 3 + [False] * 6
+        lost.append(registration.lost)
+    assert lost == [False] * 6 + [True] * 3 + [False] * 6
     assert registration.settled
     assert registration.surely

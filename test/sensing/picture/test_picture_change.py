@@ -54,7 +54,7 @@ def test_turn_and_growth_are_told_apart(comparison: PictureComparison, speckle: 
     assert np.hypot(*change.shift_px) < 0.05
 
 
-def test_light_is_told_and_is_no_motion(comparison: PictureComparison, speckle: np.ndarray) -> None:
+def test_light_is_reported_and_is_no_motion(comparison: PictureComparison, speckle: np.ndarray) -> None:
     change = comparison.of(np.rint(speckle * 0.5).astype(np.uint8))
     assert (change.contrast, change.brightness) == pytest.approx((0.5, 0.5), abs=0.01)
     assert change.size_px < 0.005

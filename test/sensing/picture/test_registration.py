@@ -1,4 +1,4 @@
-"""A knocked camera is no motion, a press is, and what cannot be told is said."""
+"""A knocked camera is no motion, a press is, and what cannot be decided is reported."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def check(**options: float) -> StillnessCheck:
     return made
 
 
-def test_noise_is_still_and_its_size_is_told() -> None:
+def test_noise_is_still_and_its_size_is_reported() -> None:
     looked = [check().look(frame(seed=seed)) for seed in range(5)]
     # A variance of 4, a sixteenth more for the mean of 16 frames at rest, and what rounding adds: a twelfth to a pixel,
     # and at half size a twelfth to each of the two images, which count for four pixels: 4.25 + 0.09 + 0.67.
@@ -73,7 +73,7 @@ def test_a_speck_of_dirt_is_not_still() -> None:
     assert not check()(frame(dirty))
 
 
-def test_light_is_told_as_a_share() -> None:
+def test_light_is_reported_as_a_share() -> None:
     assert check().look(frame(0.9 * PATTERN)).light_share == pytest.approx(0.1, abs=0.01)
 
 

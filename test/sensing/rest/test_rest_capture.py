@@ -48,7 +48,7 @@ def test_a_held_press_after_too_few_frames_of_the_untouched_gel_is_no_rest_image
 
 
 def test_a_picture_of_something_else_in_between_makes_no_press_a_rest_image(pictures: Pictures) -> None:
-    """As of a hand before the camera, or of a press too hard to be told: the gel seen before it still counts."""
+    """As of a hand before the camera, or of a press too hard to be measured: the gel seen before it still counts."""
     capture = RestCapture(wanted=8)
     hand, moved = (np.roll(pictures.of(), by, axis=(0, 1)) for by in (100, 150))
     assert not any(offered(capture, [pictures.of() for _ in range(6)] + [hand] * 5 + [moved]))

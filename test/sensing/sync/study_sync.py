@@ -43,7 +43,7 @@ class Outcome:
     errors_s: list[float] = field(default_factory=list)
     refused: Counter[str] = field(default_factory=Counter)
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """'whole: 600 runs, 600 fitted, worst 0.55 ms off, refused: none'"""
         reasons = ', '.join(f'{count} x {reason}' for reason, count in self.refused.items()) or 'none'
         worst_ms = 1e3 * max(self.errors_s, default=float('nan'))
@@ -60,7 +60,7 @@ def whole(runs: int) -> None:
     for number in range(runs):
         presses = int(rng.integers(9, 450))
         observe(outcome, campaign(f'plan {number}', presses), rng, jitter_s=rng.uniform(0, 0.002))
-    print(outcome.told())
+    print(outcome.describe())
 
 
 def broken(runs: int) -> None:
@@ -71,7 +71,7 @@ def broken(runs: int) -> None:
             for number in range(runs):
                 edges = campaign(f'plan {number}', presses, pulses, ends=False)
                 observe(outcome, edges, rng, jitter_s=rng.uniform(0, 0.002))
-            print(outcome.told(), flush=True)
+            print(outcome.describe(), flush=True)
 
 
 def random(runs: int) -> None:
@@ -81,7 +81,7 @@ def random(runs: int) -> None:
         gaps = rng.uniform(0.5, 3.0, rng.integers(20, 500))
         jitter_s = rng.uniform(0, 0.004)
         observe(outcome, line(gaps), rng, jitter_s, RecorderFaults(FAULTY, FAULTY, jitter_s))
-    print(outcome.told())
+    print(outcome.describe())
 
 
 def camera(runs: int) -> None:
@@ -98,7 +98,7 @@ def camera(runs: int) -> None:
             for number in range(runs):
                 edges = campaign(f'plan {number}', presses, longer_s=rng.uniform(0, 0.05, presses))
                 watch(outcome, edges, rng, fps, exposure_s, late_s)
-            print(outcome.told(), flush=True)
+            print(outcome.describe(), flush=True)
 
 
 def step(runs: int) -> None:
@@ -107,7 +107,7 @@ def step(runs: int) -> None:
         rng, outcome = np.random.default_rng(0), Outcome(f'{fps} images/s, in step, 147 presses')
         for number in range(runs):
             watch(outcome, campaign(f'plan {number}', 147), rng, fps, exposure_s, late_s)
-        print(outcome.told(), flush=True)
+        print(outcome.describe(), flush=True)
 
 
 def watch(
@@ -118,8 +118,8 @@ def watch(
     start_s = begin_s + np.arange(round((edges[-1].stamp_ns - START_NS) / SECOND_NS + 4 - begin_s) * fps) / fps
     bright = 20 + 200 * lit_share(edges, start_s, exposure_s) + rng.normal(0, 2, len(start_s))
     clock = other_clock(rng)
-    told_s = start_s + rng.uniform(0, late_s, len(start_s)) - late_s / 2
-    stamps = np.array([clock.offset + clock.count(START_NS + round(each * 1e9)) for each in told_s], np.int64)
+    stamped_s = start_s + rng.uniform(0, late_s, len(start_s)) - late_s / 2
+    stamps = np.array([clock.offset + clock.count(START_NS + round(each * 1e9)) for each in stamped_s], np.int64)
     found = light_edges(np.maximum.accumulate(stamps), bright, exposure_s)
     rig = seen_edges(recorded(edges, HOST, RIG), RIG.jitter_s)
     seen = {'rig': rig, 'other': Edges(found.stamp_ns, found.level, found.uncertainty_s)}

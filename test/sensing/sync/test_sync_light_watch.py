@@ -35,7 +35,7 @@ def edges() -> list[Edge]:
     return [Edge(round(time_s * 1e9), number % 2 == 0) for number, time_s in enumerate(times)]
 
 
-def test_every_edge_is_told_once_and_within_what_it_says_of_itself(edges: list[Edge]) -> None:
+def test_every_edge_is_reported_once_and_within_what_it_says_of_itself(edges: list[Edge]) -> None:
     found = watched(*film(edges, edges[-1].stamp_ns / 1e9 + 1))
     assert [level for _, level, _ in found] == [edge.level for edge in edges]
     for (stamp_ns, _, half_s), edge in zip(found, edges, strict=True):
@@ -57,11 +57,11 @@ def test_a_light_that_was_dark_for_long_is_seen_when_it_goes_on() -> None:
     assert abs(found[-1][0] - edges[-1].stamp_ns) < 10_000_000
 
 
-def test_an_edge_is_told_three_frames_after_it(edges: list[Edge]) -> None:
+def test_an_edge_is_reported_three_frames_after_it(edges: list[Edge]) -> None:
     watch = LightWatch(EXPOSURE_S)
-    told = [len(watch.take(number * PERIOD_NS, 200.0 if number >= 50 else 20.0).stamp_ns) for number in range(60)]
-    assert told.index(1) == 53
-    assert sum(told) == 1
+    reported = [len(watch.take(number * PERIOD_NS, 200.0 if number >= 50 else 20.0).stamp_ns) for number in range(60)]
+    assert reported.index(1) == 53
+    assert sum(reported) == 1
 
 
 def test_a_scene_without_a_light_has_no_edges() -> None:

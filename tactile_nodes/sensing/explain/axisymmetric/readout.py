@@ -269,32 +269,32 @@ class AxisymmetricReadout:
         largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.highest_n / 4])
         granted, count = damping(len(begin)), max(int((seen.certainty > 0).sum()), 1)
         useless = (worth * self.calibration.misfit_limit) ** 2 * count
-        here, found = begin.copy(), []
+        current, found = begin.copy(), []
         for _ in range(MOST_STEPS):
-            fit, down, cost = self._compare(seen, here)
+            fit, descent, cost = self._compare(seen, current)
             found.append((cost, fit))
             if len(found) > 1 and fit.misfit > SLOW * found[-2][1].misfit:
                 break
-            step = np.linalg.solve(fit.information + granted, down)
-            if fit.misfit * count - float(down @ step) > useless:
+            step = np.linalg.solve(fit.information + granted, descent)
+            if fit.misfit * count - float(descent @ step) > useless:
                 break  # the residual that a linear model predicts
             step = step.reshape(-1, 3)
-            moved = np.clip(here + np.clip(step, -largest, largest), low, high)
+            moved = np.clip(current + np.clip(step, -largest, largest), low, high)
             if not moved[:, 2].any():
                 break
-            if (np.abs(moved - here) < CONVERGED).all():
+            if (np.abs(moved - current) < CONVERGED).all():
                 found[-1] = cost, replace(fit, contacts=moved)
                 break
-            here = moved
+            current = moved
         return min(found, key=lambda each: each[0])[1]
 
     def _compare(self, seen: Seen, contacts: Float[np.ndarray, 'contacts 3']) -> tuple[Fit, np.ndarray, float]:
         """Fit of contacts to the frame, the descent direction, and the negative log-likelihood."""
-        made, slopes, columns = self.response.motion_slopes_and_columns(contacts)
+        modelled, slopes, columns = self.response.motion_slopes_and_columns(contacts)
         # Several contacts move a region by its couplings times the sum of their columns.
         unsure = self.response.variance(slopes.sum(axis=1, keepdims=True), columns.sum(axis=0, keepdims=True))[0]
-        certainty = self.weights(seen, contacts, made, unsure)
-        left = seen.motion - made.sum(axis=0)
+        certainty = self.weights(seen, contacts, modelled, unsure)
+        left = seen.motion - modelled.sum(axis=0)
         count = max(int((certainty > 0).sum()), 1)
         lever = slopes.transpose(1, 0, 2, 3).reshape(3 * len(contacts), -1)
         weighted = lever * certainty.reshape(-1)
@@ -308,12 +308,12 @@ class AxisymmetricReadout:
         self,
         seen: Seen,
         contacts: Float[np.ndarray, 'contacts 3'],
-        made: Float[np.ndarray, 'contacts regions 2'],
+        modelled: Float[np.ndarray, 'contacts regions 2'],
         unsure: Float[np.ndarray, 'regions 2'],
     ) -> Float[np.ndarray, 'regions 2']:
         """One over the variance of each region, from noise, relative error, and uncertainty of its numbers."""
         share = np.interp(self.response.distances_mm(contacts), DOUBT_MM, self.doubt)
-        off = (np.square(share) * np.square(made).sum(axis=-1)).sum(axis=0)
+        off = (np.square(share) * np.square(modelled).sum(axis=-1)).sum(axis=0)
         certainty: np.ndarray = seen.certainty / (1 + seen.certainty * (off[:, None] + unsure))
         return certainty
 
@@ -322,9 +322,9 @@ class AxisymmetricReadout:
         if not seen.enough:
             return nothing_read(self.bins)
         fit = self.fit(seen, most_contacts)
-        return self.told(seen, fit, self.left_over(seen, fit))
+        return self.reading_of_fit(seen, fit, self.left_over(seen, fit))
 
-    def told(self, seen: Seen, fit: Fit, left: Float32[np.ndarray, 'rows cols 2']) -> Reading:
+    def reading_of_fit(self, seen: Seen, fit: Fit, left: Float32[np.ndarray, 'rows cols 2']) -> Reading:
         """The reading of a fit with this residual, with uncertainty from the noise of the image."""
         noisier = max(1.0, noise_of(left, self._inside) / FOUND_NOISE / self.usual_px)
         contacts = tuple(replace(each, sigma_n=noisier * each.sigma_n) for each in self.contacts(fit))

@@ -99,21 +99,21 @@ class AxisymmetricResponse:
         if self.unsure is None:
             return np.zeros(slopes.shape[1:])
         if self.compiled:
-            made = np.empty(slopes.shape[1:])
-            compiled_loops().motion_variance(slopes, columns, np.ascontiguousarray(self.unsure, float), made)
-            return made
+            variances = np.empty(slopes.shape[1:])
+            compiled_loops().motion_variance(slopes, columns, np.ascontiguousarray(self.unsure, float), variances)
+            return variances
         both = np.broadcast_to(columns[:, :, None], (*slopes.shape[1:], columns.shape[2]))
         levers = np.concatenate([both, -slopes[:2].transpose(1, 2, 3, 0)], axis=-1)
         off: np.ndarray = np.square(np.einsum('nrcl,rclf->nrcf', levers, self.unsure)).sum(axis=-1)
         return off
 
     def _by_loops(self, contacts: Float[np.ndarray, 'n 3']) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        made = np.empty((len(contacts), len(self.places), 2))
-        slopes, columns = np.empty((3, *made.shape)), np.empty((*made.shape[:2], self.couplings.shape[2]))
+        motion = np.empty((len(contacts), len(self.places), 2))
+        slopes, columns = np.empty((3, *motion.shape)), np.empty((*motion.shape[:2], self.couplings.shape[2]))
         compiled_loops().motion_and_slopes(
-            np.ascontiguousarray(contacts, float), *self._for_loops, made, slopes, columns
+            np.ascontiguousarray(contacts, float), *self._for_loops, motion, slopes, columns
         )
-        return made, slopes, columns
+        return motion, slopes, columns
 
     @cached_property
     def _for_loops(self) -> tuple[np.ndarray, ...]:

@@ -17,7 +17,7 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.explain.field.contacts import contacts_of
 from tactile_nodes.sensing.explain.field.solver import UNSEEN_N, Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
-from tactile_nodes.sensing.explain.field.told import about, covariance_of_tips, sums
+from tactile_nodes.sensing.explain.field.sums import about, covariance_of_tips, sums
 from tactile_nodes.sensing.explain.field.weights import Weights, camera_ways
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
@@ -172,7 +172,7 @@ class FieldReadout:
             left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
             if weights.squared(left) + 2 * numbers <= len(left) * found.misfit**2 + 2 * count:
                 return self._with_acting(tips[0])
-        return self._told(found, unlike)
+        return self._reading(found, unlike)
 
     def _tips(
         self, coarse: Float[np.ndarray, ' bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
@@ -190,7 +190,7 @@ class FieldReadout:
         if fit.misfit > (worth * self.tips.calibration.misfit_limit) ** 2:
             return None
         left = self.tips.left_over(seen, fit)
-        return self.tips.told(seen, fit, left), left
+        return self.tips.reading_of_fit(seen, fit, left), left
 
     def prepare(self) -> None:
         """Prepare everything that would delay the first frame."""
@@ -216,18 +216,18 @@ class FieldReadout:
         sides: np.ndarray = boxes[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
         return sides
 
-    def _told(self, found: Field, unlike: float) -> Reading:
+    def _reading(self, found: Field, unlike: float) -> Reading:
         patches, widened = self.solver.patches, max(unlike, 1.0)
-        told = sums(found, self.surface, patches, compiled=self.compiled)
+        summed = sums(found, self.surface, patches, compiled=self.compiled)
         spread = self.spread.out_of_sight(self.solver.hidden(found.forces_n[0])).times(widened)
-        covariance = spread.covariance(told.field, patches, told.wrench_covariance)
-        forces = told.bins_n.astype(np.float32)
-        off = spread.bins_n(told.bins_n[0], told.bins_off_n).astype(np.float32)
+        covariance = spread.covariance(summed.field, patches, summed.wrench_covariance)
+        forces = summed.bins_n.astype(np.float32)
+        off = spread.bins_n(summed.bins_n[0], summed.bins_off_n).astype(np.float32)
         acting = Acting(
-            'field', np.moveaxis(forces[1:], 0, -1), off, told.wrench, covariance,
-            partial(self._surface, told.field, widened),
+            'field', np.moveaxis(forces[1:], 0, -1), off, summed.wrench, covariance,
+            partial(self._surface, summed.field, widened),
         )  # fmt: skip
-        contacts, sigma_n = contacts_of(told.contacts, spread), math.sqrt(covariance[2, 2])
+        contacts, sigma_n = contacts_of(summed.contacts, spread), math.sqrt(covariance[2, 2])
         return Reading(forces[0], contacts, sigma_n, unlike, acting=acting)
 
     def _surface(self, found: Field, widened: float) -> SurfaceField:

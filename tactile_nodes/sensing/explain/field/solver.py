@@ -182,7 +182,7 @@ class FieldSolver:
         if not active.size:
             return self._nothing(motion, weights)
         caused = self._caused(self._by_force, active)
-        information, evidence = self._evidence(caused, GRANTED * self._told, motion, weights)
+        information, evidence = self._evidence(caused, GRANTED * self._regularization, motion, weights)
         evidence[: active.size] -= self._held(pressed)[active]
         forces = np.zeros((3, self.patches.count))
         found = least_squares(information, evidence, FRICTION, STEPS)
@@ -196,7 +196,7 @@ class FieldSolver:
         """The same, compiled."""
         able, forces, active, root, before, after = compiled_loops().field(
             (self._by_bin, self._by_force), self.patches.bin_of, around, motion, (weights.single, weights.shared),
-            self.patches.shape[1], self._told,
+            self.patches.shape[1], self._regularization,
         )  # fmt: skip
         if not able:
             raise np.linalg.LinAlgError(NOT_APART)
@@ -211,7 +211,7 @@ class FieldSolver:
     ) -> Float[np.ndarray, ' patches']:
         """Normal forces of the best solution on some bins, shared among patches; `around` is the linear estimate."""
         caused = self._caused(self._by_bin, bins)
-        information, evidence = self._evidence(caused, GRANTED * self._told / PER_BIN**2, motion, weights)
+        information, evidence = self._evidence(caused, GRANTED * self._regularization / PER_BIN**2, motion, weights)
         held = self._held(self._shared(around)) @ self.patches.member[:, bins]
         evidence[: bins.size] -= ON_BINS / PER_BIN**2 * held
         pressed = np.zeros(self.patches.bins.count)
@@ -286,11 +286,11 @@ class FieldSolver:
 
     def _held(self, pressed: Float[np.ndarray, ' patches']) -> Float[np.ndarray, ' patches']:
         filled, total = min(1.0, (WIDE / spread_over(pressed)) ** 2), max(float(pressed.sum()), LEAST_N)
-        held = HELD * self._told * filled / (self._nearby(pressed) + SPREAD * total)
-        return np.asarray(held - CENTRED * (1 - self._told) * float(pressed @ held) / total)
+        held = HELD * self._regularization * filled / (self._nearby(pressed) + SPREAD * total)
+        return np.asarray(held - CENTRED * (1 - self._regularization) * float(pressed @ held) / total)
 
     @cached_property
-    def _told(self) -> float:
+    def _regularization(self) -> float:
         """Share of the regularization that is used: below 1 if there are fewer regions than patches.
 
         With a few dozen printed dots the full regularization would halve the force.

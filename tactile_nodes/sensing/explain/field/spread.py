@@ -80,10 +80,10 @@ class FieldSpread:
         return math.hypot(floor, math.hypot(share, min(self.response, USUAL_RESPONSE)) * total_n)
 
     def bins_n(
-        self, told: Float[np.ndarray, 'rows cols'], fitted: Float[np.ndarray, 'rows cols']
+        self, force_n: Float[np.ndarray, 'rows cols'], fitted: Float[np.ndarray, 'rows cols']
     ) -> Float[np.ndarray, 'rows cols']:
         """Standard deviations of the normal force on each bin; `fitted` are those of the fit alone."""
-        near = cv2.boxFilter(told, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        near = cv2.boxFilter(force_n, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
         off: np.ndarray = np.hypot(self.bins[0] * fitted, math.hypot(self.bins[1], self.response) * near)
         return off
 

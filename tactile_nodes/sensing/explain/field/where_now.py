@@ -38,8 +38,8 @@ def moved_along(
     for y, share_y in _between(row + down, rows):
         for x, share_x in _between(col + right, cols):
             np.add.at(moved, y * cols + x, (share_y * share_x)[:, None] * force)
-    told: np.ndarray = moved.T
-    return told
+    forces: np.ndarray = moved.T
+    return forces
 
 
 def _between(

@@ -101,10 +101,10 @@ def shape_of(
     fit: Fit,
 ) -> Shape:
     """Width and shift of fitted contacts; `shifts` are the components of a shift of all regions."""
-    made = [value_and_slopes(response.axes, response.coefficients, each) for each in fit.contacts.tolist()]
-    left = components - sum(each[0] for each in made)
+    modelled = [value_and_slopes(response.axes, response.coefficients, each) for each in fit.contacts.tolist()]
+    left = components - sum(each[0] for each in modelled)
     certainty = response.certainty(float(fit.contacts[:, 2].max()))
-    slopes = [np.asarray(each[1:], np.float64) for each in made]
+    slopes = [np.asarray(each[1:], np.float64) for each in modelled]
     bends = [laplacian(response.axes, response.coefficients, at) for at in fit.contacts.tolist()]
     found = [_width(*each, left * certainty, certainty) for each in zip(slopes, bends, strict=True)]
     mm2, sigma_mm2, steps = zip(*found, strict=True)
@@ -135,10 +135,10 @@ def _shifted(
     """
     weighted = shifts * certainty
     shared = np.linalg.solve(fit.information + damping(len(fit.contacts)), slopes @ weighted.T)
-    down = weighted @ left - shared.T @ (slopes @ (left * certainty))
+    descent = weighted @ left - shared.T @ (slopes @ (left * certainty))
     information = weighted @ shifts.T - weighted @ slopes.T @ shared + SHIFT_INFORMATION * np.eye(len(shifts))
-    step = np.linalg.solve(information, down)
-    return (shared @ step).reshape(-1, 3), float(down @ step) / 2
+    step = np.linalg.solve(information, descent)
+    return (shared @ step).reshape(-1, 3), float(descent @ step) / 2
 
 
 def in_doubt(fit: Fit, shape: Shape, residual: Residual, most_gain: float) -> Float[np.ndarray, 'contacts 3']:

@@ -70,9 +70,9 @@ def project(
         square = np.eye(len(directions), dtype=np.float32) * (1 + SURE_OF_DIRECTIONS) - lost @ lost.T
         scores = np.linalg.solve(square, along)
     count = max(len(inputs) - int(missing.sum()), 1)
-    whole = float(inputs @ inputs)
-    left = max(whole - float(scores @ along), 0.0)
-    return Seen(scores, math.sqrt(left / count), math.sqrt(whole / count))
+    total = float(inputs @ inputs)
+    left = max(total - float(scores @ along), 0.0)
+    return Seen(scores, math.sqrt(left / count), math.sqrt(total / count))
 
 
 @dataclass(frozen=True)
@@ -129,18 +129,19 @@ class ResponseReadout:
     @cached_property
     def _for_loops(self) -> tuple[object, ...]:
         """Arguments for the compiled loops, see `loops.response.read`."""
-        scaling, response, limits, told = self.scaling, self.response, self.likeness, self.calibration
+        scaling, response, limits, calibration = self.scaling, self.response, self.likeness, self.calibration
         single = (scaling.mean, scaling.gain, scaling.trusted, limits.directions, self.whitening)
         mean, gain, trusted, directions, whitening = (np.ascontiguousarray(each, np.float32) for each in single)
         numbers = (
-            scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, told.misfit_limit,
-            limits.floor, limits.share, told.place_floor_mm, told.force_floor_n, NOWHERE_MM, BEYOND_UNLIKENESS,
-            self.bins.width_mm, self.bins.height_mm, response.hard, self.most_shift_gain,
+            scaling.confidence_floor, SURE_OF_DIRECTIONS, START_LEVELS, calibration.misfit_limit,
+            limits.floor, limits.share, calibration.place_floor_mm, calibration.force_floor_n, NOWHERE_MM,
+            BEYOND_UNLIKENESS, self.bins.width_mm, self.bins.height_mm, response.hard, self.most_shift_gain,
             WIDE_MM2, SURE_OF_WIDTH, USUAL_MM2, SHIFT_INFORMATION, self._usual_misfit, DOUBT_PER_MM2, DOUBT_OF_SHIFT,
         )  # fmt: skip
         return (
             (mean.reshape(-1), gain.reshape(-1), trusted.reshape(-1)), directions, whitening, *response.for_loops,
-            (np.array(told.place_factors, float), np.array(told.force_factors, float)), ends(told.least_gain),
+            (np.array(calibration.place_factors, float), np.array(calibration.force_factors, float)),
+            ends(calibration.least_gain),
             np.ascontiguousarray(self.shifts), tuple(float(each) for each in numbers),
         )  # fmt: skip
 
@@ -156,8 +157,8 @@ class ResponseReadout:
         gain = (self.scaling.trusted[..., None] * self.scaling.gain).astype(float)
         count = gain.shape[-1]
         each_channel = gain.reshape(-1, 1) * np.tile(np.eye(count), (gain.size // count, 1))
-        made: np.ndarray = each_channel.T @ self.mixing.T
-        return made
+        shifts: np.ndarray = each_channel.T @ self.mixing.T
+        return shifts
 
     def seen(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
@@ -187,8 +188,10 @@ class ResponseReadout:
         return fit
 
     def _one_more(self, components: np.ndarray, contacts: np.ndarray) -> Float[np.ndarray, 'contacts 3']:
-        made = [value_and_slopes(self.response.axes, self.response.coefficients, each)[0] for each in contacts.tolist()]
-        return np.vstack([contacts, self.response.start(np.asarray(components - sum(made), np.float32))])
+        modelled = [
+            value_and_slopes(self.response.axes, self.response.coefficients, each)[0] for each in contacts.tolist()
+        ]
+        return np.vstack([contacts, self.response.start(np.asarray(components - sum(modelled), np.float32))])
 
     def reading(self, seen: Seen) -> Reading:
         """Forces on bins, contacts and their uncertainty; no force if the motion may be noise."""

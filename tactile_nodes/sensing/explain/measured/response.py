@@ -155,18 +155,18 @@ def locate(
     """
     _, largest, low, high = response.limits_array
     granted = damping(len(begin))
-    here = begin.copy()
+    current = begin.copy()
     best: Fit | None = None
     for _ in range(MOST_STEPS):
-        fit, slope = _compare(response, components, here)
+        fit, slope = _compare(response, components, current)
         before, best = best, fit if best is None or fit.misfit < best.misfit else best
         if before is not None and _in_vain(response, components, before, best, least_gain):
             break
         step = np.linalg.solve(fit.information + granted, slope).reshape(-1, 3)
-        moved = np.minimum(np.maximum(here + np.minimum(np.maximum(step, -largest), largest), low), high)
-        if np.abs(moved - here).max() < CONVERGED_MM:
+        moved = np.minimum(np.maximum(current + np.minimum(np.maximum(step, -largest), largest), low), high)
+        if np.abs(moved - current).max() < CONVERGED_MM:
             break
-        here = moved
+        current = moved
     assert best is not None
     return best
 
@@ -201,10 +201,10 @@ def _compare(
     response: Response, components: np.ndarray, contacts: Float[np.ndarray, 'contacts 3']
 ) -> tuple[Fit, Float[np.ndarray, ' n']]:
     """Fit of contacts to the components, and the descent direction."""
-    made = [value_and_slopes(response.axes, response.coefficients, each) for each in contacts.tolist()]
-    left = components - sum(each[0] for each in made)
+    modelled = [value_and_slopes(response.axes, response.coefficients, each) for each in contacts.tolist()]
+    left = components - sum(each[0] for each in modelled)
     # In 64 bits: in 32 bits the information of two contacts at one place may give a negative variance.
-    slopes = np.concatenate([each[1:] for each in made], dtype=np.float64)
+    slopes = np.concatenate([each[1:] for each in modelled], dtype=np.float64)
     certainty = response.certainty(float(contacts[:, 2].max()))
     weighted = slopes * certainty
     fit = Fit(contacts, weighted @ slopes.T, float(left * left @ certainty) / len(components))

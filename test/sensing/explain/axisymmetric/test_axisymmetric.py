@@ -164,8 +164,8 @@ def test_a_correction_is_added_in_the_known_gels_units() -> None:
 
 def test_a_readout_comes_back_from_its_arrays() -> None:
     made = readout()
-    arrays, said = readout_arrays(made)
-    again = readout_from(arrays, said, BinGrid())
+    arrays, entries = readout_arrays(made)
+    again = readout_from(arrays, entries, BinGrid())
     features = seen([(3.3, -5.2, 0.6)])
     assert again.read(features, SURE).contacts[0].force_n == pytest.approx(
         made.read(features, SURE).contacts[0].force_n, abs=1e-4

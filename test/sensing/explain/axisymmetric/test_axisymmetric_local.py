@@ -39,8 +39,8 @@ def test_places_are_added_to_and_forces_grow_by_a_share() -> None:
     assert more == pytest.approx((plain + np.array([[0.1, -0.2, 0.0]])) * np.array([1.0, 1.0, 1.04]))
 
 
-def table_of(arrays: dict[str, np.ndarray], said: dict[str, Any]) -> np.ndarray | None:
-    made = readout_from(arrays, said, readout().bins)
+def table_of(arrays: dict[str, np.ndarray], entries: dict[str, Any]) -> np.ndarray | None:
+    made = readout_from(arrays, entries, readout().bins)
     assert isinstance(made, AxisymmetricReadout)
     return made.correction.local
 
@@ -52,6 +52,6 @@ def test_it_comes_back_from_a_file() -> None:
 
 
 def test_a_file_of_before_adds_nothing() -> None:
-    arrays, said = readout_arrays(readout())
+    arrays, entries = readout_arrays(readout())
     assert 'local' not in arrays
-    assert table_of(arrays, said) is None
+    assert table_of(arrays, entries) is None

@@ -34,13 +34,13 @@ def test_it_comes_back_from_a_file() -> None:
 
 def test_a_table_beside_it_in_a_file_of_before_is_left_aside() -> None:
     whole = readout(prior=PRIOR)
-    arrays, said = readout_arrays(whole)
-    again = readout_from({**arrays, 'carried_local': np.ones((2, 5, 5, 3), np.float16)}, said, whole.bins)
+    arrays, entries = readout_arrays(whole)
+    again = readout_from({**arrays, 'carried_local': np.ones((2, 5, 5, 3), np.float16)}, entries, whole.bins)
     assert again.prior.after(10) == pytest.approx(TERMS[0])
     assert again.correction.local is None
 
 
 def test_a_file_without_it_carries_nothing() -> None:
-    arrays, said = readout_arrays(readout())
+    arrays, entries = readout_arrays(readout())
     assert 'carried' not in arrays
-    assert readout_from(arrays, said, readout().bins).prior is None
+    assert readout_from(arrays, entries, readout().bins).prior is None

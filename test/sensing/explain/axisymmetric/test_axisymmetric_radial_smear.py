@@ -70,13 +70,13 @@ def test_a_model_file_keeps_the_smear() -> None:
     made = dataclasses.replace(
         readout(), response=dataclasses.replace(readout().response, smear=RadialSmear(-0.4, 0.1))
     )
-    arrays, said = readout_arrays(made)
-    assert readout_from(arrays, said, made.bins).response.smear == RadialSmear(-0.4, 0.1)
+    arrays, entries = readout_arrays(made)
+    assert readout_from(arrays, entries, made.bins).response.smear == RadialSmear(-0.4, 0.1)
 
 
 def test_a_model_file_of_before_has_none() -> None:
     from test_axisymmetric import readout
 
-    arrays, said = readout_arrays(readout())
-    del said['streak']
-    assert readout_from(arrays, said, readout().bins).response.smear == RadialSmear()
+    arrays, entries = readout_arrays(readout())
+    del entries['streak']
+    assert readout_from(arrays, entries, readout().bins).response.smear == RadialSmear()

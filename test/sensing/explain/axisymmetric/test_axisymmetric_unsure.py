@@ -1,4 +1,4 @@
-"""Regions whose numbers few presses told: how far off their motion may be, and that they have less say."""
+"""Regions whose numbers come from few presses: how far off their motion may be, and that they have less say."""
 
 from __future__ import annotations
 
@@ -73,6 +73,6 @@ def test_a_model_file_keeps_how_unsure_regions_are() -> None:
 
 
 def test_a_model_file_of_known_regions_says_nothing_of_it() -> None:
-    arrays, said = readout_arrays(readout())
+    arrays, entries = readout_arrays(readout())
     assert 'unsure' not in arrays
-    assert readout_from(arrays, said, readout().bins).response.unsure is None
+    assert readout_from(arrays, entries, readout().bins).response.unsure is None

@@ -1,4 +1,4 @@
-"""The reported quantities of a force field, compiled: see `explain.field.told`."""
+"""The reported quantities of a force field, compiled: see `explain.field.sums`."""
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call,untyped-decorator"
 from __future__ import annotations
@@ -94,9 +94,9 @@ def _on_bins(forces, root, active, bin_of, bins, fitted):
 @compiled()
 def _parts(pressed, shape, part):
     """As `contacts.parts_of`: fills in the part number of each patch. Returns the count of numbers, some unused."""
-    most, whole, count = 0.0, 0.0, 0
+    most, total_n, count = 0.0, 0.0, 0
     for value in pressed:
-        most, whole = max(most, value), whole + value
+        most, total_n = max(most, value), total_n + value
     peaks, sums = np.zeros(pressed.shape[0] + 1), np.zeros(pressed.shape[0] + 1)
     part[:] = 0
     for k in np.argsort(-pressed, kind='mergesort'):
@@ -116,7 +116,7 @@ def _parts(pressed, shape, part):
             for x in range(left, right):
                 other = part[y * shape[1] + x]
                 if other > first and (
-                    pressed[k] >= contacts.VALLEY * peaks[other] or sums[other] < contacts.LEAST_SHARE * whole
+                    pressed[k] >= contacts.VALLEY * peaks[other] or sums[other] < contacts.LEAST_SHARE * total_n
                 ):
                     for i in range(pressed.shape[0]):
                         if part[i] == other:
@@ -203,32 +203,32 @@ def _contact(forces, root, active, inside, centres, size_mm, numbers):
 @compiled()
 def _contacts(forces, root, active, centres, shape, size_mm):
     """As `contacts.numbers_of_contacts`, but in any order."""
-    patches, whole = forces.shape[1], 0.0
+    patches, total_n = forces.shape[1], 0.0
     part = np.empty(patches, np.int64)
-    count, told = _parts(forces[0], shape, part), 0
+    count, kept = _parts(forces[0], shape, part), 0
     total, which, numbers = np.zeros(count + 1), np.empty(patches, np.int64), np.zeros((count, 16))
     for k in range(patches):
         total[part[k]] += forces[0, k]
-        whole += forces[0, k]
+        total_n += forces[0, k]
     for number in range(1, count + 1):
-        if total[number] < contacts.LEAST_SHARE * whole:
+        if total[number] < contacts.LEAST_SHARE * total_n:
             continue
         inside = 0
         for k in range(patches):
             if part[k] == number:
                 which[inside] = k
                 inside += 1
-        _contact(forces, root, active, which[:inside], centres, size_mm, numbers[told])
-        told += 1
-    return numbers[:told]
+        _contact(forces, root, active, which[:inside], centres, size_mm, numbers[kept])
+        kept += 1
+    return numbers[:kept]
 
 
 @compiled(
     'Tuple((f8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[:, ::1], f8[:, ::1]))(f8[:, ::1], i8[::1], f4[:, ::1], '
     'f4[:, :, ::1], f8[:, ::1], i8[::1], UniTuple(i8, 2), UniTuple(f8, 2), i8)'
 )
-def told(forces, active, root, surface, centres, bin_of, shape, size_mm, bins):
-    """As `explain.field.told.sums`, from a field, the surface's motion, and the patches' centres, bins, shape, size."""
+def sums(forces, active, root, surface, centres, bin_of, shape, size_mm, bins):
+    """As `explain.field.sums.sums`, from a field, the surface's motion, and the patches' centres, bins, shape, size."""
     moved, on_bins, off_bins = np.zeros_like(forces), np.zeros((3, bins)), np.zeros(bins)
     wrench, covariance = np.zeros(6), np.zeros((6, 6))
     _move(forces, surface, shape, size_mm, moved)

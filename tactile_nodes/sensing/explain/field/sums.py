@@ -51,7 +51,7 @@ def sums(
 def _by_loops(found: Field, surface: Float32[np.ndarray, '2 near near'], patches: PatchGrid) -> Sums:
     """The same, compiled."""
     bins = patches.bins
-    forces, on_bins, off, wrench, covariance, contacts = compiled_loops().told(
+    forces, on_bins, off, wrench, covariance, contacts = compiled_loops().sums(
         found.forces_n, found.active, found.root, surface, patches.centres_mm, patches.bin_of, patches.shape,
         patches.size_mm, bins.count,
     )  # fmt: skip
