@@ -16,7 +16,7 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.drift_monitor import DriftMonitorParams
-from tactile_nodes.pipeline.drifting import Calibrated, Told, usable
+from tactile_nodes.pipeline.drifting import Calibrated, VerdictStamps, usable
 from tactile_nodes.pipeline.estimating import Estimating
 from tactile_nodes.pipeline.following import Following, FollowingParams
 from tactile_nodes.pipeline.judge_force import LEAST_CONFIDENCE
@@ -41,7 +41,7 @@ class Watching:
         )
         self._monitor = DriftMonitor(self._calibrated.limits)
         self._monitor.use_calibration(self._calibrated.picture())
-        self._stamps = Told()
+        self._stamps = VerdictStamps()
 
     def rest(self, stamp_ns: int, picture: np.ndarray) -> tuple[int, int]:
         """Set a new rest image; returns the stamp from which forces have new reasons, and these reasons."""

@@ -24,7 +24,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_list import GelList
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
-from tactile_nodes.pipeline.drifting import Calibrated, Told, kept_in, state_message, usable
+from tactile_nodes.pipeline.drifting import Calibrated, VerdictStamps, kept_in, state_message, usable
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.sensing.judge.drift import DriftMonitor
 from tactile_nodes.sensing.picture.motion import PictureMotion
@@ -60,7 +60,7 @@ class DriftMonitorNode(Node):
         super().__init__(bus, arguments, clock)
         self._calibrated = Calibrated(self.params.model, simulated=self.params.source == 'simulated')
         self._monitor = DriftMonitor(self._calibrated.limits)
-        self._states, self._announced = self.create_publisher(topics.CALIBRATION_STATE), Told()
+        self._states, self._stamps = self.create_publisher(topics.CALIBRATION_STATE), VerdictStamps()
         self._reference_id = ''
         self._gels, self._kept, self._kept_ns = GelList(), ('', 0, 0), 0
         self._rest_shape: tuple[int, ...] = ()
@@ -125,7 +125,7 @@ class DriftMonitorNode(Node):
 
     def _tell(self, at_ns: int, *, of_rest: bool = False) -> None:
         verdict = self._monitor.verdict
-        from_ns = self._announced.holds_from_ns(verdict, at_ns, of_rest=of_rest)
+        from_ns = self._stamps.holds_from_ns(verdict, at_ns, of_rest=of_rest)
         state = state_message(verdict, at_ns, from_ns, self._calibrated, self._reference_id)
         self._states.publish(state)
         self._keep(state, at_ns)

@@ -63,9 +63,9 @@ def _unlike(described: Sensor, card: Mapping[str, Any]) -> list[str]:
 
 
 def _remedy(sensor: str) -> str:
-    made = f'{Path(sensor).stem}.safetensors'
-    command = shlex.join(['tactile', 'calibrate', '--sensor', sensor, '--model', 'field', '-o', made])
-    return f'make one with `{command}` and start with model:={shlex.quote(made)}'
+    model_file = f'{Path(sensor).stem}.safetensors'
+    command = shlex.join(['tactile', 'calibrate', '--sensor', sensor, '--model', 'field', '-o', model_file])
+    return f'make one with `{command}` and start with model:={shlex.quote(model_file)}'
 
 
 def _size(size: tuple[int, int]) -> str:

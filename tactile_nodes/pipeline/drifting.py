@@ -102,7 +102,7 @@ def usable(force: types.ForceDistribution) -> bool:
     return not force.reasons & ~EXPLAINED
 
 
-class Told:
+class VerdictStamps:
     """The stamp from which on a verdict holds, given the verdict published before it.
 
     A verdict on a new rest image holds from that image on. So does a better verdict: the few forces that it reaches

@@ -50,11 +50,11 @@ class Estimating:
             ModelError: there is no such model, it needs other features than those received, or it is of another sensor.
         """
         ready, last = Ready.read(name, self._compiled), self._last
-        known = self.now.inputs if last is None else Inputs.of_message(last)
-        if ready.inputs != known:
+        inputs = self.now.inputs if last is None else Inputs.of_message(last)
+        if ready.inputs != inputs:
             raise ModelError(
-                f'model {name} needs other features than flow_features publishes: {ready.inputs.unlike(known)}; choose '
-                'a model for these features, or start both flow_features and force_estimator with this model'
+                f'model {name} needs other features than flow_features publishes: {ready.inputs.unlike(inputs)}; '
+                'choose a model for these features, or start both flow_features and force_estimator with this model'
             )
         require_of_sensor(ready, self._sensor)
         return ready
@@ -108,13 +108,13 @@ class Estimating:
         found = self.now.explain(features)
         predict_s = (perf_ns() - start_ns) * 1e-9
         self._acting = found.acting
-        told = judge_force(self._memory, self.now, features, found, least_confidence)
+        judged = judge_force(self._memory, self.now, features, found, least_confidence)
         stages = replace(  # type: ignore[type-var]
             features.stages, predict=predict_s, transport=features.stages.transport + age_s
         )
         head = types.Header(stamp=features.header.stamp, frame_id=frame_id)
         bins, provenance = self.now.loaded.model.bins, self._provenance_of(features.reference_id)
-        return tell_force(found, told, bins, head=head, provenance=provenance, stages=stages)
+        return tell_force(found, judged, bins, head=head, provenance=provenance, stages=stages)
 
     @property
     def calibration(self) -> ByStamp[int]:

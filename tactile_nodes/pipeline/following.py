@@ -25,9 +25,9 @@ from tactile_nodes.pipeline.mend import mend
 from tactile_nodes.pipeline.methods import (
     RegistrationParams,
     StillnessParams,
+    describe_flow,
     make_measuring,
     stillness_options,
-    told,
 )
 from tactile_nodes.pipeline.reasons import UNMEASURED
 from tactile_nodes.pipeline.rest_images import RestMemory, due, given, keep, offered
@@ -81,15 +81,18 @@ class Following:
             params.model, compiled=compiled, check=stillness_options(params.stillness),
             registers=params.registration.check, marked_share=params.marked_share,
         )  # fmt: skip
-        asked, renewal = params.registration, RenewalOptions(after_s=params.renew_after_s) if params.renew else None
-        options = RegistrationOptions(asked.most_px, asked.most_turn_deg, asked.follow_s)
+        registration, renewal = (
+            params.registration,
+            RenewalOptions(after_s=params.renew_after_s) if params.renew else None,
+        )
+        options = RegistrationOptions(registration.most_px, registration.most_turn_deg, registration.follow_s)
         self.memory = Memory(
             Freshness(params.stale_after_s),
             MeasureMemory(Registration(options) if measuring.registers else None),
             RestMemory(measuring, params.reference_frames, renewal),
         )
         self._compiled = compiled
-        self._method, self._nothing = told(measuring.flow), no_motion(measuring.encoding)
+        self._method, self._nothing = describe_flow(measuring.flow), no_motion(measuring.encoding)
         self._announced: types.Image | None = None
         self._last: Frame | None = None
         self._trouble = ''

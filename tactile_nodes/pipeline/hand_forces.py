@@ -79,7 +79,9 @@ class HandForces:
 
 def summed(hand: Hand, forces: dict[str, types.ForceDistribution], at_ns: int) -> types.HandWrench:
     """The sum of the forces of a hand's sensors, by name. Errors of different sensors count as independent."""
-    known = {each.name: _in_hand(each, forces[each.name]) for each in hand.sensors if _is_known(forces.get(each.name))}
+    wrenches = {
+        each.name: _in_hand(each, forces[each.name]) for each in hand.sensors if _is_known(forces.get(each.name))
+    }
     margins = [
         margin
         for each in hand.sensors
@@ -87,16 +89,16 @@ def summed(hand: Hand, forces: dict[str, types.ForceDistribution], at_ns: int) -
         for margin in _margins(each, force, hand.friction)
     ]
     head = conversions.header(at_ns, hand.frame)
-    missing = [name for name in hand.names if name not in known]
+    missing = [name for name in hand.names if name not in wrenches]
     margins.sort(key=_order)
-    if not known:
+    if not wrenches:
         return types.HandWrench(
             header=head, wrench=types.Wrench(force=_UNKNOWN, torque=_UNKNOWN),
             wrench_covariance=np.array([-1.0] + 35 * [0.0]), missing=missing, margins=margins,
         )  # fmt: skip
-    wrench, covariance = (sum(parts[1:], parts[0]) for parts in zip(*known.values(), strict=True))
+    wrench, covariance = (sum(parts[1:], parts[0]) for parts in zip(*wrenches.values(), strict=True))
     return types.HandWrench(
-        header=head, wrench=_wrench(wrench), wrench_covariance=covariance.reshape(-1), sensors=list(known),
+        header=head, wrench=_wrench(wrench), wrench_covariance=covariance.reshape(-1), sensors=list(wrenches),
         missing=missing, margins=margins,
     )  # fmt: skip
 
@@ -118,17 +120,17 @@ def _wrench(found: np.ndarray) -> types.Wrench:
 
 
 def _margins(sensor: HandSensor, force: types.ForceDistribution, friction: float) -> list[types.GraspMargin]:
-    made = []
+    messages = []
     for each in force.contacts:
         shear, shear_sigma = _shear(each, force)
         margin, sigma = grasp_margin(each.force, each.force_sigma, shear, shear_sigma, friction)
         x, y, z = sensor.frame.parent_from_surface[:3] @ (each.position.x, each.position.y, each.position.z, 1.0)
-        told = types.GraspMargin(
+        margin_message = types.GraspMargin(
             sensor=sensor.name, position=types.Point(x=float(x), y=float(y), z=float(z)), normal=each.force,
             shear=shear, margin=margin, margin_sigma=sigma, slip_share=each.slip_share,
         )  # fmt: skip
-        made.append(told)
-    return made
+        messages.append(margin_message)
+    return messages
 
 
 def _shear(contact: types.Contact, force: types.ForceDistribution) -> tuple[float, float]:

@@ -78,13 +78,13 @@ def _of_motion(rest: RestInUse, frame: Frame) -> int:
     moved = frame.registration
     if moved is None:
         return rest.unsteady * FORCE.REASON_REST_DOUBTFUL
-    told = {
+    reasons = {
         FORCE.REASON_PICTURE_LOST: moved.lost,
         FORCE.REASON_FOREIGN_MOTION: not moved.settled or apart(rest, moved) or moved.grown_px > GROWN_PX,
         FORCE.REASON_LOW_CONFIDENCE: moved.found < FEW_FOUND,
         FORCE.REASON_REST_DOUBTFUL: rest.unsteady or moved.dent.dented,
     }
-    return sum(reason for reason, present in told.items() if present)
+    return sum(reason for reason, present in reasons.items() if present)
 
 
 def _of_picture(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> int:
@@ -93,11 +93,13 @@ def _of_picture(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> int:
     level = _level(rest, frame)
     beside = rest.likeness.near(level, sharp)
     frame.changed, frame.blurred = beside.light or beside.blurred, beside.blurred
-    told = beside | rest.captured.far(level, sharp)
-    memory.soft = told.blurred
+    difference = beside | rest.captured.far(level, sharp)
+    memory.soft = difference.blurred
     other = beside or rest.captured.as_sharp(sharp, of=rest.likeness.sharpness)
     frame.as_before = rest.another and bool(other) and not rest.captured.near(level, sharp)
-    return told.light * FORCE.REASON_LIGHT_CHANGED | (told.blurred | told.noisy) * FORCE.REASON_BLURRED
+    return (
+        difference.light * FORCE.REASON_LIGHT_CHANGED | (difference.blurred | difference.noisy) * FORCE.REASON_BLURRED
+    )
 
 
 def _level(rest: RestInUse, frame: Frame) -> float:

@@ -21,20 +21,20 @@ class _NotCompiledError(Exception):
     """The caller would have to wait for numba."""
 
 
-def choose(asked: bool | None, say: Callable[[str], None], warn: Callable[[str], None]) -> bool:
+def choose(setting: bool | None, say: Callable[[str], None], warn: Callable[[str], None]) -> bool:
     """Whether a node computes with compiled loops; call it once, at the start.
 
-    An explicit `asked` is obeyed, even if numba compiles for half a minute. With None nothing waits. Loops that are not
-    compiled yet are compiled in the background, for the next start; loops that cannot be compiled give a warning. In
-    both cases the node uses NumPy.
+    An explicit `setting` is obeyed, even if numba compiles for half a minute. With None nothing waits. Loops that are
+    not compiled yet are compiled in the background, for the next start; loops that cannot be compiled give a warning.
+    In both cases the node uses NumPy.
 
     Raises:
         ConfigurationError: compiled loops were asked for, but numba cannot compile them.
     """
-    if asked is not None:
-        if asked:
+    if setting is not None:
+        if setting:
             load_compiled('every', say)
-        return asked
+        return setting
     try:
         load_compiled('every', _refuse)
     except _NotCompiledError:

@@ -34,7 +34,7 @@ from tactile_nodes.sensing.rest.reference import RestAccumulator
 from tactile_nodes.sensing.rest.renewal import Renewal, RenewalOptions
 
 _PLAIN = (bool, int, float, str, type(None))
-_TOLD = 'told'
+_STATE = 'told'
 
 
 class Memory:
@@ -62,8 +62,8 @@ class Memory:
         """The whole state, as a safetensors file."""
         arrays: dict[str, np.ndarray] = {}
         parts = _taken_apart(self, 'memory', arrays)
-        told = json.dumps({'measuring': self._measuring, 'memory': parts}).encode()
-        return bytes(save({**arrays, _TOLD: np.frombuffer(told, np.uint8)}))
+        state = json.dumps({'measuring': self._measuring, 'memory': parts}).encode()
+        return bytes(save({**arrays, _STATE: np.frombuffer(state, np.uint8)}))
 
     def recall(self, data: bytes) -> None:
         """Restore the state that `saved` returned.
@@ -73,12 +73,12 @@ class Memory:
         """
         try:
             arrays = load(data)
-            told = json.loads(arrays[_TOLD].tobytes())
-            if told['measuring'] != self._measuring:
+            state = json.loads(arrays[_STATE].tobytes())
+            if state['measuring'] != self._measuring:
                 raise ConfigurationError(
-                    f'the state was saved with {told["measuring"]}, but motion is now measured with {self._measuring}'
+                    f'the state was saved with {state["measuring"]}, but motion is now measured with {self._measuring}'
                 )
-            if not isinstance(found := _Putting(arrays, self.rest.measuring).together(told['memory']), Memory):
+            if not isinstance(found := _Putting(arrays, self.rest.measuring).together(state['memory']), Memory):
                 raise TypeError(f'{type(found).__name__} is not a saved state')
         except (SafetensorError, ValueError, KeyError, TypeError, IndexError) as error:
             raise ConfigurationError(f'the saved state cannot be used ({error}); start without it') from error
@@ -144,34 +144,34 @@ class _Putting:
         self._arrays, self._measuring = arrays, measuring
         self._prepared: dict[bytes, PreparedRest] = {}
 
-    def together(self, told: Any) -> Any:
+    def together(self, part: Any) -> Any:
         """The original value."""
-        if isinstance(told, list):
-            return tuple(self.together(each) for each in told)
-        if not isinstance(told, dict):
-            return told
+        if isinstance(part, list):
+            return tuple(self.together(each) for each in part)
+        if not isinstance(part, dict):
+            return part
         makes: dict[str, Callable[[Any], Any]] = {
             'array': self._array, 'rest': self._rest, 'check': self._check, 'class': self._object
         }  # fmt: skip
-        return makes[next(iter(told), '')](told)
+        return makes[next(iter(part), '')](part)
 
-    def _array(self, told: Any) -> np.ndarray:
-        return np.array(self._arrays[told['array']])
+    def _array(self, part: Any) -> np.ndarray:
+        return np.array(self._arrays[part['array']])
 
-    def _object(self, told: Any) -> Any:
-        made: Any = object.__new__(CLASSES[told['class']])
-        vars(made).update({name: self.together(each) for name, each in told['parts'].items()})
-        if isinstance(made, RestMemory):
-            made.measuring = self._measuring
-        return made
+    def _object(self, part: Any) -> Any:
+        instance: Any = object.__new__(CLASSES[part['class']])
+        vars(instance).update({name: self.together(each) for name, each in part['parts'].items()})
+        if isinstance(instance, RestMemory):
+            instance.measuring = self._measuring
+        return instance
 
-    def _rest(self, told: Any) -> PreparedRest:
-        image = self._array(told['rest'])
+    def _rest(self, part: Any) -> PreparedRest:
+        image = self._array(part['rest'])
         if (content := image.tobytes()) not in self._prepared:
             self._prepared[content] = self._measuring.beside(image)
         return self._prepared[content]
 
-    def _check(self, told: Any) -> StillnessCheck:
+    def _check(self, part: Any) -> StillnessCheck:
         check = StillnessCheck()
-        check.set_reference(self._array(told['check']))
+        check.set_reference(self._array(part['check']))
         return check

@@ -82,7 +82,7 @@ def image_size(model: str) -> tuple[int, int] | None:
     return loaded.image_size if 'crop_px' in loaded.card else None
 
 
-def told(flow: FlowMethod) -> str:
+def describe_flow(flow: FlowMethod) -> str:
     """A flow method as text, such as ``dis(preset=medium)``; a list is given by its number of entries."""
     options = {name: len(value) if isinstance(value, tuple) else value for name, value in flow.options.items()}
     return f'{flow.name}({", ".join(f"{name}={value}" for name, value in options.items() if value is not None)})'

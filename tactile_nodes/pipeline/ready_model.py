@@ -12,7 +12,7 @@ from tactile_nodes import conversions
 from tactile_nodes.errors import ModelError
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model
-from tactile_nodes.pipeline.methods import told
+from tactile_nodes.pipeline.methods import describe_flow
 from tactile_nodes.pipeline.reasons import ALTERED, UNMEASURED
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceEstimator, ForceMap, unknown_forces
@@ -34,7 +34,7 @@ class Inputs:
     @classmethod
     def of_model(cls, loaded: LoadedModel) -> Inputs:
         """The features that a model was trained on."""
-        return cls(told(make_flow(*loaded.flow)), loaded.model.layout, loaded.image_size)
+        return cls(describe_flow(make_flow(*loaded.flow)), loaded.model.layout, loaded.image_size)
 
     @classmethod
     def of_message(cls, message: types.FlowFeatures) -> Inputs:
@@ -51,13 +51,13 @@ class Inputs:
     def unlike(self, found: Inputs) -> str:
         """What is needed but differs in `found`: '440x440 pixels and not 400x400 pixels', or empty."""
         pairs = (
-            (f'{self.layout}', f'{found.layout}'), _told_apart(self.method, found.method),
+            (f'{self.layout}', f'{found.layout}'), _differing(self.method, found.method),
             (self.pixels, found.pixels),
         )  # fmt: skip
         return ', '.join(f'{mine} and not {other}' for mine, other in pairs if mine != other)
 
 
-def _told_apart(method: str, other: str) -> tuple[str, str]:
+def _differing(method: str, other: str) -> tuple[str, str]:
     """Two flow methods, 'name(option=1, other=2)'; if they differ in options only, with just those options."""
     (name, *options), (other_name, *other_options) = (re.split('[(,)] ?', each) for each in (method, other))
     if name != other_name or len(options) != len(other_options):

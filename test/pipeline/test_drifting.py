@@ -8,7 +8,7 @@ from pathlib import Path
 from tactile_nodes.conversions import calibration_fields
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, save_model
-from tactile_nodes.pipeline.drifting import Calibrated, Told, limits_of
+from tactile_nodes.pipeline.drifting import Calibrated, VerdictStamps, limits_of
 from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.judge.drift import DriftMonitor, Limits
 from tactile_nodes.sensing.judge.drift_alarm import Level
@@ -19,14 +19,14 @@ WORSE = replace(WELL, level=Level.INVALID)
 
 
 def test_a_worse_verdict_holds_half_a_second_later_and_a_better_one_at_once() -> None:
-    told = Told()
-    assert told.holds_from_ns(WORSE, 10 * S, of_rest=False) == 10 * S + S // 2
-    assert told.holds_from_ns(WORSE, 11 * S, of_rest=False) == 11 * S + S // 2
-    assert told.holds_from_ns(WELL, 12 * S, of_rest=False) == 12 * S
+    stamps = VerdictStamps()
+    assert stamps.holds_from_ns(WORSE, 10 * S, of_rest=False) == 10 * S + S // 2
+    assert stamps.holds_from_ns(WORSE, 11 * S, of_rest=False) == 11 * S + S // 2
+    assert stamps.holds_from_ns(WELL, 12 * S, of_rest=False) == 12 * S
 
 
 def test_a_verdict_on_a_rest_image_holds_from_that_image_on() -> None:
-    assert Told().holds_from_ns(WORSE, 10 * S, of_rest=True) == 10 * S
+    assert VerdictStamps().holds_from_ns(WORSE, 10 * S, of_rest=True) == 10 * S
 
 
 def test_a_network_that_nobody_contradicts_may_lose_less_light_than_one_with_a_novelty_check() -> None:

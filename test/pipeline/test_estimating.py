@@ -49,10 +49,10 @@ def force_map(confidence: float = 1.0, unlikeness: float = 0.3, sigma_n: float =
 def test_what_makes_a_force_more_than_twice_as_unsure_as_usual_is_a_reason(
     begun_n: float, confidence: float, sigma_n: float, reasons: int
 ) -> None:
-    told = judged(force_map(confidence), 0, begun_n)
-    assert told.sigma_n == pytest.approx(sigma_n)
-    assert told.reasons == reasons
-    assert told.status == (FORCE.STATUS_DEGRADED if reasons else FORCE.STATUS_OK)
+    verdict = judged(force_map(confidence), 0, begun_n)
+    assert verdict.sigma_n == pytest.approx(sigma_n)
+    assert verdict.reasons == reasons
+    assert verdict.status == (FORCE.STATUS_DEGRADED if reasons else FORCE.STATUS_OK)
 
 
 @pytest.mark.parametrize('reason', [FORCE.REASON_LIGHT_CHANGED, FORCE.REASON_BLURRED])
@@ -79,9 +79,9 @@ def test_a_force_that_the_model_itself_is_unsure_of_is_unlike_the_training() -> 
 
 def test_a_picture_of_other_light_and_sharpness_is_a_seventh_of_doubt() -> None:
     both = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
-    told = judged(force_map(), both)
-    assert told.sigma_n == pytest.approx(math.hypot(0.002, 0.15 * 0.55))
-    assert (told.status, told.reasons) == (FORCE.STATUS_DEGRADED, both)
+    verdict = judged(force_map(), both)
+    assert verdict.sigma_n == pytest.approx(math.hypot(0.002, 0.15 * 0.55))
+    assert (verdict.status, verdict.reasons) == (FORCE.STATUS_DEGRADED, both)
 
 
 @pytest.mark.parametrize(
@@ -148,26 +148,26 @@ def features(of: Estimating, s: float) -> types.FlowFeatures:
 
 def test_the_first_frame_of_a_contact_says_that_it_began() -> None:
     estimating = Estimating('fast')
-    told = [estimating.answer(features(estimating, s), '', 0.85, 0.0) for s in (0.0, 0.5, 0.5, 0.0, 0.4)]
+    forces = [estimating.answer(features(estimating, s), '', 0.85, 0.0) for s in (0.0, 0.5, 0.5, 0.0, 0.4)]
     begun = FORCE.REASON_BEGINNING
-    assert [each.reasons for each in told] == [0, begun, 0, 0, begun]
-    assert [each.status for each in told] == [
-        FORCE.STATUS_DEGRADED if each.reasons else FORCE.STATUS_OK for each in told
+    assert [each.reasons for each in forces] == [0, begun, 0, 0, begun]
+    assert [each.status for each in forces] == [
+        FORCE.STATUS_DEGRADED if each.reasons else FORCE.STATUS_OK for each in forces
     ]
-    assert told[1].total == pytest.approx(0.5, abs=2e-3)
-    assert told[1].total_sigma == pytest.approx(math.hypot(told[2].total_sigma, 0.05), rel=0.01)
+    assert forces[1].total == pytest.approx(0.5, abs=2e-3)
+    assert forces[1].total_sigma == pytest.approx(math.hypot(forces[2].total_sigma, 0.05), rel=0.01)
 
 
 def test_a_contact_of_which_nobody_knows_what_was_before_does_not_begin() -> None:
     estimating = Estimating('fast')
     blind = dataclasses.replace(features(estimating, 0.0), reasons=FORCE.REASON_DARK_IMAGE)  # type: ignore[type-var]
-    told = [
+    forces = [
         estimating.answer(each, '', 0.85, 0.0) for each in (features(estimating, 0.5), blind, features(estimating, 0.5))
     ]
-    assert [each.reasons for each in told] == [0, FORCE.REASON_DARK_IMAGE, 0]
+    assert [each.reasons for each in forces] == [0, FORCE.REASON_DARK_IMAGE, 0]
 
 
-def test_while_a_force_is_invalid_its_field_is_told_as_unknown_and_so_is_every_number_of_the_wrench() -> None:
+def test_while_a_force_is_invalid_its_field_is_reported_as_unknown_and_so_is_every_number_of_the_wrench() -> None:
     """Whoever draws the field alone would go on to show the last contact."""
     estimating = Estimating('field')
     layout = estimating.now.inputs.layout
@@ -214,6 +214,6 @@ def test_a_description_that_changed_after_its_model_was_made_is_named(tmp_path: 
     (mine := tmp_path / 'mine.yaml').write_text((share_directory() / 'config/sensors/simulated.yaml').read_text())
     assert Estimating('field', sensor=str(mine)).outdated() == ''
     mine.write_text(mine.read_text().replace('focal_px_per_rad: 290.0', 'focal_px_per_rad: 280.0'))
-    told = Estimating('field', sensor=str(mine)).outdated()
-    assert 'camera.focal_px_per_rad was 290.0, is 280.0' in told
-    assert f'tactile calibrate --sensor {mine} --model field -o mine.safetensors' in told
+    message = Estimating('field', sensor=str(mine)).outdated()
+    assert 'camera.focal_px_per_rad was 290.0, is 280.0' in message
+    assert f'tactile calibrate --sensor {mine} --model field -o mine.safetensors' in message

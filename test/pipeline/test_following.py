@@ -50,10 +50,10 @@ class Stream:
                 rows = self.bands_grey * (1 + np.sin(np.arange(len(image)) / 10 + 2 * self.number))
                 image = np.minimum(image + rows[:, None], 255).astype(np.uint8)
             head = conversions.header(S + self.number * S // 30, 'camera')
-            told = self.following.answer(image, head, acquire_s=0.0, waited_s=age_s)
+            message = self.following.answer(image, head, acquire_s=0.0, waited_s=age_s)
             if self.following.announced() is not None:
                 self.announced.append(self.following.reference_id)
-        return told
+        return message
 
 
 def test_why_a_rest_image_cannot_be_used_is_said_until_one_can() -> None:
@@ -74,7 +74,7 @@ def test_nothing_is_said_of_frames_as_they_were_and_the_rest_image_stays() -> No
 
 
 @pytest.mark.parametrize('most_px', [0.1, 1.0])
-def test_a_rest_image_that_was_touched_is_told_and_taken_anew_once_nothing_touches(most_px: float) -> None:
+def test_a_rest_image_that_was_touched_is_reported_and_taken_anew_once_nothing_touches(most_px: float) -> None:
     stream, touched = Stream(), press(180, 250, most_px)
     stream.feed(6, touched)
     assert stream.feed(6).reasons & FORCE.REASON_REST_DOUBTFUL
@@ -86,15 +86,15 @@ def test_a_rest_image_that_was_touched_is_told_and_taken_anew_once_nothing_touch
 
 
 @pytest.mark.parametrize('frames', [1, 20])
-def test_a_press_held_from_the_first_frame_on_is_told_once_it_is_let_go_however_slowly(frames: int) -> None:
+def test_a_press_held_from_the_first_frame_on_is_reported_once_it_is_let_go_however_slowly(frames: int) -> None:
     """At rest beside itself, and nobody can know more. What was pressed then reads as much as it is."""
     stream, held = Stream(), press(180, 250, 0.5)
     stream.feed(24, held)
     assert stream.following.trouble == ''
     for share in np.linspace(1, 0, frames + 1)[1:]:
         stream.feed(1, press(180, 250, 0.5 * share))
-    told = [stream.feed(1).reasons & FORCE.REASON_REST_DOUBTFUL for _ in range(29)]
-    assert any(told)
+    doubtful = [stream.feed(1).reasons & FORCE.REASON_REST_DOUBTFUL for _ in range(29)]
+    assert any(doubtful)
     stream.feed(80)  # taken while it was let go, it is taken anew two seconds later
     assert stream.feed(1).reasons == 0
     assert stream.following.trouble == ''
@@ -111,7 +111,7 @@ def test_why_a_dented_rest_image_is_of_no_use_is_said_until_it_is_taken_anew() -
     assert stream.following.trouble == ''
 
 
-def test_another_light_is_told_and_then_has_a_rest_image_of_its_own_until_it_ends() -> None:
+def test_another_light_is_reported_and_then_has_a_rest_image_of_its_own_until_it_ends() -> None:
     stream = Stream()
     stream.feed(8)
     assert stream.feed(1, light=0.5).reasons & FORCE.REASON_LIGHT_CHANGED
@@ -130,8 +130,8 @@ def test_a_blur_of_a_third_of_a_pixel_has_a_rest_image_of_its_own_until_it_ends(
     assert stream.feed(1, touch).reasons & FORCE.REASON_BLURRED
     stream.feed(14)
     assert len(stream.announced) == 2
-    told = stream.feed(1, touch)
-    assert told.reasons & FORCE.REASON_BLURRED
+    message = stream.feed(1, touch)
+    assert message.reasons & FORCE.REASON_BLURRED
     stream.blur_px = 0.0
     stream.feed(2, touch)
     assert stream.following.reference_id == stream.announced[0]
@@ -145,12 +145,12 @@ def test_a_blurred_picture_is_not_said_to_have_another_light(blur_px: float) -> 
     stream.feed(8)
     stream.blur_px = blur_px
     stream.feed(20)
-    told = [stream.feed(1, touch).reasons for _ in range(6)] + [stream.feed(1).reasons for _ in range(6)]
-    assert any(each & FORCE.REASON_BLURRED for each in told)
-    assert not any(each & FORCE.REASON_LIGHT_CHANGED for each in told)
+    reasons = [stream.feed(1, touch).reasons for _ in range(6)] + [stream.feed(1).reasons for _ in range(6)]
+    assert any(each & FORCE.REASON_BLURRED for each in reasons)
+    assert not any(each & FORCE.REASON_LIGHT_CHANGED for each in reasons)
 
 
-def test_bands_that_roll_over_the_picture_are_told_while_they_last_and_make_no_rest_image() -> None:
+def test_bands_that_roll_over_the_picture_are_reported_while_they_last_and_make_no_rest_image() -> None:
     stream = Stream()
     stream.feed(8)
     stream.bands_grey = 25.0
@@ -171,8 +171,8 @@ def test_the_rest_image_is_not_renewed_while_something_presses() -> None:
 def test_a_knock_is_degraded_until_three_frames_have_shown_the_gel_at_rest() -> None:
     stream = Stream()
     stream.feed(8)
-    told = [stream.feed(1, shift(0.7, -0.4)).reasons for _ in range(6)]
-    assert [bool(each & FORCE.REASON_FOREIGN_MOTION) for each in told] == [True, True, False, False, False, False]
+    reasons = [stream.feed(1, shift(0.7, -0.4)).reasons for _ in range(6)]
+    assert [bool(each & FORCE.REASON_FOREIGN_MOTION) for each in reasons] == [True, True, False, False, False, False]
 
 
 @pytest.mark.parametrize('most_px', [0.08, 0.3])
@@ -201,9 +201,9 @@ def test_a_gel_seated_anew_whose_markers_moved_each_its_way_is_measured_as_befor
     stream, touch = Stream(), press(200, 200, 1.0)
     stream.feed(8)
     before = stream.feed(1, touch)
-    told = [stream.feed(1, shift(0.8, -0.6), lambda _: depths) for _ in range(30)]
-    assert [each.reasons for each in told[-8:]] == [0] * 8
-    assert all(each.untouched or np.abs(each.values).max() < 0.02 for each in told[-8:])
+    messages = [stream.feed(1, shift(0.8, -0.6), lambda _: depths) for _ in range(30)]
+    assert [each.reasons for each in messages[-8:]] == [0] * 8
+    assert all(each.untouched or np.abs(each.values).max() < 0.02 for each in messages[-8:])
     after = stream.feed(1, touch, shift(0.8, -0.6), lambda _: depths)
     assert after.reasons == 0
     assert np.sqrt(np.square(np.subtract(after.values, before.values)).mean()) < 0.01
@@ -226,15 +226,15 @@ def test_a_picture_that_grew_while_each_marker_moved_its_way_stays_degraded_what
     depths = np.random.default_rng(5).normal(0, 0.3, (len(DOTS), 2))
     stream, swollen = Stream(), (grow(0.0015), lambda _: depths)  # by 0.33 px at the rim
     stream.feed(8)
-    told = [stream.feed(1, *swollen) for _ in range(30)]
+    messages = [stream.feed(1, *swollen) for _ in range(30)]
     assert stream.following.renewed
-    told += [stream.feed(1, *swollen, grow(0.005)) for _ in range(30)]
-    assert all(each.reasons & FORCE.REASON_FOREIGN_MOTION for each in told)
+    messages += [stream.feed(1, *swollen, grow(0.005)) for _ in range(30)]
+    assert all(each.reasons & FORCE.REASON_FOREIGN_MOTION for each in messages)
     stream.feed(8)
     assert not stream.feed(1).reasons & FORCE.REASON_FOREIGN_MOTION
 
 
-def test_a_speck_of_dirt_is_told_until_it_is_gone() -> None:
+def test_a_speck_of_dirt_is_reported_until_it_is_gone() -> None:
     stream = Stream()
     stream.feed(8)
     stream.spot = np.s_[300:320, 300:320]
@@ -243,14 +243,14 @@ def test_a_speck_of_dirt_is_told_until_it_is_gone() -> None:
     assert stream.feed(4).reasons == 0
 
 
-def test_an_old_frame_is_told() -> None:
+def test_an_old_frame_is_reported() -> None:
     stream = Stream()
     stream.feed(8)
     assert stream.feed(1, age_s=0.3).reasons == FORCE.REASON_STALE
 
 
 @pytest.mark.parametrize(('grey', 'reason'), [(0, FORCE.REASON_DARK_IMAGE), (255, FORCE.REASON_SATURATED_IMAGE)])
-def test_black_and_white_are_told_in_the_first_frame_and_forgotten_in_the_next(grey: int, reason: int) -> None:
+def test_black_and_white_are_reported_in_the_first_frame_and_forgotten_in_the_next(grey: int, reason: int) -> None:
     stream = Stream()
     stream.feed(8)
     nothing = np.full((440, 440), grey, np.uint8)

@@ -35,7 +35,7 @@ def test_a_frame_in_which_nothing_touches_has_no_motion_and_is_not_measured() ->
     assert found.features.confidence.min() > 0.9
 
 
-def test_what_the_check_saw_of_a_frame_is_told_with_it() -> None:
+def test_what_the_check_saw_of_a_frame_is_reported_with_it() -> None:
     found = Measured(PATTERN, 'dis', check=ALL)(PATTERN)
     assert found.still and found.seen is not None and found.seen.motion < 1.0
 

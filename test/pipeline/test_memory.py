@@ -41,7 +41,7 @@ def answered(following: Following, numbers: range) -> list[types.FlowFeatures]:
     ]  # fmt: skip
 
 
-def told(messages: list[types.FlowFeatures]) -> list[tuple[object, ...]]:
+def compared(messages: list[types.FlowFeatures]) -> list[tuple[object, ...]]:
     return [
         (each.values.tobytes(), each.reasons, each.moved, each.picture_motion.tobytes(), each.reference_id)
         for each in messages
@@ -52,8 +52,8 @@ FRAMES, SAVED_AT = 70, (3, 8, 11, 17, 20, 30, 36, 47, 50, 60)
 
 
 @pytest.fixture(scope='module')
-def whole() -> tuple[list[tuple[object, ...]], dict[int, bytes]]:
-    """What is told of all frames, and what is remembered before some of them."""
+def undisturbed() -> tuple[list[tuple[object, ...]], dict[int, bytes]]:
+    """What is published of all frames, and what is remembered before some of them."""
     following, found, saved = Following(PARAMS), list[types.FlowFeatures](), dict[int, bytes]()
     following.begin_capture()
     for number in range(FRAMES):
@@ -61,18 +61,18 @@ def whole() -> tuple[list[tuple[object, ...]], dict[int, bytes]]:
             saved[number] = following.memory.saved()
         found += answered(following, range(number, number + 1))
     assert len({each.reference_id for each in found}) > 2  # none, captured, renewed in the other light
-    return told(found), saved
+    return compared(found), saved
 
 
 @pytest.mark.parametrize('at', SAVED_AT)
 def test_what_was_saved_at_any_frame_goes_on_bit_for_bit(
-    at: int, whole: tuple[list[tuple[object, ...]], dict[int, bytes]]
+    at: int, undisturbed: tuple[list[tuple[object, ...]], dict[int, bytes]]
 ) -> None:
     """Up to the next, where the same is remembered."""
-    found, saved = whole
+    found, saved = undisturbed
     again, then = Following(PARAMS), min((each for each in saved if each > at), default=FRAMES)
     again.memory.recall(saved[at])
-    assert told(answered(again, range(at, then))) == found[at:then]
+    assert compared(answered(again, range(at, then))) == found[at:then]
     assert then == FRAMES or again.memory.saved() == saved[then]
 
 
@@ -93,10 +93,10 @@ def test_dead_pixels_that_are_filled_in_are_remembered(begin: int) -> None:
     frames(range(22))
     assert following.memory.rest.dead.count > 0.9 * DEAD.sum()
     saved = following.memory.saved()
-    whole = told(frames(range(22, 30)))
+    undisturbed = compared(frames(range(22, 30)))
     following = Following(PARAMS)
     following.memory.recall(saved)
-    assert told(frames(range(22, 30))) == whole
+    assert compared(frames(range(22, 30))) == undisturbed
 
 
 def test_memories_of_the_same_frames_are_the_same_bytes_and_of_others_are_not() -> None:

@@ -36,15 +36,15 @@ pytestmark = [
 
 @dataclasses.dataclass(frozen=True)
 class Grasp:
-    """What each finger told, frame by frame."""
+    """The forces of each finger, frame by frame."""
 
     recording: Path
-    told: list[list[types.ForceDistribution]]
+    forces: list[list[types.ForceDistribution]]
 
     @property
     def totals(self) -> list[np.ndarray]:
         """Of each finger; no number: 0."""
-        return [np.nan_to_num([each.total for each in finger]) for finger in self.told]
+        return [np.nan_to_num([each.total for each in finger]) for finger in self.forces]
 
 
 def read(video: Path, folder: Path) -> list[types.ForceDistribution]:
@@ -69,10 +69,10 @@ def read(video: Path, folder: Path) -> list[types.ForceDistribution]:
 
 @pytest.fixture(scope='module', params=[BALL, TUBE], ids=lambda each: each.parent.name)
 def grasp(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Grasp:
-    """What both fingers told of a recording."""
+    """The forces of both fingers in a recording."""
     folder = tmp_path_factory.mktemp('dots')
-    told = [read(request.param / f'camera_{finger}.avi', folder) for finger in FINGERS]
-    return Grasp(request.param, told)
+    forces = [read(request.param / f'camera_{finger}.avi', folder) for finger in FINGERS]
+    return Grasp(request.param, forces)
 
 
 def test_a_grasp_is_followed_from_the_first_touch_to_its_release(grasp: Grasp) -> None:
@@ -82,8 +82,8 @@ def test_a_grasp_is_followed_from_the_first_touch_to_its_release(grasp: Grasp) -
         assert total[REST] == 0.0
         assert total[HELD].min() > 0.4
         assert total[FREE].max() < 0.3 * total[HELD].mean()
-    told = [each for finger in grasp.told for each in finger[REST + 1 :]]
-    assert {each.status for each in told if each.total > 0.2} == {types.ForceDistribution.STATUS_DEGRADED}
+    forces = [each for finger in grasp.forces for each in finger[REST + 1 :]]
+    assert {each.status for each in forces if each.total > 0.2} == {types.ForceDistribution.STATUS_DEGRADED}
 
 
 def test_two_fingers_feel_the_same_squeeze(grasp: Grasp) -> None:

@@ -1,4 +1,4 @@
-"""The rest image: taken when told, from pictures that show something, and kept until a better one is there."""
+"""The rest image: taken on request, from pictures that show something, and kept until a better one is there."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_capture_begins_anew_with_a_frame_that_shows_something_else() -> None:
     assert not last.unsteady
 
 
-def test_of_a_picture_that_never_rests_any_frames_are_taken_and_that_is_told() -> None:
+def test_of_a_picture_that_never_rests_any_frames_are_taken_and_that_is_reported() -> None:
     moving = [np.roll(PATTERN, number % 2, axis=1) for number in range(9)]
     *before, last = captured(remembering(frames=2), *moving)  # four times two frames, and one
     assert before == [None] * 8 and last is not None

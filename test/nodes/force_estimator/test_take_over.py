@@ -24,7 +24,7 @@ from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
-from tactile_nodes.pipeline.methods import told
+from tactile_nodes.pipeline.methods import describe_flow
 from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.flow.choice import make_flow
 
@@ -67,7 +67,8 @@ class Live:
             types.FlowFeatures(
                 header=conversions.header(START_NS + self.sent * PERIOD_NS, 'camera'), rows=4, cols=4, channels=2,
                 encoding='cartesian_mean', values=np.zeros(32, np.float32), confidence=np.ones(16, np.float32),
-                image_width=160, image_height=160, reference_id='0123456789ab', method=told(make_flow('dis', {})),
+                image_width=160, image_height=160, reference_id='0123456789ab',
+                method=describe_flow(make_flow('dis', {})),
             )
         )  # fmt: skip
         self.sent += 1
