@@ -115,7 +115,7 @@ def _with_prior(usual: Float[np.ndarray, ' 6']) -> AbstractContextManager[Any]:
 
 def _as_described() -> AbstractContextManager[Any]:
     """A context in which the camera is not estimated."""
-    return patch('tactile_nodes.learning.field.fit.camera_told', lambda regions, *_: regions.sensor)
+    return patch('tactile_nodes.learning.field.fit.fitted_camera', lambda regions, *_: regions.sensor)
 
 
 def _gel(make: Make) -> Gel:

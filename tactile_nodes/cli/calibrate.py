@@ -193,13 +193,13 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
     from tactile_nodes.learning.calibrating.calibrator import Calibrator, StopRule
     from tactile_nodes.learning.calibrating.files import Source
     from tactile_nodes.learning.calibrating.presses import BagPresses, Written, finish, take_presses
-    from tactile_nodes.learning.recorded.building import gel_told
+    from tactile_nodes.learning.recorded.building import gel_entry
     from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
     source, all_of_them = Source.find(arguments.model), StopRule(most=sys.maxsize, worth=0.0)
     # The fits of a curve print one line each; the single fit of all presses shows its own progress.
     fitting = None if arguments.curve else progress
-    gel, pressed, curve = gel_told(arguments.gel), _pressed(arguments), arguments.curve
+    gel, pressed, curve = gel_entry(arguments.gel), _pressed(arguments), arguments.curve
     readout = source.loaded.model.readout
     tips = not isinstance(readout, FieldReadout) or (readout.tips and (pressed.body is None or pressed.body.is_ball))
     along = curve and bool(tips)

@@ -103,9 +103,9 @@ def _named(file: Path, one: Evaluation, evaluated: list[Evaluation]) -> Path:
 
 
 def _tell(evaluated: Evaluation, table: Path) -> None:
-    from tactile_nodes.learning.evaluation.told import write_told
+    from tactile_nodes.learning.evaluation.estimates import write_estimates
 
-    write_told(evaluated.answers, table)
+    write_estimates(evaluated.answers, table)
     print(f'wrote {table}: estimates of {evaluated.name} for {len(evaluated.answers)} samples')
 
 

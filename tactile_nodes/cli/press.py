@@ -144,7 +144,7 @@ def _forces_n(sensor: Sensor, body: KnownBody | None, given: list[float], unit: 
     if body is None:
         return wished or tuple(each * NEWTONS['g'] for each in USUAL_G)
     most = linear_most_n(sensor, body)
-    range_text = f'under {body.told} the gel responds linearly up to about {float(f"{most / newton:.2g}"):g} {unit}'
+    range_text = f'under {body.name} the gel responds linearly up to about {float(f"{most / newton:.2g}"):g} {unit}'
     if not wished:
         print(f'{range_text}; the forces asked for stay below that')
     elif max(wished) > most:

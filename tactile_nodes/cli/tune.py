@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.recorded.building import BuildOptions, gel_told
+    from tactile_nodes.learning.recorded.building import BuildOptions, gel_entry
     from tactile_nodes.learning.tuning.search import RecordedSource, SimulatedSource
 
     if data_sets := [path for path in arguments.bags if path.suffix == '.npz']:
@@ -111,7 +111,7 @@ def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
     if not 0 <= arguments.without_contact <= 0.5:
         raise ConfigurationError(f'--without-contact must be between 0 and 0.5, got {arguments.without_contact}')
     options = BuildOptions(
-        gel=gel_told(arguments.gel), namespace=arguments.namespace, crop=base.data.crop,
+        gel=gel_entry(arguments.gel), namespace=arguments.namespace, crop=base.data.crop,
         without_contact=arguments.without_contact,
     )  # fmt: skip
     return RecordedSource(arguments.bags, options, base)

@@ -240,7 +240,7 @@ def test_bags_of_presses_of_the_tip_calibrate_tips_and_field_without_a_data_set(
     readout = loaded.model.readout
     assert isinstance(readout, FieldReadout)
     assert readout.tips is not None
-    assert body_of_card(loaded.card, loaded.model_id).told == 'ball:0.6'
+    assert body_of_card(loaded.card, loaded.model_id).name == 'ball:0.6'
 
 
 def test_a_source_that_was_pressed_by_a_mesh_asks_what_presses_now(model: Path) -> None:

@@ -23,11 +23,11 @@ def kernels() -> list[str]:
 
 
 def core_of(library: ctypes.CDLL) -> str:
-    asked = [getattr(library, name) for name in NAMES if hasattr(library, name)]
-    if not asked:
-        return 'untold'
-    asked[0].restype = ctypes.c_char_p
-    return str(asked[0]().decode())
+    functions = [getattr(library, name) for name in NAMES if hasattr(library, name)]
+    if not functions:
+        return 'unknown'
+    functions[0].restype = ctypes.c_char_p
+    return str(functions[0]().decode())
 
 
 if __name__ == '__main__':

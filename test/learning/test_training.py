@@ -127,11 +127,11 @@ def test_a_run_keeps_settings_curves_and_result(data: Dataset, tmp_path: Path):
     config = small_config(tmp_path)
     model = load_model(training.train(config, runs=tmp_path / 'runs'))
     (folder,) = (tmp_path / 'runs').iterdir()
-    told = read_run(folder)
+    stored = read_run(folder)
     assert folder.name.startswith('small-')
-    assert told.settings['training.epochs'] == 4
-    assert [each['epoch'] for each in told.epochs] == [1, 2, 3, 4]
-    assert told.result['model_id'] == model.model_id
+    assert stored.settings['training.epochs'] == 4
+    assert [each['epoch'] for each in stored.epochs] == [1, 2, 3, 4]
+    assert stored.result['model_id'] == model.model_id
 
 
 def test_a_grid_of_presses_is_split_in_three_and_the_test_found_again(tmp_path: Path):

@@ -115,7 +115,7 @@ class Measured:
 
 
 def test_tuning_tries_all_and_says_what_the_next_smaller_one_costs(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Times that are told, because those of a busy machine say little of two configurations.
+    # Times that are given, because those of a busy machine say little of two configurations.
     monkeypatch.setattr('tactile_nodes.learning.tuning.search.cpu_times_ms', lambda *_: [1.0, 10.0])
     patches = {'rows': 6, 'cols': 6}
     slow = Choice('dis', {'preset': 'medium', 'finest_scale': 0, 'gradient_descent_iterations': 200})

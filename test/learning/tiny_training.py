@@ -56,12 +56,12 @@ def main(runs: Path) -> None:
         def advance(self, steps: int = 1, text: str = '') -> None:
             print('epoch', flush=True)
 
-    class Told(Progress):
+    class Announcing(Progress):
         def bar(self, title: str, steps: int):  # type: ignore[no-untyped-def]
             return nullcontext(Bar())
 
     config = tiny_config(epochs=100_000)
-    fit_network(tiny_presses(), tiny_held_out(), config, Told(), RunFolder(runs, config, 'tiny'))
+    fit_network(tiny_presses(), tiny_held_out(), config, Announcing(), RunFolder(runs, config, 'tiny'))
 
 
 if __name__ == '__main__':

@@ -39,11 +39,11 @@ def method_options(arguments: argparse.Namespace) -> dict[str, Any]:
         ConfigurationError: an option cannot be used, or excludes another one that was given.
         ModelError: there is no such model.
     """
-    from tactile_nodes.learning.recorded.building import gel_told
+    from tactile_nodes.learning.recorded.building import gel_entry
 
     flow, encoding, bins, crop = (_of_model if arguments.model else _of_run)(arguments)
     options = {'flow': flow, 'encoding': encoding, 'bins': bins, 'crop': crop, 'frames': arguments.frames}
-    return {**options, 'gel': gel_told(arguments.gel)}
+    return {**options, 'gel': gel_entry(arguments.gel)}
 
 
 Measuring = tuple['Choice', 'Choice', 'BinGrid', 'int | tuple[int, int]']

@@ -85,17 +85,17 @@ class Known:
         if self.sensor is None:
             return ''
         few = slice(None, None, max(1, len(force_n) // JUDGES))
-        told, expected = force_n[few], self.forces_n(motion[few], confidence[few])
-        told, expected = told[expected > 0], expected[expected > 0]
-        if not len(told):
+        given, expected = force_n[few], self.forces_n(motion[few], confidence[few])
+        given, expected = given[expected > 0], expected[expected > 0]
+        if not len(given):
             return ''
-        times = float(np.median(told / expected))
+        times = float(np.median(given / expected))
         if not 1 / self.force_times <= times <= self.force_times:
             return f'forces are about {_round(times)} times those expected from the description: check the unit'
         least, most = np.quantile(expected, (0.1, 0.9)).tolist()
-        if told.max() <= ALIKE * told.min() and most > DIFFER * least:
+        if given.max() <= ALIKE * given.min() and most > DIFFER * least:
             return (
-                f'the given forces of {told.min():.3g} to {told.max():.3g} N are nearly equal, but according to the '
+                f'the given forces of {given.min():.3g} to {given.max():.3g} N are nearly equal, but according to the '
                 f'description the images show forces that differ by a factor of {most / least:.1f}'
             )
         return ''

@@ -66,13 +66,13 @@ def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.nda
         return ''
     expected = View(sensor).shares_of(place_mm)
     for axis, side_px in enumerate(sensor.image.crop_px):
-        found, told = (
+        found, described = (
             float(np.polyfit(place_mm[:, axis], shares[:, axis], 1)[0]) * side_px for shares in (seen, expected)
         )
-        if not told / SCALE <= found <= told * SCALE:
+        if not described / SCALE <= found <= described * SCALE:
             return (
                 f'the moving spot shifts by {found:.0f} pixels per mm along {"xy"[axis]} between presses, but the '
-                f'description of the sensor gives {told:.0f}: one of them is of another camera or gel'
+                f'description of the sensor gives {described:.0f}: one of them is of another camera or gel'
             )
     return ''
 

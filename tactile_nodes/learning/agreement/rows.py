@@ -27,7 +27,7 @@ class Row(NamedTuple):
         line = f'{self.table.counted} {self.press.line}'
         return line if self.table is other.table else f'{line} of {self.table.file}'
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """What the row states about its image."""
         press = self.press
         if not press.touches:
@@ -72,11 +72,11 @@ def require_single(rows: Iterable[Row], progress: Progress, *, forced: bool = Fa
         before = first.setdefault(row.picture, row)
         if before is row or (row.table is not before.table and not (row.press.touches or before.press.touches)):
             continue
-        said = f'{row.table.file}, {row.table.counted} {row.press.line} has the image of {before.beside(row)}'
+        sentence = f'{row.table.file}, {row.table.counted} {row.press.line} has the image of {before.beside(row)}'
         if row.contradicts(before):
-            wrong.append(f'{said}, but gives {row.told()} instead of {before.told()}')
+            wrong.append(f'{sentence}, but gives {row.describe()} instead of {before.describe()}')
         else:
-            twice.append(f'{said} again')
+            twice.append(f'{sentence} again')
     if twice:
         progress.say(_first_of(twice))
     if wrong and not forced:
@@ -85,5 +85,5 @@ def require_single(rows: Iterable[Row], progress: Progress, *, forced: bool = Fa
         progress.say(f'used because of --force: {_first_of(wrong)}')
 
 
-def _first_of(said: list[str]) -> str:
-    return said[0] + (f'; {len(said) - 1} more rows are alike' if len(said) > 1 else '')
+def _first_of(sentences: list[str]) -> str:
+    return sentences[0] + (f'; {len(sentences) - 1} more rows are alike' if len(sentences) > 1 else '')

@@ -39,17 +39,17 @@ def with_local(readout: AxisymmetricReadout, presses: Presses, pictures: Int[np.
         return readout
     found = np.stack([raw.fit(seen[number]).contacts[0] for number in usable.tolist()])
     # In distances and forces of the gel that the profiles were measured on, like corrections.
-    truth, told = presses.contacts[usable] / readout.unit, readout.corrected(found) / readout.unit
-    table = interpolated(truth[:, :2], wrong_by(told, truth), pictures[usable], readout.correction.reach_mm)
+    truth, estimated = presses.contacts[usable] / readout.unit, readout.corrected(found) / readout.unit
+    table = interpolated(truth[:, :2], wrong_by(estimated, truth), pictures[usable], readout.correction.reach_mm)
     if readout.correction.local is not None:
         table = readout.correction.local + table
     return replace(readout, correction=replace(readout.correction, local=table))
 
 
-def wrong_by(told: Float[np.ndarray, 'n 3'], truth: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
+def wrong_by(estimated: Float[np.ndarray, 'n 3'], truth: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n 3']:
     """Corrections to add to estimates: x, y and a share of the force; large ones are clipped."""
-    wrong = truth - told
-    wrong[:, 2] /= np.maximum(told[:, 2], LEAST_FORCE_N)
+    wrong = truth - estimated
+    wrong[:, 2] /= np.maximum(estimated[:, 2], LEAST_FORCE_N)
     farthest = FARTHEST * np.median(np.abs(wrong), axis=0)
     return np.asarray(np.clip(wrong, -farthest, farthest))
 

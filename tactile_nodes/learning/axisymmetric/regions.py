@@ -72,15 +72,18 @@ class Presses:
         return Presses(self.contacts[chosen], self.motion[chosen], self.certainty[chosen])
 
     def weights(
-        self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances'], told: np.ndarray | None = None
+        self,
+        response: AxisymmetricResponse,
+        doubt: Float[np.ndarray, ' distances'],
+        predicted: np.ndarray | None = None,
     ) -> np.ndarray:
         """The inverse standard deviation of each motion (n, regions, 2): noise, and a share of the predicted motion.
 
-        `told` is the predicted motion, if it is known already.
+        `predicted` is the motion by the response, if it is known already.
         """
-        told = response.motion(self.contacts) if told is None else told
+        predicted = response.motion(self.contacts) if predicted is None else predicted
         share = np.interp(response.distances_mm(self.contacts), DOUBT_MM, doubt)
-        off = np.square(share) * np.square(told).sum(axis=-1)
+        off = np.square(share) * np.square(predicted).sum(axis=-1)
         return np.asarray(np.sqrt(self.certainty / (1 + self.certainty * off[..., None])))
 
 
@@ -197,12 +200,12 @@ def measured_doubt(response: AxisymmetricResponse, presses: Presses) -> Float[np
 
     Noise and the uncertainty of the region's numbers are subtracted.
     """
-    told, slopes, columns = response.motion_slopes_and_columns(presses.contacts)
+    predicted, slopes, columns = response.motion_slopes_and_columns(presses.contacts)
     seen = presses.certainty[..., 0] > 0
-    noise = np.divide(2.0, presses.certainty[..., 0], out=np.zeros_like(told[..., 0]), where=seen)
+    noise = np.divide(2.0, presses.certainty[..., 0], out=np.zeros_like(predicted[..., 0]), where=seen)
     noise += response.variance(slopes, columns).sum(axis=-1)
-    left = (np.square(presses.motion - told).sum(axis=-1) - noise) / 2
-    size, distance = np.square(told).sum(axis=-1), response.distances_mm(presses.contacts)
+    left = (np.square(presses.motion - predicted).sum(axis=-1) - noise) / 2
+    size, distance = np.square(predicted).sum(axis=-1), response.distances_mm(presses.contacts)
     borders = np.concatenate([[0.0], (DOUBT_MM[1:] + DOUBT_MM[:-1]) / 2, [np.inf]])
     shares = []
     for low, high in itertools.pairwise(borders):

@@ -36,8 +36,8 @@ def fit_regions(
 
     With `shared`, the numbers that all regions share are fitted as well.
     """
-    here = numbers_of(response)
-    equations = Equations.of(response, presses, doubt, shared).near(here, expected)
+    numbers = numbers_of(response)
+    equations = Equations.of(response, presses, doubt, shared).near(numbers, expected)
     step, move = equations.solved()
     if shared:
         response = shared.moved(response, move)
@@ -74,17 +74,17 @@ class Equations:
         shared: Shared | None = None,
     ) -> Equations:
         """From the presses, and from the prior of the shared numbers."""
-        here = numbers_of(response)
+        numbers = numbers_of(response)
         free = shared.free if shared else np.zeros(0, int)
-        square, down = np.zeros((*here.shape, here.shape[1])), np.zeros(here.shape)
-        cross = np.zeros((*here.shape, len(free)))
+        square, down = np.zeros((*numbers.shape, numbers.shape[1])), np.zeros(numbers.shape)
+        cross = np.zeros((*numbers.shape, len(free)))
         across, along = shared.equations(response) if shared else (np.zeros((0, 0)), np.zeros(0))
         for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
             some = presses.take(part)
             columns, slopes = response.columns_and_slopes(some.contacts)
-            told = response.seen(columns)
-            weight = some.weights(response, doubt, told)
-            left = ((some.motion - told) * weight).transpose(1, 0, 2).reshape(len(here), -1)
+            predicted = response.seen(columns)
+            weight = some.weights(response, doubt, predicted)
+            left = ((some.motion - predicted) * weight).transpose(1, 0, 2).reshape(len(numbers), -1)
             by_region = by_regions(levers(response, columns, slopes) * weight[..., None])
             square += by_region.transpose(0, 2, 1) @ by_region
             down += np.matmul(left[:, None], by_region)[:, 0]
@@ -95,9 +95,9 @@ class Equations:
                 along = along + np.einsum('rn,rni->i', left, both)
         return cls(square, down, cross, across, along, np.full(len(free), LARGEST_SHARED))
 
-    def near(self, here: Float[np.ndarray, 'regions numbers'], expected: Expected) -> Equations:
-        """The equations with the prior of the regions, whose numbers are now `here`."""
-        down = self.down + np.einsum('rn,rnm->rm', expected.numbers - here, expected.precision)
+    def near(self, numbers: Float[np.ndarray, 'regions numbers'], expected: Expected) -> Equations:
+        """The equations with the prior of the regions, whose present numbers are `numbers`."""
+        down = self.down + np.einsum('rn,rnm->rm', expected.numbers - numbers, expected.precision)
         return replace(self, square=self.square + expected.precision, down=down)
 
     def solved(self) -> tuple[Float[np.ndarray, 'regions numbers'], Float[np.ndarray, ' common']]:

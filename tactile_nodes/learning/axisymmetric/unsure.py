@@ -26,9 +26,9 @@ def with_unsure(
     doubt: Float[np.ndarray, ' distances'],
 ) -> AxisymmetricResponse:
     """The response with the uncertainty of its regions, fitted to presses with a prior of this precision."""
-    covariance = np.linalg.inv(precision + _told(response, presses, doubt))
-    count, asked = response.couplings.shape[2], response.columns_and_slopes(_everywhere(presses))
-    lever = levers(response, *asked)
+    covariance = np.linalg.inv(precision + _precision_of_presses(response, presses, doubt))
+    count, everywhere = response.couplings.shape[2], response.columns_and_slopes(_everywhere(presses))
+    lever = levers(response, *everywhere)
     channels = []
     for channel in (0, 1):
         own = np.r_[channel * count : (channel + 1) * count, 2 * count : 2 * count + 2]
@@ -36,18 +36,18 @@ def with_unsure(
     return replace(response, unsure=np.stack(channels, axis=1))
 
 
-def _told(
+def _precision_of_presses(
     response: AxisymmetricResponse, presses: Presses, doubt: Float[np.ndarray, ' distances']
 ) -> Float[np.ndarray, 'regions numbers numbers']:
     """The precision of each region's numbers from the presses."""
-    told = np.zeros(())
+    precision = np.zeros(())
     for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
         some = presses.take(part)
         columns, slopes = response.columns_and_slopes(some.contacts)
         weight = some.weights(response, doubt, response.seen(columns))
         lever = by_regions(levers(response, columns, slopes) * weight[..., None])
-        told = told + lever.transpose(0, 2, 1) @ lever
-    return told
+        precision = precision + lever.transpose(0, 2, 1) @ lever
+    return precision
 
 
 def _everywhere(presses: Presses) -> Float[np.ndarray, 'n 3']:

@@ -177,8 +177,8 @@ class Calibrator:
         samples = [sample for sample in self._builder.take(bag, press) if sample.contact]
         if not samples:
             out = self._builder.left_out[known:]
-            why = f'{out[-1].reason} ({out[-1].detail})' if out else press.told.reason
-            self.left_out = f'press {press.told.press}: {why}'
+            why = f'{out[-1].reason} ({out[-1].detail})' if out else press.message.reason
+            self.left_out = f'press {press.message.press}: {why}'
             return None
         self._require_fitting(press, samples[0].reference_id)
         self.require_live_gel()
@@ -188,7 +188,7 @@ class Calibrator:
         self.read.append(PressRead(self.presses, sample.force_n, before, after))
         return self.read[-1]
 
-    def require_gel(self, picture: np.ndarray, what: str) -> None:
+    def require_gel(self, picture: np.ndarray, name: str) -> None:
         """Refuse an image that shows another gel than the presses.
 
         Raises:
@@ -197,7 +197,7 @@ class Calibrator:
         """
         if self._rest is not None and not self._rest.of(picture).same:
             raise DatasetError(
-                f'{what} shows other markers than the rest image of the first press: it is another gel, or the camera '
+                f'{name} shows other markers than the rest image of the first press: it is another gel, or the camera '
                 'was moved far; calibrate each gel with its own presses'
             )
 
@@ -206,17 +206,17 @@ class Calibrator:
         """Whether the fit should be renewed now."""
         return self.presses >= self._next
 
-    def fit(self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path] = (), command: str = '') -> None:
+    def fit(self, entries: Sequence[Mapping[str, Any]], bags: Sequence[Path] = (), command: str = '') -> None:
         """Renew the calibration if its presses have changed; `objection` then says what speaks against it.
 
         Args:
-            told: the card's entry for each bag.
+            entries: the card's entry for each bag.
             bags: their paths.
             command: the command line.
         """
         self._next = max(self.presses + 5, math.ceil(GROWTH * self.presses))
         try:
-            self.recordings = self._builder.recordings(told, bags, command=command)
+            self.recordings = self._builder.recordings(entries, bags, command=command)
             attempts = _attempts(self.recordings)
             if self.made is None or attempts != self._fitted:
                 self.made = transferred(
@@ -257,7 +257,7 @@ class Calibrator:
             return
         if self._rest is None:
             self._rest = PictureComparison(press.reference.image)
-        self.require_gel(press.reference.image, f'the rest image of press {press.told.press}')
+        self.require_gel(press.reference.image, f'the rest image of press {press.message.press}')
         self._rests.add(reference)
 
     def require_live_gel(self) -> None:

@@ -42,7 +42,7 @@ class Source:
         file = find_model(name)
         return cls(file, load_model(file))
 
-    def told(self, output: Path) -> dict[str, str]:
+    def card_entry(self, output: Path) -> dict[str, str]:
         """The card's entry: a model that ships by its name, another by its path relative to the output's folder."""
         ships = self.file.parent == share_directory() / 'models'
         name = self.file.stem if ships else os.path.relpath(self.file.resolve(), output.resolve().parent)
@@ -117,7 +117,7 @@ def completed(
     if not isinstance(source.loaded.model.readout, FieldReadout):
         return source, made
     dataset = recordings.as_samples()
-    card = pressed.told(source.loaded.card, pressed.bodies(source.loaded, dataset))
+    card = pressed.to_card(source.loaded.card, pressed.bodies(source.loaded, dataset))
     loaded = replace(source.loaded, card=card)
     made = with_field(source.loaded, made, dataset, progress, pressed, forced=forced, curve=curve)
     return replace(source, loaded=loaded), made
@@ -199,6 +199,6 @@ def card_of(
             'fingerprint': recordings.fingerprint,
             'pictures': [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())],
         },
-        'source': source.told(output),
+        'source': source.card_entry(output),
         'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},
     }

@@ -62,9 +62,9 @@ def presses_by_hand(
     require_rows(source, known.sensor)
     untouched = _untouched(source)
     _require_pattern(loaded, untouched, forced=forced)
-    for said in (_cut_told(loaded, untouched, known), _tips_told(loaded, read, pressed)):
-        if said:
-            progress.say(said)
+    for sentence in (_describe_cut(loaded, untouched, known), _describe_tips(loaded, read, pressed)):
+        if sentence:
+            progress.say(sentence)
     return import_presses([source], options, known, progress, command=command, forced=forced)
 
 
@@ -104,7 +104,7 @@ def _require_pattern(loaded: LoadedModel, untouched: Picture, *, forced: bool) -
         )
 
 
-def _cut_told(loaded: LoadedModel, untouched: Picture, known: Known) -> str:
+def _describe_cut(loaded: LoadedModel, untouched: Picture, known: Known) -> str:
     """A note that only a part of the images is used; empty if all is, or if the model was made of such images."""
     height, width = untouched.shape
     image = known.sensor.image if known.sensor else None
@@ -118,14 +118,14 @@ def _cut_told(loaded: LoadedModel, untouched: Picture, known: Known) -> str:
     )
 
 
-def _tips_told(loaded: LoadedModel, table: PressTable, pressed: Pressed) -> str:
+def _describe_tips(loaded: LoadedModel, table: PressTable, pressed: Pressed) -> str:
     """A note that another tip pressed than in the model's training; empty if none did, or if it is unknown."""
     readout = loaded.model.readout
-    names = {pressed.body.told} if pressed.body else {as_ball(row.indenter) for row in table.rows if row.touches}
+    names = {pressed.body.name} if pressed.body else {as_ball(row.indenter) for row in table.rows if row.touches}
     if isinstance(readout, FieldReadout) and (readout.tips is None or len(names) > 1):
         return ''  # no tip is calibrated
     if BODY in loaded.card or BALL_MM in loaded.card:
-        own = body_of_card(loaded.card, loaded.model_id).told
+        own = body_of_card(loaded.card, loaded.model_id).name
     else:
         own = f'ball:{config_of(loaded).gel.tip_radius_mm:g}'
     if not (others := sorted({name for name in names if name.startswith('ball:')} - {own})):

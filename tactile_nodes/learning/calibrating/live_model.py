@@ -30,7 +30,7 @@ class LiveModel:
             BusError: the estimator does not answer.
             ModelError: its model's file no longer exists.
         """
-        return Source.find(str(self._client().values(['model'])['model'])).told(output)
+        return Source.find(str(self._client().values(['model'])['model'])).card_entry(output)
 
     def use(self, file: Path) -> None:
         """Let the estimator load a model.

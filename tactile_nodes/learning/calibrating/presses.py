@@ -17,7 +17,7 @@ from tactile_nodes.learning.calibrating.files import Source, completed, write
 from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.bags import CollectionBag, RecordedPress
-from tactile_nodes.learning.recorded.building import told_of
+from tactile_nodes.learning.recorded.building import card_entry
 from tactile_nodes.learning.transfer.fit import Transfer
 
 Tell = Callable[[str], None]
@@ -41,7 +41,7 @@ class Presses(Protocol):
         """Each press with the number of its bag, from 0; a new iteration continues with the next press."""
         ...
 
-    def told(self, gel: str) -> list[dict[str, Any]]:
+    def card_entries(self, gel: str) -> list[dict[str, Any]]:
         """The card's entry for each bag; its id is right once all presses were taken."""
         ...
 
@@ -80,8 +80,8 @@ class BagPresses:
         """The number of attempts in the bags."""
         return sum(bag.press_count for bag in self._opened)
 
-    def told(self, gel: str) -> list[dict[str, Any]]:
-        return [told_of(bag, gel) for bag in self._opened]
+    def card_entries(self, gel: str) -> list[dict[str, Any]]:
+        return [card_entry(bag, gel) for bag in self._opened]
 
     def stop(self) -> None:
         """Does nothing: a bag has no rig to stop."""
@@ -103,7 +103,7 @@ def take_presses(
         read = calibrator.take(press, bag)
         tell(press_line(read) if read else f'left out: {calibrator.left_out}')
         if along and read and calibrator.due and not presses.waiting:
-            calibrator.fit(presses.told(str(calibrator.gel['id'])), presses.bags, command)
+            calibrator.fit(presses.card_entries(str(calibrator.gel['id'])), presses.bags, command)
             tell(fit_line(calibrator))
         if along and (reason := calibrator.enough):
             tell(f'no more presses: {reason}')
@@ -121,7 +121,7 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
         DatasetError: none follows from them; says why.
     """
     before = calibrator.made
-    calibrator.fit(presses.told(str(calibrator.gel['id'])), presses.bags, command)
+    calibrator.fit(presses.card_entries(str(calibrator.gel['id'])), presses.bags, command)
     calibrator.require_live_gel()
     if calibrator.made is None:
         raise DatasetError(calibrator.objection)
@@ -173,8 +173,8 @@ def new_file(folder: Path, gel: str) -> Path:
 def press_line(read: PressRead) -> str:
     """'press 17, 0.412 N: 3.1 mN and 0.05 mm off; without calibration 61.0 mN and 0.93 mm'"""
     before = _off(read.before)
-    told = f'without calibration {before}' if read.after is None else f'{_off(read.after)} off; without {before}'
-    return f'press {read.number}, {read.force_n:.3f} N: {told}'
+    text = f'without calibration {before}' if read.after is None else f'{_off(read.after)} off; without {before}'
+    return f'press {read.number}, {read.force_n:.3f} N: {text}'
 
 
 def fit_line(calibrator: Calibrator) -> str:

@@ -15,7 +15,7 @@ from tactile_nodes.learning.calibrating.listing import listed
 from tactile_nodes.learning.calibrating.live_model import LiveModel
 from tactile_nodes.learning.calibrating.presses import Presses, Written, finish, new_file, take_presses
 from tactile_nodes.learning.field.calibration import pressed_by
-from tactile_nodes.learning.recorded.building import gel_told
+from tactile_nodes.learning.recorded.building import gel_entry
 from tactile_nodes.learning.transfer.fit import Transfer
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
@@ -59,7 +59,7 @@ class CalibrationSession:
         self._source = Source.find(settings.model)
         check_output(self._file(), self._source.file)
         pressed = pressed_by(self._source.loaded, body=settings.body)
-        self.calibrator = Calibrator(self._source.loaded, gel_told(settings.gel), settings.rule, pressed=pressed)
+        self.calibrator = Calibrator(self._source.loaded, gel_entry(settings.gel), settings.rule, pressed=pressed)
         self._written = Written(self._source, self.calibrator, 'tactile launch calibrate', pressed=pressed)
 
     def run(self, presses: Presses, live: LiveModel | None) -> Path:

@@ -169,7 +169,7 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
         labels = card['labels']
         bins = BinGrid.of_card(labels)
         known = {name: len(card[f'{name}s']) for name in ('bag', 'plan', 'indenter')}
-        told = [
+        entries = [
             card['flow']['options'],
             card['encoding']['options'],
             card['gel']['id'],
@@ -182,7 +182,7 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
     indices.append((arrays['confidence_row'], len(arrays['confidence'])))
     return (
         count > 0
-        and [type(each) for each in told] == [dict, dict, str, list]
+        and [type(each) for each in entries] == [dict, dict, str, list]
         and min(crop) > 0
         and arrays['labels'].shape[1] == bins.count
         and arrays['features'].shape[1:3] == arrays['confidence'].shape[1:]

@@ -87,8 +87,8 @@ def _depths(presses: RecordedPresses) -> str:
 def _forces(presses: RecordedPresses) -> str:
     force = presses.force_n[presses.contact]
     spread = float(np.median(presses.wrench_deviation[presses.contact, 2]))
-    told = f'{force.min():.3f} to {force.max():.3f} N, median {np.median(force):.3f} N'
-    return f'{told}; within a window it spreads by {spread:.4f} N (median)' if np.isfinite(spread) else told
+    text = f'{force.min():.3f} to {force.max():.3f} N, median {np.median(force):.3f} N'
+    return f'{text}; within a window it spreads by {spread:.4f} N (median)' if np.isfinite(spread) else text
 
 
 def _features(presses: RecordedPresses) -> str:

@@ -21,9 +21,9 @@ from tactile_nodes.sensing.geometry import BinGrid
 class Predictions:
     """True and estimated values of each sample. Lengths in mm in the surface frame, forces in N, NaN where unknown.
 
-    A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `status`, `told_sigma_n` (the
-    standard deviation of the total) and `nominal_n` (its usual value) are those that the force topic would publish for
-    an undisturbed image.
+    A sample without contact has a negative depth. `position_sigma_mm` is along each axis. `status`, `stated_sigma_n`
+    (the standard deviation of the total) and `nominal_n` (its usual value) are those that the force topic would publish
+    for an undisturbed image.
     """
 
     place_mm: Float[np.ndarray, 'samples 2']
@@ -35,7 +35,7 @@ class Predictions:
     total_sigma_n: Float[np.ndarray, ' samples']
     position_sigma_mm: Float[np.ndarray, ' samples']
     status: Int[np.ndarray, ' samples']
-    told_sigma_n: Float[np.ndarray, ' samples']
+    stated_sigma_n: Float[np.ndarray, ' samples']
     nominal_n: Float[np.ndarray, ' samples']
     bins: BinGrid
     contact_threshold_n: float
@@ -102,7 +102,7 @@ def predict(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = N
 def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | None = None) -> Predictions:
     """True and estimated values for all samples of a data set."""
     found = predict(loaded, dataset, progress)
-    bins, told = loaded.model.bins, [judged_alone(each) for each in found]
+    bins, verdicts = loaded.model.bins, [judged_alone(each) for each in found]
     return Predictions(
         place_mm=np.asarray(dataset.presses[:, :2], np.float64),
         depth_mm=np.asarray(dataset.presses[:, 2], np.float64),
@@ -112,8 +112,8 @@ def predictions_of(loaded: LoadedModel, dataset: Dataset, progress: Progress | N
         total_n=np.array([each.total_n for each in found], np.float64),
         total_sigma_n=np.array([each.total_sigma_n for each in found], np.float64),
         position_sigma_mm=np.array([each.position_sigma_mm for each in found], np.float64),
-        status=np.array([each.status for each in told], np.int64),
-        told_sigma_n=np.array([each.sigma_n for each in told], np.float64),
+        status=np.array([each.status for each in verdicts], np.int64),
+        stated_sigma_n=np.array([each.sigma_n for each in verdicts], np.float64),
         nominal_n=np.array([each.nominal_n for each in found], np.float64),
         bins=bins,
         contact_threshold_n=loaded.model.contact_threshold_n,

@@ -42,6 +42,6 @@ def score_status(found: Predictions) -> StatusScores:
         ok=share(ok),
         degraded=share(found.status == kind.STATUS_DEGRADED),
         invalid=share(found.status == kind.STATUS_INVALID),
-        held=metrics.coverage(usable.force_error_n, usable.told_sigma_n),
+        held=metrics.coverage(usable.force_error_n, usable.stated_sigma_n),
         wrong_while_ok=share(np.abs(found.force_error_n[ok]) > limit_n) if np.isfinite(limit_n).all() else float('nan'),
     )

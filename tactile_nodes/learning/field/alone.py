@@ -115,16 +115,16 @@ def transfer_alone(
     contacts = np.column_stack([fit.by.centre_mm, fit.by.force_n])
     as_described = fit.form == 'description' and abs(math.log(fit.gain)) < CONFIRMED
     confirmed = as_described and loaded.of_description
-    said = fit.objection or objection('calibration', fit.errors, None if confirmed else before, of_the_mean(contacts))
-    require_worth(said, ADVICE, forced=forced)
+    fault = fit.objection or objection('calibration', fit.errors, None if confirmed else before, of_the_mean(contacts))
+    require_worth(fault, ADVICE, forced=forced)
     why = (
         f'presses of {bodies.card_name} contain no information on tips'
         if source.tips
         else 'the model has no readout for tips'
     )
-    told = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}'
-    told += in_words(fit.looks) + fit.deep
+    text = f'alone: {why}, which the field reads as any other contact; pressed by {bodies.card_name}'
+    text += in_words(fit.looks) + fit.deep
     return Transfer(
-        fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, said, told,
+        fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, fault, text,
         fit.curve,
     )  # fmt: skip

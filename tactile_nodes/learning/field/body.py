@@ -37,32 +37,32 @@ def as_ball(name: str) -> str:
 class KnownBody:
     """A body by its name: 'ball:0.6', 'punch:1.5' (radius in mm), a family, a mesh, heights, or a description."""
 
-    told: str
+    name: str
     body: Body
 
     @classmethod
-    def named(cls, told: str) -> KnownBody:
+    def named(cls, name: str) -> KnownBody:
         """From a name as `tactile calibrate --body` takes it.
 
         Raises:
             ConfigurationError: there is no such body or file, it is no body, or its radius is none.
         """
-        told = ROUND.get(told, name_of_record(told))
-        shape, colon, size = told.partition(':')
+        name = ROUND.get(name, name_of_record(name))
+        shape, colon, size = name.partition(':')
         if colon and shape in (BALL, PUNCH):
-            return cls(told, _round(told, shape, size))
-        contact = Contact.named(told)
-        return cls(told, body_of(contact.body, contact.tilt_deg))
+            return cls(name, _round(name, shape, size))
+        contact = Contact.named(name)
+        return cls(name, body_of(contact.body, contact.tilt_deg))
 
     @property
     def is_ball(self) -> bool:
         """Whether its presses also calibrate the readout of tips."""
-        return self.told.startswith(f'{BALL}:')
+        return self.name.startswith(f'{BALL}:')
 
     @property
     def card_name(self) -> str:
         """The name on a model card; of a file its name."""
-        return self.told if ':' in self.told else Path(self.told).name
+        return self.name if ':' in self.name else Path(self.name).name
 
     def over(self, nodes_mm: Float[np.ndarray, 'y x 2']) -> Float[np.ndarray, 'y x']:
         """Height of its lower side above the surface at first contact; infinite outside the body."""
@@ -76,7 +76,7 @@ class KnownBody:
         narrow_mm = min(sensor.gel.width_mm, sensor.gel.height_mm)
         if 2 * self.body.reach_mm > narrow_mm:
             raise ConfigurationError(
-                f'the body {self.told} is {2 * self.body.reach_mm:.0f} mm wide, but the gel only {narrow_mm:g} mm; '
+                f'the body {self.name} is {2 * self.body.reach_mm:.0f} mm wide, but the gel only {narrow_mm:g} mm; '
                 'press with a smaller one'
             )
 
@@ -110,20 +110,20 @@ def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
     Raises:
         ModelError: it is unknown, because the card does not name it, or names a file.
     """
-    told = str(card[BODY]) if BODY in card else f'{BALL}:{card[BALL_MM]:g}' if BALL_MM in card else ''
-    if told and BETWEEN not in told and not Path(told).suffix[1:].isalpha():
-        return KnownBody.named(told)
-    pressed = f'was made with presses of {told}' if told else 'does not say which body pressed'
+    name = str(card[BODY]) if BODY in card else f'{BALL}:{card[BALL_MM]:g}' if BALL_MM in card else ''
+    if name and BETWEEN not in name and not Path(name).suffix[1:].isalpha():
+        return KnownBody.named(name)
+    pressed = f'was made with presses of {name}' if name else 'does not say which body pressed'
     raise ModelError(f'model {model_id} {pressed}; give the body that presses now: --body ball:0.6')
 
 
-def _round(told: str, shape: str, size: str) -> Body:
+def _round(name: str, shape: str, size: str) -> Body:
     radius_mm = number(size)
     if not 0 < radius_mm <= FARTHEST_MM / 2:
         raise ConfigurationError(
-            f'{told} is not a body: {shape}: must be followed by a radius in mm above 0 and up to {FARTHEST_MM / 2:g}, '
+            f'{name} is not a body: {shape}: must be followed by a radius in mm above 0 and up to {FARTHEST_MM / 2:g}, '
             f'like {shape}:1.5'
         )
     x, y = grid(radius_mm + 1.0)
     flat = np.where(np.hypot(x, y) <= radius_mm, 0.0, np.inf)
-    return Body.of_heights(told, ball(radius_mm, x, y) if shape == BALL else flat)
+    return Body.of_heights(name, ball(radius_mm, x, y) if shape == BALL else flat)

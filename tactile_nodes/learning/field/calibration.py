@@ -17,8 +17,7 @@ from tactile_nodes.learning.field.body import BALL_MM, BODY, Bodies, KnownBody, 
 from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, regions_of, scaling_of, uncovered
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
-from tactile_nodes.learning.transfer.judgement import ADVICE, require_worth
-from tactile_nodes.learning.transfer.judgement import told as told_errors
+from tactile_nodes.learning.transfer.judgement import ADVICE, describe_errors, require_worth
 from tactile_nodes.model_file import DESCRIPTION, SENSOR, LoadedModel, crop_of_size, find_model, load_model, save_model
 from tactile_nodes.params import from_mapping
 from tactile_nodes.sensing.explain.arrays import AnyReadout
@@ -68,13 +67,13 @@ class Pressed:
     sensor: Sensor | None = None
     body: KnownBody | None = None
 
-    def told(self, card: Mapping[str, Any], bodies: Bodies | None = None) -> dict[str, Any]:
+    def to_card(self, card: Mapping[str, Any], bodies: Bodies | None = None) -> dict[str, Any]:
         """A source's card with these entries, or with the bodies."""
-        told = {**card, **({SENSOR: values_of(self.sensor)} if self.sensor else {})}
+        entries = {**card, **({SENSOR: values_of(self.sensor)} if self.sensor else {})}
         if body := bodies or self.body:
-            told.pop(BALL_MM, None)
-            told[BODY] = body.card_name
-        return told
+            entries.pop(BALL_MM, None)
+            entries[BODY] = body.card_name
+        return entries
 
     def bodies(self, loaded: LoadedModel, dataset: Dataset) -> Bodies:
         """The body of each sample, as in `named`.
@@ -88,10 +87,10 @@ class Pressed:
             return Bodies.one(self.known_body(loaded), len(touched))
         names, of = np.unique(dataset.indenter[touched], return_inverse=True)
         each = [self.named(loaded, name, alone=len(names) == 1) for name in names.tolist()]
-        known = {body.told: body for body in each}
+        by_name = {body.name: body for body in each}
         which = np.zeros(len(touched), int)
-        which[touched] = np.array([list(known).index(body.told) for body in each])[of.reshape(-1)]
-        return Bodies(tuple(known.values()), which)
+        which[touched] = np.array([list(by_name).index(body.name) for body in each])[of.reshape(-1)]
+        return Bodies(tuple(by_name.values()), which)
 
     def named(self, loaded: LoadedModel, indenter: str, *, alone: bool) -> KnownBody:
         """The body of this name; the person's if the name is empty, or if one is given and the indenter is `alone`.
@@ -181,9 +180,9 @@ def with_field(
     sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
     fit = _fitted(sensor, made.readout, dataset, bodies, progress or Progress(), curve=curve)
     require_worth(fit.objection, ADVICE, forced=forced)
-    told = f'{fit.reason}; alone it reads held-out presses {told_errors(fit.errors)} off (medians)'
+    text = f'{fit.reason}; alone it reads held-out presses {describe_errors(fit.errors)} off (medians)'
     readout = replace(fit.readout, tips=made.readout)
-    return replace(made, readout=readout, field=told, curve=fit.curve, objection=made.objection or fit.objection)
+    return replace(made, readout=readout, field=text, curve=fit.curve, objection=made.objection or fit.objection)
 
 
 def _fitted(
@@ -225,7 +224,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     card = {
         **_measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}, covered),
         'crop_px': crop_of_size(sensor.image.crop_px),
-        **Pressed(sensor, body_of_card(source, loaded.model_id)).told({}),
+        **Pressed(sensor, body_of_card(source, loaded.model_id)).to_card({}),
         'gel': {'id': gel or sensor.name},
         'data': {'origin': DESCRIPTION},
         'made_with': f'tactile_nodes {__version__}',
@@ -274,7 +273,7 @@ def _bins(bins: BinGrid) -> str:
 
 def card_of_sensor(config: FieldConfig) -> dict[str, Any]:
     """The entries for the sensor and the pressing body on the card of a training run."""
-    return Pressed(load_sensor(config.sensor), KnownBody.named(config.body)).told({})
+    return Pressed(load_sensor(config.sensor), KnownBody.named(config.body)).to_card({})
 
 
 def sensor_of(card: Mapping[str, Any], model_id: str) -> Sensor:

@@ -39,7 +39,7 @@ VARIED, ENOUGH, LOOKS = 0.05, 0.01, 12
 """Step of each number for slopes, in its scale; change that counts as converged; most cameras that are tried."""
 
 
-def camera_told(
+def fitted_camera(
     regions: Regions,
     pressures: AllPressures,
     scaling: InputScaling,
@@ -82,7 +82,7 @@ def looking(sensor: Sensor, by: Float[np.ndarray, ' 6']) -> Sensor:
     ))  # fmt: skip
 
 
-def looked_otherwise(described: Sensor, told: Sensor) -> Float[np.ndarray, ' 6']:
+def looked_otherwise(described: Sensor, fitted: Sensor) -> Float[np.ndarray, ' 6']:
     """The six numbers by which `looking` turns the described sensor into the fitted one."""
 
     def six(sensor: Sensor) -> np.ndarray:
@@ -90,7 +90,7 @@ def looked_otherwise(described: Sensor, told: Sensor) -> Float[np.ndarray, ' 6']
         scale = math.log(camera.focal_lengths_px[0])
         return np.array([*camera.position_mm[:2], *camera.tilt_deg, camera.roll_deg, scale])
 
-    by: np.ndarray = six(told) - six(described)
+    by: np.ndarray = six(fitted) - six(described)
     return by
 
 
@@ -139,7 +139,7 @@ class Seen:
         sure = np.sqrt(weights_of(scaling, dataset, rows, motion))[..., None]
         return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), fields)
 
-    def told(self, by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, 'n known 2']:
+    def predicted(self, by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, 'n known 2']:
         """The motion predicted for a gel of the described stiffness, over the expected standard deviation.
 
         The camera differs from its description by `by`, in units of `SCALES`.
@@ -153,8 +153,8 @@ class Seen:
 
     def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, ' numbers']:
         """Residuals of some presses, with the gel's softness fitted to them."""
-        told, motion = self.told(by)[rest], (self.motion * self.sure)[rest]
-        return np.asarray((motion - _gain(told, motion) * told).ravel())
+        predicted, motion = self.predicted(by)[rest], (self.motion * self.sure)[rest]
+        return np.asarray((motion - _gain(predicted, motion) * predicted).ravel())
 
     def fitted(self, rest: Bool[np.ndarray, ' n'], begin: Float[np.ndarray, ' 6'] = AS_DESCRIBED) -> np.ndarray:
         """The camera fitted to some presses, starting from `begin`, with the slopes there."""
@@ -167,8 +167,8 @@ class Seen:
 
     def misfit(self, by: Float[np.ndarray, ' 6'], rest: Bool[np.ndarray, ' n']) -> float:
         """Misfit of the other presses, with the gel's softness fitted to these ones."""
-        told, motion = self.told(by), self.motion * self.sure
-        left = (motion - _gain(told[rest], motion[rest]) * told)[~rest]
+        predicted, motion = self.predicted(by), self.motion * self.sure
+        left = (motion - _gain(predicted[rest], motion[rest]) * predicted)[~rest]
         return float(np.sqrt(np.square(left).mean()))
 
 
@@ -176,10 +176,10 @@ def _slopes(
     left: Callable[[Float[np.ndarray, ' 6']], Float[np.ndarray, ' numbers']], by: Float[np.ndarray, ' 6']
 ) -> Float[np.ndarray, 'numbers 6']:
     """Derivatives of the residuals by each number; the steps are large enough for 32 bit floats."""
-    here = left(by)
-    return np.stack([(left(by + step) - here) / VARIED for step in VARIED * np.eye(len(by))], axis=1)
+    at_start = left(by)
+    return np.stack([(left(by + step) - at_start) / VARIED for step in VARIED * np.eye(len(by))], axis=1)
 
 
-def _gain(told: np.ndarray, motion: np.ndarray) -> float:
+def _gain(predicted: np.ndarray, motion: np.ndarray) -> float:
     """The gel's softness as a multiple of the described one."""
-    return float((told * motion).sum() / max(np.square(told).sum(), 1e-12))
+    return float((predicted * motion).sum() / max(np.square(predicted).sum(), 1e-12))

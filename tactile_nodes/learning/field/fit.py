@@ -19,8 +19,8 @@ from jaxtyping import Float, Int
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies
-from tactile_nodes.learning.field.camera import SCALES, camera_told, focal_objection, in_words, looked_otherwise
-from tactile_nodes.learning.field.judging import ROOM, UNFITTED, Chosen, Judge, passes_of, spread_of, told
+from tactile_nodes.learning.field.camera import SCALES, fitted_camera, focal_objection, in_words, looked_otherwise
+from tactile_nodes.learning.field.judging import ROOM, UNFITTED, Chosen, Judge, passes_of, response_of, spread_of
 from tactile_nodes.learning.field.presses import STEP, AllPressures, BodyPresses, known_of, noise_px, presses_of
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
@@ -144,7 +144,7 @@ def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None =
     with (progress or Progress()).bar('response of the regions', 1) as bar:
         # Slopes count nothing until presses say otherwise.
         terms = regions.terms_of_patches(known_of(scaling), slopes=False)
-        response = told(terms, _nominal(regions, scaling)[:, ::3])
+        response = response_of(terms, _nominal(regions, scaling)[:, ::3])
         bar.advance()
     readout = FieldReadout(
         scaling, response, regions.bins, noise_px(scaling), UNFITTED, spread, ROOM,
@@ -189,7 +189,7 @@ def fit_field(
         presses = presses_of(regions, pressures, scaling, dataset, rows, advance=bar.advance)
         if (gain := presses.gain(start)) > 0 and abs(math.log(gain)) > math.log(STEP) / 2:
             softer = gain
-        seen_by = camera_told(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance)
+        seen_by = fitted_camera(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance)
         if seen_by != sensor:
             regions = regions_of(seen_by, scaling)
             start = _nominal(regions, scaling)

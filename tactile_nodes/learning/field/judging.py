@@ -153,7 +153,7 @@ class Judge:
         self, form: str, shares: Float[np.ndarray, 'regions terms'], presses: int, limit: float = ROOM
     ) -> FieldReadout:
         """The readout with these shares, fitted to this number of presses."""
-        doubt, response = DOUBT if form == 'regions' else UNFITTED, told(self.terms, shares)
+        doubt, response = DOUBT if form == 'regions' else UNFITTED, response_of(self.terms, shares)
         noise, spread = noise_px(self.scaling), spread_of(form, presses, self.regions.uneven, by_ball=self.by_ball)
         softer = np.float32(shares[:, ::3].sum(axis=1).mean())
         return FieldReadout(
@@ -271,9 +271,10 @@ def _off(
 
 def spread_of(form: str, presses: int, uneven: float, *, by_ball: bool = True) -> FieldSpread:
     """The relative error of forces where no press measured the regions' response."""
-    told = by_ball and form == 'regions' and presses > FEW
+    measured = by_ball and form == 'regions' and presses > FEW
     return FieldSpread(
-        response=UNPRESSED * (math.sqrt(FEW / presses) if told else min(max(1.0, UNEVEN_TIMES * uneven**2), MOST_TIMES))
+        response=UNPRESSED
+        * (math.sqrt(FEW / presses) if measured else min(max(1.0, UNEVEN_TIMES * uneven**2), MOST_TIMES))
     )
 
 
@@ -282,7 +283,7 @@ def passes_of(regions: Regions) -> int:
     return PASSES if regions.uneven > NEAR else 1
 
 
-def told(
+def response_of(
     terms: Float32[np.ndarray, 'regions 2 terms unknowns'], shares: Float[np.ndarray, 'regions terms']
 ) -> Float32[np.ndarray, 'rows unknowns']:
     """Motion under 1 N on each patch, with these shares of the terms."""

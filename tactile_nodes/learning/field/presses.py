@@ -80,15 +80,17 @@ class BodyPresses:
 
     def gain(self, shares: Float[np.ndarray, 'regions terms']) -> float:
         """The common factor on all shares that fits best."""
-        told = np.einsum('nrpt,rt->nrp', self.terms, shares)
+        predicted = np.einsum('nrpt,rt->nrp', self.terms, shares)
         weights = self.weights[..., None]
-        return float((weights * told * self.motion).sum() / max((weights * told * told).sum(), 1e-12))
+        return float((weights * predicted * self.motion).sum() / max((weights * predicted * predicted).sum(), 1e-12))
 
     def offset_n(self, shares: Float[np.ndarray, 'regions terms'], fold: Int[np.ndarray, ' n']) -> tuple[float, float]:
         """The force at which motion vanishes, and its standard deviation by leaving out fold after fold."""
-        told, weights = np.einsum('nrpt,rt->nrp', self.terms, shares), self.weights[..., None]
+        predicted, weights = np.einsum('nrpt,rt->nrp', self.terms, shares), self.weights[..., None]
         shown = (
-            (weights * told * self.motion).sum(axis=(1, 2)) / (weights * told * told).sum(axis=(1, 2)) * self.force_n
+            (weights * predicted * self.motion).sum(axis=(1, 2))
+            / (weights * predicted * predicted).sum(axis=(1, 2))
+            * self.force_n
         )
         if np.ptp(self.force_n) < LEAST_RANGE * self.force_n.max():
             return 0.0, 0.0

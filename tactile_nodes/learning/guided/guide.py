@@ -115,22 +115,22 @@ class Guide:
             raise DatasetError(f'the images in {self._folder.folder} have another size than the camera delivers now')
         change = PictureComparison(before).of(now)
         if not change.same or not change.apart_px <= MOVED_PX:
-            what = f'the camera has moved by {change.apart_px:.1f} px' if change.same else 'it sees another gel'
+            difference = f'the camera has moved by {change.apart_px:.1f} px' if change.same else 'it sees another gel'
             raise DatasetError(
-                f'compared with the untouched images in {self._folder.folder}, {what}, or something touches '
+                f'compared with the untouched images in {self._folder.folder}, {difference}, or something touches '
                 'the gel; start another folder, and give both tables to tactile dataset import'
             )
 
     def _press(self, watch: Watch, target: Target) -> None:
         """One press: wait for it, ask for its reading, save it, and wait until the gel is released."""
         picture = self._until(watch, STEADY)
-        told = self._answer(watch, target)
-        if told is None:
+        answer = self._answer(watch, target)
+        if answer is None:
             self._person.say('passed over')
         elif not watch.holds(picture, self._picture()):
             self._person.say('the press moved while you read the scale, so it was not kept: hold it until it is kept')
         else:
-            reading, place_mm = told
+            reading, place_mm = answer
             self._folder.add_press(picture, place_mm, reading)
             self._person.say(f'kept; {self.missing()}. Lift off')
         self._until(watch, UNTOUCHED)
@@ -138,9 +138,9 @@ class Guide:
     def _answer(self, watch: Watch, target: Target) -> Answer | None:
         """The person's reading and place; asked again if a reading is impossible, but only once about a place."""
         asked_for_place = False
-        while (told := self._person.reading(target)) is not None:
-            off_mm = math.dist(told[1], watch.place_mm)
-            if fault := self._folder.fault(*told):
+        while (answer := self._person.reading(target)) is not None:
+            off_mm = math.dist(answer[1], watch.place_mm)
+            if fault := self._folder.fault(*answer):
                 self._person.say(fault)
             elif off_mm > ASIDE_MM and not asked_for_place:
                 asked_for_place, (x, y) = True, watch.place_mm
@@ -149,7 +149,7 @@ class Guide:
                 )
             else:
                 break
-        return told
+        return answer
 
     def _until(self, watch: Watch, state: str) -> Picture:
         """The first image that shows a state."""

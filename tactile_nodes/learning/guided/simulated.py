@@ -54,13 +54,13 @@ class SimulatedPerson:
         body: KnownBody | None = None,
     ) -> None:
         self._gel, self._newton, self._tell = gel_of(sensor), newton, tell
-        told = body.told if body else TIP
-        if indenter_of(told) is None:
+        tip = body.name if body else TIP
+        if indenter_of(tip) is None:
             raise ConfigurationError(
-                f'a simulated hand presses with a ball or a punch, such as ball:5 or punch:1.5, not with {told}; name '
+                f'a simulated hand presses with a ball or a punch, such as ball:5 or punch:1.5, not with {tip}; name '
                 'one of these, or give a camera with --source'
             )
-        self._table = contact_table(self._gel, told)
+        self._table = contact_table(self._gel, tip)
         self._random = np.random.default_rng(1)
         self._now = self._held = AWAY
         worlds.share(world, self)

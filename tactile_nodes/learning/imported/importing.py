@@ -21,7 +21,7 @@ from tactile_nodes.drivers.camera.contract import Picture
 from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.agreement.known import Known
 from tactile_nodes.learning.agreement.rows import Row, require_seen, require_single
-from tactile_nodes.learning.agreement.told import Told, require_agreement
+from tactile_nodes.learning.agreement.stated_presses import StatedPresses, require_agreement
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.bags import Frame, RecordedPress
@@ -72,9 +72,9 @@ def import_presses(
     """
     progress, options, known = progress or Progress(), replace(options, without_contact=UNTOUCHED), known or Known()
     for source in sources:
-        progress.say(f'{source.table.file}: {source.table.told}')
+        progress.say(f'{source.table.file}: {source.table.description}')
         require_rows(source, known.sensor)
-    told, rests, rows = [], [], []
+    entries, rests, rows = [], [], []
     with (
         Measurer(options.flow, options.encoding, options.crop) as measurer,
         progress.bar('reading presses', sum(len(_presses(each.table.rows)) for each in sources)) as bar,
@@ -82,21 +82,21 @@ def import_presses(
         builder = Builder(options, measurer, bar)
         for number, source in enumerate(sources):
             taken = _taken(builder, number, source, known.size)
-            told.append(taken.card)
+            entries.append(taken.card)
             rests.append(taken.rest_motion)
             rows += taken.rows
     require_single(rows, progress, forced=forced)
-    made = builder.recordings(told, [source.table.file for source in sources], command=command)
-    shown = [_shown(made, number, source.table, rests[number]) for number, source in enumerate(sources)]
+    presses = builder.recordings(entries, [source.table.file for source in sources], command=command)
+    shown = [_shown(presses, number, source.table, rests[number]) for number, source in enumerate(sources)]
     require_agreement(shown, progress, known, forced=forced)
-    return made
+    return presses
 
 
-def _shown(presses: RecordedPresses, number: int, table: PressTable, rest_motion: np.ndarray) -> Told:
+def _shown(presses: RecordedPresses, number: int, table: PressTable, rest_motion: np.ndarray) -> StatedPresses:
     """The presses of one table, and what their images show."""
     rests = np.array([row.line for row in table.rows if not row.touches])
     rows = np.flatnonzero(presses.contact & (presses.bag == number))
-    return Told(
+    return StatedPresses(
         table.file, presses.window_ns[rows, 0] // NS_PER_S, presses.position_mm[rows], presses.force_n[rows],
         as_motion(presses.card['encoding']['name'], presses.features[rows].astype(np.float32)),
         presses.confidence[presses.confidence_row[rows]], rests, rest_motion,
@@ -170,7 +170,7 @@ def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> _T
     name = hashlib.sha256(''.join([plan, *pressed]).encode()).hexdigest()[:12]
     card = {
         'id': name, 'gel': builder.options.gel['id'], 'attempts': len(presses), 'problems': [], 'clocks': [],
-        'columns': table.told, 'pictures': pressed,
+        'columns': table.description, 'pictures': pressed,
     }  # fmt: skip
     return _Taken(card, as_motion(builder.measurer.encoding.name, moved), known)
 
@@ -197,7 +197,7 @@ def _recorded(
     begin_ns = row.line * NS_PER_S
     frames = [Frame(begin_ns + each * NS_PER_S, picture) for each, picture in enumerate(pictures)]
     (fx, fy), (tx, ty, tz), unknown = row.shear_n, row.torque_nm, float('nan')
-    told = types.Press(
+    message = types.Press(
         header=header(begin_ns, 'gel_surface'),
         plan_id=plan,
         press=number + 1,
@@ -216,4 +216,4 @@ def _recorded(
         force_rate=unknown,
         status=types.Press.STATUS_RECORDED,
     )  # fmt: skip
-    return RecordedPress(told, tuple(frames), tuple(untouched), reference, len(frames))
+    return RecordedPress(message, tuple(frames), tuple(untouched), reference, len(frames))

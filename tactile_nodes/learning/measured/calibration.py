@@ -32,12 +32,12 @@ def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -
     fits = [raw.fit(each) for each in components]
     touched = dataset.presses[judges, 2] > 0
     presses = dataset.presses[judges[touched]]
-    told = [
+    corrected = [
         raw.with_usual_width(*each)
         for each, press in zip(zip(components, fits, strict=True), touched, strict=True)
         if press
     ]
-    errors, sigmas = _errors(raw, presses, told)
+    errors, sigmas = _errors(raw, presses, corrected)
     heights = np.maximum(presses[:, 3], 0.0) / raw.response.s.high
     place_floor, place_factors = spread_of(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2), np.repeat(heights, 2))
     force_floor, force_factors = spread_of(errors[:, 2], sigmas[:, 1], heights)
@@ -58,8 +58,8 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
         return readout.calibration
     judges, seen = _readable(readout, dataset, judges)
     components = [readout.whitening @ each.scores for each in seen]
-    told = [readout.with_usual_width(each, readout.fit(each)) for each in components]
-    errors, sigmas = _errors(readout, dataset.presses[judges], told)
+    corrected = [readout.with_usual_width(each, readout.fit(each)) for each in components]
+    errors, sigmas = _errors(readout, dataset.presses[judges], corrected)
     place = to_coverage(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
     force = to_coverage(errors[:, 2], sigmas[:, 1])
     c = readout.calibration

@@ -39,12 +39,12 @@ def write_network(writer: Writer, readout: NetworkReadout, inputs: Inputs) -> An
 def _checked(writer: Writer, check: NoveltyCheck, inputs: Inputs, total: Value, sigma: Value, unlike: Value) -> Value:
     """The largest known novelty, including that of the novelty check; see `NetworkReadout.read`."""
     motion = _as_motion(inputs.features) if check.encoding == PolarMean.name else inputs.features
-    heard = write_response(writer, check.readout, scale(motion, inputs.confidence, check.readout.scaling))
-    force = heard.contact[2]
+    checked = write_response(writer, check.readout, scale(motion, inputs.confidence, check.readout.scaling))
+    force = checked.contact[2]
     apart = writer.op('Abs', total - force) / (sigma * CONTRADICTED_SIGMAS).most(TINY_N)
-    told = [each.cast(np.float64) for each in (unlike, heard.unlikeness, apart)]
+    novelties = [each.cast(np.float64) for each in (unlike, checked.unlikeness, apart)]
     lowest = writer.constant(np.float64(-1))
-    known = [writer.op('IsNaN', each, dtype=bool).where(lowest, each) for each in told]
+    known = [writer.op('IsNaN', each, dtype=bool).where(lowest, each) for each in novelties]
     largest = known[0].most(known[1]).most(known[2])
     return (largest < 0).where(writer.constant(np.float64(UNKNOWN)), largest)
 

@@ -109,15 +109,15 @@ def _locate(response: Response, components: Value, least_gain: float) -> tuple[V
     largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
     low, high = np.array([response.x.low, response.y.low, 0.0]), np.array([axis.high for axis in response.axes])
 
-    def step(here: Value, best: Value, least: Value, known: Value) -> tuple[Value, list[Value]]:
-        misfit, information, slope = _compare(response, components, here)
+    def step(current: Value, best: Value, least: Value, known: Value) -> tuple[Value, list[Value]]:
+        misfit, information, slope = _compare(response, components, current)
         better = misfit < least
-        place, lower = better.where(here, best), misfit.least(least)
+        place, lower = better.where(current, best), misfit.least(least)
         hardly = least - lower < 2 * WORTHWHILE_GAIN / len(response.growth)
         in_vain = hardly & (_gained(response, components, place, lower) < least_gain)
         ahead = _solve(information + np.diag(DAMPING), slope)
-        moved = (here + ahead.most(-largest).least(largest)).most(low).least(high)
-        go_on = writer.op('Abs', moved - here).max() >= CONVERGED_MM
+        moved = (current + ahead.most(-largest).least(largest)).most(low).least(high)
+        go_on = writer.op('Abs', moved - current).max() >= CONVERGED_MM
         return go_on & ~in_vain, [moved, place, lower, better.where(information, known)]
 
     begin = _start(response, components)
@@ -133,10 +133,10 @@ def _gained(response: Response, components: Value, place: Value, misfit: Value) 
     return (nothing - misfit) * (len(response.growth) / 2)
 
 
-def _compare(response: Response, components: Value, here: Value) -> tuple[Value, Value, Value]:
+def _compare(response: Response, components: Value, current: Value) -> tuple[Value, Value, Value]:
     """Misfit, information and descent direction."""
-    made, slopes = components.writer.split(value_and_slopes(response.axes, response.coefficients, here), 1, 3)
-    left, certainty = components - made.reshape(-1), _certainty(response, here[2])
+    modelled, slopes = components.writer.split(value_and_slopes(response.axes, response.coefficients, current), 1, 3)
+    left, certainty = components - modelled.reshape(-1), _certainty(response, current[2])
     slopes = slopes.cast(np.float64)
     weighted = slopes * certainty.cast(np.float64)
     return (left * left * certainty).mean(), weighted @ slopes.transpose(), weighted @ left.cast(np.float64)
@@ -176,9 +176,9 @@ def _answer(
 
     gained = _gained(response, components, place, misfit).cast(np.float64)
     noise = gained < noise_without(0.0) * calibration.least_gain
-    told, doubt, beyond = _told(readout, components, place, cofactors / determinant, noise_without)
-    told = noise.where(place, told)
-    height = told[2] / response.s.high
+    corrected, doubt, beyond = _corrected(readout, components, place, cofactors / determinant, noise_without)
+    corrected = noise.where(place, corrected)
+    height = corrected[2] / response.s.high
     fitted_mm = ((variances[0] + variances[1]) / 2).sqrt()
     sigma_mm = _factor(calibration.place_factors, height) * hypot(fitted_mm, calibration.place_floor_mm)
     sigma_n = _factor(calibration.force_factors, height) * hypot(variances[2].sqrt(), calibration.force_floor_n)
@@ -189,14 +189,14 @@ def _answer(
     unlike = noise.where(unlike, beyond.where(unlike.most(most), unlike))
     nowhere = writer.constant(np.float64(NOWHERE_MM))
     sigma_mm = noise.where(nowhere, sigma_mm.least(nowhere))
-    force = told[2].most(0)
+    force = corrected[2].most(0)
     force = noise.where(force * 0, force)
-    bins = _spread(told, sigma_mm, force, readout.bins)
-    contact = writer.concat(told[0], told[1], force)
+    bins = _spread(corrected, sigma_mm, force, readout.bins)
+    contact = writer.concat(corrected[0], corrected[1], force)
     return Answer(*(finite.where(each, UNKNOWN) for each in (bins, contact, sigma_mm, sigma_n, unlike)))
 
 
-def _told(
+def _corrected(
     readout: ResponseReadout, components: Value, place: Value, inverse: Value, noise_without: Callable[[Value], Value]
 ) -> tuple[Value, Value, Value]:
     """The contact with a usual width, extra variances of x, y and s, and whether it lies at an end.
@@ -206,9 +206,9 @@ def _told(
     response = readout.response
     low, high = np.array([response.x.low, response.y.low, -1.0]), np.array([axis.high for axis in response.axes])
     largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, response.s.high / 4])
-    made, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
+    modelled, slopes = place.writer.split(value_and_slopes(response.axes, response.coefficients, place), 1, 3)
     certainty = _certainty(response, place[2]).cast(np.float64)
-    left, slopes = (components - made.reshape(-1)).cast(np.float64) * certainty, slopes.cast(np.float64)
+    left, slopes = (components - modelled.reshape(-1)).cast(np.float64) * certainty, slopes.cast(np.float64)
     step, share = _width(response, place, inverse, slopes, left, certainty, noise_without)
     by_shift, gain = _shifted(readout.shifts, inverse, slopes, left, certainty)
     dragged = gain >= noise_without(gain * 2) * readout.most_shift_gain

@@ -48,7 +48,7 @@ class RecordedPress:
     stamps, before any correction.
     """
 
-    told: types.Press
+    message: types.Press
     frames: tuple[Frame, ...]
     untouched: tuple[Frame, ...]
     reference: Frame | None
@@ -56,7 +56,7 @@ class RecordedPress:
 
     @property
     def window_ns(self) -> tuple[int, int]:
-        return stamp_ns(self.told.window_start), stamp_ns(self.told.window_end)
+        return stamp_ns(self.message.window_start), stamp_ns(self.message.window_end)
 
 
 class Aligner:
@@ -65,7 +65,7 @@ class Aligner:
     def __init__(self, clocks: Clocks | None = None) -> None:
         self.odd: Counter[str] = Counter()
         self.clocks = clocks or Clocks()
-        self._told_ns: dict[int, int] = {}
+        self._uncorrected_ns: dict[int, int] = {}
         self._slack_ns = 0
         self._samples: ForceSamples | None = None
         self._frames: dict[int, np.ndarray] = {}
@@ -89,9 +89,9 @@ class Aligner:
     def take_sample(self, message: types.WrenchStamped) -> None:
         """Take one force sample of a sensor whose clock is corrected: the force of presses is computed again."""
         self._samples = self._samples or ForceSamples()
-        told_ns = stamp_ns(message.header.stamp)
-        corrected_ns = self.clocks.corrected_ns(told_ns, message.header.frame_id)
-        self._samples.take(told_ns, corrected_ns, message.wrench.force.z)
+        uncorrected_ns = stamp_ns(message.header.stamp)
+        corrected_ns = self.clocks.corrected_ns(uncorrected_ns, message.header.frame_id)
+        self._samples.take(uncorrected_ns, corrected_ns, message.wrench.force.z)
 
     def take_press(self, message: types.Press) -> RecordedPress | None:
         """Take one finished press. Returns the previous press, which is now complete."""
@@ -112,27 +112,27 @@ class Aligner:
         return len(self._frames)
 
     def _keep(self, message: types.Image, kept: dict[int, np.ndarray], twice: str) -> None:
-        told_ns = stamp_ns(message.header.stamp)
-        stamp = self.clocks.corrected_ns(told_ns, message.header.frame_id)
+        uncorrected_ns = stamp_ns(message.header.stamp)
+        stamp = self.clocks.corrected_ns(uncorrected_ns, message.header.frame_id)
         if stamp in kept and twice:
             self.odd[twice] += 1
         try:
             kept.setdefault(stamp, image_array(message))
-            self._told_ns[stamp] = told_ns
+            self._uncorrected_ns[stamp] = uncorrected_ns
             self._slack_ns = max(self._slack_ns, self.clocks.error_ns(message.header.frame_id))
         except ImageError as error:
             self.odd[f'images that cannot be read ({error})'] += 1
 
-    def _aligned(self, told: types.Press) -> RecordedPress:
-        start_ns, end_ns = stamp_ns(told.window_start), stamp_ns(told.window_end)
+    def _aligned(self, message: types.Press) -> RecordedPress:
+        start_ns, end_ns = stamp_ns(message.window_start), stamp_ns(message.window_end)
         stamps = sorted(self._frames)
-        inside = self._within(stamps, start_ns, end_ns, told.frames)
+        inside = self._within(stamps, start_ns, end_ns, message.frames)
         before = [each for each in stamps if self._last_end_ns < each < start_ns and each not in inside]
         untouched = tuple(Frame(each, self._frames[each]) for each in before if self._is_untouched(each))
         if touched := len(before) - len(untouched):
             self.odd['images between windows with the tip in the gel'] += touched
-        held = sum(start_ns <= self._told_ns[each] <= end_ns for each in stamps)
-        renewed = told if self._samples is None else self._samples.renewed(told)
+        held = sum(start_ns <= self._uncorrected_ns[each] <= end_ns for each in stamps)
+        renewed = message if self._samples is None else self._samples.renewed(message)
         frames = tuple(Frame(each, self._frames[each]) for each in inside)
         pressed = RecordedPress(renewed, frames, untouched, self._reference_at(start_ns), held)
         self._forget(max([end_ns, *inside]))
@@ -162,7 +162,7 @@ class Aligner:
     def _forget(self, end_ns: int) -> None:
         self._last_end_ns = max(self._last_end_ns, end_ns)
         self._frames = {each: image for each, image in self._frames.items() if each > end_ns}
-        self._told_ns = {each: self._told_ns[each] for each in self._frames}
+        self._uncorrected_ns = {each: self._uncorrected_ns[each] for each in self._frames}
         if self._samples is not None:
             self._samples.forget(end_ns)
         self._depths = {each: depth for each, depth in self._depths.items() if each > end_ns - STATE_REACH_NS}
@@ -234,7 +234,7 @@ class CollectionBag:
     @property
     def problems(self) -> list[str]:
         """A sentence for each problem in the bag."""
-        odd = [f'{count} {what}' for what, count in self.aligner.odd.items()]
+        odd = [f'{count} {fault}' for fault, count in self.aligner.odd.items()]
         if self.malformed:
             odd.append(f'{self.malformed} messages that do not match their type')
         if self.aligner.left_over:

@@ -65,7 +65,7 @@ class BuildOptions:
         """Options to measure as a model does. Raises ConfigurationError: the file `gel` is not a simulated gel."""
         return cls(
             flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), bins=loaded.model.bins, frames=frames,
-            gel=gel_told(gel), crop=loaded.image_size,
+            gel=gel_entry(gel), crop=loaded.image_size,
         )  # fmt: skip
 
 
@@ -91,7 +91,7 @@ def build(
         for number, bag in enumerate(opened):
             for press in bag.presses():
                 builder.take(number, press)
-    return builder.recordings([told_of(bag, options.gel['id']) for bag in opened], list(bags), command=command)
+    return builder.recordings([card_entry(bag, options.gel['id']) for bag in opened], list(bags), command=command)
 
 
 class Builder:
@@ -115,11 +115,11 @@ class Builder:
 
     def take(self, bag: int, press: RecordedPress) -> list[Sample]:
         """Check and measure one attempt. Returns its samples, none if it cannot be used."""
-        told = press.told
-        if told.status == types.Press.STATUS_SUSPECT:
-            self._suspects[told.plan_id, told.press, told.attempt, self._run(bag)] = told.reason
+        message = press.message
+        if message.status == types.Press.STATUS_SUSPECT:
+            self._suspects[message.plan_id, message.press, message.attempt, self._run(bag)] = message.reason
             return []
-        entry = LeftOut(bag, told.plan_id, told.press, told.attempt, '', '')
+        entry = LeftOut(bag, message.plan_id, message.press, message.attempt, '', '')
         verdict = self._doubled(press) or judge(press, self.options.limits, self.options.bins)
         samples: list[Sample] = []
         if verdict is None:
@@ -137,12 +137,12 @@ class Builder:
         return samples
 
     def recordings(
-        self, told: Sequence[Mapping[str, Any]], bags: Sequence[Path], *, command: str = ''
+        self, entries: Sequence[Mapping[str, Any]], bags: Sequence[Path], *, command: str = ''
     ) -> RecordedPresses:
         """The data set so far.
 
         Args:
-            told: an entry of the card for each bag, as `told_of` makes it.
+            entries: an entry of the card for each bag, as `card_entry` makes it.
             bags: their paths.
             command: the command line.
 
@@ -153,7 +153,7 @@ class Builder:
         if not samples:
             of = f' of {_listed(bags)}' if bags else ''
             raise DatasetError(f'no press{of} can be used: {_reasons(self.left_out)}')
-        recordings = self.shelf.recordings(samples, {**_card(self, told, bags), 'command': command})
+        recordings = self.shelf.recordings(samples, {**_card(self, entries, bags), 'command': command})
         return replace(recordings, rest_image=self._rest[1])
 
     def finish(self) -> list[Sample]:
@@ -169,11 +169,11 @@ class Builder:
         return bag if self.options.separate_runs else 0
 
     def _doubled(self, press: RecordedPress) -> exclusions.Verdict | None:
-        told = press.told
-        seen = (told.plan_id, told.press, told.attempt, *press.window_ns)
-        if seen in self._seen:
+        message = press.message
+        key = (message.plan_id, message.press, message.attempt, *press.window_ns)
+        if key in self._seen:
             return exclusions.DOUBLED, 'the same attempt was reported before'
-        self._seen.add(seen)
+        self._seen.add(key)
         return None
 
     def _keep(self, entry: LeftOut, samples: list[Sample]) -> None:
@@ -196,7 +196,9 @@ class Builder:
         self.measurer.use_reference(press.reference.image)
         if press.reference.stamp_ns >= self._rest[0]:
             self._rest = press.reference.stamp_ns, self.measurer.rest_image
-        made = [self._sample(bag, press, group, contact=True) for group in _groups(press.frames, self.options.frames)]
+        samples = [
+            self._sample(bag, press, group, contact=True) for group in _groups(press.frames, self.options.frames)
+        ]
         if press.untouched:
             self.untouched_found += 1
             share = self.options.without_contact
@@ -204,8 +206,8 @@ class Builder:
             if self._without_contact >= 1 - 1e-9:
                 self._without_contact -= 1
                 groups = _groups(press.untouched, self.options.frames)
-                made += [self._sample(bag, press, group, contact=False) for group in groups]
-        return made
+                samples += [self._sample(bag, press, group, contact=False) for group in groups]
+        return samples
 
     def _sample(self, bag: int, press: RecordedPress, frames: Sequence[Frame], *, contact: bool) -> Sample:
         measured = self.measurer.measure([frame.image for frame in frames])
@@ -219,7 +221,7 @@ def _groups(frames: Sequence[Frame], mode: str) -> list[Sequence[Frame]]:
     return [frames[:1] if mode == 'first' else frames]
 
 
-def gel_told(text: str) -> dict[str, Any]:
+def gel_entry(text: str) -> dict[str, Any]:
     """What is known of the gel: its name, or all properties of a simulated gel from its YAML file.
 
     Raises:
@@ -232,7 +234,7 @@ def gel_told(text: str) -> dict[str, Any]:
     return gel.card
 
 
-def told_of(bag: CollectionBag, gel: str) -> dict[str, Any]:
+def card_entry(bag: CollectionBag, gel: str) -> dict[str, Any]:
     """The card's entry for a bag whose presses were all read."""
     return {
         'id': bag.bag_id,
@@ -243,7 +245,7 @@ def told_of(bag: CollectionBag, gel: str) -> dict[str, Any]:
     }
 
 
-def _card(builder: Builder, told: Sequence[Mapping[str, Any]], bags: Sequence[Path]) -> dict[str, Any]:
+def _card(builder: Builder, entries: Sequence[Mapping[str, Any]], bags: Sequence[Path]) -> dict[str, Any]:
     options, measurer = builder.options, builder.measurer
     return {
         'format': FORMAT,
@@ -262,7 +264,7 @@ def _card(builder: Builder, told: Sequence[Mapping[str, Any]], bags: Sequence[Pa
         'labels': {**options.bins.card, 'reading': describe(options.bins)},
         'limits': {name: value if math.isfinite(value) else None for name, value in asdict(options.limits).items()},
         'gel': json.loads(json.dumps(options.gel)),
-        'bags': list(told),
+        'bags': list(entries),
         'bag_names': [path.name for path in bags],
         'left_out': [each.as_dict() for each in builder.left_out],
     }

@@ -68,12 +68,12 @@ class Clock:
 
     def as_dict(self) -> dict[str, Any]:
         """For the card of a data set: numbers to the microsecond."""
-        told: dict[str, Any] = {'recorder': self.recorder, 'edges': len(self.edges), 'corrected': self.corrects}
+        entry: dict[str, Any] = {'recorder': self.recorder, 'edges': len(self.edges), 'corrected': self.corrects}
         fit = self.outcome
         if isinstance(fit, Refusal):
-            return {**told, 'refused': fit.reason.value, 'why': fit.text}
+            return {**entry, 'refused': fit.reason.value, 'why': fit.text}
         return {
-            **told,
+            **entry,
             'offset_s': round(fit.offset_s, 6),
             'drift_ppm': round(fit.drift_ppm, 3),
             'matched': fit.inliers,
@@ -162,8 +162,8 @@ def read_edges(reader: BagReader, namespace: str | None = None) -> dict[str, Edg
             edge = reader.decode(message)
         except MessageError:
             continue  # counted where the bag is read as a whole
-        told = stamp_ns(edge.header.stamp), bool(edge.level), float(edge.uncertainty)
-        found.setdefault(edge.header.frame_id, []).append(told)
+        row = stamp_ns(edge.header.stamp), bool(edge.level), float(edge.uncertainty)
+        found.setdefault(edge.header.frame_id, []).append(row)
     return {name: _edges(sorted(edges)) for name, edges in found.items()}
 
 
@@ -185,15 +185,15 @@ def _clock(name: str, edges: Edges, shared: Edges) -> Clock:
 
 def _limits(edges: Edges, shared: Edges) -> SyncLimits:
     """The limits of the fit: the half widths that recorders report, and a little more for what is unknown."""
-    said_s = [float(np.quantile(each.known_s, 0.9)) for each in (edges, shared) if each.known_s is not None]
-    return SyncLimits(jitter_s=min(max(LEAST_JITTER_S, 1.5 * sum(said_s)), MOST_JITTER_S))
+    half_widths_s = [float(np.quantile(each.known_s, 0.9)) for each in (edges, shared) if each.known_s is not None]
+    return SyncLimits(jitter_s=min(max(LEAST_JITTER_S, 1.5 * sum(half_widths_s)), MOST_JITTER_S))
 
 
-def _edges(told: Sequence[tuple[int, bool, float]]) -> Edges:
+def _edges(rows: Sequence[tuple[int, bool, float]]) -> Edges:
     return Edges(
-        np.array([stamp for stamp, _, _ in told], np.int64),
-        np.array([level for _, level, _ in told], bool),
-        np.array([half for _, _, half in told], np.float64),
+        np.array([stamp for stamp, _, _ in rows], np.int64),
+        np.array([level for _, level, _ in rows], bool),
+        np.array([half for _, _, half in rows], np.float64),
     )
 
 

@@ -62,21 +62,21 @@ Verdict = tuple[str, str]
 """A reason, one of the words above, and its numbers."""
 
 
-def force_n(told: types.Press) -> float:
+def force_n(message: types.Press) -> float:
     """The force into the gel. The wrench is positive along z, which points out of the gel."""
-    return -float(told.wrench.force.z)
+    return -float(message.wrench.force.z)
 
 
 def judge(press: RecordedPress, limits: Limits, bins: BinGrid) -> Verdict | None:
     """Why a press cannot be used, judged by its message and stamps; None if it can be used."""
-    told = press.told
-    if told.status != types.Press.STATUS_RECORDED:
-        return REJECTED, told.reason or 'no reason given'
+    message = press.message
+    if message.status != types.Press.STATUS_RECORDED:
+        return REJECTED, message.reason or 'no reason given'
     for verdict in (
         _numbers(press),
-        _place(told, bins),
+        _place(message, bins),
         _settling(press, limits),
-        _limits(told, limits),
+        _limits(message, limits),
         _frames(press),
     ):
         if verdict:
@@ -85,33 +85,33 @@ def judge(press: RecordedPress, limits: Limits, bins: BinGrid) -> Verdict | None
 
 
 def _numbers(press: RecordedPress) -> Verdict | None:
-    told = press.told
+    message = press.message
     # The other components of the wrench are NaN if a sensor does not measure them.
-    if not all(map(math.isfinite, (told.position.x, told.position.y, told.wrench.force.z))):
+    if not all(map(math.isfinite, (message.position.x, message.position.y, message.wrench.force.z))):
         return BAD_NUMBERS, 'position or normal force is not a number'
-    if math.isinf(told.depth):  # NaN: unknown, as for presses by hand
+    if math.isinf(message.depth):  # NaN: unknown, as for presses by hand
         return BAD_NUMBERS, 'the depth is not a number'
-    if told.depth <= 0:
-        return BAD_NUMBERS, f'a depth of {told.depth * 1e3:g} mm is not a press'
+    if message.depth <= 0:
+        return BAD_NUMBERS, f'a depth of {message.depth * 1e3:g} mm is not a press'
     start_ns, end_ns = press.window_ns
     if end_ns <= start_ns:
         return BAD_NUMBERS, 'the window ends before it begins'
     return None
 
 
-def _place(told: types.Press, bins: BinGrid) -> Verdict | None:
-    x_mm, y_mm = told.position.x * 1e3, told.position.y * 1e3
+def _place(message: types.Press, bins: BinGrid) -> Verdict | None:
+    x_mm, y_mm = message.position.x * 1e3, message.position.y * 1e3
     if outside(x_mm, y_mm, bins):
         return OUTSIDE, f'({x_mm:g}, {y_mm:g}) mm is outside {bins.width_mm:g}x{bins.height_mm:g} mm'
     return None
 
 
 def _settling(press: RecordedPress, limits: Limits) -> Verdict | None:
-    told, deviation = press.told, float(press.told.wrench_deviation.force.z)
+    message, deviation = press.message, float(press.message.wrench_deviation.force.z)
     start_ns, end_ns = press.window_ns
-    noise = rate_noise(told.force_rate, deviation, told.samples, (end_ns - start_ns) / NS_PER_S)
-    if abs(told.force_rate) > limits.force_rate_n_per_s + SIGMAS * noise:
-        return NOT_SETTLED, f'force changed by {told.force_rate:+.3g} N/s'
+    noise = rate_noise(message.force_rate, deviation, message.samples, (end_ns - start_ns) / NS_PER_S)
+    if abs(message.force_rate) > limits.force_rate_n_per_s + SIGMAS * noise:
+        return NOT_SETTLED, f'force changed by {message.force_rate:+.3g} N/s'
     if deviation > limits.force_deviation_n:
         return NOT_SETTLED, f'force spread by {deviation:.3g} N'
     return None
@@ -128,20 +128,22 @@ def rate_noise(rate_n_per_s: float, deviation_n: float, samples: int, window_s: 
     return math.sqrt(left * 12 / samples) / window_s
 
 
-def _limits(told: types.Press, limits: Limits) -> Verdict | None:
-    force = force_n(told)
+def _limits(message: types.Press, limits: Limits) -> Verdict | None:
+    force = force_n(message)
     if force > limits.largest_force_n:
         return LIMITS, f'force of {force:.3g} N'
     if force < -limits.pull_n:
         return LIMITS, f'force of {force:.3g} N, away from the gel'
-    error_mm = abs(told.depth_reported - told.depth) * 1e3  # NaN if the machine reports none: not a reason to exclude
+    error_mm = (
+        abs(message.depth_reported - message.depth) * 1e3
+    )  # NaN if the machine reports none: not a reason to exclude
     if error_mm > limits.depth_error_mm:
-        return LIMITS, f'depth {told.depth_reported * 1e3:.3g} mm instead of {told.depth * 1e3:.3g} mm'
+        return LIMITS, f'depth {message.depth_reported * 1e3:.3g} mm instead of {message.depth * 1e3:.3g} mm'
     return None
 
 
 def _frames(press: RecordedPress) -> Verdict | None:
-    found, announced = len(press.frames), press.told.frames
+    found, announced = len(press.frames), press.message.frames
     if not found and announced and press.held == announced:
         return OTHER_TIME, 'with its clock corrected, the camera took no image within the window'
     if found == 0 or announced not in (found, press.held):

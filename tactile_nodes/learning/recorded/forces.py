@@ -26,13 +26,13 @@ class ForceSamples:
     """Samples since the last press: original stamps, corrected stamps, and the sensor's force along its z axis."""
 
     def __init__(self) -> None:
-        self._told_ns: list[int] = []
+        self._uncorrected_ns: list[int] = []
         self._stamp_ns: list[int] = []
         self._force_n: list[float] = []
 
-    def take(self, told_ns: int, corrected_ns: int, force_n: float) -> None:
+    def take(self, uncorrected_ns: int, corrected_ns: int, force_n: float) -> None:
         """Take one sample."""
-        self._told_ns.append(told_ns)
+        self._uncorrected_ns.append(uncorrected_ns)
         self._stamp_ns.append(corrected_ns)
         self._force_n.append(force_n)
 
@@ -40,9 +40,9 @@ class ForceSamples:
         """The press with the force of its window by corrected stamps; NaN if the force cannot be known."""
         start_ns, end_ns = stamp_ns(press.window_start), stamp_ns(press.window_end)
         force, stamps = np.array(self._force_n), np.array(self._stamp_ns, np.int64)
-        as_told = _within(np.array(self._told_ns, np.int64), start_ns, end_ns)
+        as_stamped = _within(np.array(self._uncorrected_ns, np.int64), start_ns, end_ns)
         inside = _within(stamps, start_ns, end_ns)
-        sign = _sign(press, float(force[as_told].mean())) if as_told.any() else 0
+        sign = _sign(press, float(force[as_stamped].mean())) if as_stamped.any() else 0
         if not sign or not inside.any():
             return _with(press, UNKNOWN, UNKNOWN, UNKNOWN, int(inside.sum()))
         on_gel = sign * (force[inside] - press.tare.force.z)
@@ -53,10 +53,10 @@ class ForceSamples:
         """Drop samples older than a window's end by both stamps."""
         kept = [
             each
-            for each in zip(self._told_ns, self._stamp_ns, self._force_n, strict=True)
+            for each in zip(self._uncorrected_ns, self._stamp_ns, self._force_n, strict=True)
             if max(each[0], each[1]) > end_ns - NS_PER_S
         ]
-        self._told_ns = [told for told, _, _ in kept]
+        self._uncorrected_ns = [uncorrected for uncorrected, _, _ in kept]
         self._stamp_ns = [stamp for _, stamp, _ in kept]
         self._force_n = [force for _, _, force in kept]
 
@@ -67,8 +67,8 @@ def _within(stamps: np.ndarray, start_ns: int, end_ns: int) -> np.ndarray:
 
 def _sign(press: types.Press, mean_n: float) -> int:
     """Sign of the force on the gel along z relative to the sensor's: 1, -1, or 0 if samples and message differ."""
-    change, told = mean_n - press.tare.force.z, press.wrench.force.z
-    return next((sign for sign in (-1, 1) if abs(sign * change - told) < SAME_N), 0)
+    change, reported_n = mean_n - press.tare.force.z, press.wrench.force.z
+    return next((sign for sign in (-1, 1) if abs(sign * change - reported_n) < SAME_N), 0)
 
 
 def _with(press: types.Press, force_n: float, deviation_n: float, rate: float, samples: int) -> types.Press:

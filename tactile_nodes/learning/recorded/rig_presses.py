@@ -39,7 +39,7 @@ class RigPresses:
         self._digest = hashlib.sha256()
         self._attempts = 0
         self._ready: queue.SimpleQueue[RecordedPress | None] = queue.SimpleQueue()
-        self._told_ns: int | None = None
+        self._last_press_ns: int | None = None
         self._idle_ns: int | None = None
         self._first_look_ns: int | None = None
         self._seen = self._stopping = self._over = self._taken = False
@@ -80,7 +80,7 @@ class RigPresses:
             self._digest.update(data)
             self._attempts += 1
             self._give(self._aligner.take_press(message))
-            self._told_ns = now_ns
+            self._last_press_ns = now_ns
 
     def look(self, now_ns: int, rig_is_there: bool) -> str:
         """Hand over the last press once its images must have arrived, and end with the rig. To be called repeatedly.
@@ -88,9 +88,9 @@ class RigPresses:
         Returns what happened to the rig: it has ended, or it never started; otherwise empty.
         """
         with self._lock:
-            if self._told_ns is not None and now_ns - self._told_ns >= SETTLED_NS:
+            if self._last_press_ns is not None and now_ns - self._last_press_ns >= SETTLED_NS:
                 self._give(self._aligner.finish())
-                self._told_ns = None
+                self._last_press_ns = None
             self._seen |= rig_is_there
             self._first_look_ns = now_ns if self._first_look_ns is None else self._first_look_ns
             if rig_is_there or self._over or not (self._seen or now_ns - self._first_look_ns >= ABSENT_NS):
@@ -122,10 +122,10 @@ class RigPresses:
         """Whether the next press is already there: the rig does not wait for a fit."""
         return not self._ready.empty()
 
-    def told(self, gel: str) -> list[dict[str, Any]]:
+    def card_entries(self, gel: str) -> list[dict[str, Any]]:
         """The card's entry for the bag recorded from these messages. Its id depends on the presses alone."""
         with self._lock:
-            problems = [f'{count} {what}' for what, count in self._aligner.odd.items()]
+            problems = [f'{count} {fault}' for fault, count in self._aligner.odd.items()]
             bag_id = self._digest.copy().hexdigest()[:12]
             return [{'id': bag_id, 'gel': gel, 'attempts': self._attempts, 'problems': problems, 'clocks': []}]
 

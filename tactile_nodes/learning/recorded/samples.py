@@ -78,8 +78,8 @@ class Shelf:
         contact: bool,
     ) -> Sample:
         """The sample of some images of a press, or of the images without contact before it."""
-        told = press.told
-        x_mm, y_mm = round(told.position.x * 1e3, 6), round(told.position.y * 1e3, 6)
+        message = press.message
+        x_mm, y_mm = round(message.position.x * 1e3, 6), round(message.position.y * 1e3, 6)
         unknown = (np.nan,) * 6
         row, _ = self._confidence.setdefault(
             measured.confidence.tobytes(), (len(self._confidence), measured.confidence)
@@ -89,23 +89,23 @@ class Shelf:
             confidence_row=row,
             contact=contact,
             position_mm=(x_mm, y_mm),
-            depth_mm=round(told.depth * 1e3, 6) if contact else 0.0,
-            depth_reported_mm=told.depth_reported * 1e3 if contact else np.nan,
-            force_n=force_n(told) if contact else 0.0,
-            force_rate_n_per_s=told.force_rate if contact else np.nan,
-            wrench=_six(told.wrench) if contact else unknown,
-            wrench_deviation=_six(told.wrench_deviation) if contact else unknown,
+            depth_mm=round(message.depth * 1e3, 6) if contact else 0.0,
+            depth_reported_mm=message.depth_reported * 1e3 if contact else np.nan,
+            force_n=force_n(message) if contact else 0.0,
+            force_rate_n_per_s=message.force_rate if contact else np.nan,
+            wrench=_six(message.wrench) if contact else unknown,
+            wrench_deviation=_six(message.wrench_deviation) if contact else unknown,
             stamp_ns=frames[0].stamp_ns,
             window_ns=press.window_ns if contact else (frames[0].stamp_ns, frames[-1].stamp_ns),
             frames=len(frames),
             bag=bag,
-            plan=told.plan_id,
-            press=told.press,
-            attempt=told.attempt,
-            indenter=told.indenter,
+            plan=message.plan_id,
+            press=message.press,
+            attempt=message.attempt,
+            indenter=message.indenter,
             quality=self._quality(press, (x_mm, y_mm)) if contact else 0,
             reference_id=reference,
-            tare_id=told.tare_id,
+            tare_id=message.tare_id,
         )
 
     def confidence(self, sample: Sample) -> np.ndarray:
@@ -135,9 +135,9 @@ class Shelf:
         gaps = np.diff([frame.stamp_ns for frame in press.frames])
         uneven = len(gaps) > 1 and gaps.max() > 1.5 * np.median(gaps)
         flags = {
-            RETRIED: press.told.attempt > 1,
+            RETRIED: press.message.attempt > 1,
             NEAR_BORDER: self._bins.border_distance_mm(*place) < NEAR_BORDER_MM,
-            DEPTH_UNREPORTED: not np.isfinite(press.told.depth_reported),
+            DEPTH_UNREPORTED: not np.isfinite(press.message.depth_reported),
             UNEVEN_FRAMES: bool(uneven),
         }
         return sum(flag for flag, holds in flags.items() if holds)

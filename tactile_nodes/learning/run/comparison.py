@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tactile_nodes.learning.figures import figure, save
-from tactile_nodes.learning.run.folder import Told
+from tactile_nodes.learning.run.folder import StoredRun
 
 SCORES = ('armse_n', 'rmse_mc_n', 'd_loc_mm', 'total_rmse_n', 'right_bin')
 CURVES = {
@@ -17,7 +17,7 @@ CURVES = {
 }
 
 
-def table(runs: Sequence[Told]) -> str:
+def table(runs: Sequence[StoredRun]) -> str:
     """Settings that differ, then the scores of the best epoch, one column per run."""
     settings = [run.settings for run in runs]
     names = dict.fromkeys(name for each in settings for name in each)
@@ -32,7 +32,7 @@ def table(runs: Sequence[Told]) -> str:
     )
 
 
-def _outcome(run: Told) -> dict[str, str]:
+def _outcome(run: StoredRun) -> dict[str, str]:
     """The result of a run, or its result so far."""
     training = run.result.get('training', {})
     best = run.result.get('validation') or min(run.epochs, key=lambda each: each['armse_n'], default={})
@@ -48,7 +48,7 @@ def _outcome(run: Told) -> dict[str, str]:
     }
 
 
-def draw(runs: Sequence[Told], file: Path) -> None:
+def draw(runs: Sequence[StoredRun], file: Path) -> None:
     """Write the curves over training time [s], with points for runs without epochs. The extension selects the format.
 
     Raises:
@@ -70,7 +70,7 @@ def draw(runs: Sequence[Told], file: Path) -> None:
     save(drawn, file)
 
 
-def _curve(run: Told, name: str) -> tuple[list[float], list[float]]:
+def _curve(run: StoredRun, name: str) -> tuple[list[float], list[float]]:
     """Seconds and values of a run's epochs; a single point with its result for a finished run without epochs."""
     if run.epochs:
         return [each['seconds'] for each in run.epochs], [each[name] for each in run.epochs]

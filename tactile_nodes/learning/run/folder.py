@@ -143,10 +143,10 @@ class RunFolder(Run):
 
 def run_id(config: TrainConfig, fingerprint: str) -> str:
     """Ten hexadecimal digits of a hash over everything that the network depends on."""
-    asked = {name: value for name, value in config.resolved().items() if name not in ('output', 'data')}
-    asked['training'] = {name: value for name, value in asked['training'].items() if name not in WITHOUT_EFFECT}
+    settings = {name: value for name, value in config.resolved().items() if name not in ('output', 'data')}
+    settings['training'] = {name: value for name, value in settings['training'].items() if name not in WITHOUT_EFFECT}
     split = {name: getattr(config.data, name) for name in ('split', 'split_seed', 'test')}
-    everything = {'release': __version__, 'data': fingerprint, 'run': asked, **split}
+    everything = {'release': __version__, 'data': fingerprint, 'run': settings, **split}
     return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:10]
 
 
@@ -170,20 +170,20 @@ def _text(file: Path, largest: int = TEXT_BYTES) -> str:
 def _json(text: str, file: Path, fits: Callable[[Mapping[str, Any]], bool]) -> Mapping[str, Any]:
     """The parsed JSON of a file's text, checked for the form of this file."""
     try:
-        told = json.loads(text)
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise _damaged(file, 'it is not JSON') from error
-    if not isinstance(told, dict) or not fits(told):
+    if not isinstance(content, dict) or not fits(content):
         raise _damaged(file, 'numbers are missing')
-    return told
+    return content
 
 
-def _is_epoch(told: Mapping[str, Any]) -> bool:
-    return told.keys() >= MEASURED and all(map(_is_number, told.values()))
+def _is_epoch(entries: Mapping[str, Any]) -> bool:
+    return entries.keys() >= MEASURED and all(map(_is_number, entries.values()))
 
 
-def _is_card(told: Mapping[str, Any]) -> bool:
-    training, scores = told.get('training'), told.get('validation', {})
+def _is_card(card: Mapping[str, Any]) -> bool:
+    training, scores = card.get('training'), card.get('validation', {})
     if not isinstance(training, dict) or not isinstance(scores, dict):
         return False
     return all(map(_is_number, [training.get('seconds'), *scores.values()]))
@@ -215,7 +215,7 @@ def _event_writer(folder: Path, epoch: int) -> Callable[[int, Mapping[str, float
 
 
 @dataclass(frozen=True)
-class Told:
+class StoredRun:
     """A run as read from its folder; `settings` by dotted name."""
 
     name: str
@@ -224,7 +224,7 @@ class Told:
     result: Mapping[str, Any]
 
 
-def read_run(path: Path) -> Told:
+def read_run(path: Path) -> StoredRun:
     """A run, finished or not.
 
     Raises:
@@ -239,7 +239,7 @@ def read_run(path: Path) -> Told:
     metrics, result = path / 'metrics.jsonl', path / 'result.json'
     epochs = [_json(line, metrics, _is_epoch) for line in _whole_lines(metrics)]
     card = _text(result)
-    return Told(
+    return StoredRun(
         path.name,
         {name: located.value for name, located in settings.items()},
         epochs,

@@ -75,11 +75,11 @@ def _parquet(table: Path) -> Cells:
     with open_plain(table, TEXT_BYTES) as opened:
         try:
             file = parquet.ParquetFile(opened)
-            told = file.metadata
-            unpacked = sum(told.row_group(number).total_byte_size for number in range(told.num_row_groups))
-            if told.num_rows > _MOST_ROWS or unpacked > 16 * TEXT_BYTES:
+            metadata = file.metadata
+            unpacked = sum(metadata.row_group(number).total_byte_size for number in range(metadata.num_row_groups))
+            if metadata.num_rows > _MOST_ROWS or unpacked > 16 * TEXT_BYTES:
                 raise DatasetError(
-                    f'{table} is too large for a table of images: {told.num_rows} rows of {unpacked} bytes'
+                    f'{table} is too large for a table of images: {metadata.num_rows} rows of {unpacked} bytes'
                 )
             plain = [each.name for each in file.schema_arrow if _is_plain(arrow, each.type)]
             columns = file.read(columns=plain).to_pydict()

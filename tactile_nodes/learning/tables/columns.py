@@ -62,7 +62,7 @@ class Column:
 
     name: str
     times: float
-    told: str
+    description: str
 
 
 def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
@@ -73,17 +73,17 @@ def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
     """
     found: dict[str, Column] = {}
     for each in header:
-        if (known := column_of(each, table)) is None:
+        if (found_column := column_of(each, table)) is None:
             continue
-        what, column = known
-        if what in found:
+        quantity, column = found_column
+        if quantity in found:
             raise DatasetError(
-                f'{table}: both {found[what].name!r} and {each!r} may be the {what}; rename the one that is not'
+                f'{table}: both {found[quantity].name!r} and {each!r} may be the {quantity}; rename the one that is not'
             )
-        found[what] = column
+        found[quantity] = column
     if 'picture' in found:
         found.pop('time', None)  # the time of each image is not used
-    lacking = [what for what in NEEDED if what not in found]
+    lacking = [quantity for quantity in NEEDED if quantity not in found]
     if not found.keys() & {'picture', 'time'}:
         lacking.insert(0, 'picture')
     if lacking:
@@ -91,7 +91,7 @@ def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
             f'{table} has no column for {" and ".join(lacking)}; {_seen(header)}; '
             f'it needs picture (or time), x, y and force with its unit, as in {EXAMPLE}'
         )
-    return {what: found[what] for what in NAMES if what in found}
+    return {quantity: found[quantity] for quantity in NAMES if quantity in found}
 
 
 def _seen(header: list[str]) -> str:
@@ -108,17 +108,19 @@ def column_of(name: str, table: Path) -> tuple[str, Column] | None:
         DatasetError: a force without unit, or a unit that does not fit the quantity.
     """
     bare, unit = _name_and_unit(name)
-    what = 'force' if unit and not bare else next((what for what, names in NAMES.items() if bare in names), None)
-    if what is None:
+    quantity = (
+        'force' if unit and not bare else next((quantity for quantity, names in NAMES.items() if bare in names), None)
+    )
+    if quantity is None:
         return None
-    if what not in UNITS:
-        return what, Column(name, math.nan, repr(name))
-    units, unit = UNITS[what], unit or USUAL.get(what, '')
+    if quantity not in UNITS:
+        return quantity, Column(name, math.nan, repr(name))
+    units, unit = UNITS[quantity], unit or USUAL.get(quantity, '')
     if unit not in units:
         allowed = ', '.join(SHOWN.get(each, each) for each in units)
         fault = f'is in {unit!r}' if unit else 'has no unit'
         raise DatasetError(f'{table}: column {name!r} {fault}; write one of {allowed} after its name, as in {EXAMPLE}')
-    return what, Column(name, units[unit], f'{name!r} in {SHOWN.get(unit, unit)}')
+    return quantity, Column(name, units[unit], f'{name!r} in {SHOWN.get(unit, unit)}')
 
 
 def _name_and_unit(name: str) -> tuple[str, str]:
@@ -131,9 +133,9 @@ def _name_and_unit(name: str) -> tuple[str, str]:
     plain = re.sub(r'(?<![a-z])["″]+(?=\W*$)', ' in', plain)
     words = [SPELT.get(word, word) for word in re.split(r'[^a-z0-9]+', plain) if word]
     words = [word for word in words[:-1] if word != 'in'] + words[-1:]
-    whole = ' '.join(words)
-    if plain != 'n' and whole in NEWTONS:  # 'n' alone may be a count
-        return '', whole
-    if len(words) < 2 or any(whole in names for names in NAMES.values()):
-        return whole, ''
+    phrase = ' '.join(words)
+    if plain != 'n' and phrase in NEWTONS:  # 'n' alone may be a count
+        return '', phrase
+    if len(words) < 2 or any(phrase in names for names in NAMES.values()):
+        return phrase, ''
     return ' '.join(words[:-1]), words[-1]

@@ -40,5 +40,5 @@ class RowFaults:
         (line, first), *rest = sorted(self._found, key=lambda found: found[0])
         others = [str(number) for number, _ in rest]
         more = ', '.join(others[:SHOWN_ROWS]) + (' …' if len(others) > SHOWN_ROWS else '')
-        told = f'; {len(others)} more cannot be used either: {self._counted} {more}' if others else ''
-        raise DatasetError(f'{self._table}, {self._counted} {line}: {first}{told}')
+        others_text = f'; {len(others)} more cannot be used either: {self._counted} {more}' if others else ''
+        raise DatasetError(f'{self._table}, {self._counted} {line}: {first}{others_text}')

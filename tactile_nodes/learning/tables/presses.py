@@ -59,7 +59,7 @@ class PressTable:
     """The rows of a table, and how its columns were interpreted, as text."""
 
     file: Path
-    told: str
+    description: str
     rows: tuple[TablePress, ...]
     counted: str = 'line'
 
@@ -89,9 +89,9 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
     """
     cells = read_cells(table)
     columns = columns_of(cells.header, table)
-    told = '; '.join([f'{name} from {column.told}' for name, column in columns.items()])
+    description = '; '.join([f'{name} from {column.description}' for name, column in columns.items()])
     unread = [each for each in cells.header if each.strip() and each not in {one.name for one in columns.values()}]
-    told += f'; not read: {", ".join(unread)}' if unread else ''
+    description += f'; not read: {", ".join(unread)}' if unread else ''
     faults, rows = RowFaults(table), []
     for line, row in cells.rows:
         with faults.row(line):
@@ -100,13 +100,15 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
     noise_n = noise_at_rest_n(rows)
     if noise_n:
         rows = [replace(row, force_n=0.0) if _is_noise(row, noise_n) else row for row in rows]
-        told += f'; rows up to {noise_n:.2g} N without a place, or below 0, count as the untouched gel, by their noise'
-    names = {what: column.name for what, column in columns.items()}
+        description += (
+            f'; rows up to {noise_n:.2g} N without a place, or below 0, count as the untouched gel, by their noise'
+        )
+    names = {quantity: column.name for quantity, column in columns.items()}
     for press in rows:
         with faults.row(press.line):
             require_possible(press, reach_mm, names)
     faults.require_none()
-    return PressTable(table, told, tuple(rows))
+    return PressTable(table, description, tuple(rows))
 
 
 def noise_at_rest_n(rows: Sequence[TablePress]) -> float:
@@ -141,7 +143,7 @@ def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Ma
             f'{names["force"]} must not be negative: force into the gel is positive; if a gauge shows noise on the '
             'untouched gel, use --untouched-below N'
         )
-    for name, value, most, said in (
+    for name, value, most, condition in (
         ('force', press.force_n, MOST_N, f'forces must be below {MOST_N:g} N'),
         ('x', press.x_mm, reach_mm[0], f'places must be within {reach_mm[0]:g} mm of the middle'),
         ('y', press.y_mm, reach_mm[1], f'places must be within {reach_mm[1]:g} mm of the middle'),
@@ -149,7 +151,7 @@ def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Ma
         if abs(value) > most + 1e-9:
             unit = 'N' if name == 'force' else 'mm'
             raise DatasetError(
-                f'{names[name]} is read as {value:g} {unit}: {said}; check the unit and the order of the columns'
+                f'{names[name]} is read as {value:g} {unit}: {condition}; check the unit and the order of the columns'
             )
 
 

@@ -170,14 +170,16 @@ def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:
         ConfigurationError: it specifies different ones itself.
     """
     card, bins = recordings.card, recordings.bins
-    said: dict[str, object] = {}
+    asked_for: dict[str, object] = {}
     for block, method in (('flow', config.make_flow), ('encoding', config.make_encoding)):
         if any(name.startswith(f'{block}.') for name in config.stated):
             made = method()
-            said[block] = {'name': made.name, 'options': made.options}
-    said |= {name: getattr(config.network, name) for name in ('rows', 'cols') if f'network.{name}' in config.stated}
+            asked_for[block] = {'name': made.name, 'options': made.options}
+    asked_for |= {
+        name: getattr(config.network, name) for name in ('rows', 'cols') if f'network.{name}' in config.stated
+    }
     theirs = {**{name: _method(card[name]) for name in ('flow', 'encoding')}, 'rows': bins.rows, 'cols': bins.cols}
-    for name, value in said.items():
+    for name, value in asked_for.items():
         if value != theirs[name]:
             raise ConfigurationError(
                 f'the run asks for {name} {value}, but {config.data.file} was made with {theirs[name]}; remove {name} '

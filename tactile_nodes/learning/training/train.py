@@ -121,11 +121,11 @@ def require_learned(readout: AnyReadout, data: TrainingData, *, forced: bool = F
     presses = data.dataset.presses
     judges = np.flatnonzero(data.held_out & (presses[:, 2] > 0))
     after, mean = Errors.of(live_errors(readout, data.dataset, judges)), of_the_mean(presses[judges][:, [0, 1, 3]])
-    said = objection('model', after, None, mean) or unjudged(len(judges), mean)
+    fault = objection('model', after, None, mean) or unjudged(len(judges), mean)
     advice = _advice(int((~data.held_out & (presses[:, 2] > 0)).sum()))
-    require_worth(said, advice, forced=forced, command='tactile train')
-    said = said or poor(after, mean)
-    return f'warning: {said}; {advice}' if said else ''
+    require_worth(fault, advice, forced=forced, command='tactile train')
+    fault = fault or poor(after, mean)
+    return f'warning: {fault}; {advice}' if fault else ''
 
 
 def _advice(presses: int) -> str:

@@ -87,7 +87,7 @@ class Transfer:
     @property
     def reason(self) -> str:
         """Why this form was chosen, in a sentence."""
-        return told_reason(self.form, self.misfits)
+        return reason_of_form(self.form, self.misfits)
 
     def as_dict(self) -> dict[str, Any]:
         """The entry in the model card."""
@@ -135,11 +135,11 @@ def transfer(
     read = live_errors(known, dataset, other.rows)
     before = Errors.of(read[np.isfinite(read).all(axis=1)])
     after = Errors.of(np.concatenate([each.errors for each in held]))
-    said = objection('calibration', after, before, of_the_mean(other.presses.contacts))
-    require_worth(said, ADVICE, forced=forced)
+    fault = objection('calibration', after, before, of_the_mean(other.presses.contacts))
+    require_worth(fault, ADVICE, forced=forced)
     readout = replace(readout, calibration=calibration_of(readout, held, dataset, other.untouched))
-    told = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
-    return Transfer(readout, form, misfits, before, after, len(other.presses), offset, told, said)
+    numbers = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
+    return Transfer(readout, form, misfits, before, after, len(other.presses), offset, numbers, fault)
 
 
 def reached_mm(known: AxisymmetricReadout) -> tuple[float, float]:
@@ -306,7 +306,7 @@ def _scaling_of(source: InputScaling, dataset: Dataset) -> InputScaling:
     return replace(source, mean=mean, gain=gain, trusted=trusted)
 
 
-def told_reason(form: str, misfits: Mapping[str, float]) -> str:
+def reason_of_form(form: str, misfits: Mapping[str, float]) -> str:
     """Why this form was chosen: 'whole: regions leaves no more than 2 % less …'; the form alone without presses."""
     if len(misfits) < 2:
         return f'{form}: too few presses to try another' if misfits else form

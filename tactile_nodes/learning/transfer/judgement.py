@@ -40,8 +40,8 @@ def of_the_mean(contacts: Float[np.ndarray, 'n 3']) -> Errors:
     )
 
 
-def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> str:
-    """Why a model is not worth writing; empty if it is. `what` names it: 'calibration'.
+def objection(name: str, after: Errors, before: Errors | None, mean: Errors) -> str:
+    """Why a model is not worth writing; empty if it is. `name` names it: 'calibration'.
 
     Force and place are compared with the previous model on balance, but with the mean each on its own. Otherwise
     good places could make up for any force, as in a table with true places and the forces of other presses. Medians
@@ -55,12 +55,12 @@ def objection(what: str, after: Errors, before: Errors | None, mean: Errors) -> 
             continue
         if share(after, other) >= 1:
             return (
-                f'the {what} would not help: held-out presses are read {told(after)} off with it, '
-                f'{told(other)} {words} (medians)'
+                f'the {name} would not help: held-out presses are read {describe_errors(after)} off with it, '
+                f'{describe_errors(other)} {words} (medians)'
             )
         if after.force_rmse_n > most * other.force_rmse_n:
             return (
-                f'the {what} would not help: the force RMSE of held-out presses is {after.force_rmse_n:.4f} N with it, '
+                f'the {name} would not help: the force RMSE of held-out presses is {after.force_rmse_n:.4f} N with it, '
                 f'{other.force_rmse_n:.4f} N {words}'
             )
     return ''
@@ -90,7 +90,7 @@ def _share(own: float, theirs: float) -> float:
     return own / theirs if theirs > 0 else math.inf
 
 
-def told(errors: Errors) -> str:
+def describe_errors(errors: Errors) -> str:
     """'0.0310 N and 0.052 mm'; unknown errors are left out."""
     parts = []
     if math.isfinite(errors.force_median_n):
@@ -100,14 +100,14 @@ def told(errors: Errors) -> str:
     return ' and '.join(parts) or 'an unknown amount'
 
 
-def require_worth(said: str, advice: str, *, forced: bool, command: str = 'tactile calibrate') -> None:
+def require_worth(fault: str, advice: str, *, forced: bool, command: str = 'tactile calibrate') -> None:
     """Refuse a model that has an objection, unless forced; `command` is named in the advice.
 
     Raises:
         DatasetError: says the objection, and what to do.
     """
-    if said and not forced:
-        raise DatasetError(f'{said}; {advice} ({command} … --force writes it all the same)')
+    if fault and not forced:
+        raise DatasetError(f'{fault}; {advice} ({command} … --force writes it all the same)')
 
 
 def unjudged(presses: int, mean: Errors) -> str:
@@ -122,5 +122,6 @@ def poor(after: Errors, mean: Errors) -> str:
     if worst_share_of(after, mean) <= POOR:
         return ''
     return (
-        f'held-out presses are read {told(after)} off, when predicting the mean of all presses {told(mean)} (medians)'
+        f'held-out presses are read {describe_errors(after)} off, when predicting the mean of all presses '
+        f'{describe_errors(mean)} (medians)'
     )

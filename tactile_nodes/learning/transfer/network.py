@@ -97,9 +97,9 @@ def transfer_network(
     judges = presses.take(split.test)
     made = stated_anew(replace(source, layer=fitted.layer), judges)
     before, after = (_read(readout, judges) for readout in (source, made))
-    said = _objection(before, after, of_the_mean(judges.presses[:, [0, 1, 3]]))
+    fault = _objection(before, after, of_the_mean(judges.presses[:, [0, 1, 3]]))
     advice = 'keep the model, press at more places, or take a smaller learning rate'
-    require_worth(said, advice, forced=forced)
+    require_worth(fault, advice, forced=forced)
     held_out = np.isin(np.arange(len(dataset.presses)), touched[split.test])
     made = with_novelty_check(made, dataset, held_out, ENCODING, progress or Progress())
     return NetworkTransfer(
@@ -112,7 +112,7 @@ def transfer_network(
         len(touched),
         len(split.test),
         config,
-        said,
+        fault,
     )
 
 

@@ -47,7 +47,7 @@ class Smooth:
     def step(
         self,
         equations: Equations,
-        here: Float[np.ndarray, 'regions numbers'],
+        current: Float[np.ndarray, 'regions numbers'],
         precision: Float[np.ndarray, 'regions numbers numbers'],
     ) -> tuple[Float[np.ndarray, 'regions numbers'], Float[np.ndarray, ' common']]:
         """The steps of regions with these functions as prior mean and with a precision, and of the common numbers.
@@ -56,21 +56,21 @@ class Smooth:
         region depends on the same numbers of every term, multiplied by the term's value there. So regions are solved
         for the numbers of one term only.
         """
-        near = equations.near(here, Expected(self.numbers, precision))
+        near = equations.near(current, Expected(self.numbers, precision))
         shared, (terms, numbers) = len(near.along), self.terms.shape
         known = np.concatenate([near.down[..., None], near.cross, -precision], axis=2)
         solved = np.linalg.solve(near.square, known)
         step, follow, pulled = np.split(solved, [1, 1 + shared], axis=2)
 
-        def over(told: Float[np.ndarray, 'regions rows numbers']) -> Float[np.ndarray, 'rows common']:
-            summed: np.ndarray = np.einsum('rk,rij->ikj', self.over, told, optimize=True)
+        def over(by_region: Float[np.ndarray, 'regions rows numbers']) -> Float[np.ndarray, 'rows common']:
+            summed: np.ndarray = np.einsum('rk,rij->ikj', self.over, by_region, optimize=True)
             return summed.reshape(-1, terms * numbers)
 
         held = precision + precision @ pulled  # of a term by itself, minus what regions absorb
         across = np.einsum('rk,rl,rij->kilj', self.over, self.over, held, optimize=True).reshape(2 * [terms * numbers])
         across += np.kron(np.eye(terms), self.precision)
         both = -over(near.cross.transpose(0, 2, 1) @ pulled)
-        off = over(((here - self.numbers)[:, None] + step.transpose(0, 2, 1)) @ precision)[0]
+        off = over(((current - self.numbers)[:, None] + step.transpose(0, 2, 1)) @ precision)[0]
         down = near.along - np.tensordot(near.cross, step[..., 0], axes=([0, 1], [0, 1]))
         move = np.linalg.solve(
             np.block([[near.across - np.tensordot(near.cross, follow, axes=([0, 1], [0, 1])), both], [both.T, across]]),

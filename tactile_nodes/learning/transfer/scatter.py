@@ -59,9 +59,9 @@ class Scatter:
         everywhere = self.off.T @ self.off / len(self.off)
         # A gel is as likely as its mirror image, so numbers that change sign there do not correlate with the others.
         alone = self.mirror[:, None] == self.mirror
-        told = ((1 - ALL_ROUND) * near + ALL_ROUND * everywhere) * alone + LEAST_SCATTER * np.eye(len(alone))
+        outward = ((1 - ALL_ROUND) * near + ALL_ROUND * everywhere) * alone + LEAST_SCATTER * np.eye(len(alone))
         turn = outwards(view, len(self.mirror) // 2 - 1, self.lateral)
-        covariance: np.ndarray = turn.transpose(0, 2, 1) @ told @ turn
+        covariance: np.ndarray = turn.transpose(0, 2, 1) @ outward @ turn
         return covariance
 
 

@@ -119,33 +119,35 @@ def fit_whole(
     sizes = np.array([*SIZES.values(), OFFSET_N * offset])
     open_ = np.flatnonzero(sizes)
     doubt = np.hypot(FIRST_DOUBT, MARKERS_ELSEWHERE)
-    here = np.zeros(len(sizes)) if begin is None else np.append(begin, 0.0)
+    current = np.zeros(len(sizes)) if begin is None else np.append(begin, 0.0)
     for _ in range(ROUNDS if begin is None else 1):
         # Weights by predicted motion: by measured motion, regions that happen to move little would weigh more.
-        weight = presses.weights(changed(start, here[:-1]), doubt)
+        weight = presses.weights(changed(start, current[:-1]), doubt)
 
         def left(numbers: np.ndarray, weight: np.ndarray = weight) -> np.ndarray:
             contacts = presses.contacts - np.array([0.0, 0.0, numbers[-1]])
             contacts[:, 2] = np.maximum(contacts[:, 2], 0.0)
-            told = changed(start, numbers[:-1]).motion(contacts)
-            residual: np.ndarray = ((presses.motion - told) * weight).ravel()
+            predicted = changed(start, numbers[:-1]).motion(contacts)
+            residual: np.ndarray = ((presses.motion - predicted) * weight).ravel()
             return residual
 
-        here = _descend(left, here, open_, 1 / sizes[open_] ** 2)
-    return WholeFit(changed(start, here[:-1]), here[:-1], float(here[-1]))
+        current = _descend(left, current, open_, 1 / sizes[open_] ** 2)
+    return WholeFit(changed(start, current[:-1]), current[:-1], float(current[-1]))
 
 
 def _descend(
-    left: Callable[[np.ndarray], np.ndarray], here: np.ndarray, open_: np.ndarray, prior: np.ndarray
+    left: Callable[[np.ndarray], np.ndarray], current: np.ndarray, open_: np.ndarray, prior: np.ndarray
 ) -> np.ndarray:
     """Levenberg-Marquardt steps of the free numbers, with slopes by finite differences."""
-    residual, damping = left(here), FIRST_DAMPING
-    cost = residual @ residual + prior @ here[open_] ** 2
+    residual, damping = left(current), FIRST_DAMPING
+    cost = residual @ residual + prior @ current[open_] ** 2
     for _ in range(MOST_STEPS):
-        lever = np.stack([(left(here + STEP * unit) - residual) / STEP for unit in np.eye(len(here))[open_]], axis=1)
-        square, down = lever.T @ lever + np.diag(prior), -(lever.T @ residual + prior * here[open_])
+        lever = np.stack(
+            [(left(current + STEP * unit) - residual) / STEP for unit in np.eye(len(current))[open_]], axis=1
+        )
+        square, down = lever.T @ lever + np.diag(prior), -(lever.T @ residual + prior * current[open_])
         while damping < LAST_DAMPING:
-            further = here.copy()
+            further = current.copy()
             further[open_] += np.linalg.solve(square + damping * np.diag(np.diag(square)), down)
             tried = left(further)
             value = tried @ tried + prior @ further[open_] ** 2
@@ -154,8 +156,8 @@ def _descend(
             damping *= 10
         else:
             break
-        gained, here, residual, cost = cost - value, further, tried, value
+        gained, current, residual, cost = cost - value, further, tried, value
         damping = max(damping / 10, 1e-9)
         if gained < CONVERGED * cost:
             break
-    return here
+    return current

@@ -123,7 +123,7 @@ def slipped(column: int, by: int) -> Change:
     return change
 
 
-def test_presses_that_are_told_rightly_calibrate_their_model(
+def test_presses_that_are_stated_rightly_calibrate_their_model(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert calibrated(folder / 'presses.csv', tmp_path / 'mine.safetensors') == 0
@@ -148,11 +148,11 @@ def test_both_commands_refuse_a_table_that_contradicts_its_pictures(
 ) -> None:  # fmt: skip
     table, output = edited(folder, change), tmp_path / 'made'
     assert command(table, output) == 1
-    assert said in (told := capsys.readouterr().err) and '--force uses the table as it is' in told
+    assert said in (printed := capsys.readouterr().err) and '--force uses the table as it is' in printed
     assert not output.exists()
 
 
-def test_forces_told_alike_of_presses_that_differ_calibrate_no_model(
+def test_forces_stated_alike_of_presses_that_differ_calibrate_no_model(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def change(rows: list[Row]) -> None:
@@ -177,8 +177,8 @@ def test_grams_under_a_header_of_another_unit_are_refused(
     """A gram weighs 9.81 mN: read as mN it is 0.102 times as much, as N 102 times."""
     table = edited(folder, in_unit, HEADER.replace('force_g', f'force_{unit}'))
     assert command(table, tmp_path / 'made') == 1
-    told = capsys.readouterr().err
-    found = re.search(r'forces are about (\S+) times those expected from the description: check the unit', told)
+    printed = capsys.readouterr().err
+    found = re.search(r'forces are about (\S+) times those expected from the description: check the unit', printed)
     assert found and least < float(found[1]) < most
     if command is imported:
         assert command(table, tmp_path / 'made', '--force') == 0
@@ -205,7 +205,7 @@ def scaled(by: float) -> Change:
 def test_the_description_that_a_model_holds_is_checked(
     command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Places told half as far out as they were: from each to the next the picture moves twice as far."""
+    """Places stated half as far out as they were: from each to the next the picture moves twice as far."""
     assert command(edited(folder, scaled(0.5)), tmp_path / 'made') == 1
     assert 'one of them is of another camera or gel' in capsys.readouterr().err
 
@@ -213,7 +213,7 @@ def test_the_description_that_a_model_holds_is_checked(
 def test_a_calibration_that_makes_the_camera_another_one_is_no_calibration(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Places told 1 / 1.35 times as far out, which is within what pictures tell by themselves: a longer lens."""
+    """Places stated 1 / 1.35 times as far out, which is within what pictures show by themselves: a longer lens."""
     table, output = edited(folder, scaled(1 / 1.35)), tmp_path / 'mine.safetensors'
     assert calibrated(table, output) == 1
     assert 'the focal length of the camera differs by +' in capsys.readouterr().err and not output.exists()
@@ -243,25 +243,25 @@ def appended(*rows: Row) -> Change:
 
 
 @pytest.mark.parametrize('command', [calibrated, imported])
-def test_one_picture_that_is_told_twice_is_refused_with_both_lines(
+def test_one_picture_that_is_stated_twice_is_refused_with_both_lines(
     command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = edited(folder, appended(['press2.png', '3.0', '-6.5', '1', 'ball:0.6']))
     assert command(table, tmp_path / 'made') == 1
-    told = capsys.readouterr().err
-    assert 'edited.csv, line 18 has the image of line 8, but gives 0.00981 N at 3, -6.5 mm instead of ' in told
+    printed = capsys.readouterr().err
+    assert 'edited.csv, line 18 has the image of line 8, but gives 0.00981 N at 3, -6.5 mm instead of ' in printed
 
 
 @pytest.mark.parametrize('command', [calibrated, imported])
-def test_a_press_that_is_told_to_be_the_untouched_gel_is_refused_with_both_lines(
+def test_a_press_that_is_stated_to_be_the_untouched_gel_is_refused_with_both_lines(
     command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def change(rows: list[Row]) -> None:
         rows[1][0] = 'press0.png'
 
     assert command(edited(folder, change), tmp_path / 'made') == 1
-    told = capsys.readouterr().err
-    assert re.search(r'line (6 has the image of line 3|3 has the image of line 6), but gives .*gel untouched', told)
+    printed = capsys.readouterr().err
+    assert re.search(r'line (6 has the image of line 3|3 has the image of line 6), but gives .*gel untouched', printed)
 
 
 def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
@@ -271,16 +271,16 @@ def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
     other = written(folder / 'other.csv', [*rows[:RESTS], *rows[RESTS + 3 : RESTS + 6]])
     words = ['--model', str(folder / 'described.safetensors'), '-o', str(tmp_path / 'both.npz')]
     assert main(['dataset', 'import', str(folder / 'presses.csv'), str(other), *words]) == 0
-    told = ' '.join(capsys.readouterr().out.split())
-    assert f'other.csv, line 6 has the image of line 9 of {folder / "presses.csv"} again; 2 more rows' in told
-    assert 'has the image of line 2' not in told
+    printed = ' '.join(capsys.readouterr().out.split())
+    assert f'other.csv, line 6 has the image of line 9 of {folder / "presses.csv"} again; 2 more rows' in printed
+    assert 'has the image of line 2' not in printed
 
 
 @pytest.mark.parametrize('command', [calibrated, imported])
 def test_both_commands_name_rows_in_doubt_and_take_the_table(
     command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The pictures of two presses exchanged, one told twice, and one put where a picture of the untouched gel was."""
+    """The pictures of two presses exchanged, one stated twice, and one put where a picture of the untouched gel was."""
 
     def change(rows: list[Row]) -> None:
         rows.append(rows[RESTS + 2])
@@ -288,10 +288,10 @@ def test_both_commands_name_rows_in_doubt_and_take_the_table(
         rows[2][0] = rows.pop(RESTS + 4)[0]
 
     command(edited(folder, change), tmp_path / 'made')
-    told = ' '.join(capsys.readouterr().out.split())
-    assert f'check line {RESTS + 2}, {RESTS + 3}: the image does not move at the given place' in told
-    assert 'edited.csv, line 17 has the image of line 8 again' in told
-    assert 'check line 4: it says that the gel is untouched, but the image moves as under a press' in told
+    printed = ' '.join(capsys.readouterr().out.split())
+    assert f'check line {RESTS + 2}, {RESTS + 3}: the image does not move at the given place' in printed
+    assert 'edited.csv, line 17 has the image of line 8 again' in printed
+    assert 'check line 4: it says that the gel is untouched, but the image moves as under a press' in printed
 
 
 def test_a_place_beside_what_the_camera_sees_is_a_fault_of_its_line(tmp_path: Path) -> None:
@@ -322,7 +322,7 @@ def test_pictures_of_another_size_than_described_are_refused_with_their_line(
     assert said in capsys.readouterr().err
 
 
-def test_what_is_cut_and_another_tip_than_the_model_knows_are_told(
+def test_what_is_cut_and_another_tip_than_the_model_knows_are_reported(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`portable` is of 440x440 pixels and the paper's tip of 0.6 mm; these are twice as large as they were taken."""
@@ -335,6 +335,6 @@ def test_what_is_cut_and_another_tip_than_the_model_knows_are_told(
     for file in folder.glob('*.png'):
         cv2.imwrite(str(tmp_path / file.name), cv2.resize(cv2.imread(str(file)), None, fx=2, fy=2))
     main(['calibrate', '--pictures', str(table), '--model', 'portable', '--gel', 'x', '-o', str(tmp_path / 'mine')])
-    told = ' '.join(capsys.readouterr().out.split())
-    assert 'the images have 640x480 pixels: model' in told and 'uses the middle 440x440 of each' in told
-    assert 'ball:5 pressed, but model' in told and 'was trained with ball:0.6: a blunter tip reads' in told
+    printed = ' '.join(capsys.readouterr().out.split())
+    assert 'the images have 640x480 pixels: model' in printed and 'uses the middle 440x440 of each' in printed
+    assert 'ball:5 pressed, but model' in printed and 'was trained with ball:0.6: a blunter tip reads' in printed

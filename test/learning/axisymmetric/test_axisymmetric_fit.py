@@ -56,11 +56,11 @@ def test_no_squeeze_is_found_where_regions_look_straight(readout: AxisymmetricRe
 def test_radial_smear_is_found_with_the_regions(readout: AxisymmetricReadout) -> None:
     """From the motion of a response with radial smear, a fit that starts without it finds the same."""
     true = replace(readout.response, smear=RadialSmear(-0.4, 0.1))
-    told = Presses.of(presses(150, seed=12, still=0.0), np.arange(150), readout.scaling)
-    told = replace(told, motion=true.motion(told.contacts))
+    predicted = Presses.of(presses(150, seed=12, still=0.0), np.arange(150), readout.scaling)
+    predicted = replace(predicted, motion=true.motion(predicted.contacts))
     found = readout.response
     for _ in range(6):
-        found = fit_regions(found, told, Expected.around(found), FIRST_DOUBT, SMEAR)
+        found = fit_regions(found, predicted, Expected.around(found), FIRST_DOUBT, SMEAR)
     assert found.smear.shift_mm == pytest.approx(-0.4, abs=0.02)
     assert found.smear.squeeze == pytest.approx(0.1, abs=0.005)
 
@@ -84,11 +84,11 @@ def test_nine_of_ten_fresh_presses_lie_within_the_stated_90_percent(readout: Axi
 
 
 def test_what_regions_miss_is_measured_as_a_share_of_their_motion(readout: AxisymmetricReadout) -> None:
-    """With a tenth more motion than is foretold, each region is off by a tenth."""
+    """With a tenth more motion than is predicted, each region is off by a tenth."""
     fresh = presses(100, seed=11, still=0.0)
     seen = Presses.of(fresh, np.arange(100), readout.scaling)
-    told = readout.response.motion(seen.contacts)
-    more = Presses(seen.contacts, 1.1 * told, np.full_like(seen.certainty, 1e12))
+    predicted = readout.response.motion(seen.contacts)
+    more = Presses(seen.contacts, 1.1 * predicted, np.full_like(seen.certainty, 1e12))
     # The mean of both channels' squares: sqrt(0.1^2 / 2) of the whole motion, a channel.
     assert measured_doubt(readout.response, more)[2:6] == pytest.approx(0.1 / np.sqrt(2), rel=1e-3)
 

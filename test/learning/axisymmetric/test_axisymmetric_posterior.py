@@ -47,10 +47,10 @@ def test_presses_that_show_nothing_leave_what_is_expected(
     made = with_unsure(response, pressed(response, ALL_OVER, certainty=1e-9), precision, DOUBT)
     asked = np.array([[4.0, -3.0, 0.5], [-6.0, 1.0, 0.3]])
     _, slopes, columns = made.motion_slopes_and_columns(asked)
-    told = made.variance(slopes, columns)
+    stated = made.variance(slopes, columns)
     expected = (levers(response, *response.columns_and_slopes(asked)) ** 2 * SIGMAS**2).sum(axis=-1)
-    assert (told < 1.001 * expected).all()
-    assert told.sum() > 0.9 * expected.sum()
+    assert (stated < 1.001 * expected).all()
+    assert stated.sum() > 0.9 * expected.sum()
 
 
 def test_more_presses_leave_regions_surer(response: AxisymmetricResponse, precision: np.ndarray) -> None:

@@ -49,7 +49,7 @@ def test_a_press_of_one_picture_is_believed_less_than_one_of_eight() -> None:
 
 def test_an_error_that_all_presses_share_is_taken_away_between_them(readout: AxisymmetricReadout) -> None:
     known = pressed(readout, 120, seed=2)
-    # Every press is told to be 0.2 mm further to the right and 2 % harder than it was.
+    # Every press is stated to be 0.2 mm further to the right and 2 % harder than it was.
     shifted = known.contacts * np.array([1.0, 1.0, 1.02]) + np.array([0.2, 0.0, 0.0])
     pictures = np.full(120, 8)
     local = with_local(readout, dataclasses.replace(known, contacts=shifted), pictures)

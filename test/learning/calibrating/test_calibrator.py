@@ -23,7 +23,7 @@ from tactile_nodes.model_file import load_model, save_model
 pytestmark = pytest.mark.usefixtures('own_cache')
 
 RULE = StopRule(least=20, most=100, worth=0.1, agree=2)
-TOLD = [{'id': '0123456789ab', 'gel': 'gel-7', 'attempts': 16, 'problems': [], 'clocks': []}]
+ENTRIES = [{'id': '0123456789ab', 'gel': 'gel-7', 'attempts': 16, 'problems': [], 'clocks': []}]
 
 
 def fits(*errors_n: float) -> list[Fitted]:
@@ -31,10 +31,10 @@ def fits(*errors_n: float) -> list[Fitted]:
     return [Fitted(5 * 2**step, error, error / 10) for step, error in enumerate(errors_n)]
 
 
-def told_otherwise(press: RecordedPress, **changed: Any) -> RecordedPress:
+def changed_press(press: RecordedPress, **changed: Any) -> RecordedPress:
     """The press with other words of its message."""
-    told: Any = press.told
-    return dataclasses.replace(press, told=dataclasses.replace(told, **changed))
+    message: Any = press.message
+    return dataclasses.replace(press, message=dataclasses.replace(message, **changed))
 
 
 @pytest.fixture(scope='module')
@@ -51,7 +51,7 @@ def calibrator(first_model: Path, own_cache: Path) -> Iterator[Calibrator]:
 
 @pytest.fixture(scope='module')
 def calibrated(first_model: Path, other_bag: Path, own_cache: Path) -> Iterator[tuple[Calibrator, list[str]]]:
-    """Of ten presses with one fit in between and one at the end, and what was told."""
+    """Of ten presses with one fit in between and one at the end, and the lines that were shown."""
     rule = StopRule(most=10, first=6)
     lines: list[str] = []
     made = Calibrator(load_model(first_model), {'id': 'gel-7'}, rule)
@@ -105,11 +105,13 @@ def test_presses_that_no_fit_has_seen_are_read_better_with_the_calibration(
     assert after < before / 2
 
 
-def test_held_out_errors_are_told_with_what_more_presses_would_give(calibrated: tuple[Calibrator, list[str]]) -> None:
+def test_held_out_errors_are_reported_with_what_more_presses_would_give(
+    calibrated: tuple[Calibrator, list[str]],
+) -> None:
     calibrator, lines = calibrated
     assert [fit.presses for fit in calibrator.fits] == [6, 10]
-    told = [line for line in lines if 'off on held-out presses' in line]
-    assert told[0].startswith('6 presses: ')
+    lines_of_errors = [line for line in lines if 'off on held-out presses' in line]
+    assert lines_of_errors[0].startswith('6 presses: ')
     assert any('no more presses: the greatest number of 10 presses is reached' in line for line in lines)
 
 
@@ -142,7 +144,7 @@ def test_too_few_presses_are_an_objection_and_no_error_until_the_end(
 ) -> None:
     for press in pressed[:4]:
         calibrator.take(press)
-    calibrator.fit(TOLD)
+    calibrator.fit(ENTRIES)
     assert calibrator.made is None
     assert 'needs presses at least at 5 places, but there are 4' in calibrator.objection
 
@@ -153,13 +155,13 @@ def test_as_many_presses_of_which_some_are_others_are_fitted_anew(
     """The rig finds press 6 doubtful after the fit, and one more comes."""
     for press in pressed[:6]:
         calibrator.take(press)
-    calibrator.fit(TOLD)
+    calibrator.fit(ENTRIES)
     first = calibrator.made
-    calibrator.fit(TOLD)
+    calibrator.fit(ENTRIES)
     assert first is calibrator.made is not None
-    calibrator.take(told_otherwise(pressed[5], status=types.Press.STATUS_SUSPECT))
+    calibrator.take(changed_press(pressed[5], status=types.Press.STATUS_SUSPECT))
     calibrator.take(pressed[6])
-    calibrator.fit(TOLD)
+    calibrator.fit(ENTRIES)
     assert calibrator.presses == 6
     assert calibrator.made is not None and calibrator.made is not first
 
@@ -168,9 +170,9 @@ def test_presses_in_one_corner_are_an_objection_that_says_so(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
     for press in pressed[:8]:
-        at = press.told.position
-        calibrator.take(told_otherwise(press, position=types.Point(x=0.1 * at.x, y=0.1 * at.y)))
-    calibrator.fit(TOLD)
+        at = press.message.position
+        calibrator.take(changed_press(press, position=types.Point(x=0.1 * at.x, y=0.1 * at.y)))
+    calibrator.fit(ENTRIES)
     assert 'press all over the surface' in calibrator.objection
 
 
@@ -178,9 +180,9 @@ def test_a_sensor_that_was_never_tared_is_an_objection_that_says_so(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
     for press in pressed[:10]:
-        force = types.Vector3(z=press.told.wrench.force.z - 0.5)
-        calibrator.take(told_otherwise(press, wrench=types.Wrench(force=force)))
-    calibrator.fit(TOLD)
+        force = types.Vector3(z=press.message.wrench.force.z - 0.5)
+        calibrator.take(changed_press(press, wrench=types.Wrench(force=force)))
+    calibrator.fit(ENTRIES)
     assert calibrator.made is None
     assert 'tare the force sensor' in calibrator.objection
 
@@ -188,12 +190,12 @@ def test_a_sensor_that_was_never_tared_is_an_objection_that_says_so(
 def test_a_press_that_the_rig_rejected_is_left_out_with_its_reason(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
-    rejected = told_otherwise(pressed[0], status=types.Press.STATUS_REJECTED, reason='the camera was silent')
+    rejected = changed_press(pressed[0], status=types.Press.STATUS_REJECTED, reason='the camera was silent')
     assert calibrator.take(rejected) is None
     assert calibrator.left_out.endswith('rejected by the rig (the camera was silent)')
-    suspect = told_otherwise(pressed[5], status=types.Press.STATUS_SUSPECT, reason='an axis sticks')
+    suspect = changed_press(pressed[5], status=types.Press.STATUS_SUSPECT, reason='an axis sticks')
     assert calibrator.take(suspect) is None
-    assert calibrator.left_out == f'press {suspect.told.press}: an axis sticks'
+    assert calibrator.left_out == f'press {suspect.message.press}: an axis sticks'
 
 
 def test_presses_on_two_gels_are_refused(calibrator: Calibrator, pressed: list[RecordedPress], tmp_path: Path) -> None:

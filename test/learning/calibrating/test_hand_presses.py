@@ -54,8 +54,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def calibrated(folder: Path, model: str) -> Path:
     output = folder / f'{model}.safetensors'
-    told = ['--model', model, '--gel', 'by-hand', '-o', str(output)]
-    assert main(['calibrate', '--pictures', str(folder / 'gel.csv'), *told]) == 0
+    options = ['--model', model, '--gel', 'by-hand', '-o', str(output)]
+    assert main(['calibrate', '--pictures', str(folder / 'gel.csv'), *options]) == 0
     return output
 
 
@@ -66,10 +66,10 @@ def read(table: Path) -> RecordedPresses:
 def test_weights_on_marks_tell_how_hard_the_gel_is(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     loaded = load_model(calibrated(folder, 'portable'))
     assert f'from {PRESSES} presses' in capsys.readouterr().out
-    told = loaded.card['training']['calibration']
+    entry = loaded.card['training']['calibration']
     # A modulus of 0.09 instead of 0.111 MPa: as deep with 0.81 of the force, so softer by ln(0.111 / 0.09) = 0.21.
-    assert told['whole']['softness'] + told['whole']['lateral'] == pytest.approx(0.21, abs=0.12)
-    assert told['after']['force_rmse_n'] < 0.3 * told['before']['force_rmse_n']
+    assert entry['whole']['softness'] + entry['whole']['lateral'] == pytest.approx(0.21, abs=0.12)
+    assert entry['after']['force_rmse_n'] < 0.3 * entry['before']['force_rmse_n']
     assert loaded.rest_image.shape == (440, 440)
 
 
@@ -82,8 +82,8 @@ def test_pictures_that_calibrated_a_model_do_not_judge_it(folder: Path, capsys: 
     rows = ['picture,x_mm,y_mm,force_n', 'rest0.png,,,0', 'rest1.png,,,0']  # written anew, with other numbers
     rows += [f'press{number}.png,{number},{-number},{0.4 + 0.1 * number}' for number in range(3)]
     (folder / 'some.csv').write_text('\n'.join(rows) + '\n')
-    told = ['--model', str(model), '--gel', 'by-hand', '--force']
-    assert main(['dataset', 'import', str(folder / 'some.csv'), '-o', str(presses), *told]) == 0
+    options = ['--model', str(model), '--gel', 'by-hand', '--force']
+    assert main(['dataset', 'import', str(folder / 'some.csv'), '-o', str(presses), *options]) == 0
     capsys.readouterr()
     assert main(['evaluate', str(model), '--dataset', str(presses)]) == 1
     assert 'was calibrated with 3 of the 3 images of presses in this data set' in capsys.readouterr().err
@@ -113,7 +113,7 @@ def test_weights_on_marks_calibrate_the_field_too(folder: Path, capsys: pytest.C
     assert readout.tips is not None
     # A modulus of 0.09 instead of 0.111 MPa: every force moves the regions by 1.23 times as much.
     assert np.linalg.norm(readout.response) / np.linalg.norm(source.response) == pytest.approx(0.111 / 0.09, rel=0.08)
-    assert body_of_card(loaded.card, loaded.model_id).told == 'ball:0.6'
+    assert body_of_card(loaded.card, loaded.model_id).name == 'ball:0.6'
 
 
 def test_rows_whose_indenter_is_no_body_are_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -153,7 +153,10 @@ def test_what_a_gauge_shows_of_nothing_is_no_press_where_that_is_said(
     (folder / 'gauge.csv').write_text('\n'.join(rows) + '\n')
     words = ['calibrate', '--pictures', str(folder / 'gauge.csv'), '--model', 'portable', '-o', str(folder / 'g.x')]
     assert main(words) == 1
-    assert 'line 2: force_n must not be negative' in (told := capsys.readouterr().err) and '--untouched-below N' in told
+    assert (
+        'line 2: force_n must not be negative' in (message := capsys.readouterr().err)
+        and '--untouched-below N' in message
+    )
     assert main([*words, '--untouched-below', '0.1']) == 1
     assert 'a calibration needs presses at least at 5 places, but there are 2' in capsys.readouterr().err
 

@@ -77,7 +77,7 @@ def test_the_fingerprint_does_not_depend_on_how_the_file_came_about(presses: Rec
     assert other.fingerprint == presses.fingerprint
 
 
-def test_a_missing_file_is_told_with_what_makes_one(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported_with_what_makes_one(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r'there is no data set .*tactile dataset build'):
         load_dataset(tmp_path / 'none.npz')
 
@@ -130,7 +130,7 @@ def test_arrays_that_do_not_go_together_are_refused(presses: RecordedPresses, tm
         load_dataset(tmp_path / 'odd.npz')
 
 
-def test_a_newer_format_is_told(presses: RecordedPresses, tmp_path: Path) -> None:
+def test_a_newer_format_is_reported(presses: RecordedPresses, tmp_path: Path) -> None:
     save_dataset(tmp_path / 'new.npz', dataclasses.replace(presses, card={**presses.card, 'format_version': 3}))
     with pytest.raises(DatasetError, match='has version 3, but this release reads 1 to 2'):
         load_dataset(tmp_path / 'new.npz')
@@ -234,7 +234,7 @@ def test_a_file_of_before_that_holds_gains_of_the_texture_is_read_without_them(
     presses: RecordedPresses, tmp_path: Path
 ) -> None:
     arrays = {**presses.arrays(), 'texture_gains': np.zeros(presses.rest_image.shape, np.float32)}
-    card, file = json.dumps(dict(presses.card), sort_keys=True), tmp_path / 'told.npz'
+    card, file = json.dumps(dict(presses.card), sort_keys=True), tmp_path / 'presses.npz'
     np.savez(file, card=np.array(card), fingerprint=np.array(fingerprint_of(arrays, presses.card)), **arrays)
     assert load_dataset(file).fingerprint == presses.fingerprint
 

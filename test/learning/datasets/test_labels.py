@@ -43,5 +43,5 @@ def test_the_rim_belongs_to_the_surface() -> None:
     assert outside(13.6, 0.0, PRESSED)
 
 
-def test_the_reading_is_told_in_words() -> None:
+def test_the_reading_is_reported_in_words() -> None:
     assert describe(WHOLE).startswith('9x9 bins of 3.556x3.556 mm over 32x32 mm')

@@ -77,7 +77,7 @@ def test_samples_of_one_press_stay_together() -> None:
         assert len(part) == 3 * len(np.unique(press[part]))
 
 
-def test_positions_told_with_an_error_below_a_nanometre_are_one() -> None:
+def test_positions_stated_with_an_error_below_a_nanometre_are_one() -> None:
     assert position_ids(np.array([[1.5, 0.0], [1.5 + 1e-7, -1e-9], [2.25, 0.0]])).tolist() == [0, 0, 1]
 
 

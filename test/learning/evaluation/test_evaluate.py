@@ -15,10 +15,10 @@ import pytest
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.evaluation import picture
+from tactile_nodes.learning.evaluation.estimates import write_estimates
 from tactile_nodes.learning.evaluation.evaluate import Evaluation, evaluate, evaluate_put_aside
 from tactile_nodes.learning.evaluation.picture import cell_medians, draw
 from tactile_nodes.learning.evaluation.tables import comparison, report
-from tactile_nodes.learning.evaluation.told import write_told
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import simulated_data
 from tactile_nodes.model_file import save_model
@@ -103,7 +103,7 @@ def test_several_models_stand_side_by_side(scores: Evaluation, tmp_path: Path) -
     assert {'model nonsense', 'model other'} <= {line.split(' (')[0] for line in text.splitlines()}
 
 
-def test_a_gel_that_is_simulated_otherwise_now_is_told(tmp_path: Path) -> None:
+def test_a_gel_that_is_simulated_otherwise_now_is_reported(tmp_path: Path) -> None:
     config = config_for()
     file = random_model(tmp_path / 'old.safetensors')
     gel = {**asdict(config.gel), 'id': 'ofanearlier'}
@@ -159,7 +159,7 @@ def test_presses_of_unknown_depth_are_drawn_one_by_one(scores: Evaluation) -> No
     assert shown[1] == pytest.approx(np.stack([by_hand.force_n, by_hand.total_n], axis=1))
 
 
-def test_each_sample_is_told_beside_the_truth(scores: Evaluation, tmp_path: Path) -> None:
+def test_each_sample_is_reported_beside_the_truth(scores: Evaluation, tmp_path: Path) -> None:
     made = dataclasses.replace(
         scores.answers[:3],
         place_mm=np.array([[1.0, -2.0], [0.0, 0.0], [3.0, 4.0]]),
@@ -167,12 +167,12 @@ def test_each_sample_is_told_beside_the_truth(scores: Evaluation, tmp_path: Path
         true_n=np.array([[0.25, 0.5], [0.0, 0.0], [1.0, 0.0]], np.float32),
         found_mm=np.array([[1.5, -2.25], [0.0, 0.0], [3.0, 4.0]]),
         total_n=np.array([0.5, 0.0, 1.25]),
-        told_sigma_n=np.array([0.125, 0.0625, math.nan]),
+        stated_sigma_n=np.array([0.125, 0.0625, math.nan]),
         status=np.array([0, 1, 2]),
         contact_threshold_n=0.1,
     )
-    write_told(made, tmp_path / 'new' / 'told.csv')
-    rows = list(csv.DictReader((tmp_path / 'new' / 'told.csv').read_text().splitlines()))
+    write_estimates(made, tmp_path / 'new' / 'estimates.csv')
+    rows = list(csv.DictReader((tmp_path / 'new' / 'estimates.csv').read_text().splitlines()))
     first = {'x_mm': 1.0, 'y_mm': -2.0, 'told_x_mm': 1.5, 'told_y_mm': -2.25}
     first |= {'force_n': 0.75, 'told_force_n': 0.5, 'told_sigma_n': 0.125}
     assert {name: float(rows[0][name]) for name in first} == first

@@ -47,5 +47,5 @@ class DescribedChain:
         return np.ascontiguousarray(frame[top : top + height, left : left + width])
 
     def read(self, *presses: Press) -> ForceMap:
-        """What is told of the next frame."""
+        """What is reported of the next frame."""
         return self._force.predict(self._encoding.encode(self._flow.displacement(self.picture(*presses))))

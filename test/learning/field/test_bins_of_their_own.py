@@ -50,12 +50,12 @@ def test_bins_of_a_model_lie_where_the_description_has_them(made: LoadedModel) -
 
 
 @pytest.mark.parametrize('place_mm', [(3.0, -1.0), (6.4, 1.1), (-1.5, -3.0)])
-def test_presses_are_told_where_they_are_on_the_gel(made: LoadedModel, place_mm: tuple[float, float]) -> None:
+def test_presses_are_reported_where_they_are_on_the_gel(made: LoadedModel, place_mm: tuple[float, float]) -> None:
     chain = DescribedChain(ASIDE, made)
-    told = chain.read(Press(*place_mm, 0.7))
-    assert told.total_n == pytest.approx(chain.table.force_at(0.7), rel=0.2)
-    assert np.hypot(told.contacts[0].x_mm - place_mm[0], told.contacts[0].y_mm - place_mm[1]) < 0.5
-    strongest = divmod(int(told.normal_force_n.argmax()), 6)
+    read = chain.read(Press(*place_mm, 0.7))
+    assert read.total_n == pytest.approx(chain.table.force_at(0.7), rel=0.2)
+    assert np.hypot(read.contacts[0].x_mm - place_mm[0], read.contacts[0].y_mm - place_mm[1]) < 0.5
+    strongest = divmod(int(read.normal_force_n.argmax()), 6)
     near = made.model.bins.centres_mm[strongest]
     assert np.abs(near - place_mm).max() < 1.5
 

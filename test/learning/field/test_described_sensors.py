@@ -73,9 +73,9 @@ def test_a_model_reads_pictures_and_bins_as_the_description_has_them(made: Loade
 def test_presses_are_read_though_nobody_ever_pressed_it(made: LoadedModel) -> None:
     chain = DescribedChain(SMALL, made)
     for x_mm, y_mm in ((0.0, 0.0), (4.0, -2.0), (-5.0, 2.5)):
-        told = chain.read(Press(x_mm, y_mm, 0.6))
-        assert told.total_n == pytest.approx(chain.table.force_at(0.6), rel=0.15)
-        assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.4
+        read = chain.read(Press(x_mm, y_mm, 0.6))
+        assert read.total_n == pytest.approx(chain.table.force_at(0.6), rel=0.15)
+        assert np.hypot(read.contacts[0].x_mm - x_mm, read.contacts[0].y_mm - y_mm) < 0.4
     assert chain.read().total_n < 0.005
 
 
@@ -115,7 +115,7 @@ def test_forces_of_markers_near_the_surface_are_not_ok_before_any_press(made: Lo
 
 
 def test_a_gel_of_half_or_twice_the_modulus_lies_within_the_interval_where_nobody_measured_it(tmp_path: Path) -> None:
-    """Of 1 N told 0.5 and 2 N were true; 1.645 * 0.6 = 0.99 N to either side hold both, and no such force is ok."""
+    """Of 1 N reported 0.5 and 2 N were true; 1.645 * 0.6 = 0.99 N to either side hold both, and no such force is ok."""
     unmeasured = dataclasses.replace(SMALL, gel=dataclasses.replace(SMALL.gel, moduli_off=0.6))
     model_of(unmeasured, tmp_path)
     estimating = Estimating(str(tmp_path / 'small.safetensors'))
@@ -138,8 +138,8 @@ def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_p
         (x, y), depth_mm = random.uniform((-6.5, -3.5), (6.5, 3.5)), float(random.uniform(0.3, 0.9))
         presses = (Press(float(x), float(y), depth_mm),) if number >= 8 else ()
         cv2.imwrite(str(tmp_path / f'{number}.png'), optics.render(presses, number))
-        told = f'{x:.3f},{y:.3f},{1.25 * table.force_at(depth_mm):.4f}' if presses else ',,0'
-        rows.append(f'{number}.png,{told}')
+        cells = f'{x:.3f},{y:.3f},{1.25 * table.force_at(depth_mm):.4f}' if presses else ',,0'
+        rows.append(f'{number}.png,{cells}')
     (tmp_path / 'presses.csv').write_text('\n'.join(rows))
     save_model(tmp_path / 'described.safetensors', made.model, made.card)
     source, output = Source.find(str(tmp_path / 'described.safetensors')), tmp_path / 'mine.safetensors'
@@ -200,18 +200,18 @@ def test_bags_of_presses_tell_it_too(made: LoadedModel, tmp_path: Path, monkeypa
 
 
 def test_a_ball_on_a_few_printed_dots_is_read(tmp_path: Path) -> None:
-    """35 dots 2.5 mm apart, in 48 regions of 40 px, which are 2.3 mm: no two are told as one.
+    """35 dots 2.5 mm apart, in 48 regions of 40 px, which are 2.3 mm: no two are taken for one.
 
-    What presses between four of them is told by 60 % at least: what a smaller force nearer to one does is much alike.
+    Of what presses between four of them at least 60 % is reported: a smaller force nearer to one does much the same.
     """
     sensor = load_sensor('printed_dots')
     made = model_of(sensor, tmp_path)
     assert (made.model.layout.rows, made.model.layout.cols) == (6, 8)
     chain = DescribedChain(sensor, made, contact_table(gel_of(sensor), 'ball'))
     for x_mm, y_mm in ((0.0, 0.0), (3.0, -2.0), (-4.0, 1.5), (1.3, 2.6)):
-        told = chain.read(Press(x_mm, y_mm, 0.8))
-        assert 0.55 < told.total_n / chain.table.force_at(0.8) < 1.25
-        assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 2.5 / 2
+        read = chain.read(Press(x_mm, y_mm, 0.8))
+        assert 0.55 < read.total_n / chain.table.force_at(0.8) < 1.25
+        assert np.hypot(read.contacts[0].x_mm - x_mm, read.contacts[0].y_mm - y_mm) < 2.5 / 2
     assert chain.read().total_n == 0
 
 

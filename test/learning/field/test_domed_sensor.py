@@ -42,12 +42,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
     return model_of(DOMED, tmp_path_factory.mktemp('described'))
 
 
-def test_presses_on_a_dome_are_told_where_they_are_and_how_hard(made: LoadedModel) -> None:
+def test_presses_on_a_dome_are_reported_where_they_are_and_how_hard(made: LoadedModel) -> None:
     chain = DescribedChain(DOMED, made)
     for x_mm, y_mm in ((0.0, 0.0), (4.0, -3.0), (-5.5, 5.0)):
-        told = chain.read(Press(x_mm, y_mm, 0.8))
-        assert told.total_n == pytest.approx(chain.table.force_at(0.8), rel=0.25)
-        assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.6
+        read = chain.read(Press(x_mm, y_mm, 0.8))
+        assert read.total_n == pytest.approx(chain.table.force_at(0.8), rel=0.25)
+        assert np.hypot(read.contacts[0].x_mm - x_mm, read.contacts[0].y_mm - y_mm) < 0.6
     assert chain.read().total_n < 0.005
 
 

@@ -60,7 +60,7 @@ def off(readout: FieldReadout, dataset: Dataset, acting: np.ndarray) -> tuple[fl
 
 
 @pytest.mark.parametrize('body', ['punch:3', 'square'])
-def test_presses_of_one_body_calibrate_what_is_told_of_another(
+def test_presses_of_one_body_calibrate_what_is_reported_of_another(
     body: str, model: LoadedModel, made: dict[str, Transfer], pressed: dict[str, tuple[Dataset, np.ndarray]]
 ) -> None:
     """The issue's aim is 2 % and 0.08 mm with a hundred presses; without any these totals are a third low."""
@@ -93,7 +93,10 @@ def test_intervals_of_another_body_hold(
         found = readout.read(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
         totals.append(abs(found.normal_force_n.sum() - force_n) / found.total_sigma_n)
         each = found.contacts[0]
-        places += [abs(told - true) / each.sigma_mm for told, true in zip((each.x_mm, each.y_mm), centre, strict=True)]
+        places += [
+            abs(estimated - true) / each.sigma_mm
+            for estimated, true in zip((each.x_mm, each.y_mm), centre, strict=True)
+        ]
     for times in (np.array(totals), np.array(places)):
         assert (times < 1.645).mean() >= 0.85
         assert np.median(times) > 0.67 / 3
@@ -109,10 +112,10 @@ def test_forces_that_begin_elsewhere_are_refused(
         calibrated(model, dataclasses.replace(dataset, presses=presses), 'square')
 
 
-@pytest.mark.parametrize('told', ['ball:0', 'punch:-1', 'ball:nan', 'punch:wide', 'punch:'])
-def test_a_radius_that_is_none_is_refused(told: str) -> None:
-    with pytest.raises(ConfigurationError, match=f'{told} is not a body: .* followed by a radius in mm above 0'):
-        KnownBody.named(told)
+@pytest.mark.parametrize('name', ['ball:0', 'punch:-1', 'ball:nan', 'punch:wide', 'punch:'])
+def test_a_radius_that_is_none_is_refused(name: str) -> None:
+    with pytest.raises(ConfigurationError, match=f'{name} is not a body: .* followed by a radius in mm above 0'):
+        KnownBody.named(name)
 
 
 def test_a_body_that_is_wider_than_the_gel_is_refused(model: LoadedModel) -> None:

@@ -29,7 +29,7 @@ def terms() -> Terms:
 
 
 @pytest.fixture(scope='module')
-def untold(scaling: InputScaling) -> FieldReadout:
+def as_described(scaling: InputScaling) -> FieldReadout:
     """What follows from the description alone."""
     return described(SENSOR, scaling).readout
 
@@ -39,11 +39,11 @@ def fitted(dataset: Dataset, scaling: InputScaling):
     return fit_field(SENSOR, scaling, dataset, np.arange(count), np.arange(count) % 5, BALL)
 
 
-def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, terms: Terms, untold: FieldReadout):
+def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, terms: Terms, as_described: FieldReadout):
     fit = fitted(pressed(terms, 1.25 * nominal(), 30), scaling)
     assert fit.form == 'gain'
     assert fit.gain == pytest.approx(1.25, rel=0.02)
-    assert fit.readout.response == pytest.approx(1.25 * untold.response, abs=0.05)
+    assert fit.readout.response == pytest.approx(1.25 * as_described.response, abs=0.05)
 
 
 def test_a_gel_as_it_is_described_needs_nothing_more(scaling: InputScaling, terms: Terms):
@@ -52,7 +52,7 @@ def test_a_gel_as_it_is_described_needs_nothing_more(scaling: InputScaling, term
     assert set(fit.misfits) == {'description', 'gain', 'regions'}
 
 
-def test_regions_with_markers_of_their_own_are_told_by_many_presses(scaling: InputScaling, terms: Terms):
+def test_regions_with_markers_of_their_own_are_learned_from_many_presses(scaling: InputScaling, terms: Terms):
     """Each region's depths count up to half more or less: with sixty presses they are known better than before."""
     shares = uneven()
     fit = fitted(pressed(terms, shares, 60), scaling)
@@ -62,8 +62,8 @@ def test_regions_with_markers_of_their_own_are_told_by_many_presses(scaling: Inp
     assert np.linalg.norm(fit.readout.response - true) < 0.4 * np.linalg.norm(start - true)
 
 
-def test_a_camera_that_looks_otherwise_than_described_is_told_by_ten_presses(
-    scaling: InputScaling, untold: FieldReadout
+def test_a_camera_that_looks_otherwise_than_described_is_found_by_ten_presses(
+    scaling: InputScaling, as_described: FieldReadout
 ):
     """Aside, tilted, turned and a longer lens; and the response with it, but for what noise allows."""
     camera = SENSOR.camera
@@ -76,20 +76,20 @@ def test_a_camera_that_looks_otherwise_than_described_is_told_by_ten_presses(
     made = real.terms_of_pressure(places, hertz(real.layer, 0.5), np.arange(real.count))
     fit = fitted(pressed((places, made), nominal(), 10), scaling)
     true = np.einsum('rptu,rt->rpu', real.terms_of_patches(np.arange(real.count)), nominal())
-    true = true.reshape(untold.response.shape)
+    true = true.reshape(as_described.response.shape)
     assert 'relative to its description the camera is' in fit.reason
     off = np.abs(fit.looks - [0.7, -0.5, 1.5, -1.0, 2.0, np.log(1.05)])
     assert (off < [0.1, 0.1, 0.3, 0.3, 0.3, 0.005]).all()
-    assert np.linalg.norm(fit.readout.response - true) < 0.35 * np.linalg.norm(untold.response - true)
+    assert np.linalg.norm(fit.readout.response - true) < 0.35 * np.linalg.norm(as_described.response - true)
 
 
 def test_a_camera_that_looks_as_described_is_left_alone(scaling: InputScaling, terms: Terms):
     assert not fitted(pressed(terms, 1.25 * nominal(), 10), scaling).looks.any()
 
 
-def test_what_no_press_told_is_stated_less_sure(scaling: InputScaling, terms: Terms, untold: FieldReadout):
+def test_what_no_press_showed_is_stated_less_sure(scaling: InputScaling, terms: Terms, as_described: FieldReadout):
     many = fitted(pressed(terms, uneven(), 60), scaling).readout
-    assert untold.spread.normal_n(0.0, 1.0) > 1.5 * many.spread.normal_n(0.0, 1.0)
+    assert as_described.spread.normal_n(0.0, 1.0) > 1.5 * many.spread.normal_n(0.0, 1.0)
 
 
 def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: Terms):

@@ -15,7 +15,7 @@ LINE = np.arange(-40, 41) * 0.1
 NODES = np.stack(np.meshgrid(LINE, LINE), -1)
 
 
-def test_a_ball_and_a_punch_have_the_radius_that_is_told() -> None:
+def test_a_ball_and_a_punch_have_the_radius_that_is_given() -> None:
     away = np.hypot(*np.moveaxis(NODES, -1, 0))
     ball, punch = KnownBody.named('ball:3').over(NODES), KnownBody.named('punch:1.5').over(NODES)
     inner = away < 2.0  # a ball's walls are steeper than a body's may be from 2.5 mm on
@@ -37,8 +37,8 @@ def test_a_closed_mesh_presses_where_it_is_lowest(tmp_path: Path) -> None:
 
 
 def test_a_model_of_before_tells_the_radius_of_its_ball() -> None:
-    assert body_of_card({'ball_mm': 0.6}, 'x').told == 'ball:0.6'
-    assert body_of_card({'body': 'punch:1.5', 'ball_mm': 0.6}, 'x').told == 'punch:1.5'
+    assert body_of_card({'ball_mm': 0.6}, 'x').name == 'ball:0.6'
+    assert body_of_card({'body': 'punch:1.5', 'ball_mm': 0.6}, 'x').name == 'punch:1.5'
     with pytest.raises(ModelError, match='model x does not say which body pressed; give the body that presses now'):
         body_of_card({}, 'x')
 

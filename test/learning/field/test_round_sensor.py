@@ -60,17 +60,17 @@ def test_nothing_is_seen_or_found_beside_the_disc(made: LoadedModel) -> None:
 
 
 @pytest.mark.parametrize('compiled', [False, True])
-def test_a_press_on_a_round_gel_is_told_where_it_is_and_how_hard(made: LoadedModel, compiled: bool) -> None:
+def test_a_press_on_a_round_gel_is_reported_where_it_is_and_how_hard(made: LoadedModel, compiled: bool) -> None:
     """Presses in the middle, half way out, and 1.8 mm from the rim."""
     chain = DescribedChain(ROUND, made, compiled=compiled)
     assert isinstance(made.model.readout, FieldReadout)
     for x_mm, y_mm in ((0.0, 0.0), (2.5, -2.5), (-6.5, 6.5)):
-        told, true_n = chain.read(Press(x_mm, y_mm, 0.8)), chain.table.force_at(0.8)
-        assert told.total_n == pytest.approx(true_n, rel=0.2)
-        assert abs(told.total_n - true_n) < 3 * told.total_sigma_n
-        assert np.hypot(told.contacts[0].x_mm - x_mm, told.contacts[0].y_mm - y_mm) < 0.5
-        assert np.isfinite(told.normal_force_n).all()
-        assert told.normal_force_n[0, 0] == told.normal_force_n[-1, -1] == 0
+        read, true_n = chain.read(Press(x_mm, y_mm, 0.8)), chain.table.force_at(0.8)
+        assert read.total_n == pytest.approx(true_n, rel=0.2)
+        assert abs(read.total_n - true_n) < 3 * read.total_sigma_n
+        assert np.hypot(read.contacts[0].x_mm - x_mm, read.contacts[0].y_mm - y_mm) < 0.5
+        assert np.isfinite(read.normal_force_n).all()
+        assert read.normal_force_n[0, 0] == read.normal_force_n[-1, -1] == 0
     assert chain.read().total_n < 0.005
 
 

@@ -47,7 +47,7 @@ def both() -> Dataset:
     moved = np.array(motion) + NOISE_PX * random.standard_normal((2 * EACH, gel.count, 2))
     features = moved.reshape(2 * EACH, SIDE, SIDE, 2).astype(np.float16)
     ones, none = np.ones((1, SIDE, SIDE), np.float32), np.zeros(2 * EACH, int)
-    names = np.repeat([BALL.told, PUNCH.told], EACH)
+    names = np.repeat([BALL.name, PUNCH.name], EACH)
     return Dataset(features, np.array(presses, np.float32), none, ones, 'both', indenter=names)
 
 
@@ -59,7 +59,7 @@ def fitted(both: Dataset, bodies: Bodies) -> FieldFit:
 def test_presses_of_two_bodies_are_each_fitted_with_their_own(both: Dataset) -> None:
     model = load_model(find_model('field'))
     bodies = Pressed().bodies(model, both)
-    assert [each.told for each in bodies.known] == ['ball:1', 'punch:4'] and not bodies.is_a_ball
+    assert [each.name for each in bodies.known] == ['ball:1', 'punch:4'] and not bodies.is_a_ball
     right = fitted(both, bodies)
     assert right.presses == 2 * EACH
     assert right.gain == pytest.approx(SOFTER, rel=0.004)
@@ -80,15 +80,15 @@ def test_the_layer_counts_as_linear_up_to_a_share_of_its_thickness(body: str) ->
 
 
 def test_what_a_rig_calls_its_indenter_is_known_as_a_body() -> None:
-    assert KnownBody.named('sphere 1.2 mm').told == 'ball:0.6'
-    assert KnownBody.named('flat punch 3 mm').told == 'punch:1.5'
+    assert KnownBody.named('sphere 1.2 mm').name == 'ball:0.6'
+    assert KnownBody.named('flat punch 3 mm').name == 'punch:1.5'
 
 
-def test_a_body_told_beside_fills_rows_that_name_none_and_one_name_of_all_rows(both: Dataset) -> None:
+def test_a_body_given_beside_fills_rows_that_name_none_and_one_name_of_all_rows(both: Dataset) -> None:
     model, pressed = load_model(find_model('field')), Pressed(body=KnownBody.named('ball:5'))
     assert both.indenter is not None
     some = dataclasses.replace(both, indenter=np.where(both.indenter == 'ball:1', '', both.indenter))
-    assert [each.told for each in pressed.bodies(model, some).known] == ['ball:5', 'punch:4']
+    assert [each.name for each in pressed.bodies(model, some).known] == ['ball:5', 'punch:4']
     probe = dataclasses.replace(both, indenter=np.full(2 * EACH, 'my probe'))
     assert pressed.bodies(model, probe).is_a_ball
     with pytest.raises(DatasetError, match=r"the indenter 'my probe' is not a known body: .*; or name it with --body"):
@@ -97,7 +97,7 @@ def test_a_body_told_beside_fills_rows_that_name_none_and_one_name_of_all_rows(b
 
 def test_a_model_of_several_bodies_says_so_and_names_none_for_the_next() -> None:
     bodies = Bodies((BALL, PUNCH), np.zeros(2, int))
-    card = Pressed().told({}, bodies)
+    card = Pressed().to_card({}, bodies)
     assert card == {'body': 'ball:1, punch:4'}
     with pytest.raises(Exception, match=r'was made with presses of ball:1, punch:4; give the body that presses now'):
         body_of_card(card, 'm')
@@ -109,7 +109,7 @@ def dots(tmp_path_factory: pytest.TempPathFactory) -> LoadedModel:
 
 
 def test_light_presses_of_a_small_tip_calibrate_a_gel_with_printed_dots(dots: LoadedModel) -> None:
-    """Half as hard again as described, and of a tip between dots a fifth is not told: one gain makes up for both."""
+    """Half as hard again as described, and of a tip between dots a fifth is not seen: one gain makes up for both."""
     sensor = load_sensor('printed_dots')
     most_n = linear_most_n(sensor, KnownBody.named('ball:0.6'))
     assert most_n == pytest.approx(0.25, abs=0.02)

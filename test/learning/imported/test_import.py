@@ -153,9 +153,9 @@ def test_a_table_that_contradicts_its_pictures_makes_no_data_set(
     table, output = written(folder / 'wrong.csv', rows(folder)), tmp_path / 'presses.npz'
     output.write_bytes(b'of yesterday')
     assert imported(table, output) == 1
-    told = capsys.readouterr().err
-    assert said in told
-    assert len(told.splitlines()) == 1
+    message = capsys.readouterr().err
+    assert said in message
+    assert len(message.splitlines()) == 1
     assert output.read_bytes() == b'of yesterday'
 
 
@@ -214,7 +214,7 @@ def test_moments_of_a_video_are_read_as_its_pictures(folder: Path, tmp_path: Pat
     assert np.array_equal(one.features, other.features)
 
 
-def test_a_time_after_the_end_of_the_video_is_told(
+def test_a_time_after_the_end_of_the_video_is_reported(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     video = tmp_path / 'short.avi'
@@ -225,7 +225,7 @@ def test_a_time_after_the_end_of_the_video_is_told(
     timed = [['0.0', '', '', '0', ''], ['0.1', '1', '1', '0.2', ''], ['9.0', '2', '2', '0.3', '']]
     table = written(folder / 'times.csv', timed, ['time_s', *HEADER[1:]])
     assert imported(table, tmp_path / 'video.npz', '--pictures', str(video)) == 1
-    assert 'line 4: time 9 s:' in (told := capsys.readouterr().err) and 'ends at 0.3 s' in told
+    assert 'line 4: time 9 s:' in (message := capsys.readouterr().err) and 'ends at 0.3 s' in message
 
 
 def test_arrays_of_another_project_are_the_same_presses(folder: Path) -> None:

@@ -40,17 +40,17 @@ def test_columns_are_read_by_their_names_and_units(
     assert (press.x_mm, press.y_mm, press.force_n) == pytest.approx((x_mm, 3.0, force_n))
 
 
-def test_how_each_column_was_read_is_told_and_which_was_not(tmp_path: Path) -> None:
+def test_how_each_column_was_read_is_reported_and_which_was_not(tmp_path: Path) -> None:
     read = read_table(written(tmp_path, 'image,x,y_mm,Force [mN],note\na.png,1,2,300,wet\n'))
     assert (
-        read.told
+        read.description
         == "picture from 'image'; x from 'x' in mm; y from 'y_mm' in mm; force from 'Force [mN]' in mN; not read: note"
     )
 
 
 def test_the_mark_that_spreadsheets_write_first_is_no_part_of_a_name(tmp_path: Path) -> None:
     read = read_table(written(tmp_path, '\ufeffpicture,x_mm,y_mm,grams\na.png,,,0\n'))
-    assert read.told.startswith("picture from 'picture'")
+    assert read.description.startswith("picture from 'picture'")
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,9 @@ def test_small_forces_below_nothing_say_what_a_gauge_shows_of_nothing(tmp_path: 
     """Of -0.01, -0.01 and -0.02 N the root mean square is 0.0141 N, and four times that are noise."""
     read = read_table(written(tmp_path, f'{GAUGE}a.png,1,2,0.03\nb.png,1,2,1\nc.png,,,0.9\nd.png,1,2,-0.02\n'))
     assert [each.force_n for each in read.rows] == [0.0] * 4 + [0.03, 1.0, 0.9, 0.0]
-    assert 'rows up to 0.057 N without a place, or below 0, count as the untouched gel, by their noise' in read.told
+    assert (
+        'rows up to 0.057 N without a place, or below 0, count as the untouched gel, by their noise' in read.description
+    )
 
 
 @pytest.mark.parametrize('presses', ['a.png,1,2,-1\nb.png,1,2,-0.9\n', 'a.png,1,2,0.3\n', ''])

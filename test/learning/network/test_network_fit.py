@@ -137,7 +137,7 @@ def test_ctrl_c_keeps_the_best_network_so_far():
     assert report['ended'] == 'interrupted'
 
 
-def test_a_network_on_the_all_zero_answer_is_begun_anew_and_the_person_told():
+def test_a_network_on_the_all_zero_answer_is_begun_anew_and_that_is_reported():
     """With raw inputs and a small step the network says nothing; the restart does what is known to help."""
     progress = Teller()
     config = tiny_config({**DULL, 'dropout': 0.0}, learning_rate=1e-3, loss='armse', warm_up_epochs=0,

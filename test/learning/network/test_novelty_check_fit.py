@@ -37,11 +37,11 @@ def of_contacts(*contacts: tuple[float, float, float]) -> np.ndarray:
     return sum(motion(np.array([each[:2]]), np.array(each[2:]))[0] for each in contacts)  # type: ignore[return-value]
 
 
-class Told(Progress):
+class Recording(Progress):
     """Remembers what is said; on request Ctrl-C comes with the first step."""
 
     def __init__(self, stopped: bool = False) -> None:
-        self.said: list[str] = []
+        self.lines: list[str] = []
         self.stopped = stopped
 
     def bar(self, title: str, steps: int):  # type: ignore[no-untyped-def]
@@ -52,7 +52,7 @@ class Told(Progress):
             raise KeyboardInterrupt
 
     def say(self, text: str) -> None:
-        self.said.append(text)
+        self.lines.append(text)
 
 
 def made(data: Dataset, encoding: str, progress: Progress) -> NetworkReadout:
@@ -60,15 +60,15 @@ def made(data: Dataset, encoding: str, progress: Progress) -> NetworkReadout:
 
 
 def test_a_novelty_check_of_polar_features_finds_force_and_place_of_one_contact_and_is_not_content_with_two():
-    data, told = presses(700, 1), Told()
-    novelty_check = made(replace(data, features=polar(data.features)), 'polar_mean', told).novelty_check
+    data, progress = presses(700, 1), Recording()
+    novelty_check = made(replace(data, features=polar(data.features)), 'polar_mean', progress).novelty_check
     one = novelty_check.read(polar(of_contacts((3.0, -2.0, 0.4))), SURE)
     contact = one.contacts[0]
     assert abs(contact.force_n - 0.4) < 0.02
     assert np.hypot(contact.x_mm - 3, contact.y_mm + 2) < 0.1
     assert one.unlikeness < 1
     assert novelty_check.read(polar(of_contacts((-5.0, -2.0, 0.4), (5.0, 0.0, 0.3))), SURE).unlikeness > 2
-    assert told.said == []
+    assert progress.lines == []
 
 
 @pytest.mark.parametrize(('count', 'apart_mm'), [(10952, 2.0), (392, 27 / 7)])
@@ -81,13 +81,13 @@ def test_splines_lie_as_close_as_presses_can_tell(count: int, apart_mm: float):
 
 
 def test_presses_without_the_untouched_gel_give_no_novelty_check_and_say_so():
-    data, told = presses(300, 1, still=0.0), Told()
-    assert made(data, 'cartesian_mean', told).novelty_check is None
-    assert 'no novelty check' in told.said[0]
-    assert '12 images of the untouched gel' in told.said[0]
+    data, progress = presses(300, 1, still=0.0), Recording()
+    assert made(data, 'cartesian_mean', progress).novelty_check is None
+    assert 'no novelty check' in progress.lines[0]
+    assert '12 images of the untouched gel' in progress.lines[0]
 
 
 def test_who_does_not_wait_for_the_novelty_check_keeps_the_network():
-    told = Told(stopped=True)
-    assert made(presses(700, 1), 'cartesian_mean', told).novelty_check is None
-    assert told.said[0].endswith('stopped')
+    progress = Recording(stopped=True)
+    assert made(presses(700, 1), 'cartesian_mean', progress).novelty_check is None
+    assert progress.lines[0].endswith('stopped')

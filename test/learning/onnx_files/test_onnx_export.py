@@ -193,9 +193,9 @@ def seen_by_novelty_check(encoding: str) -> list[Features]:
 def test_what_a_novelty_check_calls_unlike_is_so_in_the_graph(encoding: str) -> None:
     loaded, frames = novelty_checked(encoding), seen_by_novelty_check(encoding)
     found = compare(loaded, onnx_bytes(loaded), frames)
-    told = [ForceEstimator(loaded.model).predict(each).unlikeness for each in frames]
+    checked = [ForceEstimator(loaded.model).predict(each).unlikeness for each in frames]
     without = [ForceEstimator(network().model).predict(each).unlikeness for each in frames]
-    assert any(mine > alone for mine, alone in zip(told, without, strict=True))
+    assert any(mine > alone for mine, alone in zip(checked, without, strict=True))
     assert found.unlikeness_share < 1e-3
 
 
@@ -214,7 +214,7 @@ def test_a_response_answers_as_numpy_does() -> None:
     assert max(found.sigma_share, found.unlikeness_share) < 1e-3
 
 
-def test_wide_contacts_and_those_near_two_ends_are_told_as_in_numpy() -> None:
+def test_wide_contacts_and_those_near_two_ends_are_reported_as_in_numpy() -> None:
     loaded = response()
     readout = loaded.model.readout
     frames = []
@@ -231,11 +231,11 @@ def test_wide_contacts_and_those_near_two_ends_are_told_as_in_numpy() -> None:
         inputs = np.linalg.solve(readout.whitening, components) @ readout.likeness.directions
         values = inputs.reshape(SHAPE) / readout.scaling.gain + readout.scaling.mean
         frames.append(Features('cartesian_mean', values.astype(np.float32), np.ones((4, 5), np.float32)))
-    told = [ForceEstimator(loaded.model).predict(each) for each in frames]
-    assert told[0].unlikeness < 0.5
-    assert max(each.unlikeness for each in told[1:3]) < 1
-    assert told[3].total_sigma_n > 3 * told[0].total_sigma_n
-    assert [each.unlikeness for each in told[4:]] == 2 * [BEYOND_UNLIKENESS]
+    readings = [ForceEstimator(loaded.model).predict(each) for each in frames]
+    assert readings[0].unlikeness < 0.5
+    assert max(each.unlikeness for each in readings[1:3]) < 1
+    assert readings[3].total_sigma_n > 3 * readings[0].total_sigma_n
+    assert [each.unlikeness for each in readings[4:]] == 2 * [BEYOND_UNLIKENESS]
     found = compare(loaded, onnx_bytes(loaded), frames)
     assert max(found.bin_n, found.force_n, found.sigma_share, found.unlikeness_share) < 2e-3
 
@@ -283,7 +283,7 @@ def test_features_that_are_no_numbers_give_no_force(make: Callable[[], LoadedMod
     assert not np.isfinite(found['contact']).all()
 
 
-def test_the_share_of_regions_seen_is_told() -> None:
+def test_the_share_of_regions_seen_is_reported() -> None:
     loaded = network()
     (frame,) = lose(shown(loaded, 1), (2, 2), (0, 0))  # the second is not trusted anyway
     found = OnnxSession(onnx_bytes(loaded)).answer(frame.values, frame.confidence)

@@ -64,9 +64,11 @@ class SeveralClocks(Collection):
             edge = types.SyncEdge(header=head, line='press', level=level, count=number + 1, uncertainty=half_s)
             self._write(SYNC_EDGE, edge)
 
-    def sample(self, told_ns: int, force_n: float) -> None:
+    def sample(self, uncorrected_ns: int, force_n: float) -> None:
         wrench = types.Wrench(force=types.Vector3(z=force_n))
-        self._write(FORCE_TORQUE, types.WrenchStamped(header=header(told_ns, 'force_torque_sensor'), wrench=wrench))
+        self._write(
+            FORCE_TORQUE, types.WrenchStamped(header=header(uncorrected_ns, 'force_torque_sensor'), wrench=wrench)
+        )
 
     def _write(self, topic: Topic, message: Any, log_ns: int | None = None) -> None:
         if topic in (PRESS_IMAGE, REFERENCE_IMAGE):
@@ -147,13 +149,13 @@ def test_a_camera_with_a_clock_of_its_own_gives_the_same_data_set(
 
 
 def test_the_card_tells_offset_drift_and_residuals(foreign: RecordedPresses) -> None:
-    (told,) = foreign.card['bags'][0]['clocks']
-    assert told['recorder'] == 'camera' and told['corrected']
+    (entry,) = foreign.card['bags'][0]['clocks']
+    assert entry['recorder'] == 'camera' and entry['corrected']
     # At the middle of the run, some 30 s after its start, 100 ppm are 3 ms of the 0.3 s.
-    assert told['offset_s'] == pytest.approx(0.297, abs=0.002)
-    assert told['drift_ppm'] == pytest.approx(-100, abs=25)
-    assert 0 < told['residual_median_s'] < told['residual_max_s'] < 0.002
-    assert told['bound_s'] <= 0.002
+    assert entry['offset_s'] == pytest.approx(0.297, abs=0.002)
+    assert entry['drift_ppm'] == pytest.approx(-100, abs=25)
+    assert 0 < entry['residual_median_s'] < entry['residual_max_s'] < 0.002
+    assert entry['bound_s'] <= 0.002
     assert 'camera: +0.29' in report(foreign) and 'corrected' in report(foreign)
 
 
@@ -177,8 +179,8 @@ def test_a_clock_that_cannot_be_fitted_is_a_warning_and_changes_nothing(
         made.press(slot, slot + 1, 0.0, 0.0, 1.0)
     heard = Heard()
     found = build([made.close()], COARSE, heard)
-    (told,) = found.card['bags'][0]['clocks']
-    assert told['refused'] == 'too few edges' and not told['corrected']
+    (entry,) = found.card['bags'][0]['clocks']
+    assert entry['refused'] == 'too few edges' and not entry['corrected']
     assert any('the clock of camera could not be compared with that of rig: 5 edges' in text for text in heard.said)
     assert 'camera: not known, 5 edges' in report(found)
     assert found.stamp_ns[0] == START_NS + 3 * SECOND_NS
@@ -229,24 +231,24 @@ def test_a_force_sensor_with_a_clock_of_its_own_gets_the_force_of_the_window(tmp
     """In the middle of the window of 50 ms the force is 0.525 N, less the tare of 0.1 N; the rig had 0.3 N more."""
     with CollectionBag(force_bag(tmp_path / 'ft', sensor, sensor_sees=True)) as bag:
         (press,) = bag.presses()
-    assert exclusions.force_n(press.told) == pytest.approx(0.425, abs=0.005)
-    assert press.told.force_rate == pytest.approx(1.0, abs=1e-6)
-    assert press.told.samples == pytest.approx(10, abs=1)
-    assert np.isnan(press.told.wrench.force.x)
+    assert exclusions.force_n(press.message) == pytest.approx(0.425, abs=0.005)
+    assert press.message.force_rate == pytest.approx(1.0, abs=1e-6)
+    assert press.message.samples == pytest.approx(10, abs=1)
+    assert np.isnan(press.message.wrench.force.x)
 
 
 def test_a_force_sensor_without_edges_keeps_what_the_rig_said(tmp_path: Path, sensor: Sensor) -> None:
     with CollectionBag(force_bag(tmp_path / 'ft', sensor, sensor_sees=False)) as bag:
         (press,) = bag.presses()
-    assert exclusions.force_n(press.told) == pytest.approx(0.725, abs=0.005)
-    assert press.told.wrench.force.x == 0.01
+    assert exclusions.force_n(press.message) == pytest.approx(0.725, abs=0.005)
+    assert press.message.wrench.force.x == 0.01
 
 
 def test_another_recorder_can_be_the_reference(folder: Path, foreign: RecordedPresses) -> None:
     with BagReader(folder / 'foreign') as reader:
         clocks = bag_clocks(reader, reference='camera')
-        (told,) = clocks.as_list()
-        assert told['recorder'] == 'rig' and told['offset_s'] == pytest.approx(-0.297, abs=0.002)
+        (entry,) = clocks.as_list()
+        assert entry['recorder'] == 'rig' and entry['offset_s'] == pytest.approx(-0.297, abs=0.002)
         with pytest.raises(DatasetError, match="no edges of 'moon'; recorders in it are: camera, rig"):
             bag_clocks(reader, reference='moon')
 

@@ -239,7 +239,7 @@ def test_a_press_that_became_suspect_later_does_not_count(collection: Collection
     assert left_out(found) == [(2, 1, exclusions.SUSPECT)]
 
 
-def test_a_press_told_twice_counts_once(collection: Collection) -> None:
+def test_a_press_reported_twice_counts_once(collection: Collection) -> None:
     message = collection.press(0, 1, 0.0, 0.0, 0.5)
     collection.again(message, 0)
     assert left_out(build([collection.close()], COARSE)) == [(1, 1, exclusions.DOUBLED)]
@@ -351,7 +351,7 @@ def test_a_bag_without_presses_is_refused(tmp_path: Path) -> None:
         build([tmp_path / 'empty'], COARSE)
 
 
-def test_if_no_press_can_be_used_the_reasons_are_told(collection: Collection) -> None:
+def test_if_no_press_can_be_used_the_reasons_are_reported(collection: Collection) -> None:
     collection.press(0, 1, 0.0, 0.0, 0.5, frames=1)
     with pytest.raises(DatasetError, match=r'no press of .* can be used: 1 lost frames \(the first: 1 images'):
         build([collection.close()], COARSE)

@@ -42,18 +42,18 @@ def presses(rig: Rig) -> RigPresses:
 
 
 def feed(presses: RigPresses, bag: Path, most: int = 1000) -> None:
-    """The messages of a bag in the order in which they were told, up to so many presses."""
+    """The messages of a bag in the order in which they were published, up to so many presses."""
     with BagReader(bag) as reader:
         takers: dict[str, Callable[..., None]] = {
             f'/{PRESS_IMAGE.name}': presses.image, f'/{REFERENCE_IMAGE.name}': presses.reference,
             f'/{RIG_STATE.name}': presses.state,
         }  # fmt: skip
         for message in reader.messages([f'/{topic.name}' for topic in TOPICS]):
-            told = reader.decode(message)
+            decoded = reader.decode(message)
             if message.topic in takers:
-                takers[message.topic](told)
+                takers[message.topic](decoded)
                 continue
-            presses.press(told, message.data, START_NS)
+            presses.press(decoded, message.data, START_NS)
             most -= 1
             if not most:
                 return
@@ -68,8 +68,8 @@ def test_presses_are_those_that_a_bag_of_the_same_messages_holds(presses: RigPre
     feed(presses, bag)
     presses.end()
     with CollectionBag(bag) as recorded:
-        expected = [(press.told.press, len(press.frames), len(press.untouched)) for press in recorded.presses()]
-    found = [(press.told.press, len(press.frames), len(press.untouched)) for _, press in presses]
+        expected = [(press.message.press, len(press.frames), len(press.untouched)) for press in recorded.presses()]
+    found = [(press.message.press, len(press.frames), len(press.untouched)) for _, press in presses]
     assert found == expected
     assert len(found) == 12
 
@@ -78,8 +78,8 @@ def test_the_bag_that_a_recorder_makes_of_them_is_named(presses: RigPresses, bag
     feed(presses, bag)
     with CollectionBag(bag) as recorded:
         list(recorded.presses())
-        assert presses.told('gel-7')[0]['id'] == recorded.bag_id
-    assert (presses.told('gel-7')[0]['attempts'], presses.told('gel-7')[0]['gel']) == (12, 'gel-7')
+        assert presses.card_entries('gel-7')[0]['id'] == recorded.bag_id
+    assert (presses.card_entries('gel-7')[0]['attempts'], presses.card_entries('gel-7')[0]['gel']) == (12, 'gel-7')
 
 
 def test_the_last_press_waits_for_its_images_and_no_longer(presses: RigPresses, bag: Path) -> None:
@@ -96,7 +96,7 @@ def test_they_end_when_the_rig_is_gone(presses: RigPresses, bag: Path) -> None:
     assert not presses.look(START_NS, rig_is_there=True)
     assert presses.look(START_NS, rig_is_there=False) == 'has ended'
     assert not presses.look(START_NS, rig_is_there=False)
-    assert [press.told.press for _, press in presses] == [1, 2]
+    assert [press.message.press for _, press in presses] == [1, 2]
     assert list(presses) == []
 
 
@@ -116,7 +116,7 @@ def test_a_rig_that_came_in_time_may_take_longer_than_that(presses: RigPresses) 
     assert list(presses) == []
 
 
-def test_a_rig_that_was_asked_to_end_has_done_so_when_it_told_of_no_press_for_two_seconds(
+def test_a_rig_that_was_asked_to_end_has_done_so_when_it_reported_no_press_for_two_seconds(
     presses: RigPresses, rig: Rig
 ) -> None:
     presses.state(between(0.0))
@@ -143,13 +143,13 @@ def test_what_a_rig_tells_after_the_end_is_not_kept(presses: RigPresses, bag: Pa
     """A rig that goes on after `stay:=true` presses for hours: nobody would take what is kept."""
     feed(presses, bag, most=2)
     presses.end()
-    assert [press.told.press for _, press in presses] == [1, 2]
-    told = presses.told('gel-7')
+    assert [press.message.press for _, press in presses] == [1, 2]
+    entries = presses.card_entries('gel-7')
     feed(presses, bag)
     presses.look(START_NS + SETTLED_NS, rig_is_there=True)
     assert not presses.waiting
     assert presses._aligner.left_over == 0
-    assert presses.told('gel-7') == told
+    assert presses.card_entries('gel-7') == entries
 
 
 @pytest.fixture
@@ -161,7 +161,7 @@ def threads_take_turns_often() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures('threads_take_turns_often')
-def test_what_was_odd_is_told_while_more_comes(presses: RigPresses) -> None:
+def test_what_was_odd_is_reported_while_more_comes(presses: RigPresses) -> None:
     """The fit asks in its thread while the node's takes images; here each cannot be read for a reason of its own."""
     unreadable = [
         types.Image(header=header(START_NS + number, 'camera'), height=2, width=2, encoding=f'odd{number}', step=2,
@@ -170,5 +170,5 @@ def test_what_was_odd_is_told_while_more_comes(presses: RigPresses) -> None:
     node = threading.Thread(target=lambda: [presses.image(each) for each in unreadable])
     node.start()
     while node.is_alive():
-        presses.told('gel-7')
-    assert len(presses.told('gel-7')[0]['problems']) == len(unreadable)
+        presses.card_entries('gel-7')
+    assert len(presses.card_entries('gel-7')[0]['problems']) == len(unreadable)

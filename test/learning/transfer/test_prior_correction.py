@@ -24,7 +24,7 @@ SHARE = 0.06
 
 
 def pressed(count: int, seed: int, share: float = 0.0) -> Dataset:
-    """Presses on a softer gel, of which the forces are told larger by a share."""
+    """Presses on a softer gel, of which the forces are stated larger by a share."""
     random = np.random.default_rng(seed)
     places = random.uniform(1 - REACH_MM, REACH_MM - 1, (count, 2))
     force = np.where(np.arange(count) < count - 20, random.uniform(0.1, 0.75, count), 0.0)

@@ -177,12 +177,12 @@ def test_a_gel_that_shows_markers_in_too_few_regions_is_refused(source: Axisymme
 @pytest.mark.parametrize('wrong', [np.nan, np.inf])
 def test_motion_or_force_that_is_no_number_is_refused(source: AxisymmetricReadout, wrong: float) -> None:
     dataset = other_gel(25, seed=3)
-    features, told = dataset.features.copy(), dataset.presses.copy()
-    features[2, 1, 1, 0] = told[4, 3] = wrong
+    features, presses = dataset.features.copy(), dataset.presses.copy()
+    features[2, 1, 1, 0] = presses[4, 3] = wrong
     with pytest.raises(DatasetError, match='the motion in 1 images is not a number'):
         transfer(source, dataclasses.replace(dataset, features=features))
     with pytest.raises(DatasetError, match='place or force of 1 images of presses is not a number'):
-        transfer(source, dataclasses.replace(dataset, presses=told))
+        transfer(source, dataclasses.replace(dataset, presses=presses))
 
 
 def test_a_region_without_markers_may_have_moved_by_what_is_no_number(source: AxisymmetricReadout) -> None:
@@ -205,9 +205,9 @@ def test_a_gel_of_which_the_source_reads_nothing_is_calibrated_and_its_card_is_j
     )
     shown = (np.arange(36) >= 12).astype(np.float32).reshape(1, 6, 6)
     made = transfer(part, dataclasses.replace(dataset, confidence=shown))
-    told = json.loads(json.dumps(made.as_dict(), allow_nan=False))
-    assert told['before'] == {'force_rmse_n': None, 'force_median_n': None, 'place_median_mm': None}
-    assert told['after']['place_median_mm'] < 0.2
+    entry = json.loads(json.dumps(made.as_dict(), allow_nan=False))
+    assert entry['before'] == {'force_rmse_n': None, 'force_median_n': None, 'place_median_mm': None}
+    assert entry['after']['place_median_mm'] < 0.2
 
 
 def test_an_offset_that_few_presses_do_not_bear_out_is_no_reason_to_refuse() -> None:

@@ -22,7 +22,7 @@ STATUS = {
 }
 
 
-def write_told(found: Predictions, file: Path) -> None:
+def write_estimates(found: Predictions, file: Path) -> None:
     """Write a CSV file with one row per sample, counted from 1 in the order of the data set.
 
     Lengths are in mm in the surface frame, total forces in N into the gel. An empty cell is unknown (the place of a
@@ -36,9 +36,9 @@ def write_told(found: Predictions, file: Path) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with file.open('w', encoding='utf-8', newline='') as opened:
-            written = csv.writer(opened, lineterminator='\n')
-            written.writerow(COLUMNS)
-            written.writerows(_rows(found))
+            table = csv.writer(opened, lineterminator='\n')
+            table.writerow(COLUMNS)
+            table.writerows(_rows(found))
     except OSError as error:
         raise DatasetError(f'cannot write the table {file} ({error.strerror}); choose another place') from error
 
@@ -46,9 +46,9 @@ def write_told(found: Predictions, file: Path) -> None:
 def _rows(found: Predictions) -> Iterator[list[str]]:
     for sample, touched in enumerate(found.touched):
         place = found.place_mm[sample] if touched else (math.nan, math.nan)
-        told_place = found.found_mm[sample] if found.detected[sample] else (math.nan, math.nan)
-        numbers = *place, *told_place, found.force_n[sample], found.total_n[sample]
-        cells = [_cell(number) for number in (*numbers, found.told_sigma_n[sample])]
+        estimated_place = found.found_mm[sample] if found.detected[sample] else (math.nan, math.nan)
+        numbers = *place, *estimated_place, found.force_n[sample], found.total_n[sample]
+        cells = [_cell(number) for number in (*numbers, found.stated_sigma_n[sample])]
         yield [str(sample + 1), *cells, STATUS[int(found.status[sample])]]
 
 

@@ -27,7 +27,7 @@ PRESSED = 0.25
 
 
 @dataclass(frozen=True)
-class Told:
+class StatedPresses:
     """Presses of one table, by their line numbers.
 
     `motion` (px) and `confidence` are what the regions of their images show. `rest_lines` are the lines of the
@@ -49,7 +49,9 @@ class Told:
         return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
 
 
-def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, *, forced: bool = False) -> None:
+def require_agreement(
+    tables: Sequence[StatedPresses], progress: Progress, known: Known, *, forced: bool = False
+) -> None:
     """Refuse tables that contradict their images, unless forced; single rows that may be mixed up are named.
 
     `known` describes the pressed sensor, if a description exists.
@@ -64,28 +66,28 @@ def require_agreement(tables: Sequence[Told], progress: Progress, known: Known, 
                 f'{table.table}: check line {", ".join(map(str, lines))}: it says that the gel is untouched, but the '
                 'image moves as under a press'
             )
-        if said := _objection(table, known):
+        if objection := _objection(table, known):
             if not forced:
-                raise DatasetError(f'{table.table}: {said} (--force uses the table as it is)')
-            progress.say(f'{table.table}: used because of --force: {said}')
+                raise DatasetError(f'{table.table}: {objection} (--force uses the table as it is)')
+            progress.say(f'{table.table}: used because of --force: {objection}')
         elif lines := _lines_aside(table):
             progress.say(
                 f'{table.table}: check line {", ".join(map(str, lines))}: the image does not move at the given place'
             )
 
 
-def _objection(table: Told, known: Known) -> str:
+def _objection(table: StatedPresses, known: Known) -> str:
     """What is wrong with a table; empty if nothing is, or if it has too few presses."""
     if len(table.lines) < LEAST:
         return ''
     seen = middles(table.strength)
-    said = places_objection(table.place_mm, seen)
-    said = said or (description_objection(table.place_mm, seen, known.sensor) if known.sensor else '')
-    said = said or force_objection(table.force_n, table.strength)
-    return said or known.force_objection(table.force_n, table.motion, table.confidence)
+    objection = places_objection(table.place_mm, seen)
+    objection = objection or (description_objection(table.place_mm, seen, known.sensor) if known.sensor else '')
+    objection = objection or force_objection(table.force_n, table.strength)
+    return objection or known.force_objection(table.force_n, table.motion, table.confidence)
 
 
-def _rests_pressed(table: Told) -> list[int]:
+def _rests_pressed(table: StatedPresses) -> list[int]:
     """Lines of the untouched gel whose images show a press."""
     if not (len(table.lines) and len(table.rest_lines)):
         return []
@@ -95,7 +97,7 @@ def _rests_pressed(table: Told) -> list[int]:
     return [int(line) for line in table.rest_lines[moved > PRESSED * usual]]
 
 
-def _lines_aside(table: Told) -> list[int]:
+def _lines_aside(table: StatedPresses) -> list[int]:
     if len(table.lines) < LEAST:
         return []
     return [int(table.lines[each]) for each in aside(table.place_mm, middles(table.strength))]
