@@ -45,12 +45,12 @@ def read_camera_file(path: Path, model: str = '') -> dict[str, Value]:
     lens = file.lens(model)
     if skew or not (fx > 0 and fy > 0):
         raise file.refusal('its camera matrix must be [fx 0 cx; 0 fy cy; 0 0 1] with fx and fy above 0')
-    told: dict[str, Value] = {'camera.model': model, 'camera.centre_px': [u, v], 'camera.distortion': lens}
+    values: dict[str, Value] = {'camera.model': model, 'camera.centre_px': [u, v], 'camera.distortion': lens}
     if model == 'fisheye':
-        told |= {'camera.focal_px_per_rad': fx, 'camera.focal_ratio': fy / fx}
+        values |= {'camera.focal_px_per_rad': fx, 'camera.focal_ratio': fy / fx}
     else:
-        told['camera.focal_px'] = [fx, fy]
-    return told | file.size()
+        values['camera.focal_px'] = [fx, fy]
+    return values | file.size()
 
 
 class _CameraFile:
@@ -83,10 +83,10 @@ class _CameraFile:
 
     def model(self, wanted: str) -> str:
         """The lens model: as the file states, or else as wanted."""
-        told = self._text('distortionmodel')
-        if told and told not in MODELS:
-            raise self.refusal(f'its distortion_model {told!r} must be one of {", ".join(MODELS)}')
-        found = MODELS.get(told, '') or ('fisheye' if self._text('fisheyemodel') in {'1', 'true'} else '')
+        named = self._text('distortionmodel')
+        if named and named not in MODELS:
+            raise self.refusal(f'its distortion_model {named!r} must be one of {", ".join(MODELS)}')
+        found = MODELS.get(named, '') or ('fisheye' if self._text('fisheyemodel') in {'1', 'true'} else '')
         if wanted and found and wanted != found:
             raise self.refusal(f'its lens is a {found}, but the description says camera.model: {wanted}; change one')
         if not found:
@@ -137,12 +137,12 @@ class _CameraFile:
 
     def size(self) -> dict[str, Value]:
         """The size of the images used for the calibration, if the file states it."""
-        told = {}
+        size = {}
         for name, names in (('image.width', WIDTH), ('image.height', HEIGHT)):
             text = next(filter(None, map(self._text, names)), '')
             if text.isdigit() and int(text):
-                told[name] = int(text)
-        return dict(told) if len(told) == 2 else {}
+                size[name] = int(text)
+        return dict(size) if len(size) == 2 else {}
 
     def _text(self, name: str) -> str:
         node = self._entries.get(name)

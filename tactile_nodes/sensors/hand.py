@@ -88,22 +88,22 @@ def load_hand(name: Path | str) -> Hand:
     shipped = folder / f'{name}.yaml'
     file = shipped if shipped.is_file() else Path(name)
     if not file.is_file():
-        known = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
-        raise ConfigurationError(f'there is no hand {str(name)!r}; give a YAML file, or a shipped one: {known}')
+        names = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
+        raise ConfigurationError(f'there is no hand {str(name)!r}; give a YAML file, or a shipped one: {names}')
     rest, entries = load_listed(file, SENSORS)
-    told = from_mapping(HandSettings, rest, source=str(file), exact=False)
+    settings = from_mapping(HandSettings, rest, source=str(file), exact=False)
     sensors: list[HandSensor] = []
     refused: list[str] = []
     for entry in entries:
         try:
             if isinstance(entry, ConfigurationError):
                 raise entry
-            sensors.append(_added(sensors, entry, told.frame, file))
+            sensors.append(_added(sensors, entry, settings.frame, file))
         except ConfigurationError as error:
             refused.append(str(error))
     if not sensors:
         raise ConfigurationError(f'{file}: none of its sensors can be used: {"; ".join(refused)}')
-    return Hand(told.frame, told.fps, told.friction, tuple(sensors), tuple(refused))
+    return Hand(settings.frame, settings.fps, settings.friction, tuple(sensors), tuple(refused))
 
 
 def _added(others: Sequence[HandSensor], entry: Mapping[str, Located], parent: str, file: Path) -> HandSensor:
@@ -112,27 +112,29 @@ def _added(others: Sequence[HandSensor], entry: Mapping[str, Located], parent: s
     written = entry.get('name', place)
     values = {'frame.id': written, 'frame.parent': parent, **entry}
     try:
-        made = from_mapping(HandSensor, values, source=f'{file}:{place.line}', exact=False)
-        _check(made, others, parent)
+        sensor = from_mapping(HandSensor, values, source=f'{file}:{place.line}', exact=False)
+        _check(sensor, others, parent)
     except ValueError as error:
         raise ConfigurationError.at(file, place.line, str(error)) from error
-    return made
+    return sensor
 
 
-def _check(made: HandSensor, others: Sequence[HandSensor], parent: str) -> None:
-    if made.frame.parent != parent:
+def _check(sensor: HandSensor, others: Sequence[HandSensor], parent: str) -> None:
+    if sensor.frame.parent != parent:
         raise ValueError(
-            f'{made.name!r} is mounted in {made.frame.parent!r}, but forces are summed in {parent!r}, '
+            f'{sensor.name!r} is mounted in {sensor.frame.parent!r}, but forces are summed in {parent!r}, '
             'the frame of the hand: give its pose in that frame'
         )
-    if parent in made.frames:
-        raise ValueError(f'{made.name!r} has a frame {parent!r}, which is the frame of the hand; rename one')
+    if parent in sensor.frames:
+        raise ValueError(f'{sensor.name!r} has a frame {parent!r}, which is the frame of the hand; rename one')
     for other in others:
-        if made.name == other.name:
-            raise ValueError(f'there are two sensors with the name {made.name!r}; rename the second one')
-        if made.frame.id == other.frame.id:
-            raise ValueError(f'{made.name!r} and {other.name!r} have the same frame.id {made.frame.id!r}; rename one')
-        if shared := set(made.frames) & set(other.frames):
-            raise ValueError(f'{made.name!r} and {other.name!r} have the same frame {shared.pop()!r}; rename one')
-        if made.camera and made.camera == other.camera:
-            raise ValueError(f'{made.name!r} uses the camera {made.source}, which {other.name!r} already uses')
+        if sensor.name == other.name:
+            raise ValueError(f'there are two sensors with the name {sensor.name!r}; rename the second one')
+        if sensor.frame.id == other.frame.id:
+            raise ValueError(
+                f'{sensor.name!r} and {other.name!r} have the same frame.id {sensor.frame.id!r}; rename one'
+            )
+        if shared := set(sensor.frames) & set(other.frames):
+            raise ValueError(f'{sensor.name!r} and {other.name!r} have the same frame {shared.pop()!r}; rename one')
+        if sensor.camera and sensor.camera == other.camera:
+            raise ValueError(f'{sensor.name!r} uses the camera {sensor.source}, which {other.name!r} already uses')

@@ -29,8 +29,8 @@ def load_sensor(name: Path | str) -> Sensor:
     shipped = folder / f'{name}.yaml'
     file = shipped if shipped.is_file() else Path(name)
     if not file.is_file():
-        known = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
-        raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or a shipped one: {known}')
+        names = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
+        raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or a shipped one: {names}')
     written = load_mapping(file)
     if not written:
         raise ConfigurationError(f'{file} is empty: write a description with `tactile sensor new` (docs/sensors.md)')
@@ -84,9 +84,9 @@ def _calibrated(written: Mapping[str, Located], file: Path) -> dict[str, object]
         return values
     del values[CALIBRATION]
     model = written['camera.model'].value if 'camera.model' in written else ''
-    told = read_camera_file(_beside(file, CALIBRATION, written), str(model))
-    for key, value in told.items():
+    calibration = read_camera_file(_beside(file, CALIBRATION, written), str(model))
+    for key, value in calibration.items():
         if key in written and written[key].value != value:
             text = f'{key!r} is {written[key].value!r}, but the calibration says {value!r}; remove one'
             raise ConfigurationError.at(written[key].source, written[key].line, text)
-    return values | told
+    return values | calibration

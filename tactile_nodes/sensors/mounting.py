@@ -31,9 +31,9 @@ class Mounting:
             given = getattr(self, name)
             if len(given) != 3 or not all(map(math.isfinite, given)):
                 raise ValueError(f'frame.{name} must hold 3 finite numbers, got {list(given)}')
-        for name, told in (('id', self.id), ('parent', self.parent)):
-            if told.startswith('/') or any(map(str.isspace, told)):
-                raise ValueError(f'frame.{name} is {told!r}; names of frames have no spaces and no leading slash')
+        for name, frame in (('id', self.id), ('parent', self.parent)):
+            if frame.startswith('/') or any(map(str.isspace, frame)):
+                raise ValueError(f'frame.{name} is {frame!r}; names of frames have no spaces and no leading slash')
         if not self.id or self.id == self.parent:
             raise ValueError(f'frame.id is {self.id!r}, but must be given and differ from frame.parent')
 

@@ -25,25 +25,25 @@ _SQUARE = (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)
 class Outline:
     """The part of a rectangle of `width_mm` by `height_mm` about the origin that is gel.
 
-    `told` is empty (all of it), 'ellipse' (the inscribed ellipse, a circle if the sides are equal), or corners
+    `shape` is empty (all of it), 'ellipse' (the inscribed ellipse, a circle if the sides are equal), or corners
     'x,y x,y x,y' [mm] in the surface frame.
 
     Raises:
-        ValueError: `told` is invalid, goes beyond the rectangle, or does not contain the origin.
+        ValueError: `shape` is invalid, goes beyond the rectangle, or does not contain the origin.
     """
 
     width_mm: float
     height_mm: float
-    told: str = ''
+    shape: str = ''
 
     def __post_init__(self) -> None:
-        if self.told in ('', ELLIPSE):
+        if self.shape in ('', ELLIPSE):
             return
         try:
-            corners = corners_of(self.told)
+            corners = corners_of(self.shape)
         except ValueError as error:
             raise ValueError(
-                f'gel.outline_mm is {self.told[:60]!r}, but must be empty (a rectangle), {ELLIPSE}, or three corners '
+                f'gel.outline_mm is {self.shape[:60]!r}, but must be empty (a rectangle), {ELLIPSE}, or three corners '
                 "or more, such as '-9,-6 9,-6 9,6 -9,6'"
             ) from error
         if len(corners) > MOST_CORNERS:
@@ -63,10 +63,10 @@ class Outline:
     @cached_property
     def corners_mm(self) -> Float[np.ndarray, 'corners 2']:
         """Corners of the rim, one after another."""
-        if self.told == ELLIPSE:
+        if self.shape == ELLIPSE:
             turn = np.arange(ROUND_CORNERS) * math.tau / ROUND_CORNERS
             return np.asarray(np.column_stack([np.cos(turn), np.sin(turn)]) * self._half_mm)
-        return corners_of(self.told) if self.told else np.asarray(np.array(_SQUARE) * self._half_mm)
+        return corners_of(self.shape) if self.shape else np.asarray(np.array(_SQUARE) * self._half_mm)
 
     def rim_mm(self) -> Float[np.ndarray, 'places 2']:
         """Places along the rim, sixteen from each corner to the next."""
@@ -82,15 +82,15 @@ class Outline:
     @property
     def inner_mm(self) -> float:
         """Half the side of the largest square about the origin that lies within the gel: 16 for the paper's gel."""
-        if not self.told:
+        if not self.shape:
             return float(self._half_mm.min())
         return float(np.abs(self.rim_mm()).max(axis=1).min())
 
     def holds(self, places_mm: Float[np.ndarray, '*shape 2']) -> Bool[np.ndarray, '*shape']:
         """Which places (x, y) are on the gel."""
-        if not self.told:
+        if not self.shape:
             return np.asarray((np.abs(places_mm) <= self._half_mm).all(axis=-1))
-        if self.told == ELLIPSE:
+        if self.shape == ELLIPSE:
             return np.asarray(np.square(places_mm / self._half_mm).sum(axis=-1) <= 1)
         inside = np.zeros(places_mm.shape[:-1], bool)
         x, y = places_mm[..., 0], places_mm[..., 1]

@@ -20,7 +20,7 @@ HEAD = """\
 
 
 MOUNTING = 'frame.'
-UNLESS_TOLD = (
+ONLY_IF_CHANGED = (
     'gel.outline_mm', 'gel.dome_radius_mm', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm', 'pattern.dot_mm',
 )  # fmt: skip
 """Entries that are written only if they differ from the default: older descriptions do not have them."""
@@ -28,20 +28,20 @@ UNLESS_TOLD = (
 
 def values_of(sensor: Sensor) -> dict[str, Value]:
     """The dotted names and values that a model depends on: all except the mounting."""
-    return {name: value for name, value in _told(sensor).items() if not name.startswith(MOUNTING)}
+    return {name: value for name, value in _entries_of(sensor).items() if not name.startswith(MOUNTING)}
 
 
-def _told(sensor: Sensor) -> dict[str, Value]:
+def _entries_of(sensor: Sensor) -> dict[str, Value]:
     usual = to_values(Sensor())
-    told = to_values(sensor)
-    return {name: value for name, value in told.items() if name not in UNLESS_TOLD or value != usual[name]}
+    values = to_values(sensor)
+    return {name: value for name, value in values.items() if name not in ONLY_IF_CHANGED or value != usual[name]}
 
 
 def text_of(sensor: Sensor, sources: Mapping[str, str]) -> str:
     """The text of a description; `sources` gives the source of values, by dotted name."""
     lines, block = [HEAD.rstrip()], ''
     unused = OF_OTHERS[sensor.camera.model] + OF_OTHERS[sensor.pattern.kind]
-    for name, value in _told(sensor).items():
+    for name, value in _entries_of(sensor).items():
         head, _, key = name.rpartition('.')
         if name in unused or value == []:
             continue

@@ -145,7 +145,7 @@ def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) ->
         load_sensor(written(tmp_path, ROS, image='{width: 640, crop: 440}'))
 
 
-def test_a_calibration_that_is_not_there_is_told_by_its_name(tmp_path: Path) -> None:
+def test_a_calibration_that_is_not_there_is_reported_by_its_name(tmp_path: Path) -> None:
     (tmp_path / 'mine.yaml').write_text('camera: {calibration: none.yaml}\n')
     with pytest.raises(ConfigurationError, match=r'cannot read the calibration .*none\.yaml'):
         load_sensor(tmp_path / 'mine.yaml')

@@ -36,7 +36,7 @@ def test_a_part_that_is_no_square_is_cut() -> None:
     assert load_sensor('simulated').image.crop_px == (440, 440)
 
 
-def test_a_camera_is_told_as_opencv_and_ros_write_it(tmp_path: Path) -> None:
+def test_a_camera_is_described_as_opencv_and_ros_write_it(tmp_path: Path) -> None:
     lens = 'distortion: [0.1, 0.0, 0.0, 0.0, 0.0]'
     text = f'camera: {{model: pinhole, focal_px: [500.0, 510.0], centre_px: [320.0, 240.0], {lens}}}'
     camera = load_sensor(described(tmp_path, text)).camera
@@ -106,7 +106,7 @@ def test_every_sensor_that_ships_shows_its_gel_to_enough_regions(name: str) -> N
     assert usual_regions(sensor).usable.mean() > 0.5
 
 
-def test_a_sensor_that_is_not_there_is_told_with_those_that_ship() -> None:
+def test_a_missing_sensor_is_reported_with_those_that_ship() -> None:
     with pytest.raises(ConfigurationError, match=r"no sensor 'other'.*simulated"):
         load_sensor('other')
 

@@ -1,4 +1,4 @@
-"""Hand files: what is told of a hand, and what is left out of it with a sentence."""
+"""Hand files: what they say of a hand, and what is left out of it with a sentence."""
 
 from pathlib import Path
 
@@ -75,6 +75,6 @@ def test_what_is_no_hand_is_refused(tmp_path: Path, text: str, said: str) -> Non
         load_hand(tmp_path / 'hand.yaml')
 
 
-def test_a_hand_that_is_not_there_is_told_beside_those_that_ship() -> None:
+def test_a_hand_that_is_not_there_is_reported_beside_those_that_ship() -> None:
     with pytest.raises(ConfigurationError, match=r"there is no hand 'three'.*: gripping_fingers, two_fingers"):
         load_hand('three')
