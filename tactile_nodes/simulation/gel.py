@@ -22,7 +22,7 @@ LATER = (
     'markers_thickness_mm', 'outline', 'dome_radius_mm', 'dot_mm',
 )  # fmt: skip
 """Properties that were added later: a gel with their default values keeps its old id."""
-UNSAID = 'outline', 'dome_radius_mm', 'dot_mm'
+LEFT_OUT = 'outline', 'dome_radius_mm', 'dot_mm'
 """Properties that the card of a flat rectangle leaves out, so that it stays as before."""
 
 
@@ -134,15 +134,15 @@ class Gel:
     @property
     def gel_id(self) -> str:
         """Twelve hexadecimal digits that change with any property of the gel."""
-        text = json.dumps(self._told(LATER), sort_keys=True)
+        text = json.dumps(self._properties(LATER), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     @property
     def card(self) -> dict[str, object]:
         """The description of the gel in data sets and models."""
-        return {'id': self.gel_id, **self._told(UNSAID)}
+        return {'id': self.gel_id, **self._properties(LEFT_OUT)}
 
-    def _told(self, unless_set: tuple[str, ...]) -> dict[str, object]:
+    def _properties(self, unless_set: tuple[str, ...]) -> dict[str, object]:
         """All properties, except those of `unless_set` that have their default value."""
         first = {each.name: each.default for each in fields(self) if each.name in unless_set}
         return {name: value for name, value in asdict(self).items() if name not in first or value != first[name]}
@@ -154,13 +154,13 @@ class Gel:
         Raises:
             ConfigurationError: an unknown property or one of the wrong type.
         """
-        known = {each.name: each.default for each in fields(cls)}
+        defaults = {each.name: each.default for each in fields(cls)}
         for name, value in mapping.items():
-            if name not in known:
-                raise ConfigurationError(f'{source}: a gel has no property {name!r}; it has: {", ".join(known)}')
-            if not _same_kind(value, known[name]):
-                raise ConfigurationError(f'{source}: {name!r} must be like {known[name]!r}, got {value!r}')
-        given = {name: _like(known[name], value) for name, value in mapping.items()}
+            if name not in defaults:
+                raise ConfigurationError(f'{source}: a gel has no property {name!r}; it has: {", ".join(defaults)}')
+            if not _same_kind(value, defaults[name]):
+                raise ConfigurationError(f'{source}: {name!r} must be like {defaults[name]!r}, got {value!r}')
+        given = {name: _like(defaults[name], value) for name, value in mapping.items()}
         return cls(**given)  # type: ignore[arg-type]
 
 

@@ -64,13 +64,13 @@ def indenter_name(tip_radius_mm: float, indenter: str) -> str:
     return f'{RECORDED[shape]} {2 * body.radius_mm:g} mm'
 
 
-def name_of_record(told: str) -> str:
+def name_of_record(record: str) -> str:
     """'ball:0.6' for 'sphere 1.2 mm', 'punch:1.5' for 'flat punch 3 mm'; any other text unchanged."""
     for shape, words in RECORDED.items():
-        size = told.removeprefix(words).removesuffix('mm')
-        if told == f'{words}{size}mm' and not math.isnan(number(size)):
+        size = record.removeprefix(words).removesuffix('mm')
+        if record == f'{words}{size}mm' and not math.isnan(number(size)):
             return f'{shape}:{number(size) / 2:g}'
-    return told
+    return record
 
 
 def number(text: str) -> float:

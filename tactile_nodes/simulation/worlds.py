@@ -47,7 +47,7 @@ class SharedWorld(Protocol):
         ...
 
 
-class ToldWorld:
+class InterpolatedWorld:
     """A gel whose touch is given at single moments: interpolated between them, and held after the last one.
 
     `put` may be called from another thread than the other methods.
@@ -55,7 +55,7 @@ class ToldWorld:
 
     def __init__(self, gel: Gel, table: ContactTable) -> None:
         self._gel, self._table = gel, table
-        self._told: deque[tuple[int, Press]] = deque([(0, Press(0.0, 0.0, -1.0))], maxlen=_KEPT)
+        self._moments: deque[tuple[int, Press]] = deque([(0, Press(0.0, 0.0, -1.0))], maxlen=_KEPT)
 
     @property
     def gel(self) -> Gel:
@@ -67,15 +67,15 @@ class ToldWorld:
 
     def put(self, time_ns: int, press: Press) -> None:
         """Set what touches at a time; it is ignored unless the time is after the last one."""
-        if time_ns > self._told[-1][0]:
-            self._told.append((time_ns, press))
+        if time_ns > self._moments[-1][0]:
+            self._moments.append((time_ns, press))
 
     def press_at(self, time_ns: int) -> Press:
-        told = list(self._told)
-        after = bisect.bisect_right(told, time_ns, key=lambda each: each[0])
-        if after in {0, len(told)}:
-            return told[max(0, after - 1)][1]
-        (early_ns, early), (late_ns, late) = told[after - 1], told[after]
+        moments = list(self._moments)
+        after = bisect.bisect_right(moments, time_ns, key=lambda each: each[0])
+        if after in {0, len(moments)}:
+            return moments[max(0, after - 1)][1]
+        (early_ns, early), (late_ns, late) = moments[after - 1], moments[after]
         share = (time_ns - early_ns) / (late_ns - early_ns)
 
         def between(low: float, high: float) -> float:

@@ -235,7 +235,7 @@ def touches() -> None:
     """Contacts of 2 N on the paper's gel, dragged by 0.6 mm: as shipped (0.4 mm), and on a finer grid (0.3 mm)."""
     way = Way(force_mm2=18.0, drag_mm=0.6, press_stages=3, drag_stages=3)
     for name in ('ball', 'ring', 'edge', 'screw'):
-        told = []
+        compared = []
         for cells, rows in ((CELLS, 9), (4 * CELLS // 3, 11)):
             bricks = Bricks(Layer(cells, CELLS * CELL_MM / cells, FINITE.layer_mm, rows=rows))
             start = time.process_time()
@@ -244,11 +244,11 @@ def touches() -> None:
             pressed, dragged = (np.abs(track.moved_mm[i]).max(axis=(2, 3)) for i in (3, -1))
             level = [np.interp(-2.0, track.z_mm, each) for each in (pressed[:, 2], dragged[:, 0])]
             shear = track.force[-1, 0] / 18
-            told.append((track.depth_mm[3], shear, *level))
+            compared.append((track.depth_mm[3], shear, *level))
             print(f'{name} {cells} cells, {rows} rows: {took_s:.0f} s, {track.depth_mm[3]:.3f} mm deep,', end=' ')
             print(f'shear {shear:.3f} of the force, slips {track.slip_share[-1]:.0%};', end=' ')
             print(f'2 mm down: {level[0]:.3f} mm down, {level[1]:.3f} mm aside', flush=True)
-        print(name, 'differs by', ' '.join(f'{a / b - 1:+.1%}' for a, b in zip(*told, strict=True)), flush=True)
+        print(name, 'differs by', ' '.join(f'{a / b - 1:+.1%}' for a, b in zip(*compared, strict=True)), flush=True)
 
 
 if __name__ == '__main__':

@@ -16,7 +16,7 @@ from tactile_nodes.params import parameter
 if TYPE_CHECKING:
     from tactile_nodes.sensing.geometry import BinGrid
     from tactile_nodes.simulation.scene import Truth
-    from tactile_nodes.simulation.worlds import ToldWorld
+    from tactile_nodes.simulation.worlds import InterpolatedWorld
 
 Picture = npt.NDArray[np.uint8]
 
@@ -156,7 +156,7 @@ class HasDrivenWorld(Protocol):
     """A camera of a simulated world that another node moves. That node sends the contact."""
 
     @property
-    def driven_world(self) -> ToldWorld | None:
+    def driven_world(self) -> InterpolatedWorld | None:
         """Where to store the contact; None if the world moves by itself."""
         ...
 

@@ -56,7 +56,7 @@ class SimulatedCamera:
         self._on_progress = on_progress
         self._scene: Scene | None = None
         self._world: worlds.SharedWorld | None = None
-        self._driven_world: worlds.ToldWorld | None = None
+        self._driven_world: worlds.InterpolatedWorld | None = None
         self._start_ns = 0
         self._sequence = -1
         self._dropped = 0
@@ -99,7 +99,7 @@ class SimulatedCamera:
         self._sequence, self._dropped = -1, 0
 
     @property
-    def driven_world(self) -> worlds.ToldWorld | None:
+    def driven_world(self) -> worlds.InterpolatedWorld | None:
         """Where to store the state of a simulated gripper, if that touches the gel."""
         return self._driven_world
 
@@ -156,9 +156,9 @@ def build_scene(settings: SceneSettings, on_progress: OnProgress | None = None, 
     return scene
 
 
-def _held(scene: Scene) -> tuple[worlds.ToldWorld, WorldScene]:
+def _held(scene: Scene) -> tuple[worlds.InterpolatedWorld, WorldScene]:
     """A world that a gripper moves. The shear response is solved now, not at the first pull."""
-    world = worlds.ToldWorld(scene.gel, contact_table(scene.gel))
+    world = worlds.InterpolatedWorld(scene.gel, contact_table(scene.gel))
     held_scene = WorldScene(world, scene.bins)
     world.put(1, Press(0.0, 0.0, 0.1, shift_mm=(0.1, 0.0)))
     held_scene.render(1)

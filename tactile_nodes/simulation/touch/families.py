@@ -85,54 +85,54 @@ def _several(count: int, radius_mm: float, apart_mm: float, random: Random) -> C
 
 
 def _tip(_: Random) -> Body:
-    return _made(2.0, lambda x, y: ball(0.6, x, y))
+    return _body_of(2.0, lambda x, y: ball(0.6, x, y))
 
 
 def _ball(random: Random) -> Body:
     radius_mm = _vary(random, 5.0)
-    return _made(8.0, lambda x, y: ball(radius_mm, x, y))
+    return _body_of(8.0, lambda x, y: ball(radius_mm, x, y))
 
 
 def _punch(random: Random) -> Body:
     radius_mm = _vary(random, 1.5)
-    return _made(4.0, lambda x, y: rounded(np.hypot(x, y) - (radius_mm - EDGE_MM)))
+    return _body_of(4.0, lambda x, y: rounded(np.hypot(x, y) - (radius_mm - EDGE_MM)))
 
 
 def _tilted_square(random: Random) -> Body:
     side_mm = _vary(random, 6.0)
     tilt = (0.6, 0.3) if random is None else random.uniform(-0.8, 0.8, 2)
-    return _made(5.0, lambda x, y: rectangle(side_mm, side_mm, x, y)).tilted(float(tilt[0]), float(tilt[1]))
+    return _body_of(5.0, lambda x, y: rectangle(side_mm, side_mm, x, y)).tilted(float(tilt[0]), float(tilt[1]))
 
 
 def _ring(random: Random) -> Body:
     radius_mm = _vary(random, 4.0)
-    return _made(8.0, lambda x, y: torus(radius_mm, 1.0, x, y))
+    return _body_of(8.0, lambda x, y: torus(radius_mm, 1.0, x, y))
 
 
 def _edge(random: Random) -> Body:
     length_mm = _vary(random, 14.0)
-    return _made(11.0, lambda x, y: rod(length_mm, 0.8, x, y))
+    return _body_of(11.0, lambda x, y: rod(length_mm, 0.8, x, y))
 
 
 def _two(random: Random) -> Body:
-    return _made(8.0, _several(2, 2.0, 3.0, random))
+    return _body_of(8.0, _several(2, 2.0, 3.0, random))
 
 
 def _three(random: Random) -> Body:
-    return _made(8.0, _several(3, 1.5, 3.4, random))
+    return _body_of(8.0, _several(3, 1.5, 3.4, random))
 
 
 def _blade(random: Random) -> Body:
     pitch_mm = _vary(random, 2.4)
-    return _made(9.0, lambda x, y: teeth(12.0, 2.5, pitch_mm, 0.4, x, y))
+    return _body_of(9.0, lambda x, y: teeth(12.0, 2.5, pitch_mm, 0.4, x, y))
 
 
 def _screw(random: Random) -> Body:
     radius_mm = _vary(random, 1.5)
-    return _made(10.0, lambda x, y: thread(12.0, radius_mm, 1.25, 0.25, x, y))
+    return _body_of(10.0, lambda x, y: thread(12.0, radius_mm, 1.25, 0.25, x, y))
 
 
-def _made(half_mm: float, heights: Callable[[Heights, Heights], Heights]) -> Body:
+def _body_of(half_mm: float, heights: Callable[[Heights, Heights], Heights]) -> Body:
     return Body.of_heights('', heights(*grid(half_mm)))
 
 

@@ -52,7 +52,7 @@ def test_every_family_has_bodies_of_its_own_size_and_others(name: str):
         assert not np.array_equal(usual.height_mm, other.height_mm)
 
 
-def test_an_unknown_body_is_told_the_known_ones():
+def test_an_unknown_body_is_refused_with_the_known_ones():
     with pytest.raises(ConfigurationError, match="there is no body 'rign'; there are: tip, ball"):
         make_body('rign')
 
@@ -77,7 +77,7 @@ def test_bodies_that_are_joined_touch_where_each_is():
 
 
 def test_a_body_that_fills_its_grid_ends_at_its_rim():
-    """A pad of 2 mm all of whose heights are told is not a plane: from its rim its wall rises by 1.5 a millimetre."""
+    """A pad of 2 mm all of whose heights are given is not a plane: from its rim its wall rises by 1.5 a millimetre."""
     pad = Body.of_heights('pad', np.zeros((21, 21)))
     height, along_x, along_y = pad.under(np.array([0.9, 2.0, 0.0, 30.0]), np.array([0.0, 0.0, -1.2, 0.0]))
     assert height == pytest.approx([0.0, 1.5, 0.3, NO_BODY_MM], abs=1e-9)

@@ -12,7 +12,7 @@ from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.scene import WorldScene
 from tactile_nodes.simulation.touch.gripping import LOST_MM, SLIDES_MM_S, Finger, Grip, Gripped
-from tactile_nodes.simulation.worlds import ToldWorld
+from tactile_nodes.simulation.worlds import InterpolatedWorld
 
 
 @pytest.fixture(scope='module')
@@ -77,8 +77,8 @@ def test_the_pull_goes_its_own_way_along_each_surface(finger: Finger) -> None:
     assert right.shift_mm == (0.0, pytest.approx(-hold.drag_mm))
 
 
-def test_told_world_is_between_two_moments_and_stays_after_the_last(table: ContactTable) -> None:
-    world = ToldWorld(Gel(), table)
+def test_an_interpolated_world_is_between_two_moments_and_stays_after_the_last(table: ContactTable) -> None:
+    world = InterpolatedWorld(Gel(), table)
     assert world.press_at(5).depth_mm < 0
     world.put(1_000, Press(0.0, 0.0, 0.5))
     world.put(2_000, Press(1.0, 0.0, 1.5, shift_mm=(0.0, 0.4)))
@@ -89,7 +89,7 @@ def test_told_world_is_between_two_moments_and_stays_after_the_last(table: Conta
 
 
 def test_truth_of_a_dragged_tip_is_its_force_and_its_drag_in_one_bin(table: ContactTable, finger: Finger) -> None:
-    world = ToldWorld(Gel(), table)
+    world = InterpolatedWorld(Gel(), table)
     world.put(1, Press(4.0, -4.0, 1.0, shift_mm=(0.2, 0.0)))
     truth = WorldScene(world).truth(1)
     assert truth.total_n == pytest.approx(table.force_at(1.0))
