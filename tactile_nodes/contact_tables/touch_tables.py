@@ -69,9 +69,9 @@ class Contact:
 
     def __post_init__(self) -> None:
         for name, (low, high) in BOUNDS.items():
-            said = getattr(self, name)
-            if not all(low <= each <= high for each in (said if isinstance(said, tuple) else (said,))):
-                raise ConfigurationError(f"a contact's {name!r} must be from {low:g} to {high:g}, got {said!r}")
+            number = getattr(self, name)
+            if not all(low <= each <= high for each in (number if isinstance(number, tuple) else (number,))):
+                raise ConfigurationError(f"a contact's {name!r} must be from {low:g} to {high:g}, got {number!r}")
 
     @classmethod
     def named(cls, name: str) -> Contact:
@@ -194,21 +194,21 @@ def _described(file: Path) -> Contact:
     import yaml
 
     try:
-        said = yaml.safe_load(read_text(file))
+        entries = yaml.safe_load(read_text(file))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        told = in_a_line(getattr(error, 'strerror', None) or error)
-        raise ConfigurationError(f'cannot read the contact {file} ({told}); check it') from error
-    if not isinstance(said, dict) or 'body' not in said:
+        reason = in_a_line(getattr(error, 'strerror', None) or error)
+        raise ConfigurationError(f'cannot read the contact {file} ({reason}); check it') from error
+    if not isinstance(entries, dict) or 'body' not in entries:
         raise ConfigurationError(f'{file} does not describe a contact; it needs at least an entry like: body: ring')
-    known = {each.name: each.default for each in fields(Contact)}
-    for name, value in said.items():
-        if name not in known:
-            raise ConfigurationError(f'{file}: a contact has no {name!r}; it has: {", ".join(known)}')
-        if name != 'body' and not _fits(value, known[name]):
-            raise ConfigurationError(f'{file}: {name!r} must be like {known[name]!r}, got {value!r}')
-    tilt_deg = tuple(map(float, said.get('tilt_deg', (0.0, 0.0))))
+    defaults = {each.name: each.default for each in fields(Contact)}
+    for name, value in entries.items():
+        if name not in defaults:
+            raise ConfigurationError(f'{file}: a contact has no {name!r}; it has: {", ".join(defaults)}')
+        if name != 'body' and not _fits(value, defaults[name]):
+            raise ConfigurationError(f'{file}: {name!r} must be like {defaults[name]!r}, got {value!r}')
+    tilt_deg = tuple(map(float, entries.get('tilt_deg', (0.0, 0.0))))
     try:
-        return Contact(**{**said, 'tilt_deg': tilt_deg, 'body': _beside(file.parent, said['body'])})
+        return Contact(**{**entries, 'tilt_deg': tilt_deg, 'body': _beside(file.parent, entries['body'])})
     except ConfigurationError as error:
         raise ConfigurationError(f'{file}: {error}') from error
 

@@ -38,12 +38,12 @@ def test_usual_contacts_that_are_wider_than_the_gel_are_left_out():
 def test_a_contact_is_solved_once_and_then_known(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(touch_tables, 'CELLS', 48)
     monkeypatch.setattr(touch_tables, 'CELL_MM', 0.8)
-    gel, told = load_gel('paper'), list[tuple[int, int]]()
+    gel, steps = load_gel('paper'), list[tuple[int, int]]()
     contact = Contact('ball', force_n=0.5, drag_mm=0.0)
-    first = solved_contact(gel, contact, lambda done, of: told.append((done, of)))
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    again = solved_contact(gel, contact, lambda done, of: told.append((done, of)))
-    assert len(told) == 4
+    first = solved_contact(gel, contact, lambda done, of: steps.append((done, of)))
+    assert steps == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    again = solved_contact(gel, contact, lambda done, of: steps.append((done, of)))
+    assert len(steps) == 4
     np.testing.assert_allclose(again.coefficients, first.coefficients, atol=1e-3)
 
 
@@ -121,7 +121,7 @@ def test_bodies_that_are_none_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         solved_contact(load_gel('paper'), Contact.named(name))
 
 
-def test_meshes_whose_names_are_no_utf8_are_read_and_one_cut_short_is_told(tmp_path: Path):
+def test_meshes_whose_names_are_no_utf8_are_read_and_one_cut_short_is_reported(tmp_path: Path):
     trimesh = pytest.importorskip('trimesh')
     box, plain, binary = trimesh.creation.box((6.0, 4.0, 2.0)), tmp_path / 'box.obj', tmp_path / 'cut.stl'
     plain.write_bytes('o Gehäuse\n'.encode('latin-1') + box.export(file_type='obj').encode())
@@ -193,17 +193,17 @@ def test_heights_and_a_mesh_of_one_body_are_tilted_alike(
 ):
     """By the right-hand rule, with z away from the gel: about x the side of +y rises, about y that of -x.
 
-    Rims are told to a cell of 0.1 mm, which is 0.009 mm of height at 5 degrees.
+    Rims are given to a cell of 0.1 mm, which is 0.009 mm of height at 5 degrees.
     """
     box = pytest.importorskip('trimesh').creation.box((6.0, 6.0, 2.0))
     box.export(tmp_path / 'box.stl')
     heights = np.full((81, 81), np.nan)
     heights[10:71, 10:71] = 0.0
     np.save(tmp_path / 'box.npy', heights)
-    mesh, told = (body_of(str(tmp_path / name), tilt_deg) for name in ('box.stl', 'box.npy'))
+    mesh, heights = (body_of(str(tmp_path / name), tilt_deg) for name in ('box.stl', 'box.npy'))
     x, y = np.array([-2.0, 2.0, 0.0, 0.0]), np.array([0.0, 0.0, -2.0, 2.0])
-    np.testing.assert_allclose(told.under(x, y)[0], mesh.under(x, y)[0], atol=0.01)
-    up, down = (told.under(np.array(sign * raised[0]), np.array(sign * raised[1]))[0] for sign in (1.0, -1.0))
+    np.testing.assert_allclose(heights.under(x, y)[0], mesh.under(x, y)[0], atol=0.01)
+    up, down = (heights.under(np.array(sign * raised[0]), np.array(sign * raised[1]))[0] for sign in (1.0, -1.0))
     assert up > down + 0.1
 
 
