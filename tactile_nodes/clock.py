@@ -98,25 +98,25 @@ def anchor_ns() -> int:
     The first process after a boot measures it and writes it to the run folder, where the others read it.
     """
     measured_ns = time.time_ns() - time.monotonic_ns()
-    return _first_said(_anchor_file(), measured_ns)
+    return _first_written(_anchor_file(), measured_ns)
 
 
 def keep_anchor() -> None:
     """Write the anchor to the run folder again, in case the folder was emptied."""
-    _first_said(_anchor_file(), anchor_ns())
+    _first_written(_anchor_file(), anchor_ns())
 
 
 def _anchor_file() -> Path:
     return paths.run_directory() / f'clock-{_boot_id()}'
 
 
-def _first_said(file: Path, value: int) -> int:
+def _first_written(file: Path, value: int) -> int:
     draft = file.with_name(f'{file.name}.{os.getpid()}.{threading.get_ident()}')
     try:
         draft.write_text(str(value), encoding='ascii')
         os.link(draft, file)  # atomic: the second process gets an error, never a partial file
     except FileExistsError:
-        return _said(file, draft, value)
+        return _already_written(file, draft, value)
     except OSError as error:
         raise ConfigurationError(f'cannot write to {file.parent} ({error.strerror}); is the disk full?') from error
     finally:
@@ -124,7 +124,7 @@ def _first_said(file: Path, value: int) -> int:
     return value
 
 
-def _said(file: Path, draft: Path, value: int) -> int:
+def _already_written(file: Path, draft: Path, value: int) -> int:
     try:
         return int(file.read_text(encoding='ascii'))
     except (OSError, ValueError):  # damaged or deleted, so our own value is as good

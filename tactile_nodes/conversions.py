@@ -65,14 +65,14 @@ def camera_info(
 ) -> types.CameraInfo:
     """The CameraInfo of an image and its crop; intrinsics of a described sensor, else 0, as in ROS."""
     roi = types.RegionOfInterest(x_offset=crop.x, y_offset=crop.y, width=crop.width, height=crop.height)
-    known: dict[str, Any] = {'distortion_model': 'equidistant'}
+    intrinsics: dict[str, Any] = {'distortion_model': 'equidistant'}
     if sensor is not None:
         k = np.array(sensor.camera.matrix)
-        known = {
+        intrinsics = {
             'distortion_model': sensor.camera.distortion_model, 'd': np.array(sensor.camera.lens), 'k': k.ravel(),
             'r': np.eye(3).ravel(), 'p': np.column_stack([k, np.zeros(3)]).ravel(),
         }  # fmt: skip
-    return types.CameraInfo(header=head, width=width, height=height, roi=roi, **known)
+    return types.CameraInfo(header=head, width=width, height=height, roi=roi, **intrinsics)
 
 
 def image_array(message: types.Image) -> UInt8[np.ndarray, 'h w']:
@@ -168,7 +168,7 @@ def force_fields(
 ) -> dict[str, Any]:
     """The fields of a ForceDistribution with forces and contacts; without contact the position is NaN."""
     width_mm, height_mm = bins.bin_size_mm
-    told = [_contact_message(each) for each in contacts]
+    listed = [_contact_message(each) for each in contacts]
     return {
         'rows': bins.rows,
         'cols': bins.cols,
@@ -179,9 +179,9 @@ def force_fields(
         'total': float(forces_n.sum(dtype=np.float64)),
         'peak': float(forces_n.max()),
         'total_sigma': total_sigma_n,
-        'in_contact': bool(told),
-        'contact': told[0].position if told else types.Point(x=math.nan, y=math.nan, z=math.nan),
-        'contacts': told,
+        'in_contact': bool(listed),
+        'contact': listed[0].position if listed else types.Point(x=math.nan, y=math.nan, z=math.nan),
+        'contacts': listed,
         'unlikeness': unlikeness,
         **(_acting_fields(acting) if acting is not None else _pressing_fields(forces_n, bins)),
     }

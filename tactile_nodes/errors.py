@@ -134,8 +134,8 @@ def in_a_line(error: object) -> str:
 
 
 @contextmanager
-def from_extra(extra: str, what: str) -> Iterator[None]:
-    """A context for imports of libraries of one optional extra; `what` names the feature that needs them.
+def from_extra(extra: str, feature: str) -> Iterator[None]:
+    """A context for imports of libraries of one optional extra; `feature` is what needs them.
 
     Raises:
         ConfigurationError: one is not installed.
@@ -144,5 +144,5 @@ def from_extra(extra: str, what: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise ConfigurationError(
-            f"{what} needs a library ({in_a_line(error)}); install it with: pip install 'tactile_nodes[{extra}]'"
+            f"{feature} needs a library ({in_a_line(error)}); install it with: pip install 'tactile_nodes[{extra}]'"
         ) from error

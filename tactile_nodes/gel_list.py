@@ -81,10 +81,10 @@ class GelList:
         with self._open(create=True) as database:
             database.execute('BEGIN IMMEDIATE')  # no other process may change the list until it is written
             others = {each.model_id: each for each in _listed(database)}
-            known = others.pop(calibration.model_id, None)
-            if known is not None:
-                is_its_own = all(each.file != known.file for each in others.values())
-                calibration = _merged(known, calibration, keep_file=is_its_own and Path(known.file).is_file())
+            listed = others.pop(calibration.model_id, None)
+            if listed is not None:
+                is_its_own = all(each.file != listed.file for each in others.values())
+                calibration = _merged(listed, calibration, keep_file=is_its_own and Path(listed.file).is_file())
             database.execute(_ADD, asdict(calibration))
 
     def look(self, model_id: str, level: str, remedy: str, at_ns: int) -> bool:
@@ -96,11 +96,11 @@ class GelList:
         if not self._exists():
             return False
         with self._open() as database:
-            asked = database.execute('SELECT looked_ns FROM calibrations WHERE model_id = ?', (model_id,))
-            known = asked.fetchone()
-            if known is not None and known[0] <= at_ns:
+            cursor = database.execute('SELECT looked_ns FROM calibrations WHERE model_id = ?', (model_id,))
+            listed = cursor.fetchone()
+            if listed is not None and listed[0] <= at_ns:
                 database.execute(_LOOK, (level, remedy, at_ns, model_id))
-        return known is not None
+        return listed is not None
 
     def forget(self, model_id: str) -> bool:
         """Remove a calibration from the list, not its file; false if it is not listed. Raises ConfigurationError."""
@@ -151,15 +151,15 @@ def _listed(database: sqlite3.Connection) -> list[Calibration]:
     return [Calibration(*row) for row in database.execute(_ALL).fetchall()]
 
 
-def _merged(known: Calibration, anew: Calibration, *, keep_file: bool) -> Calibration:
-    told = {name: value for name, value in asdict(anew).items() if value not in {'', 0, None}}
+def _merged(listed: Calibration, anew: Calibration, *, keep_file: bool) -> Calibration:
+    changes = {name: value for name, value in asdict(anew).items() if value not in {'', 0, None}}
     if anew.level:
-        told['remedy'] = anew.remedy
-    if known.made_ns:
-        told['made_ns'] = known.made_ns
+        changes['remedy'] = anew.remedy
+    if listed.made_ns:
+        changes['made_ns'] = listed.made_ns
     if keep_file:
-        told['file'] = known.file
-    return replace(known, **told)
+        changes['file'] = listed.file
+    return replace(listed, **changes)
 
 
 def _require_table(database: sqlite3.Connection) -> None:

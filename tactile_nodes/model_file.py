@@ -256,10 +256,10 @@ def _check_finite(arrays: Mapping[str, np.ndarray]) -> None:
 
 def _foreign(path: Path, data: bytes) -> str:
     if data[:2] == b'PK' or data[:1] == b'\x80':
-        what = 'is a pickle or PyTorch archive, which may run code when loaded, so it is not opened'
+        reason = 'is a pickle or PyTorch archive, which may run code when loaded, so it is not opened'
     else:
-        what = 'is not a model of tactile_nodes, or its beginning is damaged'
-    return f'{path} {what}; use a .safetensors file made by: tactile train'
+        reason = 'is not a model of tactile_nodes, or its beginning is damaged'
+    return f'{path} {reason}; use a .safetensors file made by: tactile train'
 
 
 def _damaged(path: Path) -> str:

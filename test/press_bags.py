@@ -99,7 +99,7 @@ class Collection:
     def press(
         self, slot: int, number: int, x_mm: float, y_mm: float, depth_mm: float, *, frames: int = FRAMES, **changes: Any
     ) -> types.Press:
-        """Two images of the untouched gel, those of the window, and the message that tells of it.
+        """Two images of the untouched gel, those of the window, and the message about it.
 
         `frames` are in the bag, `FRAMES` were taken; `changes` changes the message.
         """

@@ -90,7 +90,7 @@ def test_a_small_file_of_a_gigantic_picture_is_not_unpacked(name: str, tmp_path:
 
 
 def zipped(file: File, names: tuple[str, ...], packing: int = zipfile.ZIP_DEFLATED) -> File:
-    """Entries of 64 MB of zeros, packed to 64 kB each unless told otherwise."""
+    """Entries of 64 MB of zeros, packed to 64 kB each unless stated otherwise."""
     with zipfile.ZipFile(file, 'w', packing) as archive:
         for name in names:
             with archive.open(f'{name}.npy', 'w') as entry:
@@ -115,10 +115,10 @@ def test_holes_of_a_sparse_file_count_for_nothing_beside_what_it_would_unpack_to
         file.write(b'PK\3\4')
         file.seek(1 << 30)
         file.write(packed)
-    told = re.search(r'would unpack from (\d+) to (\d+) bytes', refusal(load_dataset, tmp_path / 'a.npz'))
-    assert told is not None
-    assert int(told[1]) < len(packed)
-    assert int(told[2]) == 3 * ((64 << 20) + 128)  # of numpy's header
+    sizes = re.search(r'would unpack from (\d+) to (\d+) bytes', refusal(load_dataset, tmp_path / 'a.npz'))
+    assert sizes is not None
+    assert int(sizes[1]) < len(packed)
+    assert int(sizes[2]) == 3 * ((64 << 20) + 128)  # of numpy's header
 
 
 class Sparse(io.FileIO):

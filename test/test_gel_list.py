@@ -36,7 +36,7 @@ def test_the_same_model_added_again_takes_its_own_place(gels: GelList) -> None:
     assert gels.calibrations() == [SEVEN]
 
 
-def test_a_model_added_again_keeps_what_is_not_told_anew(gels: GelList, tmp_path: Path) -> None:
+def test_a_model_added_again_keeps_what_is_not_given_anew(gels: GelList, tmp_path: Path) -> None:
     file, copy = tmp_path / 'gel-7.safetensors', tmp_path / 'copy.safetensors'
     file.touch()
     gels.add(replace(SEVEN, sensor='finger_2', file=str(file)))

@@ -126,7 +126,7 @@ def test_a_model_comes_back_with_the_same_predictions(tmp_path: Path, make: Call
 
 
 def test_a_file_of_an_earlier_release_that_holds_what_drags_add_still_tells_them(tmp_path: Path):
-    """It told them from 9.5 on; the array itself is left unread."""
+    """It reported them from 9.5 on; the array itself is left unread."""
     file = tmp_path / 'earlier.safetensors'
     save_model(file, small_response(), CARD)
     limits = {'axes': [], 'least_gain': 9.5, 'most_mm': 1.0, 'doubt_n': 0.01}
@@ -268,8 +268,8 @@ def _with_card(content: bytes, change: Callable[[dict[str, Any]], None], arrays:
     """The file that somebody writes who also knows how to make its checksum."""
     entry = json.loads(json.loads(content[8 : 8 + int.from_bytes(content[:8], 'little')])['__metadata__'][FORMAT])
     change(entry['card'])
-    told = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': entry['card']}, sort_keys=True)}
-    blank = safetensors.numpy.save(safetensors.numpy.load(content) | arrays, told)
+    metadata = {FORMAT: json.dumps({'sha256': NO_CHECKSUM, 'card': entry['card']}, sort_keys=True)}
+    blank = safetensors.numpy.save(safetensors.numpy.load(content) | arrays, metadata)
     return blank.replace(NO_CHECKSUM.encode(), hashlib.sha256(blank).hexdigest().encode(), 1)
 
 

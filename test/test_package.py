@@ -75,7 +75,7 @@ def test_pip_installs_the_package_alone_and_the_source_holds_its_benchmarks(sour
     assert (source / 'benchmarks' / '__init__.py').is_file()
 
 
-def test_the_index_is_told_who_where_and_what(metadata: Message) -> None:
+def test_the_index_gets_who_where_and_what(metadata: Message) -> None:
     assert metadata['Author'] == 'tactile_nodes maintainers'
     assert {each.split(',')[0] for each in metadata.get_all('Project-URL', [])} >= {
         'Documentation',

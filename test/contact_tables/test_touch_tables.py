@@ -200,10 +200,10 @@ def test_heights_and_a_mesh_of_one_body_are_tilted_alike(
     heights = np.full((81, 81), np.nan)
     heights[10:71, 10:71] = 0.0
     np.save(tmp_path / 'box.npy', heights)
-    mesh, heights = (body_of(str(tmp_path / name), tilt_deg) for name in ('box.stl', 'box.npy'))
+    mesh, from_heights = (body_of(str(tmp_path / name), tilt_deg) for name in ('box.stl', 'box.npy'))
     x, y = np.array([-2.0, 2.0, 0.0, 0.0]), np.array([0.0, 0.0, -2.0, 2.0])
-    np.testing.assert_allclose(heights.under(x, y)[0], mesh.under(x, y)[0], atol=0.01)
-    up, down = (heights.under(np.array(sign * raised[0]), np.array(sign * raised[1]))[0] for sign in (1.0, -1.0))
+    np.testing.assert_allclose(from_heights.under(x, y)[0], mesh.under(x, y)[0], atol=0.01)
+    up, down = (from_heights.under(np.array(sign * raised[0]), np.array(sign * raised[1]))[0] for sign in (1.0, -1.0))
     assert up > down + 0.1
 
 
