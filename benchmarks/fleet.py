@@ -105,12 +105,12 @@ def _with_prior(usual: Float[np.ndarray, ' 6']) -> AbstractContextManager[Any]:
     """A context in which the estimate of the camera has its description as prior, with these standard deviations."""
     from tactile_nodes.learning.field import camera
 
-    plain = camera.Seen.left
+    plain = camera.ObservedPresses.left
 
     def left(self: Any, rest: np.ndarray, by: np.ndarray) -> np.ndarray:
         return np.concatenate([plain(self, rest, by), by * camera.SCALES / usual])
 
-    return patch.object(camera.Seen, 'left', left)
+    return patch.object(camera.ObservedPresses, 'left', left)
 
 
 def _as_described() -> AbstractContextManager[Any]:

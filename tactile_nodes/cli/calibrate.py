@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tactile_nodes.learning.calibrating.files import Made
+    from tactile_nodes.learning.calibrating.files import AnyCalibration
     from tactile_nodes.learning.field.calibration import Pressed
     from tactile_nodes.learning.progress import Progress
     from tactile_nodes.learning.transfer.errors import Point
@@ -165,7 +165,7 @@ def _of_description(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
+def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, AnyCalibration]:
     """Calibrate from a data set, or from a table of pictures that is turned into one."""
     from tactile_nodes.learning.calibrating.files import Source, calibrate
     from tactile_nodes.learning.calibrating.hand_presses import presses_by_hand
@@ -187,7 +187,7 @@ def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str)
     )  # fmt: skip
 
 
-def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, Made]:
+def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, AnyCalibration]:
     from contextlib import closing
 
     from tactile_nodes.learning.calibrating.calibrator import Calibrator, StopRule
@@ -215,5 +215,5 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
                     take_presses(calibrator, presses, lambda text: bar.advance(1, text), along=False)
             finish(calibrator, presses, progress.say, command)
         model_id = written.to(arguments.output)
-    assert written.made is not None
-    return model_id, written.made
+    assert written.calibration is not None
+    return model_id, written.calibration

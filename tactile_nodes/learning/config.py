@@ -212,7 +212,7 @@ class TrainConfig:
         names = ['data', 'gel', 'network', 'training', *([self.readout] if self.readout != 'network' else [])]
         blocks = {name: asdict(getattr(self, name)) for name in names}
         methods: dict[str, FlowMethod | FeatureEncoding] = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
-        named = {block: {'name': made.name, 'options': _stated(made.options)} for block, made in methods.items()}
+        named = {block: {'name': method.name, 'options': _stated(method.options)} for block, method in methods.items()}
         plain: dict[str, Any] = json.loads(json.dumps({'readout': self.readout, **named, **blocks}))
         return {'output': str(self.output), **plain}
 

@@ -18,9 +18,9 @@ def figure(width_in: float, height_in: float) -> Any:
     with from_extra('train', 'drawing'):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    made = Figure(figsize=(width_in, height_in), layout='constrained')
-    FigureCanvasAgg(made)
-    return made
+    drawn = Figure(figsize=(width_in, height_in), layout='constrained')
+    FigureCanvasAgg(drawn)
+    return drawn
 
 
 def save(drawn: Any, file: Path, dpi: int = 120) -> None:

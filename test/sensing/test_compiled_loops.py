@@ -299,7 +299,7 @@ def test_regions_count_as_much(moved_px: float, lost: float):
     values[..., 0] += moved_px * np.linspace(0.0, 1.0, values.shape[1], dtype=np.float32)
     confidence = np.where(random.random(values.shape[:2]) < lost, 0.0, random.uniform(0.2, 1.0, values.shape[:2]))
     plain, compiled = both(
-        lambda compiled: dataclasses.replace(readout, compiled=compiled).seen(values, confidence.astype(np.float32))
+        lambda compiled: dataclasses.replace(readout, compiled=compiled).observed(values, confidence.astype(np.float32))
     )
     assert (plain is None) == (compiled is None) == bool(np.isnan(moved_px) or lost > 0.9)
     if plain is None or compiled is None:

@@ -36,9 +36,9 @@ class Judged:
         """From the samples that show enough regions."""
         raw, fits, kept = replace(readout, calibration=Calibration(), most_contacts=1), [], []
         for row in rows.tolist():
-            seen = raw.seen(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
-            if seen.enough:
-                fits.append(raw.fit(seen))
+            observed = raw.observed(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
+            if observed.enough:
+                fits.append(raw.fit(observed))
                 kept.append(row)
         chosen = np.array(kept, int)
         return cls(readout, dataset.presses[chosen][:, [0, 1, 3]].astype(float), fits, chosen)
@@ -118,7 +118,7 @@ def least_gain(readout: AxisymmetricReadout, dataset: Dataset, untouched: np.nda
     raw = replace(readout, calibration=Calibration(), most_contacts=1)
     gains = []
     for row in untouched.tolist():
-        seen = raw.seen(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
-        if seen.enough:
-            gains.append(raw.gain(seen, raw.fit(seen)))
+        observed = raw.observed(dataset.features[row].astype(np.float32), dataset.confidence[dataset.rest[row]])
+        if observed.enough:
+            gains.append(raw.gain(observed, raw.fit(observed)))
     return float(np.percentile(gains, ONE_OF_A_THOUSAND)) if gains else 0.0

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from tactile_nodes.learning.axisymmetric.calibration import LEAST_FORCE_N
 from tactile_nodes.learning.axisymmetric.regions import Presses
-from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Seen
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Observation
 from tactile_nodes.sensing.explain.uncertainty import Calibration
 
 ALIKE_MM = 2.5
@@ -33,11 +33,13 @@ def with_local(readout: AxisymmetricReadout, presses: Presses, pictures: Int[np.
     An existing table is extended.
     """
     raw = replace(readout, calibration=Calibration(), most_contacts=1)
-    seen = [Seen(*each) for each in zip(presses.motion, raw.certainty_of(presses.certainty > 0), strict=True)]
-    usable = np.flatnonzero([each.enough for each in seen])
+    observed = [
+        Observation(*each) for each in zip(presses.motion, raw.certainty_of(presses.certainty > 0), strict=True)
+    ]
+    usable = np.flatnonzero([each.enough for each in observed])
     if not len(usable):
         return readout
-    found = np.stack([raw.fit(seen[number]).contacts[0] for number in usable.tolist()])
+    found = np.stack([raw.fit(observed[number]).contacts[0] for number in usable.tolist()])
     # In distances and forces of the gel that the profiles were measured on, like corrections.
     truth, estimated = presses.contacts[usable] / readout.unit, readout.corrected(found) / readout.unit
     table = interpolated(truth[:, :2], wrong_by(estimated, truth), pictures[usable], readout.correction.reach_mm)

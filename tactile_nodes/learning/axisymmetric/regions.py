@@ -164,7 +164,7 @@ def shared_levers(
     Softness multiplies the force, so its derivative is F dm/dF. Width divides the distance, so its derivative is minus
     distance dm/d(it). Radial smear shifts a press along itself; `slopes` are those along the true place.
     """
-    along_x, along_y, by_force = (response.seen(each) for each in slopes)
+    along_x, along_y, by_force = (response.motion_of_columns(each) for each in slopes)
     away = contacts[:, None, :2] - response.places
     by_width = -(along_x * away[..., :1] + along_y * away[..., 1:])
     smear, plain, aslant = response.smear, away / response.width, response.smear.aslant(response.places)
@@ -187,12 +187,12 @@ def levers(
 ) -> Float[np.ndarray, 'n regions 2 numbers']:
     """Derivatives of the motion of each region by each of its numbers."""
     count = columns.shape[2]
-    made = np.zeros((*columns.shape[:2], 2, 2 * count + 2))
+    found = np.zeros((*columns.shape[:2], 2, 2 * count + 2))
     for channel in (0, 1):
-        made[:, :, channel, channel * count : (channel + 1) * count] = columns
+        found[:, :, channel, channel * count : (channel + 1) * count] = columns
         for axis in (0, 1):
-            made[:, :, channel, 2 * count + axis] = -(slopes[axis] * response.couplings[:, channel]).sum(axis=-1)
-    return made
+            found[:, :, channel, 2 * count + axis] = -(slopes[axis] * response.couplings[:, channel]).sum(axis=-1)
+    return found
 
 
 def measured_doubt(response: AxisymmetricResponse, presses: Presses) -> Float[np.ndarray, ' distances']:

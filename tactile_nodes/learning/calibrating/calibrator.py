@@ -105,7 +105,7 @@ class PressRead:
 
 
 class Calibrator:
-    """Takes presses in their order; `made` is the calibration so far, `objection` says why there is none.
+    """Takes presses in their order; `calibration` is the one so far, `objection` says why there is none.
 
     `left_out` says why the last unusable press cannot be used. `live_rest` is the rest image of the running sensor, if
     there is one.
@@ -155,7 +155,7 @@ class Calibrator:
         self.read: list[PressRead] = []
         self.fits: list[Fitted] = []
         self._fitted = b''
-        self.made: Transfer | None = None
+        self.calibration: Transfer | None = None
         self.recordings: RecordedPresses | None = None
         self.objection = 'no fit was tried yet'
         self.left_out = ''
@@ -184,7 +184,7 @@ class Calibrator:
         self.require_live_gel()
         sample = samples[0]
         before = self._reading(self.loaded.model.readout, sample)
-        after = self._reading(self.made.readout, sample) if self.made else None
+        after = self._reading(self.calibration.readout, sample) if self.calibration else None
         self.read.append(PressRead(self.presses, sample.force_n, before, after))
         return self.read[-1]
 
@@ -218,22 +218,22 @@ class Calibrator:
         try:
             self.recordings = self._builder.recordings(entries, bags, command=command)
             attempts = _attempts(self.recordings)
-            if self.made is None or attempts != self._fitted:
-                self.made = transferred(
+            if self.calibration is None or attempts != self._fitted:
+                self.calibration = transferred(
                     self.loaded, self.recordings, self._progress, self._pressed, forced=self._forced, curve=self._curve
                 )
                 self.objection = ''
-                after, self._fitted = self.made.after, attempts
+                after, self._fitted = self.calibration.after, attempts
                 self.fits.append(Fitted(self.presses, after.force_median_n, after.place_median_mm))
         except DatasetError as error:
-            self.made, self.objection = None, str(error)
+            self.calibration, self.objection = None, str(error)
 
     @property
     def enough(self) -> str:
         """Why no more presses are needed; empty while they are."""
         if self.asked_to_finish:
             return 'asked to finish'
-        return self.rule.reason(self.presses, self.fits if self.made else [])
+        return self.rule.reason(self.presses, self.fits if self.calibration else [])
 
     def close(self) -> None:
         """Save the measurements."""

@@ -26,7 +26,7 @@ from tactile_nodes.sensing.explain.network import NetworkReadout
 
 CALIBRATION = 'calibration'
 
-Made = Transfer | NetworkTransfer
+AnyCalibration = Transfer | NetworkTransfer
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def calibrate(
     forced: bool = False,
     pressed: Pressed | None = None,
     indenter: str = '',
-) -> tuple[str, Made]:
+) -> tuple[str, AnyCalibration]:
     """Write the model of the pressed gel; its id, and how it was found.
 
     A response is transferred; a network gets the paper's layer, fitted as `layer` says. `forced` as for `transfer`.
@@ -77,12 +77,12 @@ def calibrate(
         recordings = recordings.of_indenter(indenter)
     network = isinstance(source.loaded.model.readout, NetworkReadout)
     if network or layer:
-        made: Made = _with_layer(source.loaded, recordings, layer, progress, forced)
+        calibration: AnyCalibration = _with_layer(source.loaded, recordings, layer, progress, forced)
     else:
-        made = transferred(source.loaded, recordings, progress, pressed, forced=forced)
-        source, made = completed(source, recordings, made, progress, pressed, forced=forced)
+        calibration = transferred(source.loaded, recordings, progress, pressed, forced=forced)
+        source, calibration = completed(source, recordings, calibration, progress, pressed, forced=forced)
     seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
-    return write(source, recordings, made, output, seconds=seconds, command=command), made
+    return write(source, recordings, calibration, output, seconds=seconds, command=command), calibration
 
 
 def _with_layer(
@@ -100,7 +100,7 @@ def _with_layer(
 def completed(
     source: Source,
     recordings: RecordedPresses,
-    made: Transfer,
+    calibration: Transfer,
     progress: Progress | None = None,
     pressed: Pressed | None = None,
     *,
@@ -115,12 +115,12 @@ def completed(
     """
     pressed = pressed or Pressed()
     if not isinstance(source.loaded.model.readout, FieldReadout):
-        return source, made
+        return source, calibration
     dataset = recordings.as_samples()
     card = pressed.to_card(source.loaded.card, pressed.bodies(source.loaded, dataset))
     loaded = replace(source.loaded, card=card)
-    made = with_field(source.loaded, made, dataset, progress, pressed, forced=forced, curve=curve)
-    return replace(source, loaded=loaded), made
+    calibration = with_field(source.loaded, calibration, dataset, progress, pressed, forced=forced, curve=curve)
+    return replace(source, loaded=loaded), calibration
 
 
 def transferred(
@@ -167,7 +167,7 @@ def require_source(loaded: LoadedModel, gel: str) -> None:
 def write(
     source: Source,
     recordings: RecordedPresses,
-    made: Made,
+    calibration: AnyCalibration,
     output: Path,
     *,
     seconds: float = 0.0,
@@ -175,19 +175,19 @@ def write(
     replaces: Mapping[str, str] | None = None,
 ) -> str:
     """The calibration as a model file; its id. `replaces` names the model that was in use, if it was not the source."""
-    card = card_of(source, recordings, made, seconds, command, output)
+    card = card_of(source, recordings, calibration, seconds, command, output)
     if replaces and replaces['model_id'] != source.loaded.model_id:
         card['replaces'] = dict(replaces)
-    model = replace(source.loaded.model, readout=made.readout, model_id='unsaved')
+    model = replace(source.loaded.model, readout=calibration.readout, model_id='unsaved')
     return save_model(output, model, card, recordings.rest_image)
 
 
 def card_of(
-    source: Source, recordings: RecordedPresses, made: Made, seconds: float, command: str, output: Path
+    source: Source, recordings: RecordedPresses, calibration: AnyCalibration, seconds: float, command: str, output: Path
 ) -> dict[str, Any]:
     """The model's card: the entries of its source, and of the presses."""
     return {
-        **kept(source.loaded.card, made.readout),
+        **kept(source.loaded.card, calibration.readout),
         'command': command,
         'made_with': f'tactile_nodes {__version__}',
         'licence': 'the same as tactile_nodes',
@@ -200,5 +200,5 @@ def card_of(
             'pictures': [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())],
         },
         'source': source.card_entry(output),
-        'training': {'seconds': seconds, 'device': 'cpu', 'calibration': made.as_dict()},
+        'training': {'seconds': seconds, 'device': 'cpu', 'calibration': calibration.as_dict()},
     }

@@ -22,9 +22,9 @@ def calibration_of(file: Path, *, sensor: str = '', made_ns: int = 0) -> Calibra
     loaded = load_model(file)
     if _mapping(loaded.card.get('data')).get('origin') not in {CALIBRATION, 'recorded'}:
         raise ModelError(f'{file} was not calibrated with presses on a gel of this lab; use: tactile calibrate')
-    made = _mapping(_mapping(loaded.card.get('training')).get('calibration'))
-    error_n = _mapping(made.get('after')).get('force_rmse_n')
-    presses = made.get('presses', loaded.card['data'].get('samples'))
+    calibration = _mapping(_mapping(loaded.card.get('training')).get('calibration'))
+    error_n = _mapping(calibration.get('after')).get('force_rmse_n')
+    presses = calibration.get('presses', loaded.card['data'].get('samples'))
     return Calibration(
         loaded.model_id, loaded.gel, sensor, str(file.resolve()),
         source=str(_mapping(loaded.card.get('source')).get('model', '')),

@@ -120,14 +120,14 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
     Raises:
         DatasetError: none follows from them; says why.
     """
-    before = calibrator.made
+    before = calibrator.calibration
     calibrator.fit(presses.card_entries(str(calibrator.gel['id'])), presses.bags, command)
     calibrator.require_live_gel()
-    if calibrator.made is None:
+    if calibrator.calibration is None:
         raise DatasetError(calibrator.objection)
-    if calibrator.made is not before:  # otherwise the last line was this one
+    if calibrator.calibration is not before:  # otherwise the last line was this one
         tell(fit_line(calibrator))
-    return calibrator.made
+    return calibrator.calibration
 
 
 class Written:
@@ -147,19 +147,21 @@ class Written:
         self._forced = forced
         self._source, self._calibrator, self._command = source, calibrator, command
         self._progress, self._pressed, self._curve = progress, pressed, curve
-        self.made: Transfer | None = None
+        self.calibration: Transfer | None = None
         self._begun_ns = perf_ns()
 
     def to(self, output: Path, replaces: Mapping[str, str] | None = None) -> str:
         """Write the model file; its id. Raises DatasetError: by the presses the camera differs from its description."""
-        made, recordings = self._calibrator.made, self._calibrator.recordings
-        assert made is not None
+        calibration, recordings = self._calibrator.calibration, self._calibrator.recordings
+        assert calibration is not None
         assert recordings is not None
         seconds = round((perf_ns() - self._begun_ns) / NS_PER_S, 1)
-        source, self.made = completed(
-            self._source, recordings, made, self._progress, self._pressed, forced=self._forced, curve=self._curve
+        source, self.calibration = completed(
+            self._source, recordings, calibration, self._progress, self._pressed, forced=self._forced, curve=self._curve
         )
-        return write(source, recordings, self.made, output, seconds=seconds, command=self._command, replaces=replaces)
+        return write(
+            source, recordings, self.calibration, output, seconds=seconds, command=self._command, replaces=replaces
+        )
 
 
 def new_file(folder: Path, gel: str) -> Path:
@@ -179,11 +181,11 @@ def press_line(read: PressRead) -> str:
 
 def fit_line(calibrator: Calibrator) -> str:
     """'25 presses: 3.1 mN and 0.052 mm off where held out (medians) …', or why there is no calibration yet."""
-    made = calibrator.made
-    if made is None:
+    calibration = calibrator.calibration
+    if calibration is None:
         return f'{calibrator.presses} presses: no calibration yet: {calibrator.objection}'
-    text = f'{calibrator.presses} presses: {_medians(made.after)} off on held-out presses, without calibration '
-    text += f'{_medians(made.before)} (medians); form {made.form}'
+    text = f'{calibrator.presses} presses: {_medians(calibration.after)} off on held-out presses, without calibration '
+    text += f'{_medians(calibration.before)} (medians); form {calibration.form}'
     if found := curves(calibrator.fits):
         twice = 2 * calibrator.presses
         force, place = (curve.at(twice) for curve in found)

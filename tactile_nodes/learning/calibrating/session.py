@@ -72,17 +72,17 @@ class CalibrationSession:
         """
         try:
             take_presses(self.calibrator, presses, self._tell)
-            made = finish(self.calibrator, presses, self._tell)
+            calibration = finish(self.calibrator, presses, self._tell)
         finally:
             presses.stop()
             presses.close()
             self.calibrator.close()
         file = self._file()
         model_id = self._written.to(file, self._replaced(live, file))
-        self._tell(f'{file}: model {model_id}, from {made.presses} presses')
-        self._tell(_summary(made))
-        if self._written.made is not None and self._written.made.field:
-            self._tell(f'force field {self._written.made.field}')
+        self._tell(f'{file}: model {model_id}, from {calibration.presses} presses')
+        self._tell(_summary(calibration))
+        if self._written.calibration is not None and self._written.calibration.field:
+            self._tell(f'force field {self._written.calibration.field}')
         self._tell(listed(file))
         if live is not None and live.present:
             live.use(file)
@@ -132,8 +132,8 @@ class CalibrationSession:
         return new_file(Path(settings.folder), name)
 
 
-def _summary(made: Transfer) -> str:
-    before, after = made.before, made.after
+def _summary(calibration: Transfer) -> str:
+    before, after = calibration.before, calibration.after
     return (
         f'force RMSE {1e3 * before.force_rmse_n:.1f} mN before, {1e3 * after.force_rmse_n:.1f} mN after; place '
         f'{before.place_median_mm:.3f} mm before, {after.place_median_mm:.3f} mm after (medians; presses held out)'

@@ -55,9 +55,9 @@ def train_field(
     require_bins(sensor, bins)
     tips.require_fit(dataset.features[0].size, bins)
     bodies = Bodies.one(KnownBody.named(config.body), len(dataset.presses))
-    made = _fitted(sensor, replace(tips, prior=None), dataset, bodies, progress)
-    report = {'form': made.form, 'gain': made.gain, 'presses': made.presses, 'misfits': dict(made.misfits)}
-    return replace(made.readout, tips=tips), report
+    fit = _fitted(sensor, replace(tips, prior=None), dataset, bodies, progress)
+    report = {'form': fit.form, 'gain': fit.gain, 'presses': fit.presses, 'misfits': dict(fit.misfits)}
+    return replace(fit.readout, tips=tips), report
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def kept(card: Mapping[str, Any], readout: AnyReadout) -> dict[str, Any]:
 
 def with_field(
     loaded: LoadedModel,
-    made: Transfer,
+    calibration: Transfer,
     dataset: Dataset,
     progress: Progress | None = None,
     pressed: Pressed | None = None,
@@ -174,15 +174,17 @@ def with_field(
             forced.
         ConfigurationError: a body is wider than the gel.
     """
-    if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(made.readout, AxisymmetricReadout):
-        return made
+    if not isinstance(loaded.model.readout, FieldReadout) or not isinstance(calibration.readout, AxisymmetricReadout):
+        return calibration
     pressed = pressed or Pressed()
     sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
-    fit = _fitted(sensor, made.readout, dataset, bodies, progress or Progress(), curve=curve)
+    fit = _fitted(sensor, calibration.readout, dataset, bodies, progress or Progress(), curve=curve)
     require_worth(fit.objection, ADVICE, forced=forced)
     text = f'{fit.reason}; alone it reads held-out presses {describe_errors(fit.errors)} off (medians)'
-    readout = replace(fit.readout, tips=made.readout)
-    return replace(made, readout=readout, field=text, curve=fit.curve, objection=made.objection or fit.objection)
+    readout = replace(fit.readout, tips=calibration.readout)
+    return replace(
+        calibration, readout=readout, field=text, curve=fit.curve, objection=calibration.objection or fit.objection
+    )
 
 
 def _fitted(
@@ -219,7 +221,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
         usual = float(np.median(readout.scaling.gain[readout.scaling.trusted > 0]))
         scaling = scaling_of(sensor, 1 / DOTS_NOISE_PX if dots else usual)
         layout = replace(model.layout, rows=scaling.trusted.shape[0], cols=scaling.trusted.shape[1])
-    made = described(sensor, scaling, progress).readout
+    field_readout = described(sensor, scaling, progress).readout
     covered = np.flatnonzero(regions_of(sensor, scaling).covered).tolist()
     card = {
         **_measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}, covered),
@@ -229,14 +231,14 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
         'data': {'origin': DESCRIPTION},
         'made_with': f'tactile_nodes {__version__}',
     }
-    made_model = replace(model, layout=layout, bins=made.bins, readout=made, model_id='unsaved')
-    return save_model(output, made_model, card)
+    new_model = replace(model, layout=layout, bins=field_readout.bins, readout=field_readout, model_id='unsaved')
+    return save_model(output, new_model, card)
 
 
 def _sees_alike(one: Sensor, other: Sensor) -> bool:
     """Whether images of both sensors show the same part of the gel, so that the same regions are known."""
-    (seen, known) = ((each.image.crop_px, each.camera, each.gel.outline) for each in (one, other))
-    return seen == known
+    (images, known) = ((each.image.crop_px, each.camera, each.gel.outline) for each in (one, other))
+    return images == known
 
 
 def _measured_by(

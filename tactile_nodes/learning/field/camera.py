@@ -59,12 +59,12 @@ def fitted_camera(
         advance(2)
         return sensor
     few = np.arange(len(rows))[:: math.ceil(len(rows) / MOST)]
-    seen = Seen.of(regions, pressures, scaling, dataset, rows[few], softer)
+    observed = ObservedPresses.of(regions, pressures, scaling, dataset, rows[few], softer)
     rest = fold[few] != fold[0]
-    found = seen.fitted(rest)
+    found = observed.fitted(rest)
     advance(1)
-    better = seen.misfit(found, rest) * WORTH < seen.misfit(AS_DESCRIBED, rest)
-    camera = looking(sensor, SCALES * seen.fitted(np.ones(len(few), bool), found)) if better else sensor
+    better = observed.misfit(found, rest) * WORTH < observed.misfit(AS_DESCRIBED, rest)
+    camera = looking(sensor, SCALES * observed.fitted(np.ones(len(few), bool), found)) if better else sensor
     advance(1)
     return camera
 
@@ -118,7 +118,7 @@ def focal_objection(by: Float[np.ndarray, ' 6']) -> str:
 
 
 @dataclass(frozen=True)
-class Seen:
+class ObservedPresses:
     """Presses, the motion under them, and the effect of their pressures in the gel, which no camera changes."""
 
     regions: Regions
@@ -132,7 +132,7 @@ class Seen:
     def of(
         cls, regions: Regions, pressures: AllPressures, scaling: InputScaling, dataset: Dataset,
         rows: Int[np.ndarray, ' n'], softer: float,
-    ) -> Seen:  # fmt: skip
+    ) -> ObservedPresses:  # fmt: skip
         known, motion = motion_of(scaling, dataset, rows)
         shapes = shapes_of(regions, pressures, dataset, rows, softer)
         fields = [(same, regions.fields_under(spectrum, slopes=False)) for same, _, spectrum in shapes]

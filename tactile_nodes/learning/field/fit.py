@@ -220,9 +220,9 @@ def _curve(judge: Judge, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> t
     most = min(map(len, rest))
     points = []
     for count in sorted({*(n for n in CURVE if n < NEARLY * most), most}):
-        made = [_few(judge, presses.take(each[:count]), fold[each[:count]]) for each in rest]
-        form = Counter(name for name, _ in made).most_common(1)[0][0]
-        held = dict(zip(np.unique(fold).tolist(), [shares for _, shares in made], strict=True))
+        chosen = [_few(judge, presses.take(each[:count]), fold[each[:count]]) for each in rest]
+        form = Counter(name for name, _ in chosen).most_common(1)[0][0]
+        held = dict(zip(np.unique(fold).tolist(), [shares for _, shares in chosen], strict=True))
         points.append(Point(count, form, judge.read(form, presses, fold, held).errors))
     return tuple(points)
 

@@ -12,7 +12,7 @@ from tactile_nodes.learning.guided.targets import Done, Target
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Sensor
 
-MARK, MADE = (0, 0, 255), (0, 200, 0)
+MARK, DONE = (0, 0, 255), (0, 200, 0)
 """Blue, green, red: the next place is red, finished presses are green."""
 COLUMNS = 41
 
@@ -26,8 +26,8 @@ def marked(
     corner = (np.array([image.width, image.height]) - image.crop_px) // 2
     pixels = np.rint(corner + View(sensor).middle_seen_at(places)).astype(int)
     drawn = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
-    for made in pixels[1:].tolist():
-        cv2.circle(drawn, made, 4, MADE, cv2.FILLED)
+    for place in pixels[1:].tolist():
+        cv2.circle(drawn, place, 4, DONE, cv2.FILLED)
     middle = pixels[0].tolist()
     cv2.drawMarker(drawn, middle, MARK, cv2.MARKER_CROSS, 30, 2)
     cv2.circle(drawn, middle, 15, MARK, 2)

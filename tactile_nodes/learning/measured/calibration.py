@@ -12,7 +12,7 @@ from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90, ONE_OF_A_THOUSA
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.measured.contact_shape import shape_of
-from tactile_nodes.sensing.explain.measured.readout import ResponseReadout, Seen
+from tactile_nodes.sensing.explain.measured.readout import Observation, ResponseReadout
 from tactile_nodes.sensing.explain.measured.response import Fit
 from tactile_nodes.sensing.explain.uncertainty import Calibration, factor_at
 
@@ -27,8 +27,8 @@ LEAST_FLOOR = 1e-3
 def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[Calibration, Likeness]:
     """Uncertainties and limits that have the wanted coverage on `judges` (indices of samples)."""
     raw = replace(readout, calibration=Calibration())
-    judges, seen = _readable(raw, dataset, _thinned(judges))
-    components = [raw.whitening @ each.scores for each in seen]
+    judges, observed = _readable(raw, dataset, _thinned(judges))
+    components = [raw.whitening @ each.scores for each in observed]
     fits = [raw.fit(each) for each in components]
     touched = dataset.presses[judges, 2] > 0
     presses = dataset.presses[judges[touched]]
@@ -45,7 +45,7 @@ def calibrated(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -
     gains = [raw.gain(each, fit) for each, fit, t in zip(components, fits, touched, strict=True) if not t]
     least = float(np.percentile(gains, ONE_OF_A_THOUSAND)) if gains else 0.0
     calibration = Calibration(place_floor, force_floor, place_factors, force_factors, limit, least)
-    return calibration, _likeness(raw.likeness, np.array([(each.left_over, each.size) for each in seen]), touched)
+    return calibration, _likeness(raw.likeness, np.array([(each.left_over, each.size) for each in observed]), touched)
 
 
 def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> Calibration:
@@ -56,8 +56,8 @@ def rescaled(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> 
     judges = _thinned(judges[dataset.presses[judges, 2] > 0])
     if len(judges) < LEAST_JUDGES:
         return readout.calibration
-    judges, seen = _readable(readout, dataset, judges)
-    components = [readout.whitening @ each.scores for each in seen]
+    judges, observed = _readable(readout, dataset, judges)
+    components = [readout.whitening @ each.scores for each in observed]
     corrected = [readout.with_usual_width(each, readout.fit(each)) for each in components]
     errors, sigmas = _errors(readout, dataset.presses[judges], corrected)
     place = to_coverage(errors[:, :2].reshape(-1), np.repeat(sigmas[:, 0], 2))
@@ -77,8 +77,10 @@ def most_shift_gain(readout: ResponseReadout, dataset: Dataset, held_out: np.nda
     """
     touched = dataset.presses[:, 2] > 0
     judges = np.flatnonzero(touched & held_out)
-    _, seen = _readable(readout, dataset, _thinned(judges if len(judges) >= LEAST_JUDGES else np.flatnonzero(touched)))
-    found = [(each, readout.fit(each)) for each in (readout.whitening @ one.scores for one in seen)]
+    _, observed = _readable(
+        readout, dataset, _thinned(judges if len(judges) >= LEAST_JUDGES else np.flatnonzero(touched))
+    )
+    found = [(each, readout.fit(each)) for each in (readout.whitening @ one.scores for one in observed)]
     inside = [each for each in found if not readout.beyond(each[1].contacts)]
     gains = [shape_of(readout.response, readout.shifts, *each).shift_gain for each in inside]
     return float(np.percentile(gains, ONE_OF_A_THOUSAND)) if gains else math.inf
@@ -89,12 +91,12 @@ def _thinned(judges: np.ndarray) -> np.ndarray:
     return judges[:: max(1, math.ceil(len(judges) / MOST_PRESSES))]
 
 
-def _readable(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[np.ndarray, list[Seen]]:
+def _readable(readout: ResponseReadout, dataset: Dataset, judges: np.ndarray) -> tuple[np.ndarray, list[Observation]]:
     """The presses that show enough regions, and their features as the readout sees them."""
     features, confidence = dataset.features[judges].astype(np.float32), dataset.confidence[dataset.rest[judges]]
-    seen = [readout.seen(*each) for each in zip(features, confidence, strict=True)]
-    readable = np.array([bool(np.isfinite(each.scores).all()) for each in seen], bool)
-    return judges[readable], [each for each, usable in zip(seen, readable, strict=True) if usable]
+    observed = [readout.observed(*each) for each in zip(features, confidence, strict=True)]
+    readable = np.array([bool(np.isfinite(each.scores).all()) for each in observed], bool)
+    return judges[readable], [each for each, usable in zip(observed, readable, strict=True) if usable]
 
 
 def _errors(readout: ResponseReadout, presses: np.ndarray, fits: list[Fit]) -> tuple[np.ndarray, np.ndarray]:

@@ -45,19 +45,19 @@ def real_samples(loaded: LoadedModel, count: int, progress: Progress | None = No
         ModelError: the model was not trained on simulated presses.
     """
     presses = -(-count * 4 // 5)
-    made = simulate(evaluation_config(loaded, presses, SEED), progress or Progress())
-    return made.take(np.arange(min(count, len(made.presses))))
+    dataset = simulate(evaluation_config(loaded, presses, SEED), progress or Progress())
+    return dataset.take(np.arange(min(count, len(dataset.presses))))
 
 
 def frames(loaded: LoadedModel, samples: Dataset, lost_share: float = 0.0) -> list[Features]:
     """The samples as a node sees them, optionally with this share of all regions lost, drawn again for each sample."""
     random, name = np.random.default_rng(0), loaded.model.layout.encoding
-    made = []
+    features = []
     for values, rest in zip(samples.features, samples.rest, strict=True):
         confidence = samples.confidence[rest]
         kept = random.random(confidence.shape) >= lost_share
-        made.append(Features(name, values.astype(np.float32), (confidence * kept).astype(np.float32)))
-    return made
+        features.append(Features(name, values.astype(np.float32), (confidence * kept).astype(np.float32)))
+    return features
 
 
 def compare(loaded: LoadedModel, content: bytes, shown: list[Features]) -> Differences:

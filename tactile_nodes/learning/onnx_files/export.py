@@ -56,8 +56,8 @@ def onnx_bytes(loaded: LoadedModel) -> bytes:
         'contacts': '1',
         'card': json.dumps(dict(loaded.card), sort_keys=True),
     }
-    made: bytes = writer.model(_MEANING, properties).SerializeToString(deterministic=True)
-    return made
+    content: bytes = writer.model(_MEANING, properties).SerializeToString(deterministic=True)
+    return content
 
 
 def export_onnx(loaded: LoadedModel, file: Path) -> int:

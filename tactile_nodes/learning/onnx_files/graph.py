@@ -143,9 +143,9 @@ class Writer:
 
     def input(self, name: str, dtype: type, shape: Sequence[int], meaning: str) -> Value:
         """A named input of the model."""
-        made = Value(self, name, np.dtype(dtype))
-        self._inputs.append(_info(made, shape, meaning))
-        return made
+        output = Value(self, name, np.dtype(dtype))
+        self._inputs.append(_info(output, shape, meaning))
+        return output
 
     def output(self, name: str, value: Value, shape: Sequence[int], meaning: str) -> None:
         """Make a value a named output of the model."""
@@ -157,9 +157,9 @@ class Writer:
         array = np.asarray(array, order='C')
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self._constants:
-            made = Value(self, self._name('constant'), array.dtype)
-            self._initializers.append(numpy_helper.from_array(array, made.name))
-            self._constants[key] = made
+            output = Value(self, self._name('constant'), array.dtype)
+            self._initializers.append(numpy_helper.from_array(array, output.name))
+            self._constants[key] = output
         return self._constants[key]
 
     def like(self, value: Value, other: Operand) -> Value:
@@ -171,9 +171,9 @@ class Writer:
     ) -> Value:
         """One node with one output, by default of the first operand's type."""
         operands = [first, *(self.like(first, each) for each in others)]
-        made = Value(self, self._name(kind), np.dtype(dtype or first.dtype))
-        self._add(kind, [each.name for each in operands], [made.name], **more)
-        return made
+        output = Value(self, self._name(kind), np.dtype(dtype or first.dtype))
+        self._add(kind, [each.name for each in operands], [output.name], **more)
+        return output
 
     def concat(self, *parts: Value) -> Value:
         """Concatenate scalars or vectors."""
@@ -181,17 +181,17 @@ class Writer:
 
     def split(self, value: Value, *sizes: int) -> list[Value]:
         """Consecutive parts along the first axis."""
-        made = [Value(self, self._name('part'), value.dtype) for _ in sizes]
-        self._add('Split', [value.name, self.constant(np.array(sizes)).name], [each.name for each in made], axis=0)
-        return made
+        outputs = [Value(self, self._name('part'), value.dtype) for _ in sizes]
+        self._add('Split', [value.name, self.constant(np.array(sizes)).name], [each.name for each in outputs], axis=0)
+        return outputs
 
     def choose(self, condition: Value, yes: Callable[[], Value], no: Callable[[], Value]) -> Value:
         """The result of one of two branches. Only that branch is computed."""
         graphs = {'then_branch': self._branch(yes), 'else_branch': self._branch(no)}
         dtype = np.dtype(graphs['then_branch'][1])
-        made = Value(self, self._name('If'), dtype)
-        self._add('If', [condition.name], [made.name], **{name: graph for name, (graph, _) in graphs.items()})
-        return made
+        output = Value(self, self._name('If'), dtype)
+        self._add('If', [condition.name], [output.name], **{name: graph for name, (graph, _) in graphs.items()})
+        return output
 
     def loop(
         self,
@@ -212,11 +212,11 @@ class Writer:
             self._open.pop(), self._name('body'), [*scalars, *(_info(each, None) for each in inside)],
             [_info(each, None) for each in results],
         )  # fmt: skip
-        made = [Value(self, self._name('Loop'), each.dtype) for each in state]
+        outputs = [Value(self, self._name('Loop'), each.dtype) for each in state]
         first = begin or self.constant(np.True_)
         turns = self.constant(np.int64(most))
-        self._add('Loop', [each.name for each in (turns, first, *state)], [each.name for each in made], body=body)
-        return made
+        self._add('Loop', [each.name for each in (turns, first, *state)], [each.name for each in outputs], body=body)
+        return outputs
 
     def model(self, meaning: str, properties: Mapping[str, str]) -> onnx.ModelProto:
         """The finished model, checked.

@@ -173,8 +173,8 @@ def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:
     asked_for: dict[str, object] = {}
     for block, method in (('flow', config.make_flow), ('encoding', config.make_encoding)):
         if any(name.startswith(f'{block}.') for name in config.stated):
-            made = method()
-            asked_for[block] = {'name': made.name, 'options': made.options}
+            chosen = method()
+            asked_for[block] = {'name': chosen.name, 'options': chosen.options}
     asked_for |= {
         name: getattr(config.network, name) for name in ('rows', 'cols') if f'network.{name}' in config.stated
     }

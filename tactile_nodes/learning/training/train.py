@@ -153,9 +153,9 @@ def fit(data: TrainingData, progress: Progress, run: Run) -> tuple[AnyReadout, d
         return fit_network(dataset, data.held_out, config, progress, run)
     begun = clock.perf_ns()
     if config.readout == 'field':
-        made, fitted = train_field(dataset, config.field, config.bins, progress)
+        field_readout, fitted = train_field(dataset, config.field, config.bins, progress)
         seconds = round((clock.perf_ns() - begun) / clock.NS_PER_S, 1)
-        return made, {'settings': asdict(config.field), 'seconds': seconds, 'device': 'cpu', 'field': fitted}
+        return field_readout, {'settings': asdict(config.field), 'seconds': seconds, 'device': 'cpu', 'field': fitted}
     settings: ResponseConfig | AxisymmetricConfig
     readout: AnyReadout
     if config.readout == 'axisymmetric':

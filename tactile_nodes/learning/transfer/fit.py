@@ -116,17 +116,17 @@ def transfer(
         require_tared(offset, other.offset_spread(whole, fold) if abs(offset) > MOST_OFFSET_N else 0.0)
         bar.advance()
         folds = other.folds(whole, fold, bar.advance)
-        misfits = {form: other.misfit(made, fold) for form, made in folds.items()}
+        misfits = {form: other.misfit(fitted, fold) for form, fitted in folds.items()}
         form = next(name for name in FORMS if misfits[name] <= WORTH * min(misfits.values()))
         doubt = other.doubt(folds[form], fold)
         response = whole.response if form == 'whole' else other.regions(whole.response)
         readout = other.locally(other.readout(response, doubt, form))
         held = [
             Judged.of(
-                other.locally(other.readout(made, doubt, form), np.flatnonzero(fold != number)),
+                other.locally(other.readout(fitted, doubt, form), np.flatnonzero(fold != number)),
                 dataset, other.rows[fold == number],
             )
-            for number, made in zip(np.unique(fold), folds[form], strict=True)
+            for number, fitted in zip(np.unique(fold), folds[form], strict=True)
         ]  # fmt: skip
         bar.advance()
     held = [each for each in held if each.fits]

@@ -95,15 +95,15 @@ def transfer_network(
     learned, stops = shuffled_parts(np.sort(np.concatenate([split.train, split.validation])), config)
     fitted = fit_layer(source, presses, learned, stops, config, progress)
     judges = presses.take(split.test)
-    made = stated_anew(replace(source, layer=fitted.layer), judges)
-    before, after = (_read(readout, judges) for readout in (source, made))
+    calibrated = stated_anew(replace(source, layer=fitted.layer), judges)
+    before, after = (_read(readout, judges) for readout in (source, calibrated))
     fault = _objection(before, after, of_the_mean(judges.presses[:, [0, 1, 3]]))
     advice = 'keep the model, press at more places, or take a smaller learning rate'
     require_worth(fault, advice, forced=forced)
     held_out = np.isin(np.arange(len(dataset.presses)), touched[split.test])
-    made = with_novelty_check(made, dataset, held_out, ENCODING, progress or Progress())
+    calibrated = with_novelty_check(calibrated, dataset, held_out, ENCODING, progress or Progress())
     return NetworkTransfer(
-        made,
+        calibrated,
         fitted,
         before.errors,
         after.errors,

@@ -74,10 +74,10 @@ def outwards(
     shown = np.tile(np.eye(columns), (len(view), 1, 1))
     for first in range(0, 2 * lateral, 2):
         shown[:, first : first + 2, first : first + 2] = turn
-    made = np.zeros((len(view), 2 * columns + 2, 2 * columns + 2))
-    made[:, :-2, :-2] = np.einsum('rab,rcd->racbd', turn, shown).reshape(len(view), 2 * columns, 2 * columns)
-    made[:, -2:, -2:] = turn
-    return made
+    turning = np.zeros((len(view), 2 * columns + 2, 2 * columns + 2))
+    turning[:, :-2, :-2] = np.einsum('rab,rcd->racbd', turn, shown).reshape(len(view), 2 * columns, 2 * columns)
+    turning[:, -2:, -2:] = turn
+    return turning
 
 
 def _mirror(columns: int, lateral: int) -> Float[np.ndarray, ' numbers']:

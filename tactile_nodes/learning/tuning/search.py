@@ -70,19 +70,19 @@ def candidates() -> list[Candidate]:
 
     Networks are not included: on no data so far was a network on the front (docs/results/accuracy.md).
     """
-    made = []
+    listed = []
     for scale, size in ((2, 'quarter'), (1, 'half'), (0, 'full')):
         for regions, components in ((10, 24), (10, 40), (20, 40), (20, 64), (40, 64)):
             if (scale, regions) == (2, 40):  # patches of three pixels
                 continue
             options = {'rows': regions, 'cols': regions, 'finest_scale': scale}
             name = f'ours at {size} size, {regions}x{regions}, {components}'
-            made.append(Candidate(name, Choice(OURS, options), regions, components))
+            listed.append(Candidate(name, Choice(OURS, options), regions, components))
     for preset in ('ultrafast', 'fast', 'medium'):
         for regions, components in ((10, 40), (20, 64)):
             name = f'DIS {preset}, {regions}x{regions}, {components}'
-            made.append(Candidate(name, Choice('dis', {'preset': preset, 'finest_scale': 1}), regions, components))
-    return made
+            listed.append(Candidate(name, Choice('dis', {'preset': preset, 'finest_scale': 1}), regions, components))
+    return listed
 
 
 @dataclass(frozen=True)

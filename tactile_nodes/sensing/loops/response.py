@@ -20,7 +20,7 @@ from tactile_nodes.sensing.loops.common import (
     substitute,
     variances,
 )
-from tactile_nodes.sensing.loops.scores import seen, whitened
+from tactile_nodes.sensing.loops.scores import observed, whitened
 from tactile_nodes.sensing.loops.shape import noise_without, shapes, value_and_slopes
 
 
@@ -247,7 +247,7 @@ def read(
     floor, sure, levels, limit, likeness, share, place_floor, force_floor, nowhere, beyond = numbers[:10]
     axes, growth, limits = response[0], response[2], response[3]
     scores, components = np.empty(directions.shape[0], np.float32), np.empty(directions.shape[0], np.float32)
-    left_over, size = seen(values, confidence, scaling, directions, floor, sure, scores)
+    left_over, size = observed(values, confidence, scaling, directions, floor, sure, scores)
     if not finite(size, scores):
         return 0, math.nan, math.nan
     whitened(whitening, scores, components)

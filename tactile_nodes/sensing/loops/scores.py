@@ -50,7 +50,7 @@ def _fill_missing(directions, missing, sure, scores):
 
 
 @compiled()
-def seen(values, confidence, scaling, directions, floor, sure, scores):
+def observed(values, confidence, scaling, directions, floor, sure, scores):
     """As `ResponseReadout.seen`: fills in scores. Returns the residual and the total, NaN with too few inputs."""
     inputs, missing = np.empty(values.shape[0], np.float32), np.empty(values.shape[0], np.int64)
     lost, left = _inputs(values, confidence, scaling, floor, inputs, missing)

@@ -145,7 +145,7 @@ def test_too_few_presses_are_an_objection_and_no_error_until_the_end(
     for press in pressed[:4]:
         calibrator.take(press)
     calibrator.fit(ENTRIES)
-    assert calibrator.made is None
+    assert calibrator.calibration is None
     assert 'needs presses at least at 5 places, but there are 4' in calibrator.objection
 
 
@@ -156,14 +156,14 @@ def test_as_many_presses_of_which_some_are_others_are_fitted_anew(
     for press in pressed[:6]:
         calibrator.take(press)
     calibrator.fit(ENTRIES)
-    first = calibrator.made
+    first = calibrator.calibration
     calibrator.fit(ENTRIES)
-    assert first is calibrator.made is not None
+    assert first is calibrator.calibration is not None
     calibrator.take(changed_press(pressed[5], status=types.Press.STATUS_SUSPECT))
     calibrator.take(pressed[6])
     calibrator.fit(ENTRIES)
     assert calibrator.presses == 6
-    assert calibrator.made is not None and calibrator.made is not first
+    assert calibrator.calibration is not None and calibrator.calibration is not first
 
 
 def test_presses_in_one_corner_are_an_objection_that_says_so(
@@ -183,7 +183,7 @@ def test_a_sensor_that_was_never_tared_is_an_objection_that_says_so(
         force = types.Vector3(z=press.message.wrench.force.z - 0.5)
         calibrator.take(changed_press(press, wrench=types.Wrench(force=force)))
     calibrator.fit(ENTRIES)
-    assert calibrator.made is None
+    assert calibrator.calibration is None
     assert 'tare the force sensor' in calibrator.objection
 
 

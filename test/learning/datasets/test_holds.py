@@ -193,8 +193,8 @@ def test_a_calibration_from_a_bag_takes_every_picture_of_a_window(other_bag: Pat
         made.fit([{'id': 'a', 'gel': 'gel-7', 'attempts': made.presses, 'problems': [], 'clocks': []}])
     assert made.recordings is not None
     assert made.recordings.contact.sum() == 3 * made.presses
-    assert made.made is not None
-    assert made.made.presses == made.presses
+    assert made.calibration is not None
+    assert made.calibration.presses == made.presses
 
 
 def test_further_pictures_of_a_simulated_press_differ_from_the_first_by_noise_alone(own_cache: Path) -> None:

@@ -194,9 +194,9 @@ def test_bags_of_presses_tell_it_too(made: LoadedModel, tmp_path: Path, monkeypa
     with closing(Calibrator(made, {'id': 'pressed'})) as calibrator, closing(BagPresses(bags)) as presses:
         take_presses(calibrator, presses, lambda line: None)
         finish(calibrator, presses, lambda line: None)
-    assert calibrator.recordings is not None and calibrator.made is not None, calibrator.objection
+    assert calibrator.recordings is not None and calibrator.calibration is not None, calibrator.objection
     assert calibrator.recordings.card['crop_px'] == [320, 200]
-    assert calibrator.made.after.force_median_n < 0.4 * calibrator.made.before.force_median_n
+    assert calibrator.calibration.after.force_median_n < 0.4 * calibrator.calibration.before.force_median_n
 
 
 def test_a_ball_on_a_few_printed_dots_is_read(tmp_path: Path) -> None:

@@ -133,7 +133,7 @@ def test_a_frame_without_regions_does_not_judge(readout: ResponseReadout, judges
 def test_what_noise_gains_at_rest_is_no_contact(readout: ResponseReadout, judges: Dataset) -> None:
     calibration, _ = calibrated(readout, judges, np.arange(320))
     still = np.flatnonzero(judges.presses[:, 2] < 0)
-    seen = [readout.seen(judges.features[i].astype(np.float32), judges.confidence[0]) for i in still]
+    seen = [readout.observed(judges.features[i].astype(np.float32), judges.confidence[0]) for i in still]
     components = [readout.whitening @ each.scores for each in seen]
     gains = [readout.gain(each, readout.fit(each)) for each in components]
     assert np.sort(gains)[-2] < calibration.least_gain <= max(gains)

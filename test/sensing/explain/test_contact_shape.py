@@ -169,6 +169,6 @@ def test_whatever_is_seen_a_contact_stays_within_the_splines_and_is_reported_wit
     _, _, low, high = GEL.limits_array
     assert np.isfinite(corrected).all()
     assert ((corrected >= low) & (corrected <= high)).all()
-    found = READER.reading(READER.seen(features(READER, seen), SURE))
+    found = READER.reading(READER.observed(features(READER, seen), SURE))
     if found.contacts[0].force_n > 0:
         assert found.contacts[0].force_n == pytest.approx(corrected[:, 2].max(), rel=1e-3, abs=1e-4)

@@ -94,7 +94,7 @@ class Correction:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Observation:
     """One frame: motion of the known regions [px], and one over the variance of its noise (0 for unseen regions)."""
 
     motion: Float[np.ndarray, 'regions 2']
@@ -162,7 +162,7 @@ class AxisymmetricReadout:
 
     def _stated(self, contact: Float[np.ndarray, '1 3']) -> float:
         """The stated uncertainty of the force of a contact."""
-        fit, _, _ = self._compare(Seen(self.response.motion(contact)[0], self._certainty), contact)
+        fit, _, _ = self._compare(Observation(self.response.motion(contact)[0], self._certainty), contact)
         return self.contacts(fit)[0].sigma_n
 
     @cached_property
@@ -205,31 +205,31 @@ class AxisymmetricReadout:
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        return self.reading(self.seen(values, confidence))
+        return self.reading(self.observed(values, confidence))
 
-    def seen(
+    def observed(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
-    ) -> Seen:
+    ) -> Observation:
         """Motion relative to rest; regions that cannot be tracked now have weight 0."""
         lost = confidence.reshape(-1)[self._known] < self.scaling.confidence_floor
         motion = values.reshape(-1, 2)[self._known] - self._at_rest
         if not lost.any():
-            return Seen(motion, self._certainty)
+            return Observation(motion, self._certainty)
         motion[lost] = 0.0
-        return Seen(motion, np.where(lost[:, None], 0.0, self._certainty))
+        return Observation(motion, np.where(lost[:, None], 0.0, self._certainty))
 
-    def fit(self, seen: Seen, most_contacts: int = 0, worth: float = math.inf) -> Fit:
+    def fit(self, observed: Observation, most_contacts: int = 0, worth: float = math.inf) -> Fit:
         """The fewest contacts that explain the frame, not yet corrected; at most `most_contacts`, 0: as configured.
 
         A number of contacts whose residual exceeds `worth` times the allowed one (not squared) is rejected.
         """
         most = most_contacts or self.most_contacts
-        fit = self._locate(seen, self._start(seen.motion)[None], worth if most == 1 else math.inf)
+        fit = self._locate(observed, self._start(observed.motion)[None], worth if most == 1 else math.inf)
         limit = self.calibration.misfit_limit**2
         while fit.misfit > limit and len(fit.contacts) < most:
-            left = (seen.motion - self.response.motion(fit.contacts).sum(axis=0)) * (seen.certainty > 0)
+            left = (observed.motion - self.response.motion(fit.contacts).sum(axis=0)) * (observed.certainty > 0)
             last = len(fit.contacts) + 1 == most
-            more = self._locate(seen, np.vstack([fit.contacts, self._start(left)]), worth if last else math.inf)
+            more = self._locate(observed, np.vstack([fit.contacts, self._start(left)]), worth if last else math.inf)
             if more.misfit > 0.5 * fit.misfit:
                 break
             fit = more
@@ -244,13 +244,13 @@ class AxisymmetricReadout:
         x, y, force_n = starts[best].tolist()
         return np.array([x, y, force_n * float(share[best])])
 
-    def share_of(self, seen: Seen, noise_px: float, tips: int) -> float:
+    def share_of(self, observed: Observation, noise_px: float, tips: int) -> float:
         """Share of the squared motion, minus noise, that a number of tips from the table explains; 0 to 1.
 
         Each tip explains most of the residual of those before (orthogonal matching pursuit, Pati 1993).
         """
         _, fields, squares = self._starts
-        left = motion = seen.motion.reshape(-1).astype(np.float32)
+        left = motion = observed.motion.reshape(-1).astype(np.float32)
         axes = np.empty((0, motion.size), np.float32)
         for _ in range(tips):
             along = np.maximum(fields @ left, 0.0)
@@ -261,17 +261,17 @@ class AxisymmetricReadout:
         noise, whole = motion.size * noise_px**2, float(motion @ motion)
         return min((whole - float(left @ left)) / max(whole - noise, 1e-12), 1.0)
 
-    def _locate(self, seen: Seen, begin: Float[np.ndarray, 'contacts 3'], worth: float) -> Fit:
+    def _locate(self, observed: Observation, begin: Float[np.ndarray, 'contacts 3'], worth: float) -> Fit:
         """Gauss-Newton from `begin` to the most probable contacts; it stops early if they would be rejected."""
         half = self.bins.width_mm / 2, self.bins.height_mm / 2
         high = np.array([*half, MARGIN * self.highest_n])
         low = np.array([-half[0], -half[1], 0.0])
         largest = np.array([LARGEST_STEP_MM, LARGEST_STEP_MM, self.highest_n / 4])
-        granted, count = damping(len(begin)), max(int((seen.certainty > 0).sum()), 1)
+        granted, count = damping(len(begin)), max(int((observed.certainty > 0).sum()), 1)
         useless = (worth * self.calibration.misfit_limit) ** 2 * count
         current, found = begin.copy(), []
         for _ in range(MOST_STEPS):
-            fit, descent, cost = self._compare(seen, current)
+            fit, descent, cost = self._compare(observed, current)
             found.append((cost, fit))
             if len(found) > 1 and fit.misfit > SLOW * found[-2][1].misfit:
                 break
@@ -288,25 +288,27 @@ class AxisymmetricReadout:
             current = moved
         return min(found, key=lambda each: each[0])[1]
 
-    def _compare(self, seen: Seen, contacts: Float[np.ndarray, 'contacts 3']) -> tuple[Fit, np.ndarray, float]:
+    def _compare(
+        self, observed: Observation, contacts: Float[np.ndarray, 'contacts 3']
+    ) -> tuple[Fit, np.ndarray, float]:
         """Fit of contacts to the frame, the descent direction, and the negative log-likelihood."""
         modelled, slopes, columns = self.response.motion_slopes_and_columns(contacts)
         # Several contacts move a region by its couplings times the sum of their columns.
         unsure = self.response.variance(slopes.sum(axis=1, keepdims=True), columns.sum(axis=0, keepdims=True))[0]
-        certainty = self.weights(seen, contacts, modelled, unsure)
-        left = seen.motion - modelled.sum(axis=0)
+        certainty = self.weights(observed, contacts, modelled, unsure)
+        left = observed.motion - modelled.sum(axis=0)
         count = max(int((certainty > 0).sum()), 1)
         lever = slopes.transpose(1, 0, 2, 3).reshape(3 * len(contacts), -1)
         weighted = lever * certainty.reshape(-1)
         squared = left * left * certainty
         misfit = float(squared.sum()) / count
-        doubt = float(np.log(np.where(certainty > 0, seen.certainty / np.maximum(certainty, 1e-300), 1.0)).sum())
+        doubt = float(np.log(np.where(certainty > 0, observed.certainty / np.maximum(certainty, 1e-300), 1.0)).sum())
         fit = Fit(contacts, weighted @ lever.T, misfit)
         return fit, weighted @ left.reshape(-1), misfit + doubt / count
 
     def weights(
         self,
-        seen: Seen,
+        observed: Observation,
         contacts: Float[np.ndarray, 'contacts 3'],
         modelled: Float[np.ndarray, 'contacts regions 2'],
         unsure: Float[np.ndarray, 'regions 2'],
@@ -314,32 +316,32 @@ class AxisymmetricReadout:
         """One over the variance of each region, from noise, relative error, and uncertainty of its numbers."""
         share = np.interp(self.response.distances_mm(contacts), DOUBT_MM, self.doubt)
         off = (np.square(share) * np.square(modelled).sum(axis=-1)).sum(axis=0)
-        certainty: np.ndarray = seen.certainty / (1 + seen.certainty * (off[:, None] + unsure))
+        certainty: np.ndarray = observed.certainty / (1 + observed.certainty * (off[:, None] + unsure))
         return certainty
 
-    def reading(self, seen: Seen, most_contacts: int = 0) -> Reading:
+    def reading(self, observed: Observation, most_contacts: int = 0) -> Reading:
         """Forces on bins, at most `most_contacts` contacts, and their uncertainty; no force if it may be noise."""
-        if not seen.enough:
+        if not observed.enough:
             return nothing_read(self.bins)
-        fit = self.fit(seen, most_contacts)
-        return self.reading_of_fit(seen, fit, self.left_over(seen, fit))
+        fit = self.fit(observed, most_contacts)
+        return self.reading_of_fit(observed, fit, self.left_over(observed, fit))
 
-    def reading_of_fit(self, seen: Seen, fit: Fit, left: Float32[np.ndarray, 'rows cols 2']) -> Reading:
+    def reading_of_fit(self, observed: Observation, fit: Fit, left: Float32[np.ndarray, 'rows cols 2']) -> Reading:
         """The reading of a fit with this residual, with uncertainty from the noise of the image."""
         noisier = max(1.0, noise_of(left, self._inside) / FOUND_NOISE / self.usual_px)
         contacts = tuple(replace(each, sigma_n=noisier * each.sigma_n) for each in self.contacts(fit))
         unlike = math.sqrt(fit.misfit) / self.calibration.misfit_limit / noisier
-        if self.gain(seen, fit) < self.calibration.least_gain * noisier**2:
+        if self.gain(observed, fit) < self.calibration.least_gain * noisier**2:
             contacts = (replace(contacts[0], force_n=0.0, sigma_mm=NOWHERE_MM),)
         elif self._beyond(fit.contacts):
             unlike = max(unlike, BEYOND_UNLIKENESS)
         sigma_n = math.hypot(*(each.sigma_n for each in contacts))
         return Reading(spread_over_bins(contacts, self.bins), contacts, sigma_n, unlike)
 
-    def left_over(self, seen: Seen, fit: Fit) -> Float32[np.ndarray, 'rows cols 2']:
+    def left_over(self, observed: Observation, fit: Fit) -> Float32[np.ndarray, 'rows cols 2']:
         """Residual motion [px] of each region after a fit; 0 for unknown regions."""
         left = np.zeros((self.scaling.trusted.size, 2), np.float32)
-        left[self._known] = seen.motion - self.response.motion(fit.contacts).sum(axis=0)
+        left[self._known] = observed.motion - self.response.motion(fit.contacts).sum(axis=0)
         return left.reshape(*self.scaling.trusted.shape, 2)
 
     def _beyond(self, contacts: Float[np.ndarray, 'contacts 3']) -> bool:
@@ -347,10 +349,10 @@ class AxisymmetricReadout:
         reach_mm = self.correction.reach_mm * self.response.width
         return bool((np.abs(contacts[:, :2]) > reach_mm).any() or (contacts[:, 2] > self.highest_n).any())
 
-    def gain(self, seen: Seen, fit: Fit) -> float:
+    def gain(self, observed: Observation, fit: Fit) -> float:
         """Log-likelihood ratio of the fitted contacts to none: half the decrease of the squared misfit over noise."""
-        left = seen.motion - self.response.motion(fit.contacts).sum(axis=0)
-        return float(((np.square(seen.motion) - np.square(left)) * seen.certainty).sum()) / 2
+        left = observed.motion - self.response.motion(fit.contacts).sum(axis=0)
+        return float(((np.square(observed.motion) - np.square(left)) * observed.certainty).sum()) / 2
 
     def contacts(self, fit: Fit) -> tuple[Contact, ...]:
         """The contacts of a fit, corrected, with their uncertainties, strongest first."""

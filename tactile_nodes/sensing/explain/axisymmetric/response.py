@@ -73,7 +73,7 @@ class AxisymmetricResponse:
         """Motion of each region [px] under each contact (x, y in mm and force in N)."""
         if self.compiled:
             return self.motion_slopes_and_columns(contacts)[0]
-        return self.seen(self.columns(contacts))
+        return self.motion_of_columns(self.columns(contacts))
 
     def motion_and_slopes(
         self, contacts: Float[np.ndarray, 'n 3']
@@ -90,7 +90,7 @@ class AxisymmetricResponse:
         if self.compiled:
             return self._by_loops(contacts)
         columns, slopes = self.columns_and_slopes(contacts)
-        return self.seen(columns), np.stack([self.seen(each) for each in slopes]), columns
+        return self.motion_of_columns(columns), np.stack([self.motion_of_columns(each) for each in slopes]), columns
 
     def variance(
         self, slopes: Float[np.ndarray, '3 n regions 2'], columns: Float[np.ndarray, 'n regions columns']
@@ -124,10 +124,10 @@ class AxisymmetricResponse:
         arrays = self.places, self.couplings, self.profiles, np.array(numbers), np.array(axes)
         return tuple(np.ascontiguousarray(each, float) for each in arrays)
 
-    def seen(self, columns: Float[np.ndarray, 'n regions columns']) -> Float[np.ndarray, 'n regions 2']:
+    def motion_of_columns(self, columns: Float[np.ndarray, 'n regions columns']) -> Float[np.ndarray, 'n regions 2']:
         """Motion of the regions [px] from columns, or from derivatives of columns."""
-        seen: np.ndarray = np.matmul(self.couplings, columns[..., None])[..., 0]
-        return seen
+        motion: np.ndarray = np.matmul(self.couplings, columns[..., None])[..., 0]
+        return motion
 
     def columns(self, contacts: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'n regions columns']:
         """The profiles' values at each region: two columns (x, y) for each lateral one, one for each vertical one."""

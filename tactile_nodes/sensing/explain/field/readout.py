@@ -124,18 +124,18 @@ class FieldReadout:
         noise_px, motion = noise_of(moved, self._inside), moved.reshape(-1, 2)[self._known].astype(float)
         return noise_px, motion, self.solver.weights(motion, confidence.reshape(-1)[self._known], noise_px)
 
-    def seen(
+    def observed(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights] | None:
         """As `weighed`; None if the motion is not finite or too few regions are seen."""
         if self.compiled:
-            return self._seen_by_loops(values, confidence)
+            return self._observed_by_loops(values, confidence)
         sure = confidence.reshape(-1)[self._known] >= self.scaling.confidence_floor
         if np.count_nonzero(sure) < LEAST_REGIONS or not np.isfinite(values.reshape(-1, 2)[self._known]).all():
             return None
         return self.weighed(values, confidence)
 
-    def _seen_by_loops(
+    def _observed_by_loops(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights] | None:
         """The same, compiled."""
@@ -156,9 +156,9 @@ class FieldReadout:
         Tips are chosen if their residual is no larger than in their training, or if the field does not explain more
         after a penalty of one for each of its forces (Akaike 1974).
         """
-        if (seen := self.seen(values, confidence)) is None:
+        if (observed := self.observed(values, confidence)) is None:
             return nothing_read(self.bins)
-        noise_px, motion, weights = seen
+        noise_px, motion, weights = observed
         coarse = self.solver.coarse(motion)
         tips = self._tips(coarse, noise_px / FOUND_NOISE, values, confidence)
         if tips is not None and tips[0].unlikeness <= ALIKE:
@@ -180,17 +180,17 @@ class FieldReadout:
         """The frame explained by tips that only press, if possible, and the residual motion."""
         if self.tips is None or not (count := self._places(coarse)):
             return None
-        seen = self.tips.seen(values, confidence)
-        if not seen.enough:
+        observed = self.tips.observed(values, confidence)
+        if not observed.enough:
             return None
-        if self.tips.share_of(seen, noise_px, count) < TABLE_SHARE:
+        if self.tips.share_of(observed, noise_px, count) < TABLE_SHARE:
             return None
         worth = WORTH * max(1.0, noise_px / self.tips.usual_px)
-        fit = self.tips.fit(seen, count, worth)
+        fit = self.tips.fit(observed, count, worth)
         if fit.misfit > (worth * self.tips.calibration.misfit_limit) ** 2:
             return None
-        left = self.tips.left_over(seen, fit)
-        return self.tips.reading_of_fit(seen, fit, left), left
+        left = self.tips.left_over(observed, fit)
+        return self.tips.reading_of_fit(observed, fit, left), left
 
     def prepare(self) -> None:
         """Prepare everything that would delay the first frame."""

@@ -49,7 +49,7 @@ SURE_OF_DIRECTIONS = 1e-3
 
 
 @dataclass(frozen=True)
-class Seen:
+class Observation:
     """One frame's scores along the principal directions, and root mean squares of their residual and of the input."""
 
     scores: Float32[np.ndarray, ' components']
@@ -61,7 +61,7 @@ def project(
     directions: Float32[np.ndarray, 'components inputs'],
     inputs: Float32[np.ndarray, ' inputs'],
     missing: Bool[np.ndarray, ' inputs'],
-) -> Seen:
+) -> Observation:
     """Least-squares scores of inputs along orthonormal directions, with some inputs missing (and zero)."""
     along = directions @ inputs
     scores = along
@@ -72,7 +72,7 @@ def project(
     count = max(len(inputs) - int(missing.sum()), 1)
     total = float(inputs @ inputs)
     left = max(total - float(scores @ along), 0.0)
-    return Seen(scores, math.sqrt(left / count), math.sqrt(total / count))
+    return Observation(scores, math.sqrt(left / count), math.sqrt(total / count))
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class ResponseReadout:
     ) -> Reading:
         if self.compiled:
             return self._read(values, confidence)
-        return self.reading(self.seen(values, confidence))
+        return self.reading(self.observed(values, confidence))
 
     def _read(self, values: np.ndarray, confidence: np.ndarray) -> Reading:
         """The same, compiled."""
@@ -160,19 +160,19 @@ class ResponseReadout:
         shifts: np.ndarray = each_channel.T @ self.mixing.T
         return shifts
 
-    def seen(
+    def observed(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
-    ) -> Seen:
+    ) -> Observation:
         """Features as scores along the principal directions; regions that cannot be tracked now are left out.
 
         Scores are NaN if fewer inputs than directions are left.
         """
         inputs = self.scaling(values, confidence).reshape(-1)
         missing = np.repeat(self.scaling.missing(confidence).reshape(-1), values.shape[-1])
-        seen = project(self.likeness.directions, inputs, missing)
+        observed = project(self.likeness.directions, inputs, missing)
         known = values.shape[-1] * int((self.scaling.trusted > 0).sum())
         enough = known - int(missing.sum()) >= len(self.likeness.directions)
-        return seen if enough else replace(seen, scores=np.full_like(seen.scores, UNKNOWN))
+        return observed if enough else replace(observed, scores=np.full_like(observed.scores, UNKNOWN))
 
     def fit(self, components: Float32[np.ndarray, ' components']) -> Fit:
         """The fewest contacts that explain the components, at most `most_contacts`."""
@@ -193,13 +193,13 @@ class ResponseReadout:
         ]
         return np.vstack([contacts, self.response.start(np.asarray(components - sum(modelled), np.float32))])
 
-    def reading(self, seen: Seen) -> Reading:
+    def reading(self, observed: Observation) -> Reading:
         """Forces on bins, contacts and their uncertainty; no force if the motion may be noise."""
-        if not (np.isfinite(seen.scores).all() and math.isfinite(seen.size)):
+        if not (np.isfinite(observed.scores).all() and math.isfinite(observed.size)):
             return nothing_read(self.bins)
-        components = self.whitening @ seen.scores
+        components = self.whitening @ observed.scores
         fit, limits = self.fit(components), self.likeness
-        left_over = seen.left_over / (limits.floor + limits.share * seen.size)
+        left_over = observed.left_over / (limits.floor + limits.share * observed.size)
         unlike = max(math.sqrt(fit.misfit) / self.calibration.misfit_limit, left_over)
         residual = Residual(fit.misfit, self._usual_misfit, len(self.whitening))
         if self.gain(components, fit) < self.calibration.least_gain * residual.noise_without(0.0):
