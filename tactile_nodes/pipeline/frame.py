@@ -21,8 +21,8 @@ class Frame:
     `image` has its dead pixels filled in from `mend` on. `level` is its mean grey value. `reasons` are the reasons to
     doubt its force, as in a `ForceDistribution`. `registration` is the motion of the whole image.
 
-    Set by `measure`: `straight` is the image registered to the rest image. `seen` is the result of the stillness check,
-    if it ran. `still` says that the frame was not measured because nothing moved. `banded` says that bands were
+    Set by `measure`: `straight` is the image registered to the rest image. `stillness` is the result of the stillness
+    check, if it ran. `still` says that the frame was not measured because nothing moved. `banded` says that bands were
     removed. `motion` is what moved, found at `found_ns`.
 
     Set by `judge`: `changed` and `blurred` say that the image differs from the rest image, `odd` that dead pixels may
@@ -36,7 +36,7 @@ class Frame:
     level: float = 0.0
     straight: UInt8[np.ndarray, 'h w'] | None = None
     still: bool = False
-    seen: Stillness | None = None
+    stillness: Stillness | None = None
     banded: bool = False
     registration: Registration | None = None
     motion: DisplacementField | None = None

@@ -118,16 +118,16 @@ def _look_closer(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> None:
     if moved is None or not moved.settled or memory.unlooked % LOOK_EVERY:
         return
     assert frame.straight is not None
-    seen = frame.seen or rest.prepared.stillness(frame.straight)
-    if seen is None or seen.motion > NO_TOUCH:
+    stillness = frame.stillness or rest.prepared.stillness(frame.straight)
+    if stillness is None or stillness.motion > NO_TOUCH:
         return
-    gone = seen.unexplained or moved.explained < EXPLAINED
+    gone = stillness.unexplained or moved.explained < EXPLAINED
     memory.gone = memory.gone or gone if rest.another else gone
-    usual = memory.noise_grey = memory.noise_grey or seen.noise_grey
-    noisy = seen.noise_grey > MOST_NOISE * usual
-    memory.odd = seen.unexplained or noisy
-    other_light = rest.dense and seen.light_share > MOST_LIGHT_SHARE
+    usual = memory.noise_grey = memory.noise_grey or stillness.noise_grey
+    noisy = stillness.noise_grey > MOST_NOISE * usual
+    memory.odd = stillness.unexplained or noisy
+    other_light = rest.dense and stillness.light_share > MOST_LIGHT_SHARE
     frame.changed |= other_light
     # Contrast that blur has removed does not return with more light.
-    lit = other_light or (memory.gone and not memory.soft) or seen.noise_grey > BEYOND_NOISE * usual
+    lit = other_light or (memory.gone and not memory.soft) or stillness.noise_grey > BEYOND_NOISE * usual
     memory.told = lit * FORCE.REASON_LIGHT_CHANGED | noisy * FORCE.REASON_BLURRED

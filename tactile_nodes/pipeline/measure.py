@@ -35,7 +35,7 @@ def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
     registration = memory.registration
     _straighten(memory, rest, frame)
     assert frame.straight is not None
-    frame.still, frame.seen = rest.check.judged(frame.straight) if rest.check else (False, None)
+    frame.still, frame.stillness = rest.check.judged(frame.straight) if rest.check else (False, None)
     if frame.still:
         if registration:
             registration.at_rest(frame.at_ns)
@@ -69,7 +69,7 @@ def _beside_whole(
     for _ in range(KNOCK_ROUNDS):
         if not registration.look(frame.straight, field, frame.at_ns):
             break
-        frame.seen = None
+        frame.stillness = None
         _straighten(memory, rest, frame)
         field = registration.without(rest.flow.displacement(frame.straight))
     # A dense search mistakes noise for motion, and models mistake that for a force; patches beside it do not.

@@ -137,9 +137,9 @@ def _captured(memory: RestMemory, frame: Frame) -> RestInUse | None:
         raise
     memory.capture, memory.refused = None, ''
     image = memory.dead.mended(frame.image)
-    added, seen = sharpness(image) - sharpness(prepared.image), prepared.stillness(image)
+    added, stillness = sharpness(image) - sharpness(prepared.image), prepared.stillness(image)
     likeness = PictureLikeness.of(prepared.image, memory.measuring.flow.name, added)
-    noise_grey = seen.noise_grey if seen else 0.0
+    noise_grey = stillness.noise_grey if stillness else 0.0
     rest = RestInUse(
         prepared, likeness, likeness, unsteady=capture.unsteady, added=added, noise_grey=noise_grey
     )  # fmt: skip
@@ -162,10 +162,14 @@ def _found_dead(memory: RestMemory, rest: RestInUse, frame: Frame, noise_grey: f
 
     def still(image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether an image shows the same as the rest image, as sharply, and nothing touches."""
-        seen = rest.prepared.stillness(image)
-        if seen is None or seen.unexplained or seen.noise_grey > MOST_NOISE * (noise_grey or seen.noise_grey):
+        stillness = rest.prepared.stillness(image)
+        if (
+            stillness is None
+            or stillness.unexplained
+            or stillness.noise_grey > MOST_NOISE * (noise_grey or stillness.noise_grey)
+        ):
             return False
-        return steady(seen)
+        return steady(stillness)
 
     registration = frame.registration
     if registration is None or registration.straightening is not None or not memory.dead.look(frame.image, still):

@@ -55,14 +55,14 @@ class Mounting:
         (0, 0, 0.001, 1) is at (0.001, 0, 0.012, 1).
         """
         (cr, sr), (cp, sp), (cy, sy) = ((math.cos(each), math.sin(each)) for each in self.rpy_rad)
-        made = np.eye(4)
-        made[:3, :3] = (
+        matrix = np.eye(4)
+        matrix[:3, :3] = (
             (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
             (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
             (-sp, cp * sr, cp * cr),
         )
-        made[:3, 3] = self.xyz_m
-        return made
+        matrix[:3, 3] = self.xyz_m
+        return matrix
 
     def __str__(self) -> str:
         """The mounting as readable text."""

@@ -92,12 +92,12 @@ class Contact:
         """Store the present state as the reference for the friction of the next increment."""
         touched = self.touch(u, where)
         _, normal, _ = self._indenter.touch(*self._relative(touched.place_mm, where))
-        here = self._from_tip(touched.place_mm, where)
-        slide = ((here - self._anchor) * self._tangent).sum(-1)
+        at_surface = self._from_tip(touched.place_mm, where)
+        slide = ((at_surface - self._anchor) * self._tangent).sum(-1)
         most = np.where(np.isfinite(self._limit), self._limit / self._hold, np.inf)
         kept = np.where(touched.touching & (self._limit > 0), np.clip(slide, -most, most), 0)
         self._tangent = np.stack([-normal[..., 1], normal[..., 0]], -1) * touched.touching[..., None]
-        self._anchor = here - kept[..., None] * self._tangent
+        self._anchor = at_surface - kept[..., None] * self._tangent
         if self._friction > 0:
             limit = (
                 np.full_like(touched.pressure, np.inf)

@@ -79,31 +79,31 @@ class _Track:
     def feed(self, time_ns: int, press: Press) -> Shape:
         if not self._places and press.depth_mm <= 0:
             return Shape((press,), 0.0)
-        here = self._place_of(press)
-        if here not in self._places and press.depth_mm > 0:
+        touched = self._place_of(press)
+        if touched not in self._places and press.depth_mm > 0:
             share, settling_s = self._gel.settling_share, self._gel.settling_s
-            self._places[here] = Settling(self._tables[press.indenter], share, settling_s, time_ns)
+            self._places[touched] = Settling(self._tables[press.indenter], share, settling_s, time_ns)
         dents = {
-            place: gel.advance(time_ns, press.depth_mm if place == here else -1.0)
+            place: gel.advance(time_ns, press.depth_mm if place == touched else -1.0)
             for place, gel in self._places.items()
         }
         self._places = {place: gel for place, gel in self._places.items() if dents[place].depth_mm > NO_DENT_MM}
-        return Shape(_presses(press, here, dents), dents[here].force_n if here in dents else 0.0)
+        return Shape(_presses(press, touched, dents), dents[touched].force_n if touched in dents else 0.0)
 
     def _place_of(self, press: Press) -> Place:
         """The place of a press; rounding by the machine does not make a new place."""
-        x_mm, y_mm, tip = here = press.x_mm, press.y_mm, press.indenter
-        if here in self._places:
-            return here
+        x_mm, y_mm, tip = touched = press.x_mm, press.y_mm, press.indenter
+        if touched in self._places:
+            return touched
         near = (
             place
             for place in self._places
             if place[2] == tip and abs(place[0] - x_mm) < SAME_PLACE_MM and abs(place[1] - y_mm) < SAME_PLACE_MM
         )
-        return next(near, here)
+        return next(near, touched)
 
 
-def _presses(press: Press, here: Place, dents: Mapping[Place, Settled]) -> tuple[Press, ...]:
-    own = dataclasses.replace(press, depth_mm=dents[here].depth_mm) if here in dents else press
-    others = (Press(x, y, dent.depth_mm, tip) for (x, y, tip), dent in dents.items() if (x, y, tip) != here)
+def _presses(press: Press, touched: Place, dents: Mapping[Place, Settled]) -> tuple[Press, ...]:
+    own = dataclasses.replace(press, depth_mm=dents[touched].depth_mm) if touched in dents else press
+    others = (Press(x, y, dent.depth_mm, tip) for (x, y, tip), dent in dents.items() if (x, y, tip) != touched)
     return (own, *(each for each in others if each.depth_mm > NO_DENT_MM))

@@ -84,8 +84,8 @@ class PressSchedule:
             return Press(0.0, 0.0, -self.clearance_mm)
         number, within_ns = divmod(since_ns, round(self.period_s * NS_PER_S))
         share = within_ns / (self.period_s * NS_PER_S)
-        here, deepest = self._target(number)
-        x_mm, y_mm = self._travel(number, here, share)
+        place, deepest = self._target(number)
+        x_mm, y_mm = self._travel(number, place, share)
         return Press(x_mm, y_mm, self._height(share, deepest))
 
     def _height(self, share: float, deepest_mm: float) -> float:
@@ -93,11 +93,11 @@ class PressSchedule:
         pressed = smooth((share - down) / (bottom - down)) - smooth((share - lift) / (up - lift))
         return -self.clearance_mm + pressed * (deepest_mm + self.clearance_mm)
 
-    def _travel(self, number: int, here: tuple[float, float], share: float) -> tuple[float, float]:
+    def _travel(self, number: int, place: tuple[float, float], share: float) -> tuple[float, float]:
         """The path from this place to the next while the tip is up; it ends with the period."""
         ahead, _ = self._target(number + 1)
         done = smooth((share - self.phases[3]) / (1 - self.phases[3]))
-        return here[0] + done * (ahead[0] - here[0]), here[1] + done * (ahead[1] - here[1])
+        return place[0] + done * (ahead[0] - place[0]), place[1] + done * (ahead[1] - place[1])
 
     def _target(self, number: int) -> tuple[tuple[float, float], float]:
         first = mix(self.seed) ^ (3 * number)
@@ -127,8 +127,8 @@ class TouchSchedule(PressSchedule):
             return super().press_at(time_ns)
         share = within_ns / (self.period_s * NS_PER_S)
         name, presses, stages = self.bodies[number // self.every % len(self.bodies)]
-        here, _ = self._target(number)
-        x_mm, y_mm = self._travel(number, here, share)
+        place, _ = self._target(number)
+        x_mm, y_mm = self._travel(number, place, share)
         turn_rad = math.tau * mix(mix(self.seed) ^ (3 * number + 1)) / 2**64
         return Touch(name, x_mm, y_mm, turn_rad, self._stage(share, presses, stages))
 
@@ -190,8 +190,8 @@ class Scene:
 
     def _tip_at(self, time_ns: int) -> Press:
         """The tip in the schedule; it is above the gel while another body touches."""
-        here = self.schedule.press_at(time_ns)
-        return Press(here.x_mm, here.y_mm, -1.0) if isinstance(here, Touch) else here
+        shaping = self.schedule.press_at(time_ns)
+        return Press(shaping.x_mm, shaping.y_mm, -1.0) if isinstance(shaping, Touch) else shaping
 
     def render(self, time_ns: int) -> UInt8[np.ndarray, 'h w']:
         """The camera image whose exposure has its middle at `time_ns`."""
@@ -201,11 +201,11 @@ class Scene:
 
     def presses_at(self, time_ns: int) -> tuple[Shaping, ...]:
         """What deforms the gel at a time: the tip or a body, and the dents that tips left in a gel that settles."""
-        here = self.schedule.press_at(time_ns)
+        shaping = self.schedule.press_at(time_ns)
         if self.gel.settling_share == 0:
-            return (here,)
+            return (shaping,)
         dents = self._memory.at(time_ns).presses
-        return (here, *dents) if isinstance(here, Touch) else dents
+        return (shaping, *dents) if isinstance(shaping, Touch) else dents
 
     def truth(self, time_ns: int) -> Truth:
         """The force on the gel at a time."""

@@ -37,7 +37,7 @@ def test_a_frame_in_which_nothing_touches_has_no_motion_and_is_not_measured() ->
 
 def test_what_the_check_saw_of_a_frame_is_reported_with_it() -> None:
     found = Measured(PATTERN, 'dis', check=ALL)(PATTERN)
-    assert found.still and found.seen is not None and found.seen.motion < 1.0
+    assert found.still and found.stillness is not None and found.stillness.motion < 1.0
 
 
 def test_a_frame_that_moved_is_measured_as_without_the_check() -> None:

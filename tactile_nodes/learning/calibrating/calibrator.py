@@ -173,10 +173,10 @@ class Calibrator:
             DatasetError: it shows another gel than earlier presses.
             ModelError: its image has another size than the model needs.
         """
-        known = len(self._builder.left_out)
+        left_out_before = len(self._builder.left_out)
         samples = [sample for sample in self._builder.take(bag, press) if sample.contact]
         if not samples:
-            out = self._builder.left_out[known:]
+            out = self._builder.left_out[left_out_before:]
             why = f'{out[-1].reason} ({out[-1].detail})' if out else press.message.reason
             self.left_out = f'press {press.message.press}: {why}'
             return None

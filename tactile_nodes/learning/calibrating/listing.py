@@ -36,12 +36,12 @@ def calibration_of(file: Path, *, sensor: str = '', made_ns: int = 0) -> Calibra
 
 def listed(file: Path, sensor: str = '') -> str:
     """Add a new calibration to the list; returns the message for the person, also on failure."""
-    known = GelList()
+    gels = GelList()
     try:
-        known.add(calibration_of(file, sensor=sensor, made_ns=wall_ns()))
+        gels.add(calibration_of(file, sensor=sensor, made_ns=wall_ns()))
     except (ConfigurationError, ModelError) as error:
         return f'not in the list of gels: {error}'
-    return f'in the list of gels ({known.file}); see: tactile gels'
+    return f'in the list of gels ({gels.file}); see: tactile gels'
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

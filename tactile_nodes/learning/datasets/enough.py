@@ -8,8 +8,8 @@ LEAST_UNTOUCHED = 12
 MORE_UNTOUCHED = 'take more of the untouched gel from the same bags (tactile dataset build … --without-contact 0.2)'
 
 
-def require_enough(what: str, untouched: int, presses: int, least_presses: int, or_else: str = '') -> None:
-    """Raise an error if there are too few samples for `what`. `or_else` names another remedy if presses are missing.
+def require_enough(aim: str, untouched: int, presses: int, least_presses: int, or_else: str = '') -> None:
+    """Raise an error if there are too few samples for `aim`. `or_else` names another remedy if presses are missing.
 
     Raises:
         TooFewPressesError: names what is missing and how many.
@@ -26,7 +26,7 @@ def require_enough(what: str, untouched: int, presses: int, least_presses: int, 
             MORE_UNTOUCHED if untouched < LEAST_UNTOUCHED else '',
         ]
         raise TooFewPressesError(
-            f'{what} needs at least {LEAST_UNTOUCHED} images of the untouched gel and {least_presses} presses to train '
+            f'{aim} needs at least {LEAST_UNTOUCHED} images of the untouched gel and {least_presses} presses to train '
             f'on, but without the test set there are {untouched} and {presses}: {missing} are missing; '
             + ', or '.join(filter(None, mends))
         )

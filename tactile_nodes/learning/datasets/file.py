@@ -168,7 +168,7 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
     try:
         labels = card['labels']
         bins = BinGrid.of_card(labels)
-        known = {name: len(card[f'{name}s']) for name in ('bag', 'plan', 'indenter')}
+        sizes = {name: len(card[f'{name}s']) for name in ('bag', 'plan', 'indenter')}
         entries = [
             card['flow']['options'],
             card['encoding']['options'],
@@ -178,7 +178,7 @@ def _fit(arrays: Mapping[str, np.ndarray], card: Mapping[str, Any]) -> bool:
         crop = size_of_crop(card['crop_px'])
     except (KeyError, TypeError, ValueError):
         return False
-    indices = [(arrays[name], size) for name, size in known.items()]
+    indices = [(arrays[name], size) for name, size in sizes.items()]
     indices.append((arrays['confidence_row'], len(arrays['confidence'])))
     return (
         count > 0

@@ -79,9 +79,9 @@ def cell_medians(place_mm: np.ndarray, values: np.ndarray, edges: np.ndarray) ->
     col, row = (np.clip(np.searchsorted(edges, place_mm[:, axis], 'right') - 1, 0, cells - 1) for axis in (0, 1))
     medians = np.full((cells, cells), np.nan)
     for cell in range(cells * cells):
-        here = values[(row * cells + col == cell) & np.isfinite(values)]
-        if len(here) >= LEAST_IN_CELL:
-            medians[divmod(cell, cells)] = np.median(here)
+        in_cell = values[(row * cells + col == cell) & np.isfinite(values)]
+        if len(in_cell) >= LEAST_IN_CELL:
+            medians[divmod(cell, cells)] = np.median(in_cell)
     return medians
 
 

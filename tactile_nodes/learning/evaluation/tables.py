@@ -154,7 +154,9 @@ def _between(band: LightBand) -> str:
 
 def coverage_table(evaluations: Sequence[Evaluation]) -> Table:
     """Share of true values inside the 90 % intervals, by depth."""
-    heads = ['90 % interval holds'] + [f'{each.name}, {what}' for each in evaluations for what in ('force', 'place')]
+    heads = ['90 % interval holds'] + [
+        f'{each.name}, {quantity}' for each in evaluations for quantity in ('force', 'place')
+    ]
     stated = [part for each in evaluations for part in (each.force_uncertainty, each.position_uncertainty)]
     names = dict.fromkeys(name for part in stated if part for name in part.coverage)
     rows = [(name, *(percent(_covered(part, name)) for part in stated)) for name in names]
@@ -167,9 +169,9 @@ def coverage_table(evaluations: Sequence[Evaluation]) -> Table:
 def curve_table(stated: Uncertainty) -> Table:
     """Stated against actual error, from the tenth with the smallest stated error to the largest."""
     places = 4 if stated.unit == 'N' else 3
-    what = 'force' if stated.unit == 'N' else 'place, along an axis'
+    quantity = 'force' if stated.unit == 'N' else 'place, along an axis'
     shown = [[number(value, places) for value in (each.stated, each.actual)] for each in stated.curve]
-    heads = (f'{what}: tenth of the presses', *(str(tenth + 1) for tenth in range(len(shown))))
+    heads = (f'{quantity}: tenth of the presses', *(str(tenth + 1) for tenth in range(len(shown))))
     rows = tuple(
         (f'{row} error {stated.unit}', *(cells[place] for cells in shown))
         for place, row in enumerate(('stated', 'actual'))

@@ -173,9 +173,9 @@ class _Normal:
 
     def solve(self, smoothing: float) -> Float[np.ndarray, 'n components']:
         """Coefficients: least squares, smooth, and zero where there is no force."""
-        whole = self.square + smoothing * self.curvature
-        whole[np.diag_indices_from(whole)] += 1e-9 * np.trace(whole) / len(whole)
-        solved: np.ndarray = scipy.linalg.solve(whole, self.right, assume_a='pos', overwrite_a=True)
+        system = self.square + smoothing * self.curvature
+        system[np.diag_indices_from(system)] += 1e-9 * np.trace(system) / len(system)
+        solved: np.ndarray = scipy.linalg.solve(system, self.right, assume_a='pos', overwrite_a=True)
         return solved
 
 

@@ -126,8 +126,8 @@ class Training:
         more = self.counters.ended == 'most epochs' and self.counters.epoch < self.config.training.epochs
         if more:
             self.counters.ended = ''
-        what = f'had ended ({self.counters.ended})' if self.counters.ended else 'continues'
-        self.say(f'the run {what} after epoch {self.counters.epoch}; --fresh trains it again')
+        state = f'had ended ({self.counters.ended})' if self.counters.ended else 'continues'
+        self.say(f'the run {state} after epoch {self.counters.epoch}; --fresh trains it again')
 
     def say(self, text: str) -> None:
         """Show a line to the person, and write it into the run's log."""

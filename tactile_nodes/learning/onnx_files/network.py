@@ -88,6 +88,6 @@ def _neighbours(bins: BinGrid) -> np.ndarray:
 def _unlikeness(likeness: Likeness, inputs: Value) -> Value:
     centred = inputs - likeness.mean
     known = likeness.directions @ centred
-    whole = centred @ centred
-    left, size = ((each / likeness.mean.size).sqrt() for each in ((whole - known @ known).most(0), whole))
+    squared = centred @ centred
+    left, size = ((each / likeness.mean.size).sqrt() for each in ((squared - known @ known).most(0), squared))
     return left / (likeness.floor + likeness.share * size)

@@ -64,9 +64,9 @@ def _project(inputs: Inputs, likeness: Likeness) -> tuple[Value, Value]:
     scores = writer.choose(
         lost < 0.5, lambda: writer.op('Identity', along), lambda: _without(directions, along, inputs.missing)
     )
-    whole, count = scaled @ scaled, (directions.shape[1] - lost).most(1)
-    left = (whole - scores @ along).most(0)
-    left_over = (left / count).sqrt() / (likeness.floor + likeness.share * (whole / count).sqrt())
+    squared, count = scaled @ scaled, (directions.shape[1] - lost).most(1)
+    left = (squared - scores @ along).most(0)
+    left_over = (left / count).sqrt() / (likeness.floor + likeness.share * (squared / count).sqrt())
     return scores, left_over
 
 

@@ -136,21 +136,21 @@ def bag_clocks(reader: BagReader, namespace: str | None = None, reference: str |
     Raises:
         DatasetError: the requested recorder has no edges in the bag.
     """
-    seen = read_edges(reader, namespace)
-    if not seen and reference is None:
+    edges_of = read_edges(reader, namespace)
+    if not edges_of and reference is None:
         return Clocks()
     name = reference or _machine(reader, namespace)
-    if reference is not None and reference not in seen:
+    if reference is not None and reference not in edges_of:
         raise DatasetError(
-            f'{reader.path} holds no edges of {reference!r}; recorders in it are: {", ".join(seen) or "none"}'
+            f'{reader.path} holds no edges of {reference!r}; recorders in it are: {", ".join(edges_of) or "none"}'
         )
-    return fitted(seen, name)
+    return fitted(edges_of, name)
 
 
-def fitted(seen: Mapping[str, Edges], reference: str) -> Clocks:
+def fitted(edges_of: Mapping[str, Edges], reference: str) -> Clocks:
     """The clock of every recorder against the clock of the reference."""
-    shared = seen.get(reference, _edges(()))
-    others = (_clock(name, edges, shared) for name, edges in sorted(seen.items()) if name != reference)
+    shared = edges_of.get(reference, _edges(()))
+    others = (_clock(name, edges, shared) for name, edges in sorted(edges_of.items()) if name != reference)
     return Clocks(reference, shared, tuple(others))
 
 

@@ -88,13 +88,13 @@ def columns_of(header: list[str], table: Path) -> Mapping[str, Column]:
         lacking.insert(0, 'picture')
     if lacking:
         raise DatasetError(
-            f'{table} has no column for {" and ".join(lacking)}; {_seen(header)}; '
+            f'{table} has no column for {" and ".join(lacking)}; {_describe_header(header)}; '
             f'it needs picture (or time), x, y and force with its unit, as in {EXAMPLE}'
         )
     return {quantity: found[quantity] for quantity in NAMES if quantity in found}
 
 
-def _seen(header: list[str]) -> str:
+def _describe_header(header: list[str]) -> str:
     """The names of a table's columns as text, shortened in case the file is not a table."""
     names = [repr(each[:LONGEST_SHOWN]) for each in header[:MOST_SHOWN]]
     more = len(header) - len(names)

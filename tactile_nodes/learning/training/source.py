@@ -111,9 +111,9 @@ def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, st
     return dataset.take(split.test), words
 
 
-def _tell(split: Split, what: str, by: str, progress: Progress) -> None:
+def _tell(split: Split, name: str, by: str, progress: Progress) -> None:
     progress.say(
-        f'{what}: {len(split.train)} samples to train, {len(split.validation)} to validate, '
+        f'{name}: {len(split.train)} samples to train, {len(split.validation)} to validate, '
         f'{len(split.test)} put aside for the test, split by {by}'
     )
 
@@ -260,14 +260,14 @@ def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> N
         ModelError: names both methods.
     """
     card = recordings.card
-    for what, theirs, ours in (
+    for name, theirs, ours in (
         ('flow', loaded.flow, tuple(_method(card['flow']).values())),
         ('encoding', loaded.encoding, tuple(_method(card['encoding']).values())),
         ('image size', loaded.image_size, size_of_crop(card['crop_px'])),
     ):
         if theirs != ours:
             raise ModelError(
-                f'model {loaded.model_id} was trained with {what} {_unlike(theirs, ours)}, but the data set was made '
+                f'model {loaded.model_id} was trained with {name} {_unlike(theirs, ours)}, but the data set was made '
                 f'with {_unlike(ours, theirs)}; build the data set with the options of the model'
             )
 

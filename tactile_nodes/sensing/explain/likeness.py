@@ -45,7 +45,7 @@ class Likeness:
     def left_over(self, inputs: Float32[np.ndarray, ' inputs']) -> tuple[float, float]:
         """Root mean squares of the residual and of the input, both about the mean."""
         centred = inputs - self.mean
-        whole = float(centred @ centred)
+        squared = float(centred @ centred)
         known = self.directions @ centred
-        left = max(whole - float(known @ known), 0.0)
-        return float(np.sqrt(left / len(centred))), float(np.sqrt(whole / len(centred)))
+        left = max(squared - float(known @ known), 0.0)
+        return float(np.sqrt(left / len(centred))), float(np.sqrt(squared / len(centred)))

@@ -33,7 +33,7 @@ def noise_of(moved: Float32[np.ndarray, 'rows cols 2'], inside: Bool[np.ndarray,
 
 def inside_of(known: Bool[np.ndarray, 'rows cols']) -> Bool[np.ndarray, 'rows cols']:
     """Regions that are known with all eight neighbours."""
-    whole: np.ndarray = cv2.erode(
+    eroded: np.ndarray = cv2.erode(
         known.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
     )
-    return whole > 0
+    return eroded > 0

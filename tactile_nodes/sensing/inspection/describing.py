@@ -226,8 +226,8 @@ def _mask(seen: Understood, size_px: tuple[int, int]) -> MaskSettings:
     """The mask in the camera's full picture. The cropped picture is its middle."""
     if not seen.covered.any():
         return MaskSettings()
-    whole = np.zeros(size_px[::-1], bool)
+    mask = np.zeros(size_px[::-1], bool)
     height, width = seen.covered.shape
     x, y = (size_px[0] - width) // 2, (size_px[1] - height) // 2
-    whole[y : y + height, x : x + width] = seen.covered
-    return MaskSettings(polygons_of(whole))
+    mask[y : y + height, x : x + width] = seen.covered
+    return MaskSettings(polygons_of(mask))

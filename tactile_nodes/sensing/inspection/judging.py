@@ -117,7 +117,15 @@ class Inspection:
     def findings(self) -> tuple[Finding, ...]:
         """All findings, in the order in which to correct them."""
         pattern = *self._pattern(), self._focus(), self._shown()
-        findings = self._size(), self._frame(), self._light(), *pattern, self._seen(), self._mask(), self._rest()
+        findings = (
+            self._size(),
+            self._frame(),
+            self._light(),
+            *pattern,
+            self._measurable(),
+            self._mask(),
+            self._rest(),
+        )
         return tuple(each for each in findings if each is not None)
 
     @property
@@ -204,7 +212,7 @@ class Inspection:
         covered = self.sensor.covered[v[inside].astype(int), u[inside].astype(int)]
         return float((~covered).sum() / len(places))
 
-    def _seen(self) -> Finding:
+    def _measurable(self) -> Finding:
         usable = self.regions.usable
         share = float(self.marked[usable].mean()) if usable.any() else 0.0
         sure = float(np.median(self._confidence[usable])) if usable.any() else 0.0

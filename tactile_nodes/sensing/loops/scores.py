@@ -55,9 +55,9 @@ def observed(values, confidence, scaling, directions, floor, sure, scores):
     inputs, missing = np.empty(values.shape[0], np.float32), np.empty(values.shape[0], np.int64)
     lost, left = _inputs(values, confidence, scaling, floor, inputs, missing)
     along = np.empty(scores.shape[0], np.float32)
-    whole = np.float32(0)
+    squared = np.float32(0)
     for i in range(inputs.shape[0]):
-        whole += inputs[i] * inputs[i]
+        squared += inputs[i] * inputs[i]
     for n in range(along.shape[0]):
         total = np.float32(0)
         for i in range(inputs.shape[0]):
@@ -71,7 +71,7 @@ def observed(values, confidence, scaling, directions, floor, sure, scores):
     for n in range(along.shape[0]):
         known += scores[n] * along[n]
     count = max(inputs.shape[0] - lost, 1)
-    return math.sqrt(max(whole - known, 0.0) / count), math.sqrt(whole / count)
+    return math.sqrt(max(squared - known, 0.0) / count), math.sqrt(squared / count)
 
 
 @compiled()

@@ -111,9 +111,9 @@ REMAINS = 0.25
 motion, 0.36 and more for contacts. Motion too large for this check ends up in the residual."""
 
 
-def steady(seen: Stillness) -> bool:
+def steady(stillness: Stillness) -> bool:
     """Whether a frame shows the same as a mean of many, as required of frames that differ only in dead pixels."""
-    return seen.motion <= STEADY_MOTION and seen.light_share <= STEADY_LIGHT_SHARE
+    return stillness.motion <= STEADY_MOTION and stillness.light_share <= STEADY_LIGHT_SHARE
 
 
 class StillnessCheck:
@@ -176,11 +176,11 @@ class StillnessCheck:
         if not self._able:
             return False, None
         small = shrunk(image, compiled=self._compiled)
-        seen = self._measured(small, closely=False)
-        if seen is None or not seen.within(self.options):
-            return False, seen
+        stillness = self._measured(small, closely=False)
+        if stillness is None or not stillness.within(self.options):
+            return False, stillness
         # Noise makes the sum of the pixels a random number, and a replay gives the same one.
-        return int(cv2.sumElems(small)[0]) % self.options.full_every > 0, seen
+        return int(cv2.sumElems(small)[0]) % self.options.full_every > 0, stillness
 
     @property
     def able(self) -> bool:
@@ -195,9 +195,9 @@ class StillnessCheck:
         """
         require_like(self.reference, image)
         assert self._able
-        seen = self._measured(shrunk(image), closely=True)
-        assert seen is not None
-        return seen
+        stillness = self._measured(shrunk(image), closely=True)
+        assert stillness is not None
+        return stillness
 
     def same(self, image: UInt8[np.ndarray, 'h w']) -> bool:
         """Whether a frame shows the same as the reference, also a single frame, except for the noise of both.

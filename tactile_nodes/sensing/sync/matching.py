@@ -140,8 +140,8 @@ def _starts(count: int) -> list[int]:
 
 
 def _known(match: Match, lines: Lines, run: Int64[np.ndarray, ' r'], offset: float, jitter_s: float) -> bool:
-    here = float(lines.device_s[run].mean())
-    return abs(match.offset_at(here) - offset) < GATE * jitter_s
+    middle_s = float(lines.device_s[run].mean())
+    return abs(match.offset_at(middle_s) - offset) < GATE * jitter_s
 
 
 def _voted(

@@ -207,8 +207,8 @@ class Pressing:
         aside = np.sqrt(((force - gap.normal * pressing) ** 2).sum(axis=0))
         touches = pressing > 0
         slips = touches & (aside >= (1 - TOLERANCE) * self._friction * pressing)
-        here = self._on_body(pose, state.moved[-1])
-        stuck_at = np.where(touches & ~slips, before.stuck_at, here)
+        on_body = self._on_body(pose, state.moved[-1])
+        stuck_at = np.where(touches & ~slips, before.stuck_at, on_body)
         return Standing(pose, depth_mm, state, force, stuck_at, slips)
 
 

@@ -105,9 +105,9 @@ class TouchTable:
             KeyError, TypeError, ValueError: these are not the arrays of a table.
         """
         numbers = 'spacing_mm', 'lowest_mm', 'row_mm', 'node_size_mm'
-        known: dict[str, Any] = {each.name: arrays[each.name] for each in fields(cls)}
-        known |= {name: float(arrays[name]) for name in numbers}
-        return cls(**{**known, 'coefficients': arrays['coefficients'].astype(np.float32), 'key': str(arrays['key'])})
+        values: dict[str, Any] = {each.name: arrays[each.name] for each in fields(cls)}
+        values |= {name: float(arrays[name]) for name in numbers}
+        return cls(**{**values, 'coefficients': arrays['coefficients'].astype(np.float32), 'key': str(arrays['key'])})
 
     @property
     def stages(self) -> int:

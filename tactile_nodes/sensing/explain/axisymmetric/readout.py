@@ -258,8 +258,8 @@ class AxisymmetricReadout:
             axis = best - (axes @ best) @ axes
             axis /= max(math.sqrt(float(axis @ axis)), 1e-6)
             left, axes = left - (left @ axis) * axis, np.vstack([axes, axis])
-        noise, whole = motion.size * noise_px**2, float(motion @ motion)
-        return min((whole - float(left @ left)) / max(whole - noise, 1e-12), 1.0)
+        noise, squared = motion.size * noise_px**2, float(motion @ motion)
+        return min((squared - float(left @ left)) / max(squared - noise, 1e-12), 1.0)
 
     def _locate(self, observed: Observation, begin: Float[np.ndarray, 'contacts 3'], worth: float) -> Fit:
         """Gauss-Newton from `begin` to the most probable contacts; it stops early if they would be rejected."""

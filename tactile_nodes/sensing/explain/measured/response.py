@@ -64,8 +64,13 @@ class Response:
         coefficients, growth = (np.ascontiguousarray(each, np.float32) for each in (self.coefficients, self.growth))
         # As whole numbers the table is half as much to read for each frame.
         unit = np.maximum(np.abs(self.start_components).max(axis=0), 1e-30) / np.float32(np.iinfo(np.int16).max)
-        whole = np.ascontiguousarray(np.rint(self.start_components / unit).astype(np.int16).T)
-        return (self.axes_array, coefficients, growth, self.limits_array), (self.starts, whole, unit, self._start_norms)
+        rounded = np.ascontiguousarray(np.rint(self.start_components / unit).astype(np.int16).T)
+        return (self.axes_array, coefficients, growth, self.limits_array), (
+            self.starts,
+            rounded,
+            unit,
+            self._start_norms,
+        )
 
     @property
     def hard(self) -> float:
