@@ -245,7 +245,7 @@ def _away(bench: Bench, rig: Station, tare: Tare, outcome: Outcome) -> None:
 def _reset(hands: Hands, clock: Clock) -> Hands:
     """Reset the safety, as a person does after removing the cause; a remaining fault is detected again."""
     hands.safety.watching = False
-    hands.safety.reset(clock.now_ns())
+    hands.safety.reset(clock.now_ns(), hands.safety.trip)
     return hands
 
 

@@ -110,7 +110,7 @@ def _one(station: Station, settings: CollectionSettings, rig: Worker, feed_mm_mi
             station.hands.run(_down(feed_mm_min))
         except TrippedError as tripped:
             station.hands.retreat()
-            station.safety.reset(station.hands.clock.now_ns())
+            station.safety.reset(station.hands.clock.now_ns(), station.safety.trip)
             reason = tripped.trip.reason
             if tripped.trip.kind == FORCE:
                 return _seen(rig)

@@ -93,11 +93,11 @@ class Safety:
         self._since_ns = now_ns
         self.watching, self.watching_camera = True, camera
 
-    def reset(self, now_ns: int) -> None:
-        """Clear the reason after it was handled."""
+    def reset(self, now_ns: int, handled: Trip | None) -> None:
+        """Clear the reason that was handled; a worse one that has come since stands."""
         with self._lock:
             self._recent.clear()
-            self._trip = None
+            self._trip = None if self._trip is handled else self._trip
             self._since_ns = now_ns
 
     def sample(self, sample: Sample) -> None:

@@ -172,7 +172,7 @@ def test_first_reason_stands_until_it_is_dealt_with() -> None:
     for ms in (1, 2, 3):
         safety.sample(sample(ms, fz=2.0))
     assert len(trips) == 1
-    safety.reset(3 * MS)
+    safety.reset(3 * MS, trips[0])
     safety.sample(sample(4, fz=2.0))
     assert len(trips) == 2
 
@@ -237,3 +237,16 @@ def test_whoever_sees_a_reason_finds_the_stop_begun() -> None:
     safety.fail(MACHINE, 'off its way', 0)
     reader.join()
     assert observed == [(True, True)]
+
+
+def test_what_came_after_the_reason_that_was_dealt_with_stands() -> None:
+    """The force may become unbearable just as a run, whose sensor was silent, goes on."""
+    safety, trips = watching(force_n=3.0, bearable_n=5.0)
+    safety.tare((0.0,) * 6)
+    safety.fail(SENSOR, 'silent', 1 * MS)
+    safety.sample(sample(2, fz=6.0))
+    safety.reset(3 * MS, trips[0])
+    assert safety.trip is trips[1]
+    assert trips[1].kind == OVERLOAD
+    safety.reset(4 * MS, trips[1])
+    assert safety.trip is None

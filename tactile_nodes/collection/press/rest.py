@@ -9,7 +9,7 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
 from tactile_nodes.collection.readings import Frame, change
-from tactile_nodes.collection.safety import MACHINE
+from tactile_nodes.collection.safety import MACHINE, OVERLOAD
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
 from tactile_nodes.collection.wrench import Tare, tare_of
 from tactile_nodes.drivers.force_torque.stream import describe_flags
@@ -99,7 +99,7 @@ def await_recovery(hands: Hands, limits: LimitSettings, reason: str = '') -> Non
     Raises:
         DeviceTimeoutError: they are not fine again within `recover_s`.
         InterruptedRunError: the run was asked to end.
-        TrippedError: the machine failed too.
+        TrippedError: the machine failed too, or the force is more than is bearable.
     """
     begin_ns = hands.clock.now_ns()
     well_since_ns = begin_ns
@@ -121,15 +121,15 @@ def _wrong(hands: Hands, limits: LimitSettings, now_ns: int) -> str:
     """What is wrong with recent data; empty: nothing. Resets the safety each time.
 
     Raises:
-        TrippedError: the machine has a fault.
+        TrippedError: the machine has a fault, or a person must check.
         InterruptedRunError: the run was asked to end.
     """
     if hands.asked_to_stop:
         raise InterruptedRunError
     trip = hands.safety.trip
-    if trip is not None and trip.kind == MACHINE:
+    if trip is not None and trip.kind in {MACHINE, OVERLOAD}:
         raise TrippedError(trip)
-    hands.safety.reset(now_ns)
+    hands.safety.reset(now_ns, trip)
     samples = hands.readings.samples(now_ns - round(2e6 * hands.safety.silence_ms))
     frames = hands.readings.frames(now_ns - round(1e6 * limits.camera_silence_ms))
     wrong = [] if frames else ['the camera sends no images']

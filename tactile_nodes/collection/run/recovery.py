@@ -99,18 +99,17 @@ class Recovery:
         if trip.kind in {*TOO_GREAT, SILENT_MACHINE}:
             self._shaken()
         if trip.kind == OVERLOAD:
-            self.write_down(tripped)
-            self._ask(trip.reason)
+            self._halt(trip)
         if trip.kind != FORCE:
             self._await_well(trip.reason)
         for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
-                return self._require_free()
+                return self._require_free(trip)
             except TrippedError as again:
-                if again.trip.kind not in PASSING:
+                if again.trip.kind not in {*PASSING, OVERLOAD}:
                     raise
                 self._await_well(again.trip.reason)
-        return self._require_free()
+        return self._require_free(trip)
 
     def patiently(self, procedure: Callable[[], Procedure[Result]]) -> Result:
         """Run a procedure; restart it if a device became silent, or after a person has checked."""
@@ -129,13 +128,27 @@ class Recovery:
         if trip is not None and trip.kind == OVERLOAD:
             self._record.halt(self._hands.clock.now_ns(), trip.reason)
 
-    def _await_well(self, reason: str) -> None:
-        self._outlet.say(f'{reason}; the tip is up, waiting until it has recovered')
-        await_recovery(self._hands, self._settings.limits, reason)
+    def _halt(self, trip: Trip) -> None:
+        """Note that a person must check, and wait for that."""
+        self._write_down(trip)
+        self._ask(trip.reason)
+        self._hands.safety.reset(self._hands.clock.now_ns(), trip)
 
-    def _require_free(self) -> None:
+    def _await_well(self, reason: str) -> None:
+        """Wait for silent devices; a sensor that is back may show a force for which a person must check."""
+        self._outlet.say(f'{reason}; the tip is up, waiting until it has recovered')
+        while True:
+            try:
+                return await_recovery(self._hands, self._settings.limits, reason)
+            except TrippedError as tripped:
+                if tripped.trip.kind != OVERLOAD:
+                    raise
+                self._shaken()
+                self._halt(tripped.trip)
+
+    def _require_free(self, handled: Trip) -> None:
         """Check for faults again, and for contact."""
-        self._hands.safety.reset(self._hands.clock.now_ns())
+        self._hands.safety.reset(self._hands.clock.now_ns(), handled)
         if self.tare is not None:
             self._hands.safety.tare(self.tare.wrench)
             self._hands.run(check_free(self.tare, self._settings))
