@@ -42,6 +42,7 @@ from tactile_nodes.collection.press.surface import (
     surface_through,
 )
 from tactile_nodes.collection.press.sync_pattern import pattern_gaps, sync_pattern
+from tactile_nodes.collection.press.workspace import check_depths, check_workspace, forceful, named
 from tactile_nodes.collection.run.anchors import anchor_press
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.recovery import TOO_GREAT, Recovery
@@ -68,8 +69,8 @@ class Campaign:
         unasked: whether a person has allowed in advance to continue after a run that was cut off.
 
     Raises:
-        ConfigurationError: a plan or search that is too deep, a feed too fast to be stopped in time, or a safe height
-            that is perhaps in the gel.
+        ConfigurationError: a plan or search that is too deep or outside the workspace, a feed too fast to be stopped
+            in time, or a safe height that is perhaps in the gel.
     """
 
     def __init__(
@@ -85,11 +86,8 @@ class Campaign:
         period_s: float = 0.0,
         unasked: bool = False,
     ) -> None:
-        if plan.deepest_mm > settings.limits.depth_mm:
-            raise ConfigurationError(
-                f'the plan presses {plan.deepest_mm:g} mm deep, limits.depth_mm allows {settings.limits.depth_mm:g}; '
-                'change one of them'
-            )
+        check_depths(plan.points, settings)
+        check_workspace(plan.points, settings, hands.cnc.limits)
         check_speeds(settings, period_s, hands.cnc.blind_step_mm)
         check_safe_height(settings, safe_z_mm)
         check_search_depth(settings)
@@ -297,11 +295,15 @@ class Campaign:
         self._outlet.say('searching for the surface of the gel')
         self.surface = surface = self._feel_for_surface()
         self._check_safe_height(surface)
+        check_workspace(self._order, self._settings, hands.cnc.limits, surface)
         self._ground = Ground(surface, self._safe_z_mm, zero, noise)
         self._outlet.say(
             f'the surface is at z {surface.z_mm:.3f} mm, with a slope of {surface.slope_x:.4f} along x '
             f'and {surface.slope_y:.4f} along y'
         )
+        if many := forceful(self._order, self._settings, surface):
+            most_n = self._settings.limits.force_n
+            self._outlet.say(f'{len(many)} presses are expected to exceed limits.force_n, {most_n:g} N: {named(many)}')
         self._trust.begin()
         self.progress.done = self._journal.done
 

@@ -22,6 +22,7 @@ from tactile_nodes.collection.press.rest import zero
 from tactile_nodes.collection.press.speed import check_speeds, longest_period_s
 from tactile_nodes.collection.press.surface import check_safe_height
 from tactile_nodes.collection.press.up import bring_up, not_up
+from tactile_nodes.collection.press.workspace import check_approach
 from tactile_nodes.collection.readings import Readings
 from tactile_nodes.collection.run.person import AFTER_KILL, ASK, GO_ON, Person, require_looked
 from tactile_nodes.collection.safety import OVERLOAD
@@ -84,7 +85,8 @@ class GuardedRun:
 
     Raises:
         ConfigurationError, DeviceError: a device that cannot be opened.
-        ConfigurationError: a safe height that is perhaps in the gel, or a feed too fast to be stopped in time.
+        ConfigurationError: a safe height that is perhaps in the gel, a feed too fast to be stopped in time, or a way
+            that leaves the workspace.
     """
 
     def __init__(self, settings: GuardedRunSettings, clock: Clock, feel: Feel, person: Person) -> None:
@@ -99,6 +101,7 @@ class GuardedRun:
         self.station = Station(s, s.cnc, s.force_torque, s.world, clock, nothing, nothing, nothing)
         try:
             check_speeds(s, longest_period_s(self.station.sensor), self.station.cnc.blind_step_mm)
+            check_approach(s.x_mm, s.y_mm, s.guard.travel_mm, s, self.station.cnc.limits)
             self._record = MachineRecord(record_file(s.cnc.source, None))
         except BaseException:
             self.station.close()
