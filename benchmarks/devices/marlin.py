@@ -12,6 +12,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from functools import partial
 
 from tactile_nodes.clock import Clock
 from tactile_nodes.emulators.cnc.planner import Block, Planner
@@ -115,7 +116,7 @@ class Marlin(SerialDevice):
             yield lambda: bool(self._waiting)
             command = self._accepted(self._waiting.popleft())
             if command:
-                yield from self._busy_until(lambda: self.now_ns >= self._cleaning_ns, self._cleaning_ns)
+                yield from self._clean()
                 yield from self._execute(command)
                 self.answer()
 
@@ -194,6 +195,14 @@ class Marlin(SerialDevice):
                 busy_ns += BUSY_NS
         self._wake_ns = None
 
+    def _clean(self) -> Program:
+        """Wait until a quick stop is over; another one may come meanwhile."""
+        while (due_ns := self._cleaning_ns) > self.now_ns:
+            yield from self._busy_until(partial(self._is_past, due_ns), due_ns)
+
+    def _is_past(self, time_ns: int) -> bool:
+        return self.now_ns >= time_ns
+
     def _done_or_past(self, done: Wait, time_ns: int) -> Wait:
         return lambda: done() or self.now_ns >= time_ns
 
@@ -260,7 +269,7 @@ class Marlin(SerialDevice):
     def _stop_in_turn(self, words: dict[str, float]) -> Program:  # noqa: ARG002
         if not self._settings.emergency_parser:
             self._quick_stop()
-        yield from self._busy_until(lambda: self.now_ns >= self._cleaning_ns, self._cleaning_ns)
+        yield from self._clean()
 
     def _kill(self) -> None:
         self._planner.flush(self.now_ns)

@@ -21,7 +21,7 @@ from tactile_nodes.collection.safety import MACHINE, SILENT_MACHINE, Safety, Tri
 from tactile_nodes.collection.settings import MotionSettings
 from tactile_nodes.drivers.cnc.contract import Cnc, CncStatus, Place, Switched
 from tactile_nodes.drivers.force_torque.contract import Sample
-from tactile_nodes.errors import DeviceError, DeviceFaultError
+from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
 
 BREATH_S = 0.01
 STATE_S = 0.1
@@ -176,18 +176,25 @@ class Hands:
     def retreat(self) -> None:
         """Stop and go straight up to the safe height, even if sensors have failed.
 
+        A silent machine is waited for, as long as for any device (`recover_s`).
+
         Raises:
             DeviceError: the machine does not obey, or its position is unknown.
         """
-        for attempt in range(1, MOST_RETRACTS + 1):
-            self._await_stopped()
+        give_up_ns, attempt = self.clock.now_ns() + self.safety.recover_ns, 1
+        while True:
             before = self.safety.trip
             try:
+                self._await_stopped()
                 self.cnc.retract()
                 break
-            except DeviceError:  # the guard stopped the retract, or the machine became silent: a retry may succeed
-                if attempt == MOST_RETRACTS or (self.safety.trip is before and not self.cnc.health.silent):
+            except DeviceError as error:  # the guard stopped it, or the machine became silent: a retry may succeed
+                silent = self.cnc.health.silent or isinstance(error, DeviceTimeoutError)
+                waits = silent and self.clock.now_ns() < give_up_ns
+                if not waits and (attempt == MOST_RETRACTS or self.safety.trip is before):
                     raise
+                attempt += not waits
+                self.clock.sleep_until(self.clock.now_ns() + round(STATE_S * NS_PER_S))
         if self._line:
             self.switch(False, self._line_ns)  # the stop has set it low already, if it was a reset
         if not self._status().homed:

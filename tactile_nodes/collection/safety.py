@@ -63,6 +63,7 @@ class Safety:
         self._frame_ns = 0
         self.silence_ms = permitted_ms(limits.force_silence_ms, rate_hz)
         self.settling_ns = round(SETTLING_PERIODS * NS_PER_S / rate_hz) if rate_hz > 0 else 0
+        self.recover_ns = round(limits.recover_s * NS_PER_S)
         self._since_ns = self._ticked_ns = 0
         self._absent_ns = {SENSOR: 0, CAMERA: 0}
         self._trip: Trip | None = None

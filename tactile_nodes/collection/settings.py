@@ -37,7 +37,7 @@ class LimitSettings:
     depth_mm: float = parameter(2.2, 'largest depth of a press or search', minimum=0.0, maximum=10.0)
     force_silence_ms: float = parameter(50.0, 'largest age of the newest force sample (or three periods)', minimum=5.0)
     camera_silence_ms: float = parameter(250.0, 'longest time without an image', minimum=20.0)
-    recover_s: float = parameter(30.0, 'how long to wait for a lost sensor or camera', minimum=0.0)
+    recover_s: float = parameter(30.0, 'how long to wait for a lost sensor, camera or machine', minimum=0.0)
     steady_again_s: float = parameter(2.0, 'how long it must work again before the run continues', minimum=0.0)
     rejects_in_a_row: int = parameter(
         5, 'number of rejected presses in a row, or of consecutive silences, that ends the run', minimum=1

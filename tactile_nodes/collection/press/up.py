@@ -36,7 +36,7 @@ def check_free(tare: Tare, settings: CollectionSettings) -> Procedure[None]:
 def not_up(error: DeviceError) -> str:
     """What a person must know when `bring_up` has failed. Closing the machine also dismisses its dead man's switch."""
     return (
-        f'the tip could not be brought up: {error}; nothing lifts it when this program has ended, so see where it is '
+        f'the tip may not be up: {error}; nothing lifts it when this program has ended, so see where it is '
         'before anything moves'
     )
 

@@ -126,7 +126,7 @@ class GuardedRun:
             why = str(error)
             raise
         finally:
-            if self._begun and _is_homed(self.station.cnc, self._homed):
+            if self._begun and (self._homed or _is_homed(self.station.cnc)):
                 self._up(why)
 
     def stop(self) -> None:
@@ -171,12 +171,12 @@ class GuardedRun:
         self._note(ENDED)
 
 
-def _is_homed(cnc: Cnc, before: bool) -> bool:
-    """Whether the machine knows its position; `before` if it does not respond: a lost report leaves no tip down."""
+def _is_homed(cnc: Cnc) -> bool:
+    """Whether the machine knows its position, although homing has not returned."""
     try:
         return cnc.status().homed
     except DeviceError:
-        return before
+        return False
 
 
 def above_gel(settings: GuardedRunSettings, feel: Feel) -> Procedure[Tare]:

@@ -197,6 +197,9 @@ class Cnc(Protocol):
     def retract(self) -> None:
         """Stop, then go straight up to the safe height; returns there.
 
+        From an unknown position it goes up as far as the safe height is above the lowest place that was commanded,
+        but only once, and then raises.
+
         Raises:
             DeviceFaultError: the position is unknown, so that a person has to check first.
         """

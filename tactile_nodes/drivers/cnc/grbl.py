@@ -24,7 +24,7 @@ from tactile_nodes.drivers.cnc.grbl_check import (
     travel,
     without_homing,
 )
-from tactile_nodes.drivers.cnc.grbl_dialogue import RESUME, GrblDialogue
+from tactile_nodes.drivers.cnc.grbl_dialogue import RESET, RESUME, GrblDialogue
 from tactile_nodes.drivers.cnc.grbl_hearing import HOLD, JOG_CANCEL
 from tactile_nodes.drivers.cnc.grbl_reports import SILENT_S
 from tactile_nodes.drivers.cnc.grbl_words import NEEDS_RESET, Report, inches, is_moving, setting_of
@@ -92,8 +92,11 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue.place_lost, dialogue.polling = False, True
         self._homed = True
         self._rests_at(self.status().position_mm)
-        up = f'$J=G21 G90 G53 Z{self._rules().safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
-        self._keep_watch([(0.0, JOG_CANCEL), *[(ALONE_S, up)] * ALONE_TIMES])
+        rules = self._rules()
+        up = f'$J=G21 G90 G53 Z{rules.safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
+        # A hold, the first half of a stop, refuses all jogs until a reset, which is safe only at rest: when all is up.
+        up_s = REST_S + 60 * (rules.safe_z_mm - rules.envelope.lowest_mm[2]) / self._settings.retract_mm_min
+        self._keep_watch([(0.0, JOG_CANCEL), *[(ALONE_S, up)] * ALONE_TIMES, (up_s, RESET), *[(ALONE_S, up)] * 2])
 
     def stop(self) -> None:
         """As `Cnc.stop`: jog cancel, or hold, rest and reset."""
@@ -229,6 +232,13 @@ class GrblCnc(SerialCnc[GrblDialogue]):
 
     def _send(self, line: str) -> None:
         self._talk().ask(line, self._patience_s(), self._generation)
+
+    def _await_lifted(self, timeout_s: float) -> None:
+        self._talk().poll_until(lambda report: not is_moving(report), timeout_s)
+
+    @property
+    def _locks_itself(self) -> bool:
+        return not without_homing(self._memory, self._settings)
 
     def _switch(self, level: bool) -> Switched:
         on, off = self._settings.line_on or 'M8', self._settings.line_off or 'M9'

@@ -100,7 +100,9 @@ class GrblDialogue(GrblHearing):
 
     def _hung(self, line: str, timeout_s: float) -> DeviceError:
         self.lose_place(
-            'stopped responding, so its position is unknown; switch it off and on, check it, and connect again'
+            'stopped responding, so its position is unknown; switch it off and on, check it, and connect again',
+            obeys_upwards=True,
+            restarted=False,
         )
         return DeviceTimeoutError(
             f'{self.name} did not respond to {line!r} within {timeout_s:.1f} s; it hangs: switch it off and on, then '

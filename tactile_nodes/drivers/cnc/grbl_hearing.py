@@ -37,7 +37,7 @@ class GrblHearing:
         clock: the host's.
         settings: interval of status requests.
         motion: expected motion, which reports must agree with.
-        on_lost: called when the position is lost.
+        on_lost: called when the position is lost, with whether the controller may have restarted or is locked.
         traffic: gets every byte.
         threaded: as of `Link`.
     """
@@ -48,7 +48,7 @@ class GrblHearing:
         clock: Clock,
         settings: CncSettings,
         motion: Motion,
-        on_lost: Callable[[], None],
+        on_lost: Callable[[bool], None],
         traffic: Traffic | None = None,
         threaded: bool = True,
     ) -> None:
@@ -108,11 +108,11 @@ class GrblHearing:
         if wrong := ('' if up and self.obeys_upwards else self.fault) or self.refusal:
             raise DeviceFaultError(f'{self.name} {wrong}')
 
-    def lose_place(self, fault: str, obeys_upwards: bool = False) -> None:
-        """Mark the position of the tip as unknown."""
+    def lose_place(self, fault: str, obeys_upwards: bool = False, restarted: bool = True) -> None:
+        """Mark the position of the tip as unknown; not `restarted`: because of missing responses alone."""
         with self.link.changed:
             self.fault, self.place_lost, self.obeys_upwards = fault, True, obeys_upwards
-            self._on_lost()
+            self._on_lost(restarted)
 
     def forgive(self) -> None:
         """Clear alarm and fault, because a person has asked to start again."""

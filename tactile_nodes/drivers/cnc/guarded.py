@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus, Envelope, Place, Switched
@@ -52,8 +50,8 @@ class GuardedCnc(ABC):
             self.wait_idle()
         self._motion.moving = True
         self._expect(way_between(start, target), feed)
-        with self._sent_on(start, target, feed):
-            self._send_move(target, feed)
+        self._motion.add(start, target, feed)
+        self._send_move(target, feed)
         self._target = target
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
@@ -74,14 +72,15 @@ class GuardedCnc(ABC):
         if self._motion.moving and not self._motion.jogging:
             self.wait_idle()
         self._expect_jog(way, feed)
-        with self._sent_on(start, target, feed):
-            self._send_jog(target, feed)
+        self._motion.add(start, target, feed)
+        self._send_jog(target, feed)
         self._target = target
 
     def retract(self) -> None:
         """As `Cnc.retract`."""
         rules = self._rules()
         self.stop()
+        self._lift()
         self._require_ready()
         z = self._known_place()[2]
         if z < rules.safe_z_mm:
@@ -124,6 +123,10 @@ class GuardedCnc(ABC):
     @abstractmethod
     def _switch(self, level: bool) -> Switched: ...
 
+    def _lift(self) -> None:
+        """Go up from an unknown position; a machine that never loses its position does nothing."""
+        return
+
     def _go_up(self, distance: float, feed: float) -> None:
         self.jog(dz=distance, feed=feed)
 
@@ -146,16 +149,6 @@ class GuardedCnc(ABC):
                 f'{self._name} cannot stop a jog of {length:g} mm in time; jog at most {longest:g} mm, '
                 'then wait and check the force'
             )
-
-    @contextlib.contextmanager
-    def _sent_on(self, start: Place, target: Place, feed: float) -> Iterator[None]:
-        """Add the path before the line is sent, because motion may start at once; remove it if sending fails."""
-        self._motion.add(start, target, feed)
-        try:
-            yield
-        except BaseException:
-            self._motion.take_back()
-            raise
 
     def _expect_jog(self, way: Place, feed: float) -> None:
         self._motion.moving = self._motion.jogging = True

@@ -127,10 +127,11 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         """As `Cnc.stop`: M410, which acts at once with the emergency parser, and after the buffers without."""
         dialogue = self._talk()
         self._stops += 1
-        if not dialogue.fault:
+        if dialogue.obeys_upwards:
             dialogue.interrupt(STOP, STOP_S)
-            dialogue.ask('M400', STOP_S, due_ns=None)
-            dialogue.ask('G90', STOP_S)
+            dialogue.refusal = ''
+            dialogue.ask('M400', STOP_S, due_ns=None, up=True)
+            dialogue.ask('G90', STOP_S, up=True)
         self._at_rest()
         if self._homed and not dialogue.fault:
             self._after_stop(dialogue)
@@ -252,7 +253,10 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
 
     def _send_up(self, distance: float, feed: float) -> None:
         for line in ('G91', f'G1 Z{distance:.3f} F{feed:.1f}', 'G90'):
-            self._talk().ask(line, self._patience_s())
+            self._talk().ask(line, self._patience_s(), up=True)
+
+    def _await_lifted(self, timeout_s: float) -> None:
+        self._talk().ask('M400', timeout_s, due_ns=None, up=True)
 
     def _at_rest(self) -> None:
         super()._at_rest()

@@ -28,6 +28,8 @@ SILENT_S = 0.3  # with MOVING_S and the listener's period, silence during motion
 AT_ONCE = 0  # the response does not wait for motion
 MOVING_S = 0.1  # between two requests during motion
 STOP_S = 10.0  # without emergency parser it acts only after the buffered moves
+LOST_S = 3.0  # longer than the pause after a quick stop, and than the time between two busy messages
+WHO, WHO_SAYS = 'M115', 'FIRMWARE_NAME:'  # the response to no other line says this
 STOP = 'M410'  # the response takes a second, in which the controller does nothing else
 ALIVE = 'G21'  # millimetres, as before: every Marlin answers it at once
 PLACE = 'M114 R'  # the real position, if compiled in; else the R is ignored, and the target is reported
@@ -43,6 +45,7 @@ class _Numbered(Request):
     due_ns: int | None = 0
     until_ns = 0  # time limit of the sender, after which the controller counts as hung
     in_motion = False
+    fence = False  # every ok before its own response belongs to earlier lines
 
 
 class MarlinDialogue:
@@ -54,7 +57,7 @@ class MarlinDialogue:
         moving: whether the machine certainly moves now.
         period_s: between position requests at rest, once `polling` is set.
         placed: gets each response to such a request, line by line.
-        on_lost: called when the position is lost.
+        on_lost: called when the position is lost, with whether the controller may have restarted.
         traffic: gets every byte.
         threaded: as of `Link`.
     """
@@ -66,7 +69,7 @@ class MarlinDialogue:
         moving: Callable[[], bool],
         period_s: float,
         placed: Callable[[list[str], int], None],
-        on_lost: Callable[[], None],
+        on_lost: Callable[[bool], None],
         traffic: Traffic | None = None,
         threaded: bool = True,
     ) -> None:
@@ -90,6 +93,7 @@ class MarlinDialogue:
         self.fault = ''
         self.refusal = ''  # kept until it is stopped
         self.place_lost = False
+        self.obeys_upwards = True  # until it has halted itself
         self.link = Link(port, clock, self._hear, self._idle, traffic, threaded)
         self.link.start()
 
@@ -113,7 +117,14 @@ class MarlinDialogue:
         """Whether it certainly answers this line at once during motion."""
         return self.answers_in_motion is not None and (self.answers_in_motion or text != PLACE)
 
-    def ask(self, line: str, timeout_s: float, due_ns: int | None = AT_ONCE, generation: int | None = None) -> Request:
+    def ask(
+        self,
+        line: str,
+        timeout_s: float,
+        due_ns: int | None = AT_ONCE,
+        generation: int | None = None,
+        up: bool = False,
+    ) -> Request:
         """Send a line and wait for its ``ok``; busy messages extend the time.
 
         Args:
@@ -121,6 +132,7 @@ class MarlinDialogue:
             timeout_s: for the response.
             due_ns: latest time of the response; later, a missing response is silence. None: unknown.
             generation: of the dialogue, when the line was decided; a line decided before a stop is not sent.
+            up: it belongs to a way straight up, for which the position may be unknown.
 
         Raises:
             DeviceFaultError: this Marlin does not know it, or a stop or a restart came in between.
@@ -132,7 +144,7 @@ class MarlinDialogue:
             generation = self.generation if generation is None else generation
             self._wait(lambda: not self._unanswered or generation != self.generation, line, timeout_s, self._turn_ns)
             if self.fault:
-                self.require_sound()
+                self.require_sound(up)
             if generation != self.generation:
                 raise DeviceFaultError(f'{self.name}: {line!r} was not sent, because the motion was aborted')
             request = self._put(line, due_ns)
@@ -143,7 +155,10 @@ class MarlinDialogue:
         return request
 
     def interrupt(self, line: str, timeout_s: float) -> None:
-        """Send a line before all unanswered ones, which fail; returns when all are answered."""
+        """Send a line before all unanswered ones, which fail; returns when nothing is unanswered.
+
+        If a response is missing, or the position is unknown, lines or responses may be lost: all is begun again.
+        """
         with self.link.changed:
             self.generation += 1
             for waiting in self._unanswered:
@@ -153,11 +168,35 @@ class MarlinDialogue:
             request.sent_ns = self.link.send(line.encode('ascii') + b'\n')
             request.until_ns = request.sent_ns + round(timeout_s * NS_PER_S)
             self.link.changed.notify_all()
-            self._wait(lambda: not self._unanswered, line, timeout_s)
+            if self.fault or not self._all_answered():
+                self._begin_again(line, timeout_s - LOST_S)
 
-    def require_sound(self, up: bool = False) -> None:  # noqa: ARG002
-        """Raise the current fault, if any; every fault also prevents motion up."""
-        if wrong := self.fault or self.refusal:
+    def _all_answered(self) -> bool:
+        """Wait until nothing is unanswered; false: for `LOST_S` there was neither that nor a busy message."""
+        since_ns = self._clock.now_ns()
+        while not self.link.wait(lambda: not self._unanswered, LOST_S):
+            if self._busy_ns < since_ns:
+                return False
+            since_ns = self._clock.now_ns()
+        return True
+
+    def _begin_again(self, line: str, timeout_s: float) -> None:
+        """Repeat a line, number the lines from 0, and skip each ``ok`` until the response to one line that is known."""
+        self._break_off('was lost')
+        self._unanswered.clear()
+        self.link.send(line.encode('ascii') + b'\n')
+        self._send(_Numbered('M110 N0'))
+        self._number = 0
+        request = self._put(WHO, due_ns=None)
+        request.fence = True
+        request.until_ns = request.sent_ns + round(timeout_s * NS_PER_S)
+        self._wait(lambda: request.done, WHO, timeout_s)
+        if request.error is not None:
+            raise request.error
+
+    def require_sound(self, up: bool = False) -> None:
+        """Raise the current fault, if any; for motion `up`, only one other than an unknown position."""
+        if wrong := ('' if up and self.obeys_upwards else self.fault) or self.refusal:
             raise DeviceFaultError(f'{self.name} {wrong}')
 
     def brake(self, refusal: str) -> None:
@@ -176,7 +215,7 @@ class MarlinDialogue:
         """Mark the position of the tip as unknown."""
         with self.link.changed:
             self.fault, self.place_lost = fault, True
-            self._on_lost()
+            self._on_lost(True)
 
     def close(self) -> None:
         """Close the port."""
@@ -241,6 +280,8 @@ class MarlinDialogue:
         if not self._unanswered:
             return
         request = self._unanswered[0]
+        if request.fence and not any(line.startswith(WHO_SAYS) for line in request.lines):
+            return
         if request.text == PLACE and not (extra or request.lines or request.resend):
             return  # an extra ok, for example a late one after a resend: the position comes before its own ok
         request.lines.append(extra)  # some firmware puts the response to M114 there
@@ -263,7 +304,7 @@ class MarlinDialogue:
 
     def _note_resend(self, line: str) -> None:
         match = re.search(r'\d+', line)
-        if self._unanswered and match is not None:
+        if self._unanswered and match is not None and not self._unanswered[0].fence:
             self._unanswered[0].resend = int(match.group())
             self._unanswered[0].resend_ns = self._clock.now_ns()
 
@@ -319,7 +360,7 @@ class MarlinDialogue:
         self._unanswered.clear()
 
     def _halted(self, line: str) -> None:
-        self.killed = True
+        self.killed, self.obeys_upwards = True, False
         self.lose_place(f'halted itself ({line}); switch it off and on, check it, and connect again')
         self._break_off('was aborted because the controller halted')
         self._unanswered.clear()

@@ -8,6 +8,7 @@ first time. Twice in a row it means that the controller has lost its position.
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass
 from enum import Enum
@@ -50,10 +51,13 @@ class Motion:
         moving: motion was requested that is not known to be done.
         jogging: this motion consists of jogs.
         doubted: the last report was doubtful.
+        lowest_mm: how low the tip may be, if the expected position was lost; None: it was not, or not known before.
     """
 
     def __init__(self, follows: bool = True) -> None:
         self.moving = self.jogging = self.doubted = False
+        self.lowest_mm: float | None = None
+        self._low_mm = math.inf  # the lowest height since the last rest
         self._follows = follows
         self._lock = threading.Lock()
         self._legs: list[_Leg] = []
@@ -69,23 +73,25 @@ class Motion:
         with self._lock:
             self._legs = [_Leg(place, place, 0.0)]
             self._last_report = (place, now_ns)
-            self.doubted = False
+            self.doubted, self.lowest_mm, self._low_mm = False, None, place[2]
 
     def forget(self) -> None:
         """Expect no position any more."""
         with self._lock:
+            self._legs, self._last_report, self.doubted, self.lowest_mm = [], None, False, None
+
+    def lose(self) -> None:
+        """Expect no position any more, but remember how low the tip may be."""
+        with self._lock:
+            if self._legs:
+                self.lowest_mm = self._low_mm
             self._legs, self._last_report, self.doubted = [], None, False
 
     def add(self, start: Place, target: Place, feed_mm_min: float) -> None:
-        """Add a leg from `start`, the end of the last leg."""
+        """Add a leg from `start`, before it is sent: the tip may go there although no response comes."""
         with self._lock:
             self._legs.append(_Leg(start, target, feed_mm_min / 60))
-
-    def take_back(self) -> None:
-        """Remove the last leg, because it was not sent."""
-        with self._lock:
-            if len(self._legs) > 1:
-                self._legs.pop()
+            self._low_mm = min(self._low_mm, target[2])
 
     def judge(self, place: Place, by_ns: int, feed_mm_min: float = 0.0) -> Verdict:
         """The meaning of a position reported at `by_ns`; only for a known path."""

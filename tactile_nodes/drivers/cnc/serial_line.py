@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Generic, Protocol, TypeVar
@@ -13,7 +14,7 @@ from tactile_nodes.drivers.cnc.guarded import GuardedCnc
 from tactile_nodes.drivers.cnc.link import SILENT, SILENT_IN_MOTION, Link
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.drivers.serial_port import Port
-from tactile_nodes.errors import DeviceError
+from tactile_nodes.errors import DeviceError, DeviceFaultError
 
 
 class Dialogue(Protocol):
@@ -80,7 +81,8 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         if dialogue.link.lost is not None:
             return Health(Level.ERROR, str(dialogue.link.lost))
         if wrong := dialogue.fault or dialogue.refusal or (SILENT if dialogue.silent else ''):
-            return Health(Level.ERROR, f'{self._name} {wrong}', silent=wrong in {SILENT, SILENT_IN_MOTION})
+            silent = dialogue.silent or wrong in {SILENT, SILENT_IN_MOTION}
+            return Health(Level.ERROR, f'{self._name} {wrong}', silent=silent)
         return self._health_of(dialogue)
 
     def identify(self) -> Identity:
@@ -122,10 +124,45 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         self._generation = dialogue.generation
         dialogue.require_sound(up)
 
-    def _place_lost(self) -> None:
-        """Expect no position any more, and dismiss the dead man's switch: no absolute height is safe to go to."""
-        self._motion.forget()
-        if (dead_man := self._dead_man) is not None:
+    @abstractmethod
+    def _await_lifted(self, timeout_s: float) -> None:
+        """Wait until a way up from an unknown position is done, or was stopped."""
+
+    @property
+    def _locks_itself(self) -> bool:
+        """Whether the controller obeys no motion after it has restarted."""
+        return False
+
+    def _lift(self) -> None:
+        """If the position is unknown, go straight up, as far as the tip can be below the safe height; once.
+
+        Straight up is the way that the tip came. Nothing counts as up after that: the position stays unknown.
+        """
+        dialogue, low_mm, stops = self._talk(), self._motion.lowest_mm, self._stops
+        if not dialogue.place_lost or low_mm is None:
+            return
+        self._require_ready(up=True)
+        self._motion.lowest_mm = None  # else a machine that falls silent again would go up twice as far
+        if (way_mm := self._rules().safe_z_mm - low_mm) <= 0:
+            return
+        feed = self._settings.retract_mm_min
+        self._expect_jog((0.0, 0.0, way_mm), feed)
+        with contextlib.suppress(DeviceFaultError):  # locked: the reason is the fault that is known
+            self._send_up(way_mm, feed)
+            self._await_lifted(self._patience_s())
+            dialogue.fault += f'; it was sent {way_mm:.2f} mm up'
+        self._at_rest()
+        if stops != self._stops:
+            self._motion.lowest_mm = low_mm
+
+    def _place_lost(self, restarted: bool) -> None:
+        """Expect no position any more.
+
+        The dead man's switch is dismissed, because no absolute height is safe to go to, except if the controller has
+        only been silent, and obeys nothing if it has restarted meanwhile.
+        """
+        self._motion.lose()
+        if (dead_man := self._dead_man) is not None and (restarted or not self._locks_itself):
             dead_man.say_farewell()
 
     def _talk(self) -> Spoken:
