@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     folder = PressFolder(arguments.folder, arguments.unit, indenter, (gel.width_mm / 2, gel.height_mm / 2))
     body = _body(indenter)
     forces_n = _forces_n(sensor, body, arguments.forces, arguments.unit)
-    wish = Wish(arguments.presses, forces_n, gel.outline)
+    wish = Wish(arguments.presses, forces_n, sensor)
     person: Person = TerminalPerson(arguments.folder, sensor, arguments.unit, NEWTONS[unit])
     scene = SceneSettings()
     if simulated:

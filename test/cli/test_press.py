@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import math
 import os
 import shlex
 from dataclasses import replace
@@ -30,7 +29,7 @@ from tactile_nodes.learning.guided.targets import Done, Target, Wish
 from tactile_nodes.learning.guided.watching import HELD, MOVING, STEADY, UNTOUCHED, Watch
 from tactile_nodes.learning.tables.presses import read_table
 from tactile_nodes.model_file import load_model
-from tactile_nodes.sensors import Outline, Sensor, load_sensor
+from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
@@ -149,7 +148,7 @@ def test_a_press_that_moves_while_it_is_read_is_not_kept_and_ctrl_c_loses_none(t
     person = Unsteady(lines)
     settings = CameraSettings(scene=SceneSettings(world='unsteady'))
     camera = open_camera(settings, JumpingClock())
-    guide = Guide(camera, person, folder_of(tmp_path), Wish(9, (0.3, 0.5), Outline(*SIDES)), Sensor())
+    guide = Guide(camera, person, folder_of(tmp_path), Wish(9, (0.3, 0.5), Sensor()), Sensor())
     with pytest.raises(KeyboardInterrupt):
         guide.run()
     assert any('the press moved while you read the scale' in line for line in lines)
@@ -190,7 +189,7 @@ def test_a_press_beside_its_mark_is_asked_for_its_place(tmp_path: Path) -> None:
     lines: list[str] = []
     person = Aside(lines)
     camera = open_camera(CameraSettings(scene=SceneSettings(world='aside')), JumpingClock())
-    Guide(camera, person, folder_of(tmp_path), Wish(1, (0.3,), Outline(*SIDES)), Sensor()).run()
+    Guide(camera, person, folder_of(tmp_path), Wish(1, (0.3,), Sensor()), Sensor()).run()
     assert any('mm away: type the place' in line for line in lines)
     assert folder_of(tmp_path).done[0][:2] == (10.0, 0.0)
 
@@ -202,7 +201,7 @@ def test_a_folder_of_another_gel_is_not_gone_on_with(tmp_path: Path) -> None:
     folder.add_rest(Optics(other, contact_table(other)).render((), 1))
     camera = open_camera(CameraSettings(scene=SceneSettings(world='another')), JumpingClock())
     with pytest.raises(DatasetError, match=r'untouched images .* it sees another gel, .* start another folder'):
-        Guide(camera, person, folder, Wish(2, (0.3,), Outline(*SIDES)), Sensor()).run()
+        Guide(camera, person, folder, Wish(2, (0.3,), Sensor()), Sensor()).run()
     assert len(folder_of(tmp_path).rows) == 1
 
 
@@ -241,7 +240,7 @@ def test_a_recording_that_ends_is_reported(tmp_path: Path) -> None:
     camera = open_camera(CameraSettings(source=str(pictures), rate=0.0), JumpingClock())
     person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
     with pytest.raises(DeviceError, match='the recording has ended'):
-        Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Outline(*SIDES)), Sensor()).run()
+        Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Sensor()), Sensor()).run()
 
 
 def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:
@@ -258,17 +257,6 @@ def test_a_table_that_a_spreadsheet_has_saved_is_gone_on_with(tmp_path: Path) ->
     folder = folder_of(tmp_path)
     folder.add_press(np.ones((64, 64), np.uint8), (3.0, 4.0), 50.0)
     assert [row.force_n for row in folder.rows] == pytest.approx([25 * NEWTON_PER_GRAM, 50 * NEWTON_PER_GRAM])
-
-
-def test_the_next_press_is_far_from_all_before_and_of_the_rarest_force() -> None:
-    wish = Wish(5, (0.2, 0.5), Outline(20.0, 10.0))
-    assert wish.next([]) == Target(0.0, 0.0, 0.2)
-    # 0.8 of 10 and 5 mm may be pressed: the corners are farthest from the middle.
-    second = wish.next([Done(0.0, 0.0, 0.21)])
-    assert second is not None
-    assert (abs(second.x_mm), abs(second.y_mm), second.force_n) == (8.0, 4.0, 0.5)
-    assert wish.next([Done(0.0, 0.0, 0.2)] * 5) is None
-    assert wish.gap_mm([Done(0.0, 0.0, 0.2)]) == pytest.approx(math.hypot(8, 4))
 
 
 def test_what_a_terminal_shows_begins_on_a_line_of_its_own(
@@ -291,12 +279,6 @@ def test_what_a_terminal_shows_begins_on_a_line_of_its_own(
     assert lines[0] == 'moving, about x 0, y 3 mm'
     assert lines[1].startswith('steady. Keep holding.') and lines[3:5] == ['kept', 'untouched']
     assert set(lines[5]) == {'.'}
-
-
-def test_a_press_counts_for_the_nearest_force_only() -> None:
-    wish = Wish(9, (0.25, 0.35, 0.42), Outline(20.0, 10.0))  # a quarter of 0.42 is more than the way to 0.35
-    done = [Done(0.0, 0.0, force_n) for force_n in (0.26, 0.38, 0.40, 1.0)]
-    assert wish.counts(done) == [1, 1, 1]
 
 
 def test_a_mark_in_the_picture_is_where_the_description_says() -> None:
@@ -328,11 +310,3 @@ def test_a_sketch_has_y_downwards_as_the_picture_has() -> None:
 )
 def test_answers_at_the_terminal(text: str, answer: object) -> None:
     assert read_answer(text, (3.0, -2.0)) == answer
-
-
-def test_presses_stay_within_the_rim_of_a_round_gel() -> None:
-    """Within 0.8 of its radius of 10 mm, and up to half a millimetre of that."""
-    places = Wish(5, (0.2,), Outline(20.0, 20.0, 'ellipse')).places
-    away = np.hypot(*places.T)
-    assert 7.5 < away.max() <= 8.0 + 1e-6
-    assert places[0].tolist() == [0.0, 0.0]

@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.field.presses import Pressures
+from tactile_nodes.learning.guided.watching import REGIONS
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensors import Outline, Sensor
+from tactile_nodes.sensors import Sensor
 
 INNER = 0.8
 """Share of the gel's half sides that is pressed: near its rim a gel responds differently."""
 STEP_MM = 0.5
 NEAR_FORCE = 0.25
 """Relative difference up to which a press counts for a wanted force."""
+NEAR_REGIONS = 3
+"""Usable regions, of the nine around a place in the image, from which a press there is seen. The corners of the shipped
+sensors have as many."""
 LINEAR_SHARES = 0.5, 0.7, 0.85
 """Shares of the force up to which the layer is linear: light presses show little, and 15 % too much is still within."""
 
@@ -41,11 +47,11 @@ class Done(NamedTuple):
 
 @dataclass(frozen=True)
 class Wish:
-    """The wanted number of presses for some forces (N), all over a gel of this outline."""
+    """The wanted number of presses for some forces (N), wherever this sensor sees its gel."""
 
     presses: int
     forces_n: tuple[float, ...]
-    outline: Outline
+    sensor: Sensor
 
     def next(self, done: Sequence[Done]) -> Target | None:
         """The place farthest from all earlier ones, with the force that was used least; None if no press is missing."""
@@ -56,12 +62,23 @@ class Wish:
         counts = self.counts(done)
         return Target(x_mm, y_mm, self.forces_n[int(np.argmin(counts))])
 
-    @property
+    @cached_property
     def places(self) -> Float[np.ndarray, 'places 2']:
-        """Places that may be pressed, the centre first."""
-        x, y = (_line(INNER * side / 2) for side in (self.outline.width_mm, self.outline.height_mm))
+        """Places that may be pressed, those near the centre first.
+
+        Raises:
+            ConfigurationError: the camera sees none.
+        """
+        outline = self.sensor.gel.outline
+        x, y = (_line(INNER * side / 2) for side in (outline.width_mm, outline.height_mm))
         places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        places = places[self.outline.holds(places / (INNER + 1e-9))]
+        places = places[outline.holds(places / (INNER + 1e-9))]
+        places = places[_seen(self.sensor, places)]
+        if not len(places):
+            raise ConfigurationError(
+                f'the camera of {self.sensor.name} sees no place of the gel that could be pressed: correct mask, gel '
+                'and camera in its description (tactile sensor check draws them)'
+            )
         return np.asarray(places[np.argsort(np.hypot(*places.T), kind='stable')])
 
     def counts(self, done: Sequence[Done]) -> list[int]:
@@ -93,6 +110,18 @@ def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done]) -> Fl
         return np.asarray(-np.hypot(*places.T))
     nearest: np.ndarray = np.linalg.norm(places[:, None] - known, axis=2).min(axis=1)
     return nearest
+
+
+def _seen(sensor: Sensor, places: Float[np.ndarray, 'places 2']) -> Bool[np.ndarray, ' places']:
+    """Which places the camera sees, with enough usable regions around them."""
+    regions, (width, height) = Regions(sensor, REGIONS, REGIONS), sensor.image.crop_px
+    pixels = np.rint(regions.view.middle_seen_at(places)).astype(int)
+    inside = ((pixels >= 0) & (pixels < (width, height))).all(axis=1)
+    x, y = np.clip(pixels, 0, (width - 1, height - 1)).T
+    usable = np.pad(regions.usable.reshape(REGIONS, REGIONS), 1).astype(int)
+    near = np.lib.stride_tricks.sliding_window_view(usable, (3, 3)).sum(axis=(2, 3))
+    enough = near[y * REGIONS // height, x * REGIONS // width] >= NEAR_REGIONS
+    return np.asarray(inside & ~sensor.covered[y, x] & enough)
 
 
 def _line(reach_mm: float) -> Float[np.ndarray, ' n']:

@@ -115,7 +115,7 @@ def test_light_presses_of_a_small_tip_calibrate_a_gel_with_printed_dots(dots: Lo
     assert most_n == pytest.approx(0.25, abs=0.02)
     gel = dataclasses.replace(gel_of(sensor), seed=5, shear_modulus_mpa=1.5 * sensor.gel.moduli_mpa[0])
     table, random = contact_table(gel), np.random.default_rng(2)
-    wish, done = Wish(30, (0.5 * most_n, 0.7 * most_n, 0.85 * most_n), sensor.gel.outline), []
+    wish, done = Wish(30, (0.5 * most_n, 0.7 * most_n, 0.85 * most_n), sensor), []
     while (target := wish.next(done)) is not None:
         done.append(Done(target.x_mm, target.y_mm, target.force_n * float(random.uniform(0.85, 1.15))))
     optics = Optics(gel, table)
