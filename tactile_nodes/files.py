@@ -48,6 +48,14 @@ def read_text(path: str | Path, largest: int = TEXT_BYTES, encoding: str = 'utf-
     return read_plain(path, largest).decode(encoding).replace('\r\n', '\n')
 
 
+def separator_of(line: str) -> str:
+    """What separates the cells of a line of CSV: a tab, a semicolon or a comma.
+
+    Where it is not a comma, numbers may have decimal commas.
+    """
+    return max('\t;,', key=line.count)
+
+
 def check_size(path: str | Path, largest: int) -> None:
     """Raise the errors of `open_plain`, for a file that a library opens by its name."""
     open_plain(path, largest).close()

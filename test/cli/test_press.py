@@ -249,6 +249,14 @@ def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:
         folder_of(tmp_path, 'N')
 
 
+def test_a_table_whose_separators_were_changed_is_refused_with_what_it_had(tmp_path: Path) -> None:
+    folder_of(tmp_path).add_press(np.zeros((64, 64), np.uint8), (1.5, 2.0), 20.0)
+    table = tmp_path / 'presses.csv'
+    table.write_text(table.read_text().replace(',', ';').replace('1.5', '1,5'))
+    with pytest.raises(DatasetError, match='use the unit and the commas that it had, or another folder'):
+        folder_of(tmp_path)
+
+
 def test_a_table_that_a_spreadsheet_has_saved_is_gone_on_with(tmp_path: Path) -> None:
     """A wrong weight was corrected; Excel adds a byte order mark, and ends lines as Windows does."""
     folder_of(tmp_path).add_press(np.zeros((64, 64), np.uint8), (1.0, 2.0), 20.0)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.files import read_text
+from tactile_nodes.files import read_text, separator_of
 from tactile_nodes.params import from_mapping, load_mapping, parameter
 from tactile_nodes.paths import is_file, share_directory
 
@@ -165,7 +165,7 @@ def numbered(points: Iterable[Triple]) -> Plan:
 
 
 def read_points(path: str | Path) -> list[Triple]:
-    """(x, y, depth) in mm from a CSV with these columns.
+    """(x, y, depth) in mm from a CSV with these columns, separated by commas, semicolons or tabs.
 
     Raises:
         ConfigurationError: names the file and the row.
@@ -176,8 +176,9 @@ def read_points(path: str | Path) -> list[Triple]:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f'cannot read the list of points {str(path)!r}: {error}') from error
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')]
-    rows = csv.DictReader(lines, skipinitialspace=True)
-    return [_triple(row, number, file) for number, row in enumerate(rows, start=1)]
+    separator = separator_of(next(iter(lines), ''))
+    rows = csv.DictReader(lines, delimiter=separator, skipinitialspace=True)
+    return [_triple(row, number, file, decimal_comma=separator != ',') for number, row in enumerate(rows, start=1)]
 
 
 def _grid(settings: PlanSettings) -> Iterable[Triple]:
@@ -211,10 +212,11 @@ def _spread(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
         place = places[max(range(len(places)), key=distances_mm.__getitem__)]
 
 
-def _triple(row: Mapping[str, str], number: int, file: Path) -> Triple:
+def _triple(row: Mapping[str, str], number: int, file: Path, *, decimal_comma: bool) -> Triple:
     try:
-        return float(row['x_mm']), float(row['y_mm']), float(row['depth_mm'])
-    except (KeyError, TypeError, ValueError) as error:
+        x, y, depth = (row[name].replace(',', '.' if decimal_comma else ',') for name in ('x_mm', 'y_mm', 'depth_mm'))
+        return float(x), float(y), float(depth)
+    except (KeyError, AttributeError, ValueError) as error:
         raise ConfigurationError(f'point {number} of {file} has no x_mm, y_mm and depth_mm: {row}') from error
 
 

@@ -58,7 +58,7 @@ class PressFolder:
         if first != self._header.strip().encode() or not ended:
             raise DatasetError(
                 f'{self.table} does not begin with {self._header.strip()}, or its last line is incomplete; use the '
-                'unit that it has, or another folder'
+                'unit and the commas that it had, or another folder'
             )
 
     @property

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tactile_nodes.errors import DatasetError, from_extra
-from tactile_nodes.files import TEXT_BYTES, open_plain, read_text
+from tactile_nodes.files import TEXT_BYTES, open_plain, read_text, separator_of
 
 EXAMPLE = 'picture,x_mm,y_mm,force_n'
-DELIMITERS = ',;\t'
 PARQUET = '.parquet'
 _MOST_ROWS = 1_000_000
 
@@ -49,7 +48,7 @@ def _csv(table: Path) -> Cells:
         raise DatasetError(
             f'{table} is not a table of images; its first line must name columns, as in {EXAMPLE}, in UTF-8'
         ) from error
-    delimiter = max(DELIMITERS, key=next(iter(text.splitlines()), '').count)
+    delimiter = separator_of(next(iter(text.splitlines()), ''))
     try:
         rows = list(_rows(text, table, delimiter))
     except csv.Error as error:
@@ -65,7 +64,10 @@ def _rows(text: str, table: Path, delimiter: str) -> Iterator[tuple[int, list[st
             continue
         width = width or len(row)
         if len(row) != width:
-            raise DatasetError(f'{table}, line {reader.line_num} has {len(row)} cells, but the first line has {width}')
+            hint = '; numbers with decimal commas need semicolons between cells' if delimiter == ',' else ''
+            raise DatasetError(
+                f'{table}, line {reader.line_num} has {len(row)} cells, but the first line has {width}{hint}'
+            )
         yield reader.line_num, row
 
 

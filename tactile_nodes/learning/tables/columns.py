@@ -35,7 +35,10 @@ NAMES = {
     'time': {'time', 't', 'video time'},
     'x': {'x', 'pos x', 'x pos', 'position x', 'x position', 'place x', 'contact x'},
     'y': {'y', 'pos y', 'y pos', 'position y', 'y position', 'place y', 'contact y'},
-    'force': {'force', 'normal force', 'weight', 'mass', 'load', 'f', 'fz', 'force z', 'fn'},
+    'force': {
+        'force', 'normal force', 'weight', 'mass', 'load', 'scale', 'reading', 'scale reading', 'f', 'fz', 'force z',
+        'fn',
+    },
     'fx': {'fx', 'force x', 'shear x'},
     'fy': {'fy', 'force y', 'shear y'},
     'tx': {'tx', 'torque x', 'mx'},

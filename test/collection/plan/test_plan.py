@@ -18,6 +18,7 @@ from tactile_nodes.collection.plan.plan import (
     make_plan,
     numbered,
     plan_path,
+    read_points,
 )
 from tactile_nodes.errors import ConfigurationError
 
@@ -78,6 +79,20 @@ def test_a_list_that_a_spreadsheet_has_saved_is_read(tmp_path: Path) -> None:
     (tmp_path / 'plan.yaml').write_bytes(codecs.BOM_UTF8 + b'kind: list\r\nfile: points.csv\r\n')
     plan = make_plan(load_plan_settings(tmp_path / 'plan.yaml'))
     assert [point[1:] for point in plan.points] == [(1.0, 2.0, 0.5)]
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        'x_mm;y_mm;depth_mm\n1,5;-2;0,25\n',
+        'x_mm\ty_mm\tdepth_mm\n1,5\t-2\t0,25\n',
+        '# x, y\nx_mm;y_mm;depth_mm\n1.5;-2;0.25',
+    ],
+)
+def test_a_list_with_semicolons_or_tabs_and_decimal_commas_is_read(text: str, tmp_path: Path) -> None:
+    """As a spreadsheet saves it where the decimal separator is a comma."""
+    (tmp_path / 'points.csv').write_text(text)
+    assert read_points(tmp_path / 'points.csv') == [(1.5, -2.0, 0.25)]
 
 
 @pytest.mark.parametrize('row', ['1,2', '1,2,-0.5', '1,2,nan', '1,2,1e308', '1,2,1\n1,2,1', '1,2,deep', ''])

@@ -26,6 +26,8 @@ def written(folder: Path, text: str) -> Path:
         ('filename,pos_x,pos_y,Force in N', 'a.png,-8,3,0.5', -8.0, 0.5),
         ('image_file;x/mm;y/mm;Newtons', 'a.png;-8,0;3,0;0,5', -8.0, 0.5),
         ('weight g\ty\tx\timg', '50\t3\t-8\ta.png', -8.0, 0.4905),
+        ('Photo,Pos X (mm),Pos Y (mm),Scale [g]', 'a.png,-8,3,50', -8.0, 0.4905),
+        ('picture,x_mm,y_mm,scale reading g', 'a.png,-8,3,50', -8.0, 0.4905),
         ('picture,x_in,y_mm,force_n', 'a.png,-0.25,3,0.5', -6.35, 0.5),  # 25.4 mm an inch
         ('picture,x [inch],y in mm,force_n', 'a.png,-0.25,3,0.5', -6.35, 0.5),
         ('picture,x in,y,force_n', 'a.png,-0.25,3,0.5', -6.35, 0.5),
@@ -72,7 +74,10 @@ def test_the_mark_that_spreadsheets_write_first_is_no_part_of_a_name(tmp_path: P
         ),
         (f'{"a" * 50},b\n', f"its columns are '{'a' * 40}', 'b'; it needs"),
         ('picture,x,y,grams\na.png,1,2\n', r'line 2 has 3 cells, but the first line has 4'),
-        ('picture,x,y,grams\na.png,1,2,0,5\n', r'line 2 has 5 cells, but the first line has 4'),
+        (
+            'picture,x,y,grams\na.png,1,2,0,5\n',
+            'line 2 has 5 cells, but the first line has 4; numbers with decimal commas need semicolons between cells',
+        ),
         ('picture,x,y,grams\n\na.png,1,2,five\n', r"line 3: grams is 'five', but must be a number"),
         (
             'picture,x_m,y_m,grams\na.png,1,2,5\n',
@@ -93,6 +98,11 @@ def test_lines_may_end_as_on_old_machines(tmp_path: Path) -> None:
     assert [(each.picture, each.x_mm, each.y_mm, each.force_n) for each in rows] == [
         ('a.png', -8.0, 3.0, 0.5), ('a,b,c,d.png', 0.0, 0.0, 0.0),
     ]  # fmt: skip
+
+
+def test_commas_within_names_between_semicolons_are_no_separators(tmp_path: Path) -> None:
+    (row,) = read_table(written(tmp_path, 'picture;x, mm;y, mm;force, N\na.png;-8,5;3;0,5\n')).rows
+    assert (row.x_mm, row.y_mm, row.force_n) == (-8.5, 3.0, 0.5)
 
 
 def test_a_table_in_other_letters_than_utf_8_is_refused(tmp_path: Path) -> None:
