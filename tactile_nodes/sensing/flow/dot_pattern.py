@@ -34,6 +34,10 @@ ALIKE = 2.0
 IN_ROW, REGULAR = 0.2, 0.6
 """Largest distance of a dot from its place in the grid, over the pitch, and the share of the dots that must keep it."""
 
+STEEP, ONE_SIDE = 0.75, 0.05
+"""How far aside the next dot in a row or column may lie, over the distance along it. Of two that are equally near, as
+in staggered rows, it is the left or upper one: the other counts as farther by a share of how far aside it lies."""
+
 
 @dataclass(frozen=True)
 class Dots:
@@ -114,8 +118,9 @@ def _discs(on: Bool[np.ndarray, 'h w']) -> tuple[Float[np.ndarray, 'n 2'], Float
 def _next(centres: Float[np.ndarray, 'n 2'], axis: int) -> Float[np.ndarray, ' 2'] | None:
     """Median vector from a dot to the next along x (0) or y (1). None if the dots are not regular."""
     ways = centres[None] - centres[:, None]
-    along, beside = ways[..., axis], np.abs(ways[..., 1 - axis])
-    away = np.where((along > 0) & (beside < along / 2), np.hypot(along, beside), np.inf)
+    along, beside = ways[..., axis], ways[..., 1 - axis]
+    near = (along > 0) & (np.abs(beside) < STEEP * along)
+    away = np.where(near, np.hypot(along, beside) + ONE_SIDE * beside, np.inf)
     nearest = away.argmin(axis=1)
     has = np.isfinite(away[np.arange(len(centres)), nearest])
     if has.sum() < LEAST_DOTS / 2:

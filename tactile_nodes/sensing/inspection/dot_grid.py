@@ -20,13 +20,15 @@ described to found ones; ratio of found to described dots above which the findin
 ASIDE = 0.1
 """Allowed offset of the dots from the described positions, over the pitch."""
 
-ASKEW_DEG, UNLIKE, BETWEEN = 15.0, 0.2, 0.5
+ASKEW_DEG, UNLIKE, BETWEEN, HALF = 15.0, 0.2, 0.5, 0.15
 """Limits for a grid with right angles and one pitch: deviation of the columns from a right angle to the rows, relative
-difference of the two pitches, share of the dots with another dot in the middle of four."""
+difference of the two pitches, share of the dots with another dot in the middle of four, and how close to half a step
+each row may be shifted against the one before it."""
 
 NEAR = 0.2
 """How far a dot may be from the middle of four others, over the pitch."""
 
+STAGGERED = 'they are staggered or in diagonal rows'
 PITCH_HELP = 'check pattern.pitch_mm, camera.position_mm and its focal length'
 NO_GRID = (
     '; a description supports rows and columns at right angles only, with equal distances, and nearly parallel to '
@@ -52,6 +54,15 @@ def dot_findings(view: View, dots: Dots | None, wanted: int) -> Sequence[Finding
     return _count(found, len(dots), wanted), _pitch(view, dots), _place(view, dots)
 
 
+def not_random(view: View, dots: Dots) -> Finding:
+    """What is wrong with dots whose description says `spheres`."""
+    fault = _no_grid(view, dots)
+    told = (
+        f': {fault}{NO_GRID}' if fault else ' in rows and columns, but the description says spheres: set pattern.kind'
+    )
+    return Finding('pattern', BAD, f'{len(dots)} dots{told}')
+
+
 def _count(found: str, count: int, wanted: int) -> Finding:
     if DOTS_FOUND * count > wanted:
         level = BAD if MORE * wanted < count else LOOK
@@ -61,14 +72,15 @@ def _count(found: str, count: int, wanted: int) -> Finding:
 
 def _no_grid(view: View, dots: Dots) -> str:
     """Why the dots do not form a grid with right angles and one pitch; empty if they do."""
-    between = _between(dots)
-    if between > BETWEEN:
-        return f'{100 * between:.0f} % of them lie in the middle of four others: they are staggered or in diagonal rows'
-    across, down = (np.hypot(*each) for each in _steps_mm(view, dots))
+    if (between := _between(dots)) > BETWEEN:
+        return f'{100 * between:.0f} % of them lie in the middle of four others: {STAGGERED}'
+    (x, y), (u, v) = _steps_mm(view, dots)
+    across, down, both = math.hypot(x, y), math.hypot(u, v), x * u + y * v
+    if any(abs(abs(both) / step**2 - 0.5) < HALF for step in (across, down)):
+        return f'each row is shifted by half a step against the one before it: {STAGGERED}'
     if not 1 / (1 + UNLIKE) < across / down < 1 + UNLIKE:
         return f'they are {across:.2f} mm apart along rows and {down:.2f} mm along columns'
-    (x, y), (u, v) = _steps_mm(view, dots)
-    askew = math.degrees(math.asin(float((x * u + y * v) / (across * down))))
+    askew = math.degrees(math.asin(both / (across * down)))
     if abs(askew) > ASKEW_DEG:
         return f'their columns are {abs(askew):.0f} degrees off a right angle to their rows'
     return ''

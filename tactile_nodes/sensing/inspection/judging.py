@@ -20,7 +20,7 @@ from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow
 from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.geometry import Crop
-from tactile_nodes.sensing.inspection.dot_grid import dot_findings
+from tactile_nodes.sensing.inspection.dot_grid import dot_findings, not_random
 from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK, Finding, percent
 from tactile_nodes.sensing.inspection.markers import Markers, beside
 from tactile_nodes.sensing.inspection.stillness import alike, apart_px
@@ -166,8 +166,7 @@ class Inspection:
         if self.sensor.pattern.kind == 'dots':
             return dot_findings(self.regions.view, self.dots, len(self.expected_dots))
         if self.dots is not None:
-            text = f'{len(self.dots)} dots in rows and columns, but the description says spheres: set pattern.kind'
-            return (Finding('pattern', BAD, text),)
+            return (not_random(self.regions.view, self.dots),)
         inside = self._per_region(self._markers.peaks)[self.regions.usable]
         return (self._markers.pattern(int(np.median(inside)) if inside.size else 0),)
 

@@ -167,8 +167,11 @@ def grid(across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:
     [
         ((40.0, 0.0), (20.0, 34.6), 'staggered or in diagonal rows'),  # 60 degrees, all 40 px apart
         ((34.6, 20.0), (0.0, 40.0), 'staggered or in diagonal rows'),  # the same, turned by 90
+        ((40.0, 0.0), (20.0, 40.0), 'staggered or in diagonal rows'),  # as far from row to row as along them
+        ((44.0, 22.0), (0.0, 40.0), 'staggered or in diagonal rows'),  # farther, turned by 90
         ((35.4, 35.4), (-35.4, 35.4), 'staggered or in diagonal rows'),  # square, turned by 45
-        ((38.6, 10.4), (10.4, 38.6), 'columns are 30 degrees off a right angle'),  # 60 degrees, turned by 15
+        ((38.6, 10.4), (10.4, 38.6), 'staggered or in diagonal rows'),  # 60 degrees, turned by 15
+        ((40.0, 0.0), (12.0, 38.2), 'columns are 17 degrees off a right angle'),
         ((60.0, 0.0), (0.0, 40.0), '3.00 mm apart along rows and 2.00 mm along columns'),
     ],
 )
@@ -182,6 +185,10 @@ def test_a_grid_that_no_description_holds_is_bad(
     assert dots.level == BAD
     assert fault in dots.text
     assert 'supports rows and columns at right angles only' in dots.text
+    random = replace(sensor, pattern=MEMBRANE.pattern)
+    (dots,) = (each for each in Inspection(random, {'it': picture}).findings if each.what == 'pattern')
+    assert dots.level == BAD
+    assert fault in dots.text and 'set pattern.kind' not in dots.text
 
 
 @pytest.mark.parametrize('sideways', [1, 3])
