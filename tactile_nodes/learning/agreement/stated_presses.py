@@ -19,6 +19,7 @@ from tactile_nodes.learning.agreement.objections import (
     places_objection,
 )
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.tables.faults import SHOWN_ROWS
 
 LEAST = 8
 """Fewer presses cannot judge a table."""
@@ -28,7 +29,7 @@ PRESSED = 0.25
 
 @dataclass(frozen=True)
 class StatedPresses:
-    """Presses of one table, by their line numbers.
+    """Presses of one table, by their line numbers (or those of what `counted` names).
 
     `motion` (px) and `confidence` are what the regions of their images show. `rest_lines` are the lines of the
     untouched gel, `rest_motion` the motion in their images.
@@ -42,6 +43,12 @@ class StatedPresses:
     confidence: Float32[np.ndarray, 'n rows cols']
     rest_lines: Int[np.ndarray, ' rests']
     rest_motion: Float32[np.ndarray, 'rests rows cols 2']
+    counted: str = 'line'
+
+    def rows(self, lines: Sequence[int]) -> str:
+        """Some rows as text."""
+        shown = ', '.join(map(str, lines[:SHOWN_ROWS])) + ' …' * (len(lines) > SHOWN_ROWS)
+        return f'{self.counted}{"s" * (len(lines) > 1)} {shown}'
 
     @property
     def strength(self) -> Float[np.ndarray, 'n rows cols']:
@@ -49,10 +56,8 @@ class StatedPresses:
         return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
 
 
-def require_agreement(
-    tables: Sequence[StatedPresses], progress: Progress, known: Known, *, forced: bool = False
-) -> None:
-    """Refuse tables that contradict their images, unless forced; single rows that may be mixed up are named.
+def require_agreement(tables: Sequence[StatedPresses], progress: Progress, known: Known, *, forced: bool = False) -> None:
+    """Refuse tables, or rows of them, that contradict their images, unless forced.
 
     `known` describes the pressed sensor, if a description exists.
 
@@ -61,19 +66,11 @@ def require_agreement(
         ConfigurationError: by the description hardly any region sees the gel.
     """
     for table in tables:
-        if lines := _rests_pressed(table):
-            progress.say(
-                f'{table.table}: check line {", ".join(map(str, lines))}: it says that the gel is untouched, but the '
-                'image moves as under a press'
-            )
-        if objection := _objection(table, known):
+        faults = _objection(table, known) or _presses_aside(table), _rests_pressed(table)
+        if objection := '; '.join(filter(None, faults)):
             if not forced:
                 raise DatasetError(f'{table.table}: {objection} (--force uses the table as it is)')
             progress.say(f'{table.table}: used because of --force: {objection}')
-        elif lines := _lines_aside(table):
-            progress.say(
-                f'{table.table}: check line {", ".join(map(str, lines))}: the image does not move at the given place'
-            )
 
 
 def _objection(table: StatedPresses, known: Known) -> str:
@@ -87,17 +84,25 @@ def _objection(table: StatedPresses, known: Known) -> str:
     return objection or known.force_objection(table.force_n, table.motion, table.confidence)
 
 
-def _rests_pressed(table: StatedPresses) -> list[int]:
-    """Lines of the untouched gel whose images show a press."""
+def _rests_pressed(table: StatedPresses) -> str:
+    """Which rows of the untouched gel have images that show a press; empty if none has."""
     if not (len(table.lines) and len(table.rest_lines)):
-        return []
+        return ''
     sure = table.confidence.mean(axis=0)
     moved = (np.square(table.rest_motion).sum(axis=-1) * sure).sum(axis=(1, 2))
     usual = float(np.median(table.strength.sum(axis=(1, 2))))
-    return [int(line) for line in table.rest_lines[moved > PRESSED * usual]]
+    if not (lines := table.rest_lines[moved > PRESSED * usual].tolist()):
+        return ''
+    return f'the gel is said to be untouched, but the image moves as under a press, in {table.rows(lines)}'
 
 
-def _lines_aside(table: StatedPresses) -> list[int]:
+def _presses_aside(table: StatedPresses) -> str:
+    """Which presses have images that move elsewhere; empty if none has, or if there are too few to know."""
     if len(table.lines) < LEAST:
-        return []
-    return [int(table.lines[each]) for each in aside(table.place_mm, middles(table.strength))]
+        return ''
+    if not (lines := table.lines[aside(table.place_mm, middles(table.strength))].tolist()):
+        return ''
+    return (
+        f'the image does not move at the given place in {table.rows(lines)}: correct images or places, or leave these '
+        'presses out'
+    )

@@ -99,7 +99,7 @@ def _shown(presses: RecordedPresses, number: int, table: PressTable, rest_motion
     return StatedPresses(
         table.file, presses.window_ns[rows, 0] // NS_PER_S, presses.position_mm[rows], presses.force_n[rows],
         as_motion(presses.card['encoding']['name'], presses.features[rows].astype(np.float32)),
-        presses.confidence[presses.confidence_row[rows]], rests, rest_motion,
+        presses.confidence[presses.confidence_row[rows]], rests, rest_motion, table.counted,
     )  # fmt: skip
 
 

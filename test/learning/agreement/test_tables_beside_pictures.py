@@ -127,7 +127,7 @@ def test_presses_that_are_stated_rightly_calibrate_their_model(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert calibrated(folder / 'presses.csv', tmp_path / 'mine.safetensors') == 0
-    assert 'check line' not in capsys.readouterr().out
+    assert 'does not move' not in capsys.readouterr().out
     assert imported(folder / 'presses.csv', tmp_path / 'mine.npz') == 0
 
 
@@ -277,7 +277,7 @@ def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
 
 
 @pytest.mark.parametrize('command', [calibrated, imported])
-def test_both_commands_name_rows_in_doubt_and_take_the_table(
+def test_both_commands_refuse_rows_in_doubt_with_their_lines(
     command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The pictures of two presses exchanged, one stated twice, and one put where a picture of the untouched gel was."""
@@ -287,11 +287,25 @@ def test_both_commands_name_rows_in_doubt_and_take_the_table(
         rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
         rows[2][0] = rows.pop(RESTS + 4)[0]
 
-    command(edited(folder, change), tmp_path / 'made')
+    table, output = edited(folder, change), tmp_path / 'made'
+    assert command(table, output) == 1
+    shown = capsys.readouterr()
+    error = ' '.join(shown.err.split())
+    assert f'the image does not move at the given place in lines {RESTS + 2}, {RESTS + 3}: correct images or' in error
+    assert 'the gel is said to be untouched, but the image moves as under a press, in line 4 (--force' in error
+    assert 'edited.csv, line 17 has the image of line 8 again' in ' '.join(shown.out.split())
+    assert not output.exists()
+
+
+def test_rows_in_doubt_are_used_if_that_is_forced(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def change(rows: list[Row]) -> None:
+        rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
+
+    assert imported(edited(folder, change), tmp_path / 'forced.npz', '--force') == 0
     printed = ' '.join(capsys.readouterr().out.split())
-    assert f'check line {RESTS + 2}, {RESTS + 3}: the image does not move at the given place' in printed
-    assert 'edited.csv, line 17 has the image of line 8 again' in printed
-    assert 'check line 4: it says that the gel is untouched, but the image moves as under a press' in printed
+    assert f'used because of --force: the image does not move at the given place in lines {RESTS + 2}, ' in printed
 
 
 def test_a_place_beside_what_the_camera_sees_is_a_fault_of_its_line(tmp_path: Path) -> None:

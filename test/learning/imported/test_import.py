@@ -113,6 +113,11 @@ def exchange(row: Row) -> None:
     row[1], row[2] = row[2], row[1]
 
 
+def swap(rows: list[Row]) -> None:
+    """The pictures of two presses exchanged."""
+    rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
+
+
 def put(column: int, value: Callable[[str], str]) -> Callable[[Row], None]:
     def change(row: Row) -> None:
         row[column] = value(row[column])
@@ -138,6 +143,7 @@ def shift(column: int, by: int) -> Callable[[Path], list[Row]]:
         (each(put(2, lambda y: str(-float(y)))), 'the images move along y in the opposite direction'),
         (shift(0, 5), 'the images do not move at the places given in the table'),
         (shift(3, 6), 'the images do not move more when the given force is larger'),
+        (edited(swap), f'the image does not move at the given place in lines {RESTS + 2}, {RESTS + 3}: correct images'),
         (each(put(3, lambda _: '0.3')), 'has one force for all presses, 0.3 N: press with at least two weights'),
         (each(put(3, lambda n: str(1000 * float(n)))), 'N: forces must be below 200 N; check the unit'),
         (each(put(1, lambda x: str(1000 * float(x)))), 'mm: places must be within 16 mm of the middle; check the unit'),
@@ -157,15 +163,6 @@ def test_a_table_that_contradicts_its_pictures_makes_no_data_set(
     assert said in message
     assert len(message.splitlines()) == 1
     assert output.read_bytes() == b'of yesterday'
-
-
-def test_two_rows_that_were_exchanged_are_named(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rows = rows_of(folder)
-    rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
-    assert imported(written(folder / 'exchanged.csv', rows), tmp_path / 'presses.npz') == 0
-    assert f'check line {RESTS + 2}, {RESTS + 3}: the image does not move at the given place' in capsys.readouterr().out
 
 
 def test_pictures_of_two_sizes_are_refused_with_their_line(
