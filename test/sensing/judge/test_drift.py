@@ -76,6 +76,13 @@ def watched(
     return monitor
 
 
+def held(monitor: DriftMonitor, seen: PictureChange, begin_s: int) -> tuple[Level, Reason]:
+    """Level and reasons after ten seconds of one change of the picture, told every half second."""
+    for number in range(20):
+        monitor.change(begin_s * S + number * S // 2, seen)
+    return monitor.verdict.level, monitor.verdict.reasons
+
+
 def test_before_the_rest_image_nothing_is_known() -> None:
     assert DriftMonitor().verdict.level == Level.UNKNOWN
 
@@ -117,12 +124,9 @@ def test_a_knock_is_seen_while_something_presses(monitor: DriftMonitor) -> None:
 def test_a_held_touch_that_moves_all_of_a_thick_gel_is_no_knock(monitor: DriftMonitor) -> None:
     """A ball of 5 mm with 1.4 N on 25x19 mm of a gel of 4 mm; later the camera goes as far, beside a light touch."""
     touch = dataclasses.replace(NOTHING, middle_px=0.2, size_px=0.2, left_px=1.9)
-    for number in range(20):
-        monitor.change(number * S // 2, touch)
-    assert monitor.verdict.level is Level.VALID
-    for number in range(20, 40):
-        monitor.change(number * S // 2, dataclasses.replace(touch, left_px=0.3))
-    assert (monitor.verdict.level, monitor.verdict.reasons) == (Level.INVALID, Reason.PICTURE_MOVED)
+    assert held(monitor, touch, begin_s=0) == (Level.VALID, Reason(0))
+    knock = dataclasses.replace(touch, left_px=0.3)
+    assert held(monitor, knock, begin_s=10) == (Level.INVALID, Reason.PICTURE_MOVED)
 
 
 def test_a_new_rest_image_ends_the_false_forces_and_says_how_far_off_it_lies(monitor: DriftMonitor) -> None:
@@ -193,12 +197,9 @@ def test_dots_that_a_touch_takes_out_of_sight_are_not_lost(rest: np.ndarray) -> 
     monitor = DriftMonitor(Limits.of_flow('dots'))
     monitor.rest(rest)
     pressed = dataclasses.replace(NOTHING, found=0.7, left_px=5.0, middle_px=2.0, size_px=2.0)
-    for number in range(20):
-        monitor.change(number * S // 2, pressed)
-    assert monitor.verdict.level is Level.VALID
-    for number in range(20, 40):
-        monitor.change(number * S // 2, dataclasses.replace(NOTHING, found=0.7))
-    assert (monitor.verdict.level, monitor.verdict.reasons) == (Level.INVALID, Reason.LOST_REGIONS)
+    assert held(monitor, pressed, begin_s=0) == (Level.VALID, Reason(0))
+    gone = dataclasses.replace(NOTHING, found=0.7)
+    assert held(monitor, gone, begin_s=10) == (Level.INVALID, Reason.LOST_REGIONS)
 
 
 def test_a_stiffer_gel_gives_the_same_picture_to_the_last_bit() -> None:
