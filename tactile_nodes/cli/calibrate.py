@@ -127,7 +127,7 @@ def _require_used(arguments: argparse.Namespace) -> None:
     if arguments.layer and arguments.bags:
         raise ConfigurationError('--layer needs --dataset FILE; make one from the bags with: tactile dataset build')
     if arguments.gel and arguments.dataset:
-        raise ConfigurationError('--gel does not go with --dataset, which names its gel: tactile dataset build … --gel')
+        raise ConfigurationError('--gel does not go with --dataset: the data set names its gel; leave it out')
     if arguments.indenter and arguments.bags:
         raise ConfigurationError('--indenter chooses presses of a data set or a table; leave it out')
     if arguments.untouched_below and not arguments.pictures:

@@ -244,9 +244,7 @@ def test_bags_of_presses_of_the_tip_calibrate_tips_and_field_without_a_data_set(
 
 
 def test_a_source_that_was_pressed_by_a_mesh_asks_what_presses_now(model: Path) -> None:
-    with pytest.raises(
-        ModelError, match=r'with presses of part\.stl; give the body that presses now: --body ball:0\.6'
-    ):
+    with pytest.raises(ModelError, match=r'with presses of part\.stl; give the body that presses now: --body ball:5'):
         body_of_card({'body': 'part.stl'}, load_model(model).model_id)
 
 
@@ -256,6 +254,8 @@ def test_a_description_alone_makes_a_model(tmp_path: Path, capsys: pytest.Captur
     loaded = load_model(output)
     assert (loaded.gel, loaded.model.readout.kind) == ('mine', 'field')
     assert 'from the description simulated without presses' in capsys.readouterr().out
+    with pytest.raises(ModelError, match='does not say which body pressed; give the body that presses now'):
+        body_of_card(loaded.card, loaded.model_id)  # that of the shipped model pressed another gel
 
 
 def test_a_network_of_other_features_is_refused(

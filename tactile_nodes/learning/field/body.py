@@ -114,7 +114,7 @@ def body_of_card(card: Mapping[str, Any], model_id: str) -> KnownBody:
     if name and BETWEEN not in name and not Path(name).suffix[1:].isalpha():
         return KnownBody.named(name)
     pressed = f'was made with presses of {name}' if name else 'does not say which body pressed'
-    raise ModelError(f'model {model_id} {pressed}; give the body that presses now: --body ball:0.6')
+    raise ModelError(f'model {model_id} {pressed}; give the body that presses now: --body ball:5 (radius in mm)')
 
 
 def _round(name: str, shape: str, size: str) -> Body:

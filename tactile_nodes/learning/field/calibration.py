@@ -226,7 +226,7 @@ def described_model(loaded: LoadedModel, sensor: Sensor, gel: str, output: Path,
     card = {
         **_measured_by(sensor, source, {'rows': layout.rows, 'cols': layout.cols}, covered),
         'crop_px': crop_of_size(sensor.image.crop_px),
-        **Pressed(sensor, body_of_card(source, loaded.model_id)).to_card({}),
+        **Pressed(sensor).to_card({}),
         'gel': {'id': gel or sensor.name},
         'data': {'origin': DESCRIPTION},
         'made_with': f'tactile_nodes {__version__}',

@@ -85,7 +85,7 @@ class FieldFit:
     @property
     def deep(self) -> str:
         """The number of presses that were left out, in words."""
-        return f'; {self.left_out} presses are left out: too deep for a linear layer' if self.left_out else ''
+        return f'; presses left out, too deep for a linear layer: {self.left_out}' if self.left_out else ''
 
 
 def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> InputScaling:

@@ -132,13 +132,13 @@ def test_a_gel_of_half_or_twice_the_modulus_lies_within_the_interval_where_nobod
 def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_path: Path) -> None:
     """A quarter stiffer than described; pictures of 320x240, of which 320x200 are read."""
     gel = dataclasses.replace(gel_of(SMALL), mechanics='linear')
-    table, rows = linear_table(gel), ['picture,x_mm,y_mm,force_n']
+    table, rows = linear_table(gel), ['picture,x_mm,y_mm,force_n,indenter']
     optics, random = Optics(gel, table), np.random.default_rng(3)
     for number in range(28):
         (x, y), depth_mm = random.uniform((-6.5, -3.5), (6.5, 3.5)), float(random.uniform(0.3, 0.9))
         presses = (Press(float(x), float(y), depth_mm),) if number >= 8 else ()
         cv2.imwrite(str(tmp_path / f'{number}.png'), optics.render(presses, number))
-        cells = f'{x:.3f},{y:.3f},{1.25 * table.force_at(depth_mm):.4f}' if presses else ',,0'
+        cells = f'{x:.3f},{y:.3f},{1.25 * table.force_at(depth_mm):.4f},ball:0.6' if presses else ',,0,'
         rows.append(f'{number}.png,{cells}')
     (tmp_path / 'presses.csv').write_text('\n'.join(rows))
     save_model(tmp_path / 'described.safetensors', made.model, made.card)
