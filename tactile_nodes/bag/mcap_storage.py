@@ -166,9 +166,7 @@ class McapStorage:
                 self.counts[name] = self.counts.get(name, 0) + count
         if unknown := total.keys() - self._channels.keys():
             count = sum(total[channel] for channel in unknown)
-            self._complain(
-                f'{self.path}: {count} messages are left out, because the description of their topic is damaged'
-            )
+            self._complain(f'{self.path}: messages left out because the description of their topic is damaged: {count}')
         for channel in self._channels:
             self.topics.setdefault(self._topic(channel).name, self._topic(channel))
         if filled:

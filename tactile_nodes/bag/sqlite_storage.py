@@ -137,7 +137,7 @@ class SqliteStorage:
                 parts.append(Extent(count, start_ns, end_ns))
         (others,) = self._connection.execute(_OTHERS).fetchone()
         if others:
-            self._complain(f'{self.path}: {others} messages are left out, because they have cells of wrong types')
+            self._complain(f'{self.path}: messages left out because they have cells of wrong types: {others}')
         return counts, Extent.union(parts)
 
 

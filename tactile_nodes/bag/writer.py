@@ -296,7 +296,7 @@ class BagWriter:
             lost = self._accepted - written
             self._failure = BagError(
                 f'cannot continue to write the bag {self.folder}: {reason}; '
-                f'it can be read and holds the {written} messages written before; {lost} more were lost'
+                f'it can be read and holds the messages written before ({written}); lost: {lost}'
             )
             self._failure.__cause__ = cause
 

@@ -131,7 +131,7 @@ def _left_out(topics: dict[str, str]) -> list[str]:
 def _warn(source: Source) -> None:
     provenance = source.provenance
     odd = [
-        f'{source.bag.path}: {count} messages of {topic} cannot be read and were left out'
+        f'{source.bag.path}: messages of {topic} that cannot be read and were left out: {count}'
         for topic, count in provenance.malformed.items()
     ]
     for problem in [*source.bag.problems, *odd]:

@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     with closing(open_camera(settings, SystemClock(), print)) as camera:
         until_enough(Guide(camera, person, folder, wish, sensor), person.say)
     if (count := len(folder.done)) < LEAST_PRESSES:
-        print(f'{count} presses are too few: a calibration needs at least {LEAST_PRESSES}. Continue with --presses 30')
+        print(f'too few presses ({count}): a calibration needs at least {LEAST_PRESSES}. Continue with --presses 30')
         return 0
     print('enough presses. Next steps:')
     for words in next_steps(folder.table, arguments.sensor, known=body is not None):

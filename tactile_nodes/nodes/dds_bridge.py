@@ -91,7 +91,7 @@ class DdsBridgeNode(Node):
 
     def _report(self) -> None:
         out, came, sayings = self._out, self._in, self._participant.sayings
-        trouble = f'{out.failed} messages could not be sent' if out.failed else came.complaint
+        trouble = f'messages that could not be sent: {out.failed}' if out.failed else came.complaint
         self.report(
             'graph', Level.WARN if trouble else Level.OK, trouble, readers=out.readers, sent=out.forwarded,
             dropped=out.dropped, failed=out.failed, taken=came.taken, malformed=came.malformed,

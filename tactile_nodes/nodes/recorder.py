@@ -149,7 +149,7 @@ class RecorderNode(Node):
         writer = self._let_go()
         if waiting := writer.begin_to_close(PATIENCE_S):
             self.log.warn(
-                f'{waiting} messages still wait for the disk; they are lost if this ends before they are written'
+                f'messages that still wait for the disk: {waiting}; they are lost if this ends before they are written'
             )
         try:
             totals = writer.close()

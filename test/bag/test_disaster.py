@@ -163,7 +163,7 @@ def check_ended_in_one_sentence(process: subprocess.Popen, folder: Path, reason:
     assert reason in errors
     with BagReader(folder) as reader:
         count = len(list(reader.messages()))
-        assert f'holds the {count} messages written before' in errors
+        assert f'holds the messages written before ({count})' in errors
         assert 0 < count < printed.count('\n')
     with Reader(folder / f'{folder.name}_0.mcap') as other:
         assert other.message_count == count

@@ -81,7 +81,7 @@ def test_messages_with_cells_of_wrong_types_are_left_out_and_reported(bag: Path)
         'UPDATE messages SET timestamp = 1.5 WHERE id = 4',
     )
     assert numbers(bag) == (
-        list(range(4, COUNT)), [f'{bag}: 4 messages are left out, because they have cells of wrong types']
+        list(range(4, COUNT)), [f'{bag}: messages left out because they have cells of wrong types: 4']
     )  # fmt: skip
 
 

@@ -87,7 +87,7 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
     assert main([*words, '2']) == 0
     printed = capsys.readouterr().out
     assert '2 of 2 presses (1 of about 20 g, 1 of about 60 g)' in printed
-    assert printed.endswith('2 presses are too few: a calibration needs at least 5. Continue with --presses 30\n')
+    assert printed.endswith('too few presses (2): a calibration needs at least 5. Continue with --presses 30\n')
     assert main([*words, '10']) == 0
     assert 'enough presses. Next steps:' in capsys.readouterr().out
     table = tmp_path / 'by_hand' / 'presses.csv'

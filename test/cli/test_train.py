@@ -159,7 +159,7 @@ def test_what_is_missing_to_train_is_reported_and_that_a_calibration_needs_less(
     [
         (0, 20, 'a network needs presses with a force to train on, but there is none; record some; or calibrate'),
         # Of 12 samples 3 are put aside for the test and of the others one for validation, whose mean is itself.
-        (12, 0, 'the quality of the model is unknown: the 1 held-out presses are too few'),
+        (12, 0, 'the quality of the model is unknown: the held-out presses (1) are too few'),
     ],
 )
 def test_a_network_that_no_press_could_judge_is_not_written(

@@ -378,6 +378,6 @@ def test_what_waits_for_a_slow_disk_at_the_end_is_written_and_spoken_of(tmp_path
         [sys.executable, '-c', ON_A_SLOW_DISK, str(tmp_path / 'bag')],
         env={**os.environ, 'TACTILE_RUN_DIR': str(tmp_path / 'run')}, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert '500 messages still wait for the disk' in ended.stderr
+    assert 'messages that still wait for the disk: 500' in ended.stderr
     assert ended.returncode == 0
     assert content(tmp_path / 'bag') == [('/chatter', str(number)) for number in range(500)]

@@ -174,8 +174,7 @@ def _gathered(start_ns: int, settings: CollectionSettings) -> Procedure[tuple[li
             return list(observation.samples), list(observation.frames[: press.frames])
         if observation.now_ns - start_ns > patience_ns:
             raise RejectedError(
-                f'{len(observation.frames)} images and {len(observation.samples)} force samples are too few '
-                'for the window'
+                f'too few images ({len(observation.frames)}) or force samples ({len(observation.samples)}) for the window'
             )
 
 

@@ -148,7 +148,7 @@ class Campaign:
         left = self._journal.left(self._order, most)
         if left or not (missing := self._outlet.missing()):
             return left
-        self._outlet.say(f'{missing} presses are in no bag, perhaps because no recorder was running; doing them again')
+        self._outlet.say(f'presses in no bag: {missing}, perhaps because no recorder was running; doing them again')
         self.progress.done = self._journal.done
         return self._journal.left(self._order, most)
 

@@ -207,7 +207,7 @@ class Session:
         if self._settings.anew:
             if done := self._journal.begin_anew(self._clock.now_ns()):
                 self._log.info(
-                    f'starting plan {self.plan.plan_id} anew; {done} presses of earlier runs remain in their bags'
+                    f'starting plan {self.plan.plan_id} anew; presses of earlier runs that remain in their bags: {done}'
                 )
             return
         found, missing = audit(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock.now_ns())
@@ -217,4 +217,4 @@ class Session:
                 f'done, {found} of them newly found in the bags; {missing} not found will be done again'
             )
         if aside := self._journal.aside:
-            self._log.info(f'{len(aside)} presses were set aside because the force was too large; see the journal')
+            self._log.info(f'presses set aside because the force was too large: {len(aside)}; see the journal')

@@ -98,7 +98,7 @@ class Trust:
         reason = f'the anchor is displaced by {shift.describe()} from the first one'
         count = self._doubt(self._journal.unconfirmed(), reason)
         raise DeviceFaultError(
-            f'the tip is not where the machine reports: {reason}; the {count} presses since the last good anchor are '
+            f'the tip is not where the machine reports: {reason}; all presses since the last good anchor ({count}) are '
             'suspect and will be done again. Check which axis sticks or loses steps, then start again'
         )
 
@@ -131,5 +131,5 @@ class Trust:
         for entry in entries:
             self._outlet.suspect(entry, reason)
             self._journal.note(entry.press, entry.attempt, SUSPECT, self._clock.now_ns(), reason)
-        self._outlet.say(f'{len(entries)} presses are suspect and will be done again: {reason}')
+        self._outlet.say(f'suspect presses, which will be done again: {len(entries)} ({reason})')
         return len(entries)

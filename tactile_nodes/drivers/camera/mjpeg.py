@@ -56,7 +56,7 @@ class MjpegCamera(LiveCamera):
             return Health(Level.STALE, f'{self.name} is not open')
         if self._lost is not None:
             return Health(Level.ERROR, str(self._lost))
-        return Health(Level.OK, f'receiving {self.name}, {self._reader.dropped} frames lost')
+        return Health(Level.OK, f'receiving {self.name}, frames lost: {self._reader.dropped}')
 
     def open(self) -> None:
         """Connect, and wait for the first complete picture."""

@@ -120,7 +120,7 @@ class Reconnecting:
             return Health(Level.STALE, f'{self._source} is not open')
         health = self._camera.health
         if self._losses and health.level == Level.OK:
-            return Health(Level.OK, f'{health.message}; reconnected {self._losses} times')
+            return Health(Level.OK, f'{health.message}; reconnected so far: {self._losses}')
         return health
 
     def open(self) -> None:

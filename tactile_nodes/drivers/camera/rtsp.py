@@ -48,7 +48,7 @@ class RtspCamera(LiveCamera):
         """OK while it is open, with the number of lost frames."""
         if self._reader is None:
             return Health(Level.STALE, f'{self.name} is not open')
-        return Health(Level.OK, f'receiving {self.name}, {self._reader.dropped} frames lost')
+        return Health(Level.OK, f'receiving {self.name}, frames lost: {self._reader.dropped}')
 
     def open(self) -> None:
         """Start the session, and wait for the first picture."""

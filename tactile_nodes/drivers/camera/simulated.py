@@ -76,7 +76,7 @@ class SimulatedCamera:
         """OK while it is open, with the number of lost frames."""
         if self._scene is None:
             return Health(Level.STALE, f'{NAME} is not open')
-        return Health(Level.OK, f'rendering, {self._dropped} frames lost')
+        return Health(Level.OK, f'rendering, frames lost: {self._dropped}')
 
     def open(self) -> None:
         """Build the scene and render once, so that the first frame comes as fast as later ones.

@@ -93,7 +93,7 @@ class V4l2Camera(LiveCamera):
             return Health(Level.STALE, f'{self.name} is not open')
         if complaints := self._device.complaints:
             return Health(Level.WARN, f'{self.name}: {"; ".join(complaints)}')
-        return Health(Level.OK, f'receiving {self.name}, {self._reader.dropped} frames lost')
+        return Health(Level.OK, f'receiving {self.name}, frames lost: {self._reader.dropped}')
 
     def open(self) -> None:
         """Set the format, wait for the first frame, set the controls."""

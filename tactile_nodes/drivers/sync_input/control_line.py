@@ -147,7 +147,7 @@ class WatchedLine:
             return Health(Level.STALE, f'{self._name} is not open')
         if self._failure is not None:
             return Health(Level.ERROR, str(self._failure))
-        return Health(Level.OK, f'{self._count} edges')
+        return Health(Level.OK, f'edges: {self._count}')
 
     def open(self) -> None:
         """Start watching."""

@@ -57,8 +57,8 @@ class ReconnectingSyncInput:
         health = self._line.health
         if health.level != Level.OK:
             return health
-        again = f'; reconnected {self._losses} times' if self._losses else ''
-        return Health(Level.OK, f'{self._count} edges{again}')
+        again = f'; reconnected so far: {self._losses}' if self._losses else ''
+        return Health(Level.OK, f'edges: {self._count}{again}')
 
     def open(self) -> None:
         """Start watching; the first failure is raised.

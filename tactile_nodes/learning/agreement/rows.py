@@ -86,4 +86,4 @@ def require_single(rows: Iterable[Row], progress: Progress, *, forced: bool = Fa
 
 
 def _first_of(sentences: list[str]) -> str:
-    return sentences[0] + (f'; {len(sentences) - 1} more rows are alike' if len(sentences) > 1 else '')
+    return sentences[0] + (f'; likewise {len(sentences) - 1} more' if len(sentences) > 1 else '')

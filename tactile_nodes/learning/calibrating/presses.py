@@ -183,7 +183,7 @@ def fit_line(calibrator: Calibrator) -> str:
     """'25 presses: 3.1 mN and 0.052 mm off where held out (medians) …', or why there is no calibration yet."""
     calibration = calibrator.calibration
     if calibration is None:
-        return f'{calibrator.presses} presses: no calibration yet: {calibrator.objection}'
+        return f'after press {calibrator.presses}: no calibration yet: {calibrator.objection}'
     text = f'{calibrator.presses} presses: {_medians(calibration.after)} off on held-out presses, without calibration '
     text += f'{_medians(calibration.before)} (medians); form {calibration.form}'
     if found := curves(calibrator.fits):

@@ -234,11 +234,11 @@ class CollectionBag:
     @property
     def problems(self) -> list[str]:
         """A sentence for each problem in the bag."""
-        odd = [f'{count} {fault}' for fault, count in self.aligner.odd.items()]
+        odd = [f'{fault}: {count}' for fault, count in self.aligner.odd.items()]
         if self.malformed:
-            odd.append(f'{self.malformed} messages that do not match their type')
+            odd.append(f'messages that do not match their type: {self.malformed}')
         if self.aligner.left_over:
-            odd.append(f'{self.aligner.left_over} images after the last press')
+            odd.append(f'images after the last press: {self.aligner.left_over}')
         return [*self._reader.problems, *odd]
 
     def presses(self) -> Iterator[RecordedPress]:

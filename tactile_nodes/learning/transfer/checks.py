@@ -61,7 +61,7 @@ def require_presses(dataset: Dataset, known_mm: tuple[float, float]) -> None:
     presses = dataset.presses[:, 2] > 0
     touched = dataset.presses[presses]
     if wrong := int((presses & ~dataset.known).sum()):
-        raise DatasetError(f'place or force of {wrong} images of presses is not a number; leave these out')
+        raise DatasetError(f'images of presses whose place or force is not a number: {wrong}; leave these out')
     places = np.unique(touched[:, :2], axis=0)
     if len(places) < LEAST_PRESSES:
         raise DatasetError(
@@ -92,7 +92,7 @@ def require_motion(dataset: Dataset, scaling: InputScaling) -> None:
     shown = (scaling.trusted > 0) & (dataset.confidence >= scaling.confidence_floor)[dataset.rest]
     wrong = int((shown & ~np.isfinite(dataset.features).all(axis=-1)).any(axis=(1, 2)).sum())
     if wrong:
-        raise DatasetError(f'the motion in {wrong} images is not a number; leave these images out')
+        raise DatasetError(f'images in which the motion is not a number: {wrong}; leave these out')
 
 
 def require_tared(offset_n: float, spread_n: float = 0.0) -> None:

@@ -114,7 +114,7 @@ def unjudged(presses: int, mean: Errors) -> str:
     """Why these presses cannot judge a model, from the errors of their mean; empty if they can."""
     if math.isfinite(mean.force_median_n) or math.isfinite(mean.place_median_mm):
         return ''
-    return f'the quality of the model is unknown: the {presses} held-out presses are too few or too similar'
+    return f'the quality of the model is unknown: the held-out presses ({presses}) are too few or too similar'
 
 
 def poor(after: Errors, mean: Errors) -> str:

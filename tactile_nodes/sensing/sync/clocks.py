@@ -237,7 +237,7 @@ def _trouble(
 def _too_few(count: int, fewest: int) -> Refusal:
     return Refusal(
         Reason.TOO_FEW_EDGES,
-        f'{count} edges seen by both are too few to synchronise, {fewest} are needed; switch the line more often',
+        f'too few edges seen by both to synchronise: {count}, and {fewest} are needed; switch the line more often',
     )
 
 

@@ -55,7 +55,7 @@ def test_a_clock_that_cannot_be_fitted_is_reported_with_its_reason(
 ) -> None:
     folder = bag(tmp_path / 'few', rig=TIMES_NS, camera=BEHIND_NS, light=BEHIND_NS[:5])
     assert main(['bag', 'sync', str(folder)]) == 1
-    assert 'light: 5 edges, too few edges: 5 edges seen by both are too few' in capsys.readouterr().out
+    assert 'light: 5 edges, too few edges: too few edges seen by both to synchronise: 5' in capsys.readouterr().out
 
 
 def test_a_rig_that_nobody_watches_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

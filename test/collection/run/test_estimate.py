@@ -95,3 +95,8 @@ def test_mean_press_is_one_of_the_plan_without_anchors() -> None:
     course = Course(SETTINGS, SAFE_Z_MM, SURFACE_Z_MM, 20.0)
     times = [course.press_s(before, point) for before, point in pairwise((order[0], *order))]
     assert whole_run.each_s == pytest.approx(sum(times) / 12)
+
+
+def test_a_plan_of_neighbours_one_after_the_other_is_told_in_plain_words() -> None:
+    line = Estimate(800, 3600.0, 4.5, 1800.0, 2500.0, 1).describe().splitlines()[0]
+    assert line == '800 presses, 2.5 m over the gel; least number of presses from one to a neighbouring one: 1'

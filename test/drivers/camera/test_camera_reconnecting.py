@@ -103,7 +103,7 @@ def test_an_unplugged_camera_is_found_again_after_it_is_plugged_in(bench: Bench,
     while (frame := read_or_none(camera, 0.5)) is None:
         pass
     assert frame.sequence == 1
-    assert camera.health == Health(Level.OK, 'receiving X; reconnected 1 times')
+    assert camera.health == Health(Level.OK, 'receiving X; reconnected so far: 1')
 
 
 def test_attempts_wait_twice_as_long_each_time_up_to_five_seconds(

@@ -88,7 +88,7 @@ def test_a_lost_line_is_found_again_and_numbers_go_on(clock: SteppedClock) -> No
     assert first.closed == 1
     assert line.health.level == Level.ERROR and 'check its cable' in line.health.message
     assert [edge.number for edge in line.read(1.0)] == [3, 4, 5]
-    assert line.health == Health(Level.OK, '5 edges; reconnected 1 times')
+    assert line.health == Health(Level.OK, 'edges: 5; reconnected so far: 1')
     assert line.description['times lost'] == '1'
 
 

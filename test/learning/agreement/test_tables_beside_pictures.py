@@ -272,7 +272,7 @@ def test_one_picture_in_two_tables_is_named_unless_it_is_of_the_untouched_gel(
     words = ['--model', str(folder / 'described.safetensors'), '-o', str(tmp_path / 'both.npz')]
     assert main(['dataset', 'import', str(folder / 'presses.csv'), str(other), *words]) == 0
     printed = ' '.join(capsys.readouterr().out.split())
-    assert f'other.csv, line 6 has the image of line 9 of {folder / "presses.csv"} again; 2 more rows' in printed
+    assert f'other.csv, line 6 has the image of line 9 of {folder / "presses.csv"} again; likewise 2 more' in printed
     assert 'has the image of line 2' not in printed
 
 
