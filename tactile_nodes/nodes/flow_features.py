@@ -59,7 +59,9 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
     most_hz: float = parameter(0.0, 'most pictures per second that are processed; 0: all', minimum=0.0)
     skip_frames: int = parameter(0, 'frames to skip before the capture at start', minimum=0)
     reference_file: str = parameter('', 'PNG file to read the rest image from, or to save it to', read_only=False)
-    overlay_folder: str = parameter('', 'folder for pictures of the motion; empty: the working folder', read_only=False)
+    overlay_folder: str = parameter(
+        '', 'folder for pictures of the motion, named by node and number; empty: the working folder', read_only=False
+    )
     overlay_every: int = parameter(
         0, 'save a picture of the motion every N frames; 0: only on request', minimum=0, read_only=False
     )
@@ -228,15 +230,16 @@ class FlowFeaturesNode(Node):
 
     def _save_overlay(self) -> str:
         folder = Path(self.params.overlay_folder or '.')
+        mine = self.full_name[1:].replace('/', '.')  # nodes of several sensors may draw into one folder
         if folder != self._drawn[0]:
-            self._drawn = folder, _last_number(folder)
-        file = folder / f'flow_{self._drawn[1] + self._frames:06d}.png'
+            self._drawn = folder, _last_number(folder, mine)
+        file = folder / f'{mine}_{self._drawn[1] + self._frames:06d}.png'
         return f'saved {write_png(file, self._following.overlay())}'
 
 
-def _last_number(folder: Path) -> int:
-    """The highest number of the drawings in a folder; 0 if there are none."""
-    found = (re.fullmatch(r'flow_([0-9]+)\.png', each.name) for each in folder.glob('flow_*.png'))
+def _last_number(folder: Path, mine: str) -> int:
+    """The highest number of a node's drawings in a folder; 0 if there are none."""
+    found = (re.fullmatch(rf'{re.escape(mine)}_([0-9]+)\.png', each.name) for each in folder.glob(f'{mine}_*.png'))
     return max((int(each[1]) for each in found if each), default=0)
 
 

@@ -339,7 +339,7 @@ def test_overlay_is_saved_on_request(
     bus._services['/flow_features/save_overlay'].handler(types.Trigger_Request(), keep)
     run(tested)
     assert answer.success
-    assert cv2.imread(str(tmp_path / 'flow_000001.png')).shape == (160, 160, 3)
+    assert cv2.imread(str(tmp_path / 'flow_features_000001.png')).shape == (160, 160, 3)
     assert bus._services['/flow_features/save_overlay'].type_name == services.TRIGGER
 
 
@@ -354,4 +354,26 @@ def test_a_restarted_node_draws_over_no_earlier_picture(
             run(tested)
         tested.close()
     drawn = sorted(each.name for each in (tmp_path / 'drawn').iterdir())
-    assert drawn == [f'flow_00000{number}.png' for number in (1, 3, 4, 6)]
+    assert drawn == [f'flow_features_00000{number}.png' for number in (1, 3, 4, 6)]
+
+
+def test_the_nodes_of_two_sensors_draw_over_no_picture_of_each_other(
+    bus: InProcessBus, clock: SteppedClock, tmp_path: Path
+) -> None:
+    """In turns, so that each finds pictures of the other when it begins, and draws while the other does."""
+    words = [
+        word for each in (*SMALL, f'overlay_folder:={tmp_path / "drawn"}', 'overlay_every:=1') for word in ('-p', each)
+    ]
+    fingers = [
+        FlowFeaturesNode(bus, parse_arguments(['--ros-args', *words, '-r', f'__ns:=/{name}']), clock)
+        for name in ('left', 'right')
+    ]
+    cameras = [
+        bus.advertise(f'/{name}/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos) for name in ('left', 'right')
+    ]
+    for number in range(3):  # the first becomes the rest image
+        for tested, camera in zip(fingers, cameras, strict=True):
+            camera.publish(image(np.roll(PATTERN, number, axis=0)))
+            run(tested)
+    drawn = sorted(each.name for each in (tmp_path / 'drawn').iterdir())
+    assert drawn == [f'{name}.flow_features_00000{number}.png' for name in ('left', 'right') for number in (1, 2)]
