@@ -116,7 +116,7 @@ class Regions:
         along y."""
         kernels = self.surface.kernels(self.surface.rectangle(*self.patches.size_mm))
         cols, rows = (cells // 2 + FINER * np.arange(-NEAR, NEAR + 1) for cells in self.surface.cells)
-        return np.stack([kernels[0, 0, 1], kernels[0, 1, 2]])[:, rows[:, None], cols]
+        return np.ascontiguousarray(np.stack([kernels[0, 0, 1], kernels[0, 1, 2]])[:, rows[:, None], cols])
 
     @cached_property
     def _layers(self) -> tuple[tuple[float, ElasticLayer], ...]:

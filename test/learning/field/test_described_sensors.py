@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 from contextlib import closing
 from pathlib import Path
 
@@ -77,6 +78,21 @@ def test_presses_are_read_though_nobody_ever_pressed_it(made: LoadedModel) -> No
         assert read.total_n == pytest.approx(chain.table.force_at(0.6), rel=0.15)
         assert np.hypot(read.contacts[0].x_mm - x_mm, read.contacts[0].y_mm - y_mm) < 0.4
     assert chain.read().total_n < 0.005
+
+
+@pytest.mark.timeout(400)  # the first use compiles
+@pytest.mark.skipif(importlib.util.find_spec('numba') is None, reason='numba is not installed')
+def test_a_model_that_was_never_saved_reads_with_compiled_loops_as_with_numpy(made: LoadedModel) -> None:
+    """1 N on a patch in the middle."""
+    assert isinstance(made.model.readout, FieldReadout)
+    readout = described(SMALL, made.model.readout.scaling).readout
+    patches, values = readout.solver.patches, np.zeros(readout.scaling.mean.shape, np.float32)
+    middle = int(np.hypot(*patches.centres_mm.T).argmin())
+    values[readout.scaling.trusted > 0] = readout.response[:, middle].reshape(-1, 2)
+    sure = np.ones(values.shape[:2], np.float32)
+    plain, compiled = (dataclasses.replace(readout, compiled=each).read(values, sure) for each in (False, True))
+    assert plain.normal_force_n.sum() == pytest.approx(1.0, abs=0.1)
+    np.testing.assert_allclose(compiled.normal_force_n, plain.normal_force_n, atol=1e-3)
 
 
 def test_what_moves_on_a_covered_part_is_no_force(tmp_path: Path) -> None:
