@@ -28,6 +28,7 @@ from tactile_nodes.web.scene import Scene
 from tactile_nodes.web.server import PageServer
 
 LOOK_EVERY_S = 0.5
+UNWATCHED_EVERY_S = 0.25  # often enough that the last force is a fresh one (`scene.FRESH_S`)
 IMAGES = 4  # kept between two polls
 
 
@@ -74,7 +75,7 @@ class _Shown:
 
 
 class LiveViewNode(Node):
-    """Shows incoming messages to the viewers; without viewers, it receives no pictures."""
+    """Shows incoming messages to the viewers; without viewers, it receives no pictures, and looks at forces rarely."""
 
     NAME = 'live_view'
     PARAMS = LiveViewParams
@@ -84,18 +85,21 @@ class LiveViewNode(Node):
         chosen: LiveViewParams = self.params
         sensors = load_hand(chosen.hand).names if chosen.hand else ('',)
         self._sensors = {name: self._feed(name) for name in sensors}
+        self._sums = Feeds(bus, self.full_name, self.names.resolve)
         if chosen.hand:
-            self.create_subscription(topics.HAND_WRENCH, self._on_hand)
+            self._sums.add(topics.HAND_WRENCH, self._on_hand, keep=1)
         self.server = PageServer(
             port.listen(chosen.address, chosen.port), self._act, lambda: self.post(self._look), self.log.warn,
             Guests(chosen.guests), chosen.host_names, chosen.viewers, sensors,
         )  # fmt: skip
         self._announce()
-        self.create_timer(1.0 / chosen.rate_hz, self._show)
+        self.create_timer(1.0 / chosen.rate_hz, lambda: self._show(watched=True))
+        self.create_timer(UNWATCHED_EVERY_S, lambda: self._show(watched=False))
         self.create_timer(LOOK_EVERY_S, self._look)
 
     def on_close(self) -> None:
         self.server.close()
+        self._sums.close()
         for each in self._sensors.values():
             for feeds in (each.pictures, each.forces, each.health):
                 feeds.close()
@@ -159,8 +163,12 @@ class LiveViewNode(Node):
         pictures.add(topics.FLOW_FEATURES, scene.add_motion, keep=IMAGES)
         pictures.add(topics.FORCE_FIELD, scene.add_field, keep=IMAGES)
 
-    def _show(self) -> None:
-        for each in self._sensors.values():
+    def _show(self, *, watched: bool) -> None:
+        """Take in what has come of the sensors that are watched, or of the others, of which only forces are kept."""
+        shown = [each for each in self._sensors.values() if each.watched is watched]
+        if shown:
+            self._sums.drain()
+        for each in shown:
             self._show_of(each)
 
     def _show_of(self, each: _Shown) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.sensing.grasp import grasp_margin, moved_wrench
+from tactile_nodes.sensing.grasp import grasp_margin, moved_wrench, wrench_mover
 from tactile_nodes.sensors import Hand, HandSensor
 
 PATIENCE = 3
@@ -32,6 +32,7 @@ class HandForces:
 
     def __init__(self, hand: Hand, patience: int = PATIENCE, last_ns: Mapping[str, int] | None = None) -> None:
         self._hand = hand
+        self._movers = {each.name: wrench_mover(each.frame.parent_from_surface) for each in hand.sensors}
         self._patience = patience
         self._last_ns = None if last_ns is None else {name: last_ns.get(name, 0) for name in hand.names}
         self._frame_ns = round(NS_PER_S / hand.fps)
@@ -74,14 +75,17 @@ class HandForces:
         together = {name: at_ns for name, at_ns in first.items() if at_ns <= min(first.values()) + self._frame_ns}
         forces = {name: self._waiting[name].popleft() for name in together}
         self._newest_ns = max(together.values())
-        return summed(self._hand, forces, self._newest_ns)
+        return summed(self._hand, self._movers, forces, self._newest_ns)
 
 
-def summed(hand: Hand, forces: dict[str, types.ForceDistribution], at_ns: int) -> types.HandWrench:
-    """The sum of the forces of a hand's sensors, by name. Errors of different sensors count as independent."""
-    wrenches = {
-        each.name: _in_hand(each, forces[each.name]) for each in hand.sensors if _is_known(forces.get(each.name))
-    }
+def summed(
+    hand: Hand, movers: Mapping[str, np.ndarray], forces: dict[str, types.ForceDistribution], at_ns: int
+) -> types.HandWrench:
+    """The sum of the forces of a hand's sensors, by name. Errors of different sensors count as independent.
+
+    `movers` are the 6 by 6 matrices from each surface to the hand.
+    """
+    wrenches = {name: _in_hand(movers[name], forces[name]) for name in hand.names if _is_known(forces.get(name))}
     margins = [
         margin
         for each in hand.sensors
@@ -107,11 +111,11 @@ def _is_known(force: Any) -> bool:
     return force is not None and force.status != force.STATUS_INVALID and bool(force.wrench_covariance[0] >= 0)
 
 
-def _in_hand(sensor: HandSensor, force: types.ForceDistribution) -> tuple[np.ndarray, np.ndarray]:
+def _in_hand(mover: np.ndarray, force: types.ForceDistribution) -> tuple[np.ndarray, np.ndarray]:
     pull, turn = force.wrench.force, force.wrench.torque
     wrench = np.array([pull.x, pull.y, pull.z, turn.x, turn.y, turn.z])
     covariance = np.asarray(force.wrench_covariance, float).reshape(6, 6)
-    return moved_wrench(sensor.frame.parent_from_surface, wrench, covariance)
+    return moved_wrench(mover, wrench, covariance)
 
 
 def _wrench(found: np.ndarray) -> types.Wrench:

@@ -8,18 +8,22 @@ import numpy as np
 from jaxtyping import Float
 
 
-def moved_wrench(
-    b_from_a: Float[np.ndarray, '4 4'], wrench: Float[np.ndarray, ' 6'], covariance: Float[np.ndarray, '6 6']
-) -> tuple[Float[np.ndarray, ' 6'], Float[np.ndarray, '6 6']]:
-    """A wrench (force [N], then torque about a's origin [N m]) and its covariance, in frame b and about its origin.
+def wrench_mover(b_from_a: Float[np.ndarray, '4 4']) -> Float[np.ndarray, '6 6']:
+    """The matrix for `moved_wrench` from frame a to frame b.
 
     The torque gains p x F, p the origin of a in b: 1 N along y at p = (1, 0, 0) m is 1 N m about z.
     """
     turned, place = b_from_a[:3, :3], b_from_a[:3, 3]
     x, y, z = place
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    adjoint = np.block([[turned, np.zeros((3, 3))], [across @ turned, turned]])
-    return adjoint @ wrench, adjoint @ covariance @ adjoint.T
+    return np.block([[turned, np.zeros((3, 3))], [across @ turned, turned]])
+
+
+def moved_wrench(
+    mover: Float[np.ndarray, '6 6'], wrench: Float[np.ndarray, ' 6'], covariance: Float[np.ndarray, '6 6']
+) -> tuple[Float[np.ndarray, ' 6'], Float[np.ndarray, '6 6']]:
+    """A wrench (force [N], then torque about a's origin [N m]) and its covariance, in frame b and about its origin."""
+    return mover @ wrench, mover @ covariance @ mover.T
 
 
 def grasp_margin(

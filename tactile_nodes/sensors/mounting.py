@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -47,7 +48,7 @@ class Mounting:
         """Roll, pitch and yaw [rad]."""
         return tuple(map(math.radians, self.rpy_deg))
 
-    @property
+    @cached_property
     def parent_from_surface(self) -> Float[np.ndarray, '4 4']:
         """Transforms points (x, y, z, 1) [m] from surface to parent frame: Rz(yaw) Ry(pitch) Rx(roll), then a shift.
 
@@ -62,6 +63,7 @@ class Mounting:
             (-sp, cp * sr, cp * cr),
         )
         matrix[:3, 3] = self.xyz_m
+        matrix.flags.writeable = False
         return matrix
 
     def __str__(self) -> str:

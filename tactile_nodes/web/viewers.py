@@ -12,7 +12,7 @@ from collections import deque
 from tactile_nodes.web.packet import Packet
 
 IN_FLIGHT = 2
-HISTORY_PACKETS = 1800  # of samples: a minute at 30 a second
+HISTORY_PACKETS = 1800  # of samples: a minute at 30 a second, and more of the time when nobody watched
 STUCK_AFTER_S = 3.0
 
 
@@ -62,7 +62,7 @@ class Viewer:
 
 
 class Audience:
-    """All viewers, and the last minute of force samples for new ones. One thread changes it, any thread may read."""
+    """All viewers, and a minute or more of force samples for new ones. One thread changes it, any thread may read."""
 
     def __init__(self, most: int = 16) -> None:
         self.viewers: list[Viewer] = []

@@ -18,6 +18,7 @@ from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.messages import types
 from tactile_nodes.nodes.live_view import LiveViewNode
 from tactile_nodes.params import Located, NodeParameters
 from tactile_nodes.web import packet
@@ -72,8 +73,27 @@ def test_who_comes_later_is_reported_the_force_of_the_time_before(
     monkeypatch.setattr(node.server, 'remember', lambda samples, sensor: remembered.append(samples))
     for number in range(3):
         publisher(topics.FORCE_DISTRIBUTION).publish(force(1000.0 + 16 * number, (0.25 * number, 0.0, 0.0, 0.0)))
-        pass_time(node, clock, 1 / 30)
+        pass_time(node, clock, 1 / 60)
+    assert not remembered
+    pass_time(node, clock, 0.25)
     assert [total for each in remembered for _, total, _ in SAMPLE.iter_unpack(each)] == [0.0, 0.25, 0.5]
+
+
+def test_the_sums_of_a_hand_are_taken_in_rarely_while_nobody_watches(
+    bus: InProcessBus, clock: SteppedClock, publisher: Advertise, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """60 sums a second that nobody sees are not decoded one by one: each quarter of a second the last is."""
+    told: list[int] = []
+    monkeypatch.setattr(LiveViewNode, '_on_hand', lambda _, received: told.append(received.sequence))
+    values = {'port': Located(0, 'test'), 'hand': Located('two_fingers', 'test')}
+    node = LiveViewNode(bus, NodeArguments(parameters=(NodeParameters('/**', values),)), clock)
+    sums = publisher(topics.HAND_WRENCH)
+    for _ in range(15):
+        sums.publish(types.HandWrench())
+        pass_time(node, clock, 1 / 60)
+    pass_time(node, clock, 0.01)
+    node.close()
+    assert told == [15]
 
 
 def test_when_somebody_watches_it_receives_and_when_they_go_no_more(

@@ -23,6 +23,13 @@ def test_a_pitch_of_a_right_angle_turns_the_outward_axis_forwards() -> None:
     assert mounted.parent_from_surface @ (0.0, 0.0, 0.001, 1.0) == pytest.approx((0.001, 0.0, 0.012, 1.0))
 
 
+def test_the_transform_is_made_once_and_nobody_can_change_it() -> None:
+    mounted = Mounting(position_mm=(0.0, 0.0, 12.0))
+    assert mounted.parent_from_surface is mounted.parent_from_surface
+    with pytest.raises(ValueError, match='read-only'):
+        mounted.parent_from_surface[0, 3] = 1.0
+
+
 def test_every_mounting_is_a_rigid_motion() -> None:
     turned = Mounting(rpy_deg=(20.0, -35.0, 110.0)).parent_from_surface[:3, :3]
     assert turned @ turned.T == pytest.approx(np.eye(3))

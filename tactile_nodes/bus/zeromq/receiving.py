@@ -168,11 +168,12 @@ class Receiver:
     def take_in(self) -> None:
         """Take one message, without waiting; then the others have their turn, and who waited for this one."""
         try:
-            first = memoryview(self.socket.recv(zmq.NOBLOCK))
-            rest = self._rest() if self.socket.rcvmore else []
+            frame = self.socket.recv(zmq.NOBLOCK, copy=False)  # it knows at once whether more follow
+            rest = self._rest() if frame.more else []
         except zmq.Again:
             return
         now_ns = self._bus.clock.now_ns()
+        first = memoryview(frame.bytes)
         try:
             header, outlet = self._header_of(first)
             data = _data_of(first, rest)

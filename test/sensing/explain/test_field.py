@@ -7,7 +7,7 @@ from tactile_nodes.sensing.explain.field.contacts import contacts_of, parts_of, 
 from tactile_nodes.sensing.explain.field.solver import Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.field.sums import sums
-from tactile_nodes.sensing.grasp import moved_wrench
+from tactile_nodes.sensing.grasp import moved_wrench, wrench_mover
 
 NOISE_PX = 0.004
 STILL = np.zeros((2, 1, 1), np.float32)
@@ -108,7 +108,7 @@ def test_an_error_of_a_force_is_one_of_its_torque_too(solver: FieldSolver) -> No
     assert (covariance[0, 5], covariance[1, 5]) == pytest.approx((-squared * y, squared * x))
     there = np.eye(4)
     there[:2, 3] = -x, -y
-    _, moved_there = moved_wrench(there, np.zeros(6), covariance)
+    _, moved_there = moved_wrench(wrench_mover(there), np.zeros(6), covariance)
     assert moved_there == pytest.approx(np.diag([squared, squared, squared, 0, 0, 0]), abs=1e-9)
 
 
