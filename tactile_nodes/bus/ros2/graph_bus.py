@@ -10,7 +10,8 @@ from __future__ import annotations
 import os
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import rclpy
@@ -78,7 +79,8 @@ class Ros2Bus:
         with self._lock:
             self._check_open()
             owner = self._node(node)
-            publisher = owner.create_publisher(generated, topic, publisher_profile(topic, qos))
+            with _making(f'publish {topic} as {type_name}'):
+                publisher = owner.create_publisher(generated, topic, publisher_profile(topic, qos))
             return self._keep(Ros2Publisher(topic, type_name, publisher, lambda: owner.destroy_publisher(publisher)))
 
     def subscribe(
@@ -100,7 +102,8 @@ class Ros2Bus:
             there = [end for end in owner.get_publishers_info_by_topic(topic) if end.topic_type == type_name]
             profile = subscription_profile(topic, qos, there)
             callback = receiving(subscription, self.clock)
-            handles.append(owner.create_subscription(generated, topic, callback, profile, raw=True))
+            with _making(f'subscribe to {topic} as {type_name}'):
+                handles.append(owner.create_subscription(generated, topic, callback, profile, raw=True))
             return self._keep(subscription)
 
     # --- services -------------------------------------------------------------------------------------------
@@ -117,7 +120,8 @@ class Ros2Bus:
                 handler = ros2_events.telling(handler, node, self.clock.now_ns, self._events_of(node).publish)
             answer = ros2_calls.answering(type_name, handler, self._executor, owner.get_logger().error)
             # Its own group: calls that wait for their answer hold up neither each other nor any topic.
-            service_end = owner.create_service(generated, service, answer, callback_group=ReentrantCallbackGroup())
+            with _making(f'offer {service} as {type_name}'):
+                service_end = owner.create_service(generated, service, answer, callback_group=ReentrantCallbackGroup())
             return self._keep(Ros2Service(service, node, lambda: owner.destroy_service(service_end)))
 
     def call(self, service: str, type_name: str, request: Any, timeout_s: float = 5.0) -> Any:
@@ -142,7 +146,9 @@ class Ros2Bus:
     def add_node(self, name: str) -> None:
         with self._lock:
             self._check_open()
-            self._nodes.setdefault(name, []).append(self._make_node(name))
+            with _making(f'show the node {name}'):
+                made = self._make_node(name)
+            self._nodes.setdefault(name, []).append(made)
 
     def remove_node(self, name: str) -> None:
         with self._lock:
@@ -248,6 +254,18 @@ class Ros2Bus:
                 f'stamps of this package are {apart_ns / NS_PER_S:+.3f} s from the wall clock that other nodes use: '
                 'it was set after the first program of this boot; end all programs and remove clock-* in the run folder'
             )
+
+
+@contextmanager
+def _making(what: str) -> Iterator[None]:
+    """Tell in a sentence what the middleware refuses to make: Fast DDS allows one type a name in each process."""
+    try:
+        yield
+    except RuntimeError as error:  # RCLError is one
+        said = str(error).partition('\n')[0]
+        raise BusError(
+            f'ROS 2 cannot {what} ({said}); if this process uses that name with another type, remap one of them'
+        ) from error
 
 
 def _nothing() -> None:
