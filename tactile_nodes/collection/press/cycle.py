@@ -174,7 +174,8 @@ def _gathered(start_ns: int, settings: CollectionSettings) -> Procedure[tuple[li
             return list(observation.samples), list(observation.frames[: press.frames])
         if observation.now_ns - start_ns > patience_ns:
             raise RejectedError(
-                f'too few images ({len(observation.frames)}) or force samples ({len(observation.samples)}) for the window'
+                f'too few images ({len(observation.frames)}) or force samples ({len(observation.samples)}) for the '
+                'window'
             )
 
 

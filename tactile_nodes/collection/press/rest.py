@@ -64,7 +64,9 @@ def rest_frames(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Seq
         if len(observation.frames) >= settings.reference_frames:
             return observation.frames[: settings.reference_frames]
         if observation.now_ns - start_ns > REST_PATIENCE_S * NS_PER_S:
-            raise DeviceTimeoutError(f'too few images in {REST_PATIENCE_S:g} s ({len(observation.frames)}); check the camera')
+            raise DeviceTimeoutError(
+                f'too few images in {REST_PATIENCE_S:g} s ({len(observation.frames)}); check the camera'
+            )
 
 
 def image_noise(frames: Sequence[Frame]) -> float:

@@ -76,8 +76,8 @@ def forceful(points: Sequence[Point], settings: CollectionSettings, surface: Sur
 
 def named(points: Sequence[Point]) -> str:
     """'press 2 at x -4, y -2 mm, 1.5 mm deep, and 3 more'"""
-    told = [f'press {p.press} at x {p.x_mm:g}, y {p.y_mm:g} mm, {p.depth_mm:g} mm deep' for p in points[:NAMED]]
-    return ', '.join([*told, f'and {len(points) - NAMED} more'] if len(points) > NAMED else told)
+    first = [f'press {p.press} at x {p.x_mm:g}, y {p.y_mm:g} mm, {p.depth_mm:g} mm deep' for p in points[:NAMED]]
+    return ', '.join([*first, f'and {len(points) - NAMED} more'] if len(points) > NAMED else first)
 
 
 def _others(settings: CollectionSettings) -> list[Point]:

@@ -56,7 +56,9 @@ class StatedPresses:
         return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
 
 
-def require_agreement(tables: Sequence[StatedPresses], progress: Progress, known: Known, *, forced: bool = False) -> None:
+def require_agreement(
+    tables: Sequence[StatedPresses], progress: Progress, known: Known, *, forced: bool = False
+) -> None:
     """Refuse tables, or rows of them, that contradict their images, unless forced.
 
     `known` describes the pressed sensor, if a description exists.

@@ -57,10 +57,10 @@ def dot_findings(view: View, dots: Dots | None, wanted: int) -> Sequence[Finding
 def not_random(view: View, dots: Dots) -> Finding:
     """What is wrong with dots whose description says `spheres`."""
     fault = _no_grid(view, dots)
-    told = (
+    meaning = (
         f': {fault}{NO_GRID}' if fault else ' in rows and columns, but the description says spheres: set pattern.kind'
     )
-    return Finding('pattern', BAD, f'{len(dots)} dots{told}')
+    return Finding('pattern', BAD, f'{len(dots)} dots{meaning}')
 
 
 def _count(found: str, count: int, wanted: int) -> Finding:
