@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.contacts import contacts_of, parts_of, slip_share
 from tactile_nodes.sensing.explain.field.solver import Field, FieldSolver
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.field.sums import sums
+from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.grasp import moved_wrench, wrench_mover
 
 NOISE_PX = 0.004
@@ -169,3 +171,15 @@ def test_a_ring_that_only_presses_does_not_slip_and_one_that_is_turned_under_fri
     assert slip_share(pressed, -0.06 * outwards, 0.0, 4.0) == pytest.approx(0.0, abs=1e-9)
     assert slip_share(pressed, 0.06 * np.stack(around), 12 * 0.06 * 4.0, 4.0) == pytest.approx(1.0)
     assert slip_share(pressed[:1], np.array([[0.02], [0.0]]), 0.0, 0.0) == pytest.approx(1.0)
+
+
+def test_a_middle_that_a_camera_straight_above_sees_move_less_is_not_hidden_as_a_rim_is() -> None:
+    """Each of 10x10 patches moves one region: the 36 outermost ones half as far as most, the middle four 0.8 times."""
+    shown = np.full((10, 10), 0.5)
+    shown[1:-1, 1:-1] = 1.0
+    shown[4:6, 4:6] = 0.8
+    response = np.zeros((200, 300), np.float32)
+    response[::2, :100] = np.diag(shown.ravel())
+    tested = FieldSolver(response, np.zeros((200, 4)), PatchGrid(BinGrid(5, 5, 30.0, 30.0)), NOISE_PX, 0.02)
+    by_patch = np.array([tested.hidden(each) for each in np.eye(100)]).reshape(10, 10)
+    np.testing.assert_allclose(by_patch, np.where(shown == 0.5, 1.0, 0.0), atol=1e-6)

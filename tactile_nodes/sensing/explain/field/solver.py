@@ -255,9 +255,17 @@ class FieldSolver:
 
     @cached_property
     def _shown(self) -> Float[np.ndarray, ' patches']:
-        """Motion of the regions per newton on each patch, relative to the usual one."""
+        """Motion of the regions per newton on each patch, relative to the usual one.
+
+        A camera that looks straight at thin gel sees less of the motion in the middle, although it sees all of it. So
+        the usual motion is that of most patches, or less if no patch nearer to the middle shows more.
+        """
         moved = np.linalg.norm(self._by_force[: self.patches.count].astype(float), axis=1)
-        share: np.ndarray = moved / np.median(moved[self._on_gel])
+        outwards = np.argsort(np.linalg.norm(self.patches.centres_mm - self.patches.bins.centre_mm, axis=1))
+        nearer = np.empty_like(moved)
+        nearer[outwards] = np.maximum.accumulate(moved[outwards])
+        usual = np.minimum(nearer, np.median(moved[self._on_gel]))
+        share: np.ndarray = moved / np.maximum(usual, 1e-12)  # no patch shows anything if the gel has a hole there
         return share
 
     @cached_property
