@@ -191,6 +191,19 @@ def test_a_report_that_is_lost_at_the_end_leaves_no_tip_down(monkeypatch: pytest
         assert height_mm(run) == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
+def test_a_machine_that_lost_its_position_on_the_way_is_sent_up_or_told_of() -> None:
+    """It says itself that it does not know its place: nothing was tried, and nothing said of a tip in the gel."""
+    turn = count()
+
+    def failing(run: GuardedRun, now_ns: int) -> Felt:
+        if next(turn) == 10:
+            run.station.cnc._homed = False  # type: ignore[attr-defined]
+        return truth(run, now_ns)
+
+    with opened(failing) as run, pytest.raises(DeviceFaultError, match=r'the tip may not be up: .*before that: '):
+        run.run()
+
+
 def test_a_tip_that_is_still_felt_is_not_believed_to_be_up() -> None:
     with opened(slipping()) as run, pytest.raises(DeviceFaultError) as caught:
         run.run()
