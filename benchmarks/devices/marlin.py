@@ -3,7 +3,8 @@
 It has the commands that an indentation rig uses: G0, G1, G4 (P is milliseconds), G28, G90, G91, M17, M84, M106/M107 as
 the digital line, M110, M112, M114, M115, M220, M400, M410; and M92, M201, M203, M204 and M503 as queries. X and Y home
 to their lower ends and Z to its upper end, so coordinates run from 0 to the room's size. Moves of under 6 steps are
-dropped (MIN_STEPS_PER_SEGMENT). Blocks start and end at rest (see `motion`). M410 stops immediately, as in Marlin.
+dropped (MIN_STEPS_PER_SEGMENT). Blocks start and end at rest (see `motion`). M410 stops immediately, as in Marlin; if
+it homes, it then halts.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ QUEUE, RECEIVE_BYTES, PLANNER_BLOCKS, BUSY_NS = 4, 128, 16, 2_000_000_000
 CLEANING_NS = 1_000_000_000  # after a quick stop it processes nothing for this time
 STEPS_PER_MM: Vector = (80.0, 80.0, 400.0)
 FEWEST_STEPS = 6
+BUMP_MM = 5.0  # off a switch, and to it again
 AXIS_SETTINGS = 'M92', 'M203', 'M201', 'M204'
 BOOT = ('start', 'echo: Last Updated: 2025-11-24 | Author: (none, default config)', 'Marlin 2.1.2.7')
 IDENTITY = (
@@ -73,9 +75,11 @@ class Marlin(SerialDevice):
         self._partial.clear()
         self._last_line = 0
         self._relative, self._homed, self._feed_mm_s = False, False, 20.0
-        self._killed = False
+        self._killed = self._homing = False
+        self._way_stopped = False  # the way to a switch or off it
+        self._stop_waits = False  # a quick stop that acts when the one before it is over
         self._dropped: Vector | None = None  # target of a move that was too short
-        self._cleaning_ns = 0
+        self._cleaning_ns = self._busy_ns = 0
         self._wake_ns: int | None = None
         self._start_program(self._main())
 
@@ -116,6 +120,7 @@ class Marlin(SerialDevice):
             yield lambda: bool(self._waiting)
             command = self._accepted(self._waiting.popleft())
             if command:
+                self._busy_ns = self.now_ns + BUSY_NS
                 yield from self._clean()
                 yield from self._execute(command)
                 self.answer()
@@ -185,14 +190,13 @@ class Marlin(SerialDevice):
         yield from self._busy_until(lambda: self._planner.used == 0, None)
 
     def _busy_until(self, done: Wait, due_ns: int | None) -> Generator[Wait, None, None]:
-        """Wait, with a busy message every two seconds."""
-        busy_ns = self.now_ns + BUSY_NS
+        """Wait, with a busy message every two seconds of the command."""
         while not done():
-            self._wake_ns = busy_ns if due_ns is None else min(busy_ns, due_ns)
+            self._wake_ns = self._busy_ns if due_ns is None else min(self._busy_ns, due_ns)
             yield self._done_or_past(done, self._wake_ns)
-            if self.now_ns >= busy_ns and not done():
+            if self.now_ns >= self._busy_ns and not done():
                 self.tell('echo:busy: processing')
-                busy_ns += BUSY_NS
+                self._busy_ns += BUSY_NS
         self._wake_ns = None
 
     def _clean(self) -> Program:
@@ -208,16 +212,30 @@ class Marlin(SerialDevice):
 
     def _home(self, words: dict[str, float]) -> Program:  # noqa: ARG002
         yield from self._finish({})
-        room = self.world.settings.room_mm
-        for ends in ({2: 0.0}, {0: -room[0]}, {1: -room[1]}):
-            tip, motor = self.world.tip_at(self.now_ns), self.world.motor_at(self.now_ns)
-            x, y, z = (motor[axis] + ends.get(axis, tip[axis]) - tip[axis] for axis in range(3))
-            yield from self._go(plus((x, y, z), self._origin, -1.0), 25.0)
-            yield from self._finish({})
+        room, self._homing = self.world.settings.room_mm, True
+        for axis, end, back in ((2, 0.0, -BUMP_MM), (0, -room[0], BUMP_MM), (1, -room[1], BUMP_MM)):
+            for off in (0.0, back, 0.0):
+                yield from self._home_one_way(axis, end + off, to_switch=not off)
+        self._homing = False
         at_home = (0.0, 0.0, room[2])
         self._origin = plus(self.world.motor_at(self.now_ns), at_home, -1.0)
         self._homed = True
         yield from self._position({})
+
+    def _home_one_way(self, axis: int, end: float, to_switch: bool) -> Program:
+        """A way to a switch, or off it. A quick stop ends the way; only one to a switch then fails, and halts it."""
+        tip, motor = self.world.tip_at(self.now_ns), self.world.motor_at(self.now_ns)
+        x, y, z = (motor[each] + (end - tip[each] if each == axis else 0.0) for each in range(3))
+        yield from self._go(plus((x, y, z), self._origin, -1.0), 25.0)
+        self._way_stopped = False
+        if self._stop_waits:
+            self._quick_stop()
+        yield from self._finish({})
+        yield from self._clean()
+        if self._way_stopped and to_switch:  # VALIDATE_HOMING_ENDSTOPS, on by default
+            self.tell('echo:Homing Failed')
+            self._kill()
+            yield from _silence()
 
     def _position(self, words: dict[str, float]) -> Program:
         realtime = 'R' in words and self._settings.realtime_position
@@ -262,6 +280,10 @@ class Marlin(SerialDevice):
         self._relative = relative
 
     def _quick_stop(self) -> None:
+        self._stop_waits = self._homing and self._way_stopped
+        if self._stop_waits:
+            return
+        self._way_stopped = True
         self._dropped = None
         self._planner.flush(self.now_ns)
         self._cleaning_ns = self.now_ns + CLEANING_NS

@@ -78,6 +78,44 @@ def test_a_quick_stop_is_quick_only_with_the_emergency_parser(parser: bool, plac
     assert dialogue.tip[0] == pytest.approx(place, abs=0.03)
 
 
+def test_a_quick_stop_on_its_way_to_a_switch_halts_it() -> None:
+    """As 2.1.2.1 did, a second after M410."""
+    dialogue = marlin(homed=False)
+    dialogue.say(b'G28\n', 0.3)
+    dialogue.say(b'M410\n', 0.9)
+    before = dialogue.tip
+    assert dialogue.hear(0.2) == b'echo:Homing Failed\nError:Printer halted. kill() called!\n'
+    assert dialogue.say(b'M115\n', 3) == b''
+    assert dialogue.tip == before
+
+
+def backing_off() -> Dialogue:
+    """One that homes, and is on its way off the switch of z."""
+    dialogue = marlin(homed=False)
+    dialogue.say(b'G28\n')
+    while dialogue.tip[2] < -0.5:
+        dialogue.hear(0.02)
+    dialogue.hear(0.2)
+    while dialogue.tip[2] > -1.0:
+        dialogue.hear(0.02)
+    return dialogue
+
+
+def test_a_quick_stop_on_its_way_off_a_switch_ends_only_that_way() -> None:
+    """As 2.1.2.1 did at 5 of 11 moments: it went on to home."""
+    dialogue = backing_off()
+    assert dialogue.say(b'M410\n', 20).endswith(b'ok\nok\n')
+    assert dialogue.tip[0] == pytest.approx(-120.0, abs=0.01)
+
+
+def test_a_further_quick_stop_ends_the_next_way() -> None:
+    dialogue = backing_off()
+    dialogue.say(b'M410\n', 0.5)
+    before = dialogue.tip
+    assert dialogue.say(b'M410\n', 2.0).endswith(b'Error:Printer halted. kill() called!\n')
+    assert dialogue.tip == pytest.approx(before, abs=0.01)
+
+
 def test_after_a_kill_there_is_total_silence() -> None:
     dialogue = marlin()
     assert dialogue.say(b'M112\n') == b'Error:Printer halted. kill() called!\n'

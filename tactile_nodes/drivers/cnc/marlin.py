@@ -28,7 +28,7 @@ from tactile_nodes.drivers.cnc.contract import (
 from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc.envelope import AXES, describe_place, guard, way_between
 from tactile_nodes.drivers.cnc.guarded import UNKNOWN_ACCELERATION
-from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, PLACE, STOP, STOP_S, MarlinDialogue
+from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, PLACE, STOP_S, MarlinDialogue
 from tactile_nodes.drivers.cnc.marlin_settings import NUMBER, QUESTIONS, AxisSettings, axis_settings
 from tactile_nodes.drivers.cnc.motion import Motion, Verdict
 from tactile_nodes.drivers.cnc.serial_line import SerialCnc
@@ -124,11 +124,14 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         self._keep_watch([(ALONE_S, up)] * ALONE_TIMES)
 
     def stop(self) -> None:
-        """As `Cnc.stop`: M410, which acts at once with the emergency parser, and after the buffers without."""
+        """As `Cnc.stop`: M410, which acts at once with the emergency parser, and after the buffers without.
+
+        During homing it halts the controller, which then has to be switched off and on.
+        """
         dialogue = self._talk()
         self._stops += 1
         if dialogue.obeys_upwards:
-            dialogue.interrupt(STOP, STOP_S)
+            dialogue.stop(self._settings.home_command if self.blind_step_mm is None else '')
             dialogue.refusal = ''
             dialogue.ask('M400', STOP_S, due_ns=None, up=True)
             dialogue.ask('G90', STOP_S, up=True)

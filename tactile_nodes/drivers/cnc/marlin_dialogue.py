@@ -31,6 +31,7 @@ STOP_S = 10.0  # without emergency parser it acts only after the buffered moves
 LOST_S = 3.0  # longer than the pause after a quick stop, and than the time between two busy messages
 WHO, WHO_SAYS = 'M115', 'FIRMWARE_NAME:'  # the response to no other line says this
 STOP = 'M410'  # the response takes a second, in which the controller does nothing else
+HOMING_STOP_S, HOMING_STOPS = 0.5, 16  # so that one always waits when the second after another is over
 ALIVE = 'G21'  # millimetres, as before: every Marlin answers it at once
 PLACE = 'M114 R'  # the real position, if compiled in; else the R is ignored, and the target is reported
 
@@ -154,22 +155,34 @@ class MarlinDialogue:
             raise request.error
         return request
 
-    def interrupt(self, line: str, timeout_s: float) -> None:
-        """Send a line before all unanswered ones, which fail; returns when nothing is unanswered.
+    def stop(self, homing: str) -> None:
+        """Stop motion, at once if possible; unanswered lines fail. Returns when nothing is unanswered.
 
         If a response is missing, or the position is unknown, lines or responses may be lost: all is begun again.
+
+        Args:
+            homing: command during which the stop is repeated, until the controller halts or has homed; '': none. A
+                single stop on the way off a switch ends only that way, and homing goes on.
         """
         with self.link.changed:
             self.generation += 1
             for waiting in self._unanswered:
                 waiting.error = DeviceFaultError(f'{self.name}: {waiting.text!r} was aborted by a stop')
-            request = _Numbered(line)
-            self._unanswered.append(request)
-            request.sent_ns = self.link.send(line.encode('ascii') + b'\n')
-            request.until_ns = request.sent_ns + round(timeout_s * NS_PER_S)
             self.link.changed.notify_all()
-            if self.fault or not self._all_answered():
-                self._begin_again(line, timeout_s - LOST_S)
+            self._send_stop()
+            for _ in range(HOMING_STOPS):
+                if self.link.wait(lambda: all(each.text != homing for each in self._unanswered), HOMING_STOP_S):
+                    break
+                self._send_stop()
+            if self.obeys_upwards and (self.fault or not self._all_answered()):
+                self._begin_again()
+
+    def _send_stop(self) -> None:
+        """Without number: handled by the emergency parser, before waiting lines."""
+        request = _Numbered(STOP)
+        self._unanswered.append(request)
+        request.sent_ns = self.link.send(STOP.encode('ascii') + b'\n')
+        request.until_ns = request.sent_ns + round(STOP_S * NS_PER_S)
 
     def _all_answered(self) -> bool:
         """Wait until nothing is unanswered; false: for `LOST_S` there was neither that nor a busy message."""
@@ -180,17 +193,17 @@ class MarlinDialogue:
             since_ns = self._clock.now_ns()
         return True
 
-    def _begin_again(self, line: str, timeout_s: float) -> None:
-        """Repeat a line, number the lines from 0, and skip each ``ok`` until the response to one line that is known."""
+    def _begin_again(self) -> None:
+        """Repeat the stop, number the lines from 0, and skip each ``ok`` until the response to a line that is known."""
         self._break_off('was lost')
         self._unanswered.clear()
-        self.link.send(line.encode('ascii') + b'\n')
+        self.link.send(STOP.encode('ascii') + b'\n')
         self._send(_Numbered('M110 N0'))
         self._number = 0
         request = self._put(WHO, due_ns=None)
         request.fence = True
-        request.until_ns = request.sent_ns + round(timeout_s * NS_PER_S)
-        self._wait(lambda: request.done, WHO, timeout_s)
+        request.until_ns = request.sent_ns + round((STOP_S - LOST_S) * NS_PER_S)
+        self._wait(lambda: request.done, WHO, STOP_S - LOST_S)
         if request.error is not None:
             raise request.error
 
@@ -204,11 +217,7 @@ class MarlinDialogue:
         with self.link.changed:
             self.refusal = self.refusal or refusal
             self.generation += 1
-            request = _Numbered(STOP)
-            self._unanswered.append(request)
-            # Without number: handled by the emergency parser, before waiting lines.
-            request.sent_ns = self.link.send(STOP.encode('ascii') + b'\n')
-            request.until_ns = request.sent_ns + round(STOP_S * NS_PER_S)
+            self._send_stop()
             self._break_off(f'was aborted, because the machine {self.fault or self.refusal}')
 
     def lose_place(self, fault: str) -> None:
