@@ -35,7 +35,7 @@ def test_a_stop_on_its_way_to_a_switch_halts_it_and_that_is_told() -> None:
     rig.cnc.connect()
     x_mm = rig.tip[0]
     home_until(rig, lambda: rig.tip[0] < x_mm - 1.0)
-    assert b'echo:Homing Failed' in rig.heard()
+    assert b'echo:Homing Failed' in rig.received()
     assert rig.cnc.health.level == Level.ERROR
     with pytest.raises(DeviceFaultError, match='switch it off and on, check it, and connect again'):
         rig.cnc.home()
