@@ -36,6 +36,7 @@ PREAMBLE = 'G21 G90 G94 G17 G54'
 BARRIER = 'G4 P0.01'
 REST_S = 3.0  # time in which any feed comes to rest
 RESET_S = 3.0
+LONGEST_WAY_S = 10.0
 POLL_S = 0.03
 OFFSET_S = 0.01
 
@@ -94,8 +95,10 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._rests_at(self.status().position_mm)
         rules = self._rules()
         up = f'$J=G21 G90 G53 Z{rules.safe_z_mm:.3f} F{self._settings.retract_mm_min:.1f}\n'.encode('ascii')
-        # A hold, the first half of a stop, refuses all jogs until a reset, which is safe only at rest: when all is up.
-        up_s = REST_S + 60 * (rules.safe_z_mm - rules.envelope.lowest_mm[2]) / self._settings.retract_mm_min
+        # A hold, the first half of a stop, refuses all jogs until a reset, which keeps the position only at rest: when
+        # the tip is up. The next program waits for the port for 20 s.
+        way_mm = rules.safe_z_mm - rules.envelope.lowest_mm[2]
+        up_s = min(REST_S + 60 * way_mm / self._settings.retract_mm_min, LONGEST_WAY_S)
         self._keep_watch([(0.0, JOG_CANCEL), *[(ALONE_S, up)] * ALONE_TIMES, (up_s, RESET), *[(ALONE_S, up)] * 2])
 
     def stop(self) -> None:
