@@ -23,7 +23,7 @@ from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.flow.patches import windowed_sinc
 from tactile_nodes.sensing.picture.quietness import median
 
-TERMS = 8
+TERMS, FIRST_BEND = 8, 4
 ROUNDS = 5
 FAR_PX = 0.05
 """Patches further than this from the common motion, as in a touch, have less than a quarter of the weight."""
@@ -213,6 +213,11 @@ class MotionFit:
     def size_px(self, terms: Float[np.ndarray, ' terms']) -> float:
         """Root mean square motion over the patches (px)."""
         return math.sqrt(float(terms @ (self._mean_product @ terms)))
+
+    def bent(self, terms: Float[np.ndarray, ' terms']) -> float:
+        """Motion by the bends alone over that by all terms (root mean square)."""
+        bends = np.where(np.arange(TERMS) < FIRST_BEND, 0.0, terms)
+        return self.size_px(bends) / max(self.size_px(terms), 1e-9)
 
     def common(
         self,

@@ -235,7 +235,8 @@ class Registration:
         if self._fit.size_px(terms) > 0.7 * KNOCK_PX:
             terms = self._fit.common(motion, weight)
             carried = self._fit.carried(terms)
-            common = judge(motion[found], carried[found], self._fit.size_px(terms), self._noise_px)
+            size_px, bent = self._fit.size_px(terms), self._fit.bent(terms)
+            common = judge(motion[found], carried[found], size_px, self._noise_px, bent)
             if common is not Common.NONE:
                 return self._jump(terms) if common is Common.KNOCK else self._begin_anew()
         self._follow(motion, found, terms, field, stamp_ns)

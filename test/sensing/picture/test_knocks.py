@@ -50,6 +50,35 @@ def test_a_hard_drag_is_no_knock_though_most_patches_move_about_alike() -> None:
     assert moved(0.06, 0.015, 1.0) is Common.KNOCK
 
 
+def test_what_mostly_bends_the_picture_is_no_knock() -> None:
+    carried = np.tile([0.2, 0.0], (100, 1))
+    assert [judge(carried, carried, 0.2, bent=each) for each in (0.49, 0.51)] == [Common.KNOCK, Common.NONE]
+
+
+def test_a_camera_that_tilts_bends_less_than_it_shifts_even_with_a_view_of_a_right_angle() -> None:
+    """With lines kept, x moves by 1 + x² and y by x y, for x and y from -1 to 1: means of squares 28/15 and 1/9, of the
+    bends alone 1/5 and 1/9."""
+    fit = MotionFit((400, 400), 10, 10)
+    tilted = np.array([1.0, 0, 0, 0, 0, 0, 1.0, 0])
+    assert fit.bent(tilted) == pytest.approx(np.sqrt((1 / 5 + 1 / 9) / (28 / 15 + 1 / 9)), rel=0.03)
+    assert fit.bent(np.array([1.0, 1, 1, 1, 0, 0, 0, 0])) == 0.0
+
+
+def bulging(at: np.ndarray) -> np.ndarray:
+    """The rim goes right by 0.15 px and the corners by 0.3 px, smoothly, as far from a contact on a thick gel."""
+    moved: np.ndarray = np.column_stack([0.15 * np.square((at - 220) / 220).sum(axis=1), 0 * at[:, 0]])
+    return moved
+
+
+def test_a_smooth_bend_of_the_picture_is_left_to_the_forces() -> None:
+    registration = Registration()
+    measure = Measured(picture(), registration=registration)
+    for number, motions in enumerate([[]] * 4 + [[bulging]]):
+        measure(picture(*motions, number=number), (1 + number) * S)
+    assert registration.settled
+    assert registration.size_px < 0.05
+
+
 def test_what_noise_may_carry_is_no_knock() -> None:
     """0.0585 px of a patch's noise of 0.013 px: 3 x 0.01 x sqrt(8 / 100) above 0.05 px."""
     assert [moved(each, 0.0, 0.0, noise_px=0.013) for each in (0.0584, 0.0586)] == [Common.NONE, Common.KNOCK]
