@@ -28,7 +28,7 @@ from tactile_nodes.drivers.cnc.contract import (
 from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc.envelope import AXES, describe_place, guard, way_between
 from tactile_nodes.drivers.cnc.guarded import UNKNOWN_ACCELERATION
-from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, PLACE, STOP_S, MarlinDialogue
+from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, IDENTITY, PLACE, STOP_S, MarlinDialogue
 from tactile_nodes.drivers.cnc.marlin_settings import NUMBER, QUESTIONS, AxisSettings, axis_settings
 from tactile_nodes.drivers.cnc.motion import Motion, Verdict
 from tactile_nodes.drivers.cnc.serial_line import SerialCnc
@@ -83,7 +83,7 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
                 '(Marlin often uses 250000)'
             ) from error
         dialogue.connected = True
-        self._identity = marlin_identity(dialogue.ask('M115', self._settings.answer_s).lines)
+        self._identity = marlin_identity(dialogue.ask(IDENTITY, self._settings.answer_s).lines)
         for line in PREAMBLE:
             dialogue.ask(line, self._settings.answer_s)
         self._axes = self._query_settings(dialogue)

@@ -29,7 +29,7 @@ AT_ONCE = 0  # the response does not wait for motion
 MOVING_S = 0.1  # between two requests during motion
 STOP_S = 10.0  # without emergency parser it acts only after the buffered moves
 LOST_S = 3.0  # longer than the pause after a quick stop, and than the time between two busy messages
-WHO, WHO_SAYS = 'M115', 'FIRMWARE_NAME:'  # the response to no other line says this
+IDENTITY, IDENTIFIED = 'M115', 'FIRMWARE_NAME:'  # the response to no other line says this
 STOP = 'M410'  # the response takes a second, in which the controller does nothing else
 HOMING_STOP_S, HOMING_STOPS = 0.5, 16  # so that one always waits when the second after another is over
 ALIVE = 'G21'  # millimetres, as before: every Marlin answers it at once
@@ -99,7 +99,17 @@ class MarlinDialogue:
         self.link.start()
 
     def begin(self, timeout_s: float) -> None:
-        """Synchronize the line number."""
+        """Synchronize the line number; again if the controller was still starting. Raises as `ask`."""
+        starts = self.starts
+        try:
+            self._number_from_zero(timeout_s)
+        except DeviceFaultError:
+            if self.starts == starts:
+                raise
+            self.link.wait(lambda: False, NO_OK_S)  # it may have kept the line, and answer it now
+            self._number_from_zero(timeout_s)
+
+    def _number_from_zero(self, timeout_s: float) -> None:
         with self.link.changed:
             self._number = -1
             self.ask('M110 N0', timeout_s)
@@ -200,10 +210,10 @@ class MarlinDialogue:
         self.link.send(STOP.encode('ascii') + b'\n')
         self._send(_Numbered('M110 N0'))
         self._number = 0
-        request = self._put(WHO, due_ns=None)
+        request = self._put(IDENTITY, due_ns=None)
         request.fence = True
         request.until_ns = request.sent_ns + round((STOP_S - LOST_S) * NS_PER_S)
-        self._wait(lambda: request.done, WHO, STOP_S - LOST_S)
+        self._wait(lambda: request.done, IDENTITY, STOP_S - LOST_S)
         if request.error is not None:
             raise request.error
 
@@ -289,10 +299,10 @@ class MarlinDialogue:
         if not self._unanswered:
             return
         request = self._unanswered[0]
-        if request.fence and not any(line.startswith(WHO_SAYS) for line in request.lines):
+        if request.fence and not any(line.startswith(IDENTIFIED) for line in request.lines):
             return
-        if request.text == PLACE and not (extra or request.lines or request.resend):
-            return  # an extra ok, for example a late one after a resend: the position comes before its own ok
+        if request.text in {PLACE, IDENTITY} and not (extra or request.lines or request.resend):
+            return  # an extra ok, for example a late one after a resend: the response comes before its own ok
         request.lines.append(extra)  # some firmware puts the response to M114 there
         if request.resend and request.error is None:
             self._repeat(request)

@@ -40,9 +40,9 @@ CONNECT = [
 ]
 
 
-def scripted(script: Script) -> tuple[MarlinCnc, Scripted]:
+def scripted(script: Script, first: bytes = BOOT) -> tuple[MarlinCnc, Scripted]:
     clock = JumpingClock(START_NS)
-    port = Scripted(clock, script, BOOT)
+    port = Scripted(clock, script, first)
     cnc = MarlinCnc(settings_of('marlin', report_hz=1.0), clock, lambda: port, threaded=False)
     cnc.connect()
     return cnc, port
@@ -60,6 +60,21 @@ def test_connecting_agrees_on_line_numbers_and_asks_for_capabilities() -> None:
     cnc, port = scripted(CONNECT)
     assert port.left == []
     assert (cnc.identify().firmware, cnc.identify().version) == ('Marlin', '2.1.2.7')
+    assert cnc.blind_step_mm is None
+
+
+@pytest.mark.parametrize('late', [b'', b'ok\n'], ids=['lost', 'kept'])
+def test_a_board_that_starts_later_than_it_is_waited_for_is_connected(late: bytes) -> None:
+    """The first line meets its start, and is lost or answered afterwards."""
+    cnc, port = scripted([(CONNECT[0][0], BOOT + late), *CONNECT], first=b'')
+    assert port.left == []
+    assert cnc.blind_step_mm is None
+
+
+def test_an_ok_too_many_is_not_the_answer_to_the_question_for_capabilities() -> None:
+    """It would be taken for a Marlin without an emergency parser."""
+    cnc, port = scripted([CONNECT[0], (CONNECT[1][0], b'ok\n' + CONNECT[1][1]), *CONNECT[2:]])
+    assert port.left == []
     assert cnc.blind_step_mm is None
 
 
