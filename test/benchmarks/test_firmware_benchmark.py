@@ -208,7 +208,7 @@ def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, reason: st
     safety = Safety(CollectionSettings(limits=LIMITS).watched)
     safety.watch(S, camera=False)
     safety.tare(NOTHING)
-    bench.heard.take(at(-20.3), S)
+    bench.reported.take(at(-20.3), S)
     for number in range(100):
         if number == 50:
             assert safety.trip is None
@@ -217,7 +217,7 @@ def test_each_load_is_too_great_in_its_own_way(fault: str, kind: str, reason: st
         safety.sample(Sample(bench.wrench_at(now_ns), now_ns, now_ns, 0, number, 0, 0, 0, ()))
     assert safety.trip is not None
     assert (safety.trip.kind, safety.trip.reason) == (kind, reason)
-    bench.heard.take(at(-19.9), S)
+    bench.reported.take(at(-19.9), S)
     assert bench.wrench_at(S) == NOTHING
 
 
@@ -253,7 +253,7 @@ def test_when_the_commanding_process_is_killed_the_tip_goes_up_by_what_watches_o
     with emulated(tmp_path) as machine:
         came = pressed(machine, FAULTS['killed'], SystemClock(), tmp_path)
     assert 'failed' not in came, came
-    assert came['said'] == 'what watches over it says 6 times $J=G21 G90 G53 Z-19.000 F600.0'
+    assert came['said'] == 'what watches over it says 8 times $J=G21 G90 G53 Z-19.000 F600.0'
     assert came['up'] == 'up'
     assert 0.3 <= came['reached_mm'] < 1.0
     assert came['noticed_s'] < came['rest_s']

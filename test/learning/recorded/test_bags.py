@@ -142,7 +142,7 @@ def test_images_with_the_tip_in_the_gel_are_no_images_of_the_untouched_gel(colle
     with CollectionBag(collection.close()) as opened:
         second = list(opened.presses())[1]
         assert len(second.untouched) == 2
-        assert '2 images between windows with the tip in the gel' in opened.problems
+        assert 'images between windows with the tip in the gel: 2' in opened.problems
 
 
 def pushed(z_n: float) -> types.Wrench:

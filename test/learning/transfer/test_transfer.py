@@ -179,7 +179,7 @@ def test_motion_or_force_that_is_no_number_is_refused(source: AxisymmetricReadou
     dataset = other_gel(25, seed=3)
     features, presses = dataset.features.copy(), dataset.presses.copy()
     features[2, 1, 1, 0] = presses[4, 3] = wrong
-    with pytest.raises(DatasetError, match='the motion in 1 images is not a number'):
+    with pytest.raises(DatasetError, match='images in which the motion is not a number: 1'):
         transfer(source, dataclasses.replace(dataset, features=features))
     with pytest.raises(DatasetError, match='place or force of 1 images of presses is not a number'):
         transfer(source, dataclasses.replace(dataset, presses=presses))

@@ -186,7 +186,7 @@ def test_a_grid_that_no_description_holds_is_bad(
     assert fault in dots.text
     assert 'supports rows and columns at right angles only' in dots.text
     random = replace(sensor, pattern=MEMBRANE.pattern)
-    (dots,) = (each for each in Inspection(random, {'it': picture}).findings if each.what == 'pattern')
+    (dots,) = (each for each in Inspection(random, {'it': picture}).findings if each.subject == 'pattern')
     assert dots.level == BAD
     assert fault in dots.text and 'set pattern.kind' not in dots.text
 
