@@ -181,7 +181,7 @@ def test_motion_or_force_that_is_no_number_is_refused(source: AxisymmetricReadou
     features[2, 1, 1, 0] = presses[4, 3] = wrong
     with pytest.raises(DatasetError, match='images in which the motion is not a number: 1'):
         transfer(source, dataclasses.replace(dataset, features=features))
-    with pytest.raises(DatasetError, match='place or force of 1 images of presses is not a number'):
+    with pytest.raises(DatasetError, match='images of presses whose place or force is not a number: 1'):
         transfer(source, dataclasses.replace(dataset, presses=presses))
 
 
