@@ -118,19 +118,20 @@ class Hands:
                 self.safety.tare(action.tare.wrench)
             elif isinstance(action, Switch):
                 switched = self.switch(action.level)
+            self.check()
+            now_ns = self.clock.now_ns()
+            place = self._place if isinstance(action, Look) else self._status().position_mm
         except DeviceError:
             if (health := self.cnc.health).silent:  # before the guard has checked
                 self.safety.fail(SILENT_MACHINE, health.message, self.clock.now_ns())
             self.check()  # if the safety has stopped the machine, commands fail because of that
             self.machine_failed = True
             raise
-        self.check()
-        now_ns = self.clock.now_ns()
         if not isinstance(action, Look):
-            return Observation(now_ns, since_ns, self._status().position_mm, switched=switched)
+            return Observation(now_ns, since_ns, place, switched=switched)
         from_ns = since_ns if action.since_ns is None else action.since_ns
         samples, frames = self.readings.samples(from_ns), self.readings.frames(from_ns)
-        return Observation(now_ns, since_ns, self._place, tuple(samples), tuple(frames))
+        return Observation(now_ns, since_ns, place, tuple(samples), tuple(frames))
 
     def check(self) -> None:
         """Raise if something is wrong. Raises as `run`, but not for devices."""

@@ -11,11 +11,14 @@ from rehearsing import Run, changed
 from benchmarks.devices import rehearsal
 from benchmarks.devices.direct_port import DirectPort
 from tactile_nodes.clock import Clock
+from tactile_nodes.collection.actions import Switch
+from tactile_nodes.collection.hands import TrippedError
 from tactile_nodes.collection.safety import FORCE
-from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Switched
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, CncStatus, Switched
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
 from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.world import World
+from tactile_nodes.errors import DeviceFaultError
 
 JOG_CANCEL = b'\x85'
 LIMIT_N = 0.4
@@ -108,3 +111,17 @@ def test_line_that_a_stop_sets_low_fell_within_what_is_reported(tmp_path: Path, 
         switched.earliest_ns <= edge.stamp_ns <= switched.latest_ns
         for switched, edge in zip(reported, edges, strict=True)
     )
+
+
+def test_force_that_comes_with_the_last_question_of_an_action_is_the_reason(tmp_path: Path) -> None:
+    """The stop aborts the question for the position (a Marlin's M114). It is no fault of the machine."""
+    rig = Run(tmp_path).rig
+
+    def status_aborted() -> CncStatus:
+        rig.safety.fail(FORCE, 'a sample during the last question', rig.clock.now_ns())
+        raise DeviceFaultError("'M114 R' was aborted by a stop")
+
+    rig.cnc.status = status_aborted  # type: ignore[method-assign]
+    with pytest.raises(TrippedError, match='a sample during the last question'):
+        rig.hands.perform(Switch(True))
+    assert not rig.hands.machine_failed

@@ -37,6 +37,7 @@ from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTim
 
 PREAMBLE = ('G21', 'G90', 'M220 S100', 'M84 S0')  # the last two: no feed override; never release the motors
 FEWEST_STEPS = 6  # of the axis with the most: default of MIN_STEPS_PER_SEGMENT
+ROUNDED_MM = 0.005  # positions are reported to 0.01 mm
 FEWEST_BLOCKS = 8  # any planner of Marlin holds this many: the response to a further move may wait until one is done
 BEFORE_FIRST_NS = 100_000_000  # delay before the first move: BLOCK_DELAY_FOR_1ST_MOVE
 
@@ -199,7 +200,10 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
             super()._arrived()
         except DeviceFaultError:
             place = self._target
-            left = None if target is None or place is None else self._axes.steps(way_between(place, target))
+            if target is None or place is None:
+                raise
+            x, y, z = (max(0.0, abs(mm) - ROUNDED_MM) for mm in way_between(place, target))
+            left = self._axes.steps((x, y, z))
             if left is None or left >= FEWEST_STEPS:
                 raise
 

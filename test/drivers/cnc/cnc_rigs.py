@@ -134,6 +134,15 @@ def direct_rig(kind: str, changes: tuple[str, ...] = (), **more: Any) -> Rig:
     return Rig(cnc, world, clock, zero, device, port, passed)
 
 
+def homed_rig(kind: str = 'marlin', **more: Any) -> Rig:
+    """Above the gel."""
+    rig = direct_rig(kind, **more)
+    rig.cnc.connect()
+    rig.cnc.home()
+    rig.go(-60, -60, -5)
+    return rig
+
+
 @contextlib.contextmanager
 def pty_rig(kind: str, folder: Path, **more: Any) -> Iterator[Rig]:
     """Through a pseudo terminal and the operating system, in real time, connected as a program does it."""

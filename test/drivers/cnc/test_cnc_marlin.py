@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from typing import Any
 
 import pytest
-from cnc_rigs import MARLIN_BOX, START_NS, Rig, Script, Scripted, direct_rig, settings_of
+from cnc_rigs import MARLIN_BOX, START_NS, Rig, Script, Scripted, direct_rig, homed_rig, settings_of
 from jumping_clock import JumpingClock
 
 from benchmarks.devices import marlin
@@ -46,14 +45,6 @@ def scripted(script: Script, first: bytes = BOOT) -> tuple[MarlinCnc, Scripted]:
     cnc = MarlinCnc(settings_of('marlin', report_hz=1.0), clock, lambda: port, threaded=False)
     cnc.connect()
     return cnc, port
-
-
-def homed_rig(kind: str = 'marlin', **more: Any) -> Rig:
-    rig = direct_rig(kind, **more)
-    rig.cnc.connect()
-    rig.cnc.home()
-    rig.go(-60, -60, -5)
-    return rig
 
 
 def test_connecting_agrees_on_line_numbers_and_asks_for_capabilities() -> None:
@@ -344,19 +335,6 @@ def test_place_that_was_damaged_on_the_line_is_none(z: str) -> None:
     assert marlin_place(f'X:-1.50 Y:0.00 Z:{z}') is None
 
 
-def test_a_jog_that_marlin_would_drop_is_refused() -> None:
-    """0.05 mm are 4 steps of x at 80 steps/mm, and 20 of z at 400: a Marlin 2.1 does nothing with fewer than 6."""
-    rig = homed_rig('marlin without parser')
-    with pytest.raises(
-        ConfigurationError, match=r'would silently drop a jog of 4 steps, .* build its firmware with EMERGENCY_PARSER'
-    ):
-        rig.cnc.jog(dx=0.05, feed=60.0)
-    before = rig.tip[2]
-    rig.cnc.jog(dz=-0.05, feed=60.0)
-    rig.cnc.wait_idle()
-    assert rig.tip[2] == pytest.approx(before - 0.05)
-
-
 @pytest.mark.parametrize('before', ['', '  ', 'echo:  '])
 def test_settings_of_the_axes_are_read_as_marlin_reports_them(before: str) -> None:
     settings = axis_settings([before + line for line in SETTINGS.decode().splitlines()])
@@ -385,16 +363,3 @@ def test_a_move_that_is_sent_faster_than_an_axis_goes_does_not_look_like_silence
     rig.cnc.wait_idle()
     assert rig.cnc.health.level == Level.OK
     assert rig.tip[2] == pytest.approx(rig.at(0, 0, -10)[2])
-
-
-def test_a_move_that_marlin_drops_leaves_the_tip_where_it_is_known_to_be() -> None:
-    """As 2.1.2 with M114_REALTIME did: after a stop it was 0.05 mm, 4 steps of x, from where it was sent."""
-    rig = homed_rig('marlin realtime')
-    place = rig.cnc.status().position_mm
-    rig.cnc.move(x=place[0] + 0.05, feed=600.0)
-    rig.cnc.wait_idle()
-    assert rig.cnc.status().position_mm == place == pytest.approx(rig.tip)
-    rig.cnc.move(x=place[0] + 0.1, feed=600.0)
-    rig.cnc.wait_idle()
-    assert rig.cnc.status().position_mm[0] == pytest.approx(place[0] + 0.1)
-    assert rig.sent().count(b'M503') == 1
