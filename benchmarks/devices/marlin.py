@@ -72,6 +72,7 @@ class Marlin(SerialDevice):
 
     def _boot(self) -> None:
         self._waiting: deque[str] = deque()
+        self._queue: deque[str] = deque()
         self._partial.clear()
         self._last_line = 0
         self._relative, self._homed, self._feed_mm_s = False, False, 20.0
@@ -108,22 +109,29 @@ class Marlin(SerialDevice):
             self._keep(line)
 
     def _keep(self, line: str) -> None:
-        if sum(len(each) + 1 for each in list(self._waiting)[QUEUE:]) + len(line) < RECEIVE_BYTES:
+        if sum(len(each) + 1 for each in self._waiting) + len(line) < RECEIVE_BYTES:
             self._waiting.append(line)
+            self._take_in()
         else:
             self.overflowed += len(line) + 1
+
+    def _take_in(self) -> None:
+        """Numbers and checksums are checked as lines enter the queue, not when they are executed."""
+        while self._waiting and len(self._queue) < QUEUE:
+            if command := self._accepted(self._waiting.popleft()):
+                self._queue.append(command)
 
     def _main(self) -> Program:
         for row in BOOT:
             self.tell(row)
         while True:
-            yield lambda: bool(self._waiting)
-            command = self._accepted(self._waiting.popleft())
-            if command:
-                self._busy_ns = self.now_ns + BUSY_NS
-                yield from self._clean()
-                yield from self._execute(command)
-                self.answer()
+            yield lambda: bool(self._queue)
+            command = self._queue.popleft()
+            self._busy_ns = self.now_ns + BUSY_NS
+            yield from self._clean()
+            yield from self._execute(command)
+            self.answer()
+            self._take_in()
 
     def _accepted(self, line: str) -> str:
         """The command in a line, without number and checksum. If these are wrong, request a resend; returns ''."""
@@ -160,6 +168,11 @@ class Marlin(SerialDevice):
             yield from handler(self, words)
 
     # Commands.
+
+    def _number_lines(self, words: dict[str, float]) -> Program:
+        """Sets the number of the last line once more, when it is executed: lines received meanwhile count no more."""
+        self._last_line = int(words.get('N', self._last_line))
+        yield from ()
 
     def _travel(self, words: dict[str, float]) -> Program:
         self._feed_mm_s = words['F'] / 60 if 'F' in words else self._feed_mm_s
@@ -344,7 +357,7 @@ def _vector(values: tuple[float, ...]) -> Vector:
 
 
 def _ignore(marlin: Marlin) -> None:
-    """For commands without effect here: millimetres, 100 % feed, motors on, the line counter."""
+    """For commands without effect here: millimetres, 100 % feed, motors on."""
 
 
 _HANDLERS: dict[str, Handler] = {
@@ -360,7 +373,7 @@ _HANDLERS: dict[str, Handler] = {
     'M106': _at_once(lambda marlin: marlin._set_line(True)),
     **{code: Marlin._tell_setting(code) for code in AXIS_SETTINGS},
     'M107': _at_once(lambda marlin: marlin._set_line(False)),
-    'M110': _at_once(_ignore),
+    'M110': Marlin._number_lines,
     'M112': _at_once(lambda marlin: marlin._kill()),
     'M114': Marlin._position,
     'M115': Marlin._identify,

@@ -204,16 +204,24 @@ class MarlinDialogue:
         return True
 
     def _begin_again(self) -> None:
-        """Repeat the stop, number the lines from 0, and skip each ``ok`` until the response to a line that is known."""
+        """Repeat the stop, skip each ``ok`` until the response to one line that is known, and number lines from 0.
+
+        The known line has no number: ``M110`` sets the number again when it is executed, after any line that follows.
+        """
         self._break_off('was lost')
         self._unanswered.clear()
-        self.link.send(STOP.encode('ascii') + b'\n')
-        self._send(_Numbered('M110 N0'))
-        self._number = 0
-        request = self._put(IDENTITY, due_ns=None)
+        request = _Numbered(IDENTITY)
         request.fence = True
-        request.until_ns = request.sent_ns + round((STOP_S - LOST_S) * NS_PER_S)
-        self._wait(lambda: request.done, IDENTITY, STOP_S - LOST_S)
+        self._unanswered.append(request)
+        request.sent_ns = self.link.send(f'{STOP}\n{IDENTITY}\n'.encode('ascii'))
+        self._await(request)
+        self._number = -1
+        self._await(self._put('M110 N0', due_ns=None))
+
+    def _await(self, request: _Numbered) -> None:
+        request.due_ns, timeout_s = None, STOP_S - LOST_S
+        request.until_ns = request.sent_ns + round(timeout_s * NS_PER_S)
+        self._wait(lambda: request.done, request.text, timeout_s)
         if request.error is not None:
             raise request.error
 
