@@ -178,7 +178,8 @@ def read_points(path: str | Path) -> list[Triple]:
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')]
     separator = separator_of(next(iter(lines), ''))
     rows = csv.DictReader(lines, delimiter=separator, skipinitialspace=True)
-    return [_triple(row, number, file, decimal_comma=separator != ',') for number, row in enumerate(rows, start=1)]
+    point = '.' if separator == ',' else ','
+    return [_triple(row, number, file, point) for number, row in enumerate(rows, start=1)]
 
 
 def _grid(settings: PlanSettings) -> Iterable[Triple]:
@@ -212,9 +213,9 @@ def _spread(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
         place = places[max(range(len(places)), key=distances_mm.__getitem__)]
 
 
-def _triple(row: Mapping[str, str], number: int, file: Path, *, decimal_comma: bool) -> Triple:
+def _triple(row: Mapping[str, str], number: int, file: Path, point: str) -> Triple:
     try:
-        x, y, depth = (row[name].replace(',', '.' if decimal_comma else ',') for name in ('x_mm', 'y_mm', 'depth_mm'))
+        x, y, depth = (row[name].replace(point, '.') for name in ('x_mm', 'y_mm', 'depth_mm'))
         return float(x), float(y), float(depth)
     except (KeyError, AttributeError, ValueError) as error:
         raise ConfigurationError(f'point {number} of {file} has no x_mm, y_mm and depth_mm: {row}') from error

@@ -44,15 +44,15 @@ def check_workspace(
     if beyond := [point for point in points if _is_beyond(point, settings, box, surface)]:
         where = settings.surface
         raise ConfigurationError(
-            f'the plan presses outside the workspace of the machine ({_told(box)}); change the plan, or the centre of '
-            f'the gel, surface.gel_x_mm {where.gel_x_mm:g} and surface.gel_y_mm {where.gel_y_mm:g}: {named(beyond)}'
+            f'the plan presses outside the workspace of the machine ({_ranges(box)}); change the plan, or the centre '
+            f'of the gel, surface.gel_x_mm {where.gel_x_mm:g} and surface.gel_y_mm {where.gel_y_mm:g}: {named(beyond)}'
         )
     if settings.surface.bottom_mm < box.lowest_mm[2] - TOLERANCE_MM or any(
         _is_beyond(point, settings, box, surface) for point in _others(settings)
     ):
         raise ConfigurationError(
             f'a corner of the surface search (surface.reach_mm, surface.bottom_mm) or the anchor lies outside the '
-            f'workspace of the machine ({_told(box)}); change it, or surface.gel_x_mm and surface.gel_y_mm'
+            f'workspace of the machine ({_ranges(box)}); change it, or surface.gel_x_mm and surface.gel_y_mm'
         )
 
 
@@ -65,7 +65,7 @@ def check_approach(x_mm: float, y_mm: float, travel_mm: float, settings: Collect
     if _is_beyond(Point(1, x_mm, y_mm, travel_mm), settings, box, None):
         raise ConfigurationError(
             f'the approach at x_mm {x_mm:g} and y_mm {y_mm:g}, {travel_mm:g} mm down from surface.top_mm, leaves the '
-            f'workspace of the machine ({_told(box)}); change them, guard.travel_mm, or surface.gel_x_mm and gel_y_mm'
+            f'workspace of the machine ({_ranges(box)}); change them, guard.travel_mm, or surface.gel_x_mm and gel_y_mm'
         )
 
 
@@ -100,7 +100,7 @@ def _is_beyond(point: Point, settings: CollectionSettings, box: Envelope, surfac
     )
 
 
-def _told(box: Envelope) -> str:
+def _ranges(box: Envelope) -> str:
     return ', '.join(
         f'{axis} {low:g} to {high:g} mm' for axis, low, high in zip(AXES, box.lowest_mm, box.highest_mm, strict=True)
     )

@@ -303,7 +303,7 @@ class Campaign:
         )
         if many := forceful(self._order, self._settings, surface):
             most_n = self._settings.limits.force_n
-            self._outlet.say(f'{len(many)} presses are expected to exceed limits.force_n, {most_n:g} N: {named(many)}')
+            self._outlet.say(f'presses expected to exceed limits.force_n, {most_n:g} N: {len(many)} ({named(many)})')
         self._trust.begin()
         self.progress.done = self._journal.done
 

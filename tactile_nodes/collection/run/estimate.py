@@ -54,8 +54,8 @@ class Estimate:
     def describe(self) -> str:
         """Two lines of text."""
         return (
-            f'{self.presses} presses, {self.travel_mm / 1000:.1f} m over the gel; least number of presses from one to '
-            f'a neighbouring one: {self.least_rest}\n'
+            f'{self.presses} presses, {self.travel_mm / 1000:.1f} m over the gel; least distance in the '
+            f'order between neighbouring presses: {self.least_rest}\n'
             f'about {duration(self.seconds)} in total, {self.each_s:.1f} s per press; the motions alone take '
             f'{duration(self.machine_s)} at the largest feed'
         )

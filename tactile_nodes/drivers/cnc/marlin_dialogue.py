@@ -216,7 +216,7 @@ class MarlinDialogue:
         request.sent_ns = self.link.send(f'{STOP}\n{IDENTITY}\n'.encode('ascii'))
         self._await(request)
         self._number = -1
-        self._await(self._put('M110 N0', due_ns=None))
+        self._await(self._put('M110 N0'))
 
     def _await(self, request: _Numbered) -> None:
         request.due_ns, timeout_s = None, STOP_S - LOST_S

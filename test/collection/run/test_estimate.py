@@ -99,4 +99,4 @@ def test_mean_press_is_one_of_the_plan_without_anchors() -> None:
 
 def test_a_plan_of_neighbours_one_after_the_other_is_told_in_plain_words() -> None:
     line = Estimate(800, 3600.0, 4.5, 1800.0, 2500.0, 1).describe().splitlines()[0]
-    assert line == '800 presses, 2.5 m over the gel; least number of presses from one to a neighbouring one: 1'
+    assert line == '800 presses, 2.5 m over the gel; least distance in the order between neighbouring presses: 1'

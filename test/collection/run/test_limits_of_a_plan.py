@@ -86,7 +86,9 @@ def test_presses_that_will_be_too_strong_are_told_before_the_first(tmp_path: Pat
     assert named(points[1:]) == 'press 2 at x 1, y 0 mm, 1.5 mm deep'
     run = Run(tmp_path, changed(limits={'force_n': 0.5, 'rejects_in_a_row': 20}))
     run.campaign.run()
-    said = next(number for number, line in enumerate(run.printed) if 'expected to exceed limits.force_n, 0.5 N' in line)
-    assert '6 presses are expected' in run.printed[said]
-    assert not any('set aside' in line for line in run.printed[:said])
+    first = next(
+        number for number, line in enumerate(run.printed) if 'expected to exceed limits.force_n, 0.5 N' in line
+    )
+    assert 'limits.force_n, 0.5 N: 6 (press ' in run.printed[first]
+    assert not any('set aside' in line for line in run.printed[:first])
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
