@@ -28,9 +28,7 @@ tip, to 0.3 under a hard, wide contact, but to 0.4 to 0.7 if such a contact drag
 BENT = 0.5
 """Largest share of bends in a knock's common motion (root mean square). With a view of 45° to either side it is 0.4 for
 a tilt, and less the narrower the view. A contact near a corner of a gel that is thick for its size moves far patches
-smoothly by 0.05 to 0.3 px, mostly as bends. Without the limit, 27 of 240 contacts of ten families on the gel of
-`printed_dots` count as knocks, with it 2 (with texture instead of dots). Of 152 knocks by 0.1 px that are found during
-contact, on four gels, 143 still are."""
+smoothly, mostly as bends; without the limit it counts as a knock (`test_knocks.py`)."""
 
 MISSHAPEN_PX, MISSHAPEN_SHARE = 0.35, 0.75
 """No contact on the simulated sensor causes so much common motion (three of 2 mm: 0.07 px), and after a knock or with
