@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import itertools
 import socket
 import threading
 import time
@@ -229,14 +230,13 @@ def test_a_network_that_goes_down_and_comes_back_is_no_end_of_the_sensor(rig_wit
 
 
 def test_stamps_are_those_of_the_boxs_own_clock(rig_with: Make) -> None:
-    """The emulator knows when it measured. Loopback and threads add milliseconds at times, rarely to every record."""
+    """The emulator knows when it measured. A record that arrives late is not stamped later than those before it."""
     rig = rig_with()
     clock = rig.device.box.clock
     samples = read(rig.open(), 200)
-    late_ns = sorted(sample.stamp_ns - clock.time_ns(sample.device_ticks - clock.offset) for sample in samples)
-    assert late_ns[0] >= 0
-    assert late_ns[-1] < 3e6
-    assert late_ns[-1] - late_ns[0] < 2e6
+    late_ns = [sample.stamp_ns - clock.time_ns(sample.device_ticks - clock.offset) for sample in samples]
+    assert 0 <= min(late_ns) < 3e6
+    assert max(after - before for before, after in itertools.pairwise(late_ns)) < 1e5
 
 
 def test_the_driver_changes_nothing_in_the_box(rig_with: Make) -> None:
