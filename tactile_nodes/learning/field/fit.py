@@ -195,7 +195,8 @@ def fit_field(
             start = _nominal(regions, scaling)
         if seen_by != sensor or softer != 1:
             presses = presses_of(regions, pressures, scaling, dataset, rows, softer=softer)
-        judge = Judge(regions.terms_of_patches(known_of(scaling)), scaling, regions, dataset, bodies.is_a_ball, start)
+        terms = regions.terms_of_patches(known_of(scaling))
+        judge = Judge(terms, scaling, regions, dataset, bodies.is_a_ball, start, presses.softening)
         found = Chosen.of(judge, presses, fold)
         bar.advance(1, found.form)
         held = judge.read(found.form, presses, fold, found.held)

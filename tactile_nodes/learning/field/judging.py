@@ -57,6 +57,9 @@ EXPLAINED = 1.5
 that ships, too, its totals would be 5 % off instead of 2 % (`tactile bench contacts --each 4 --no-disturbances`,
 100 presses)."""
 
+NEARLY_AS_GOOD = 1.03
+"""Errors within this factor count as equal: estimates of thirty presses scatter so much."""
+
 LEAST_GAIN, MOST_GAIN = 0.05, 20.0
 """Limits of a gel's softness, as a multiple of the described one."""
 
@@ -65,12 +68,13 @@ LEAST_GAIN, MOST_GAIN = 0.05, 20.0
 class Held:
     """Held-out presses as estimated by fits that did not see them: misfits, and errors of x, y (mm) and force (N).
 
-    `force_n` is the true force, `fold` the fold of each press.
+    `force_n` is the true force, `softened` as in `BodyPresses`, `fold` the fold of each press.
     """
 
     misfits: Float[np.ndarray, ' n']
     off: Float[np.ndarray, 'n 3']
     force_n: Float[np.ndarray, ' n']
+    softened: Float[np.ndarray, ' n']
     fold: Int[np.ndarray, ' n']
 
     @classmethod
@@ -86,7 +90,7 @@ class Held:
             found = readout.solver.field(*readout.weighed(values, confidence)[1:])
             misfits.append(found.misfit)
             off.append(_off(found, readout, presses.centre_mm[number], presses.force_n[number]))
-        return cls(np.array(misfits), np.array(off), presses.force_n[judges], fold[judges])
+        return cls(np.array(misfits), np.array(off), presses.force_n[judges], presses.softened[judges], fold[judges])
 
     @property
     def misfit(self) -> float:
@@ -117,19 +121,19 @@ class Held:
 
     @property
     def cost(self) -> float:
-        """Product of force error (mean logarithm of the factor) and place error (median distance in mm).
+        """Geometric mean of force error (mean logarithm of the factor) and place error (median distance in mm).
 
         In newtons the few forces that are overestimated most would dominate. They made the fit keep the description
         of a gel that was half as hard again.
         """
         away = np.hypot(self.off[:, 0], self.off[:, 1])
         off = np.abs(np.log(np.maximum(self._times, LEAST_GAIN))).mean()
-        return float(off * (np.nanmedian(away) if np.isfinite(away).any() else np.inf))
+        return math.sqrt(off * (np.nanmedian(away) if np.isfinite(away).any() else np.inf))
 
     @property
     def _times(self) -> Float[np.ndarray, ' n']:
-        """Estimated force over true force."""
-        times: np.ndarray = 1 + self.off[:, 2] / self.force_n
+        """Estimated force over true force, for presses of usual depth."""
+        times: np.ndarray = (1 + self.off[:, 2] / self.force_n) / self.softened
         return times
 
     def _gain(self, chosen: np.ndarray) -> float:
@@ -140,7 +144,10 @@ class Held:
 
 @dataclass(frozen=True)
 class Judge:
-    """Estimates presses with fits of the response to other presses; `start` is each term's share by the description."""
+    """Estimates presses with fits of the response to other presses.
+
+    `start` is each term's share by the description, `softening` as in `BodyPresses`.
+    """
 
     terms: Float32[np.ndarray, 'regions 2 terms unknowns']
     scaling: InputScaling
@@ -148,18 +155,24 @@ class Judge:
     dataset: Dataset
     by_ball: bool
     start: Float[np.ndarray, 'regions terms']
+    softening: float = 0.0
 
     def readout(
         self, form: str, shares: Float[np.ndarray, 'regions terms'], presses: int, limit: float = ROOM
     ) -> FieldReadout:
         """The readout with these shares, fitted to this number of presses."""
         doubt, response = DOUBT if form == 'regions' else UNFITTED, response_of(self.terms, shares)
-        noise, spread = noise_px(self.scaling), spread_of(form, presses, self.regions.uneven, by_ball=self.by_ball)
+        noise, spread = noise_px(self.scaling), self._spread(form, presses)
         softer = np.float32(shares[:, ::3].sum(axis=1).mean())
         return FieldReadout(
             self.scaling, response, self.regions.bins, noise, doubt, spread, limit, surface=softer * self._surface,
             passes=passes_of(self.regions),
         )  # fmt: skip
+
+    def _spread(self, form: str, presses: int) -> FieldSpread:
+        """The uncertainty of a fit, with the difference between very light contacts and usual ones."""
+        spread = spread_of(form, presses, self.regions.uneven, by_ball=self.by_ball)
+        return replace(spread, response=math.hypot(spread.response, self.softening))
 
     def described(self, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> Held:
         """Estimates of some presses by the description alone."""
@@ -232,7 +245,7 @@ def simplest_form(costs: Mapping[str, float], misfits: Mapping[str, float]) -> s
         misfits: the residuals of their motion.
     """
     together = {form: cost * misfits[form] for form, cost in costs.items()}
-    return next(form for form in FORMS if together.get(form, math.inf) <= WORTH * min(together.values()))
+    return next(form for form in FORMS if together.get(form, math.inf) <= NEARLY_AS_GOOD * min(together.values()))
 
 
 @dataclass(frozen=True)
