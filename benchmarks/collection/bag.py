@@ -25,7 +25,7 @@ from tactile_nodes.collection.plan.journal import Entry
 from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.press.surface import Surface
 from tactile_nodes.collection.readings import Picture
-from tactile_nodes.collection.run import telling
+from tactile_nodes.collection.run import run_messages
 from tactile_nodes.drivers.cnc.contract import CncStatus, Switched
 from tactile_nodes.drivers.force_torque.contract import Sample
 from tactile_nodes.messages import time_from_ns, types
@@ -75,7 +75,7 @@ class CollectionBag:
     def sample(self, sample: Sample) -> None:
         """Add a force sample. Millions of them differ only in stamp and wrench, so only these bytes are replaced."""
         if not self._sample:
-            self._sample = bytearray(messages.encode(telling.sample_message(sample, SENSOR_FRAME)))
+            self._sample = bytearray(messages.encode(run_messages.sample_message(sample, SENSOR_FRAME)))
         STAMP.pack_into(self._sample, HEAD_BYTES, *divmod(sample.stamp_ns, NS_PER_S))
         WRENCH.pack_into(self._sample, len(self._sample) - WRENCH.size, *sample.wrench)
         self._put(_full(FORCE_TORQUE), bytes(self._sample))
@@ -83,24 +83,24 @@ class CollectionBag:
     def status(self, status: CncStatus) -> None:
         """Add the state of the machine."""
         words = status.state.value
-        message = telling.state_message(status, self.press, self.surface, self._gel_mm, words, MACHINE_FRAME)
+        message = run_messages.state_message(status, self.press, self.surface, self._gel_mm, words, MACHINE_FRAME)
         self._write(RIG_STATE, message)
 
     def switched(self, switched: Switched) -> None:
         """Add an edge of the digital line."""
         self._edges += 1
-        self._write(SYNC_EDGE, telling.edge_message(switched, self._edges, MACHINE_FRAME, 'press'))
+        self._write(SYNC_EDGE, run_messages.edge_message(switched, self._edges, MACHINE_FRAME, 'press'))
 
     def record(self, record: Record) -> None:
         """Add an attempt, with its images."""
         for frame in (*record.rest, *record.frames):
             self._image(PRESS_IMAGE, frame.image, frame.stamp_ns)
-        self._write(PRESS, telling.press_message(record, self._plan_id, self._indenter, SURFACE_FRAME))
+        self._write(PRESS, run_messages.press_message(record, self._plan_id, self._indenter, SURFACE_FRAME))
         self._wait_for_the_disk()
 
     def suspect(self, entry: Entry, reason: str) -> None:
         """Mark a recorded press as suspect."""
-        message = telling.suspect_message(entry, self._plan_id, reason, self._clock.now_ns(), SURFACE_FRAME)
+        message = run_messages.suspect_message(entry, self._plan_id, reason, self._clock.now_ns(), SURFACE_FRAME)
         self._write(PRESS, message)
 
     def rest_image(self, image: Picture, at_ns: int) -> None:

@@ -58,7 +58,9 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
     )
     most_hz: float = parameter(0.0, 'most pictures per second that are processed; 0: all', minimum=0.0)
     skip_frames: int = parameter(0, 'frames to skip before the capture at start', minimum=0)
-    reference_file: str = parameter('', 'PNG file to read the rest image from, or to save it to', read_only=False)
+    reference_file: str = parameter(
+        '', 'PNG file to read the rest image from, or to save it to (empty: named by node)', read_only=False
+    )
     overlay_folder: str = parameter(
         '', 'folder for pictures of the motion, named by node and number; empty: the working folder', read_only=False
     )
@@ -222,15 +224,20 @@ class FlowFeaturesNode(Node):
         self._following.begin_capture()
         return f'capturing the rest image from the next {self.params.reference_frames} frames; do not touch the gel'
 
+    @property
+    def _file_name(self) -> str:
+        """The beginning of the names of files, as nodes of several sensors may write into one folder."""
+        return self.full_name[1:].replace('/', '.')
+
     def _save_reference(self) -> str:
         if self._following.reference is None:
             raise ImageError('there is no rest image yet; capture one first')
-        file = Path(self.params.reference_file or 'reference.png')
+        file = Path(self.params.reference_file or f'{self._file_name}_reference.png')
         return f'saved {write_png(file, self._following.reference)}'
 
     def _save_overlay(self) -> str:
         folder = Path(self.params.overlay_folder or '.')
-        mine = self.full_name[1:].replace('/', '.')  # nodes of several sensors may draw into one folder
+        mine = self._file_name
         if folder != self._drawn[0]:
             self._drawn = folder, _last_number(folder, mine)
         file = folder / f'{mine}_{self._drawn[1] + self._frames:06d}.png'

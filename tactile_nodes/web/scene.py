@@ -15,7 +15,7 @@ from tactile_nodes.messages import stamp_ns
 from tactile_nodes.viewing.measures import NS_PER_S
 from tactile_nodes.viewing.state import Snapshot, ViewState
 from tactile_nodes.viewing.surface import Surface, over_half, surface_of
-from tactile_nodes.web import packet, picture, telling
+from tactile_nodes.web import packet, page_data, picture
 from tactile_nodes.web.packet import Packet
 from tactile_nodes.web.recording import Recording
 
@@ -122,13 +122,13 @@ class Scene:
         surface = self._surfaces.get(_stamp_ns(shot.force))
         fields = {
             'age_s': round(shot.age_s, 3),
-            'force': telling.force(shot.force),
-            'surface': telling.surface(surface),
-            'truth': telling.truth(shot.truth),
+            'force': page_data.force(shot.force),
+            'surface': page_data.surface(surface),
+            'truth': page_data.truth(shot.truth),
             'image': {'stamp_s': at_ns / NS_PER_S} if at_ns else None,
-            'motion': telling.motion(self._motions.get(at_ns)),
+            'motion': page_data.motion(self._motions.get(at_ns)),
             'slow': self._slowly(now_ns) | {'viewers': viewers},
-            'hand': telling.hand(self.hand),
+            'hand': page_data.hand(self.hand),
         }
         sections = {
             'bins': _bins(shot.force),
@@ -183,8 +183,8 @@ class Scene:
         made_ns, fields = self._slow
         if now_ns - made_ns >= SLOW_EVERY_S * NS_PER_S:
             fields = {
-                **telling.slowly(self.view.snapshot(now_ns)),
-                'calibration': telling.calibration(self._calibration),
+                **page_data.slowly(self.view.snapshot(now_ns)),
+                'calibration': page_data.calibration(self._calibration),
                 'recording': self.recording.summary(now_ns),
                 'controls': self.controls,
                 'host': self.host,

@@ -23,7 +23,7 @@ from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS, PRESS_IMAGE, REFERENCE
 from tactile_nodes.clock import SteppedClock, monotonic_s
 from tactile_nodes.collection.plan.audit import attempts_below, bags_below
 from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
-from tactile_nodes.collection.run.telling import sample_message
+from tactile_nodes.collection.run.run_messages import sample_message
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.conversions import image_array
 from tactile_nodes.drivers.force_torque.contract import Sample

@@ -12,7 +12,7 @@ from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.collection.run import voice as voice_module
-from tactile_nodes.collection.run.telling import traffic_message
+from tactile_nodes.collection.run.run_messages import traffic_message
 from tactile_nodes.collection.run.voice import TOPICS, Names, Voice
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.station import Station

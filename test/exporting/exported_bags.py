@@ -11,7 +11,7 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, IMAGE, PRESS, WRENCH
 from tactile_nodes.collection.plan.journal import RECORDED, Entry
-from tactile_nodes.collection.run.telling import suspect_message
+from tactile_nodes.collection.run.run_messages import suspect_message
 from tactile_nodes.conversions import header, image_message, wrench_message
 from tactile_nodes.messages import types
 

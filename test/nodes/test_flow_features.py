@@ -343,6 +343,24 @@ def test_overlay_is_saved_on_request(
     assert bus._services['/flow_features/save_overlay'].type_name == services.TRIGGER
 
 
+def test_rest_images_of_two_sensors_are_saved_to_files_of_their_own(
+    bus: InProcessBus, clock: SteppedClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, words = tmp_path / 'work', [word for each in SMALL for word in ('-p', each)]
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    for sensor in ('left', 'right'):
+        camera = bus.advertise(f'/{sensor}/{topics.IMAGE.name.lstrip("/")}', topics.IMAGE.type_name, topics.IMAGE.qos)
+        tested = FlowFeaturesNode(bus, parse_arguments(['--ros-args', '-r', f'__ns:=/{sensor}', *words]), clock)
+        camera.publish(image(PATTERN))
+        run(tested)
+        handler = bus._services[f'/{sensor}/flow_features/save_reference'].handler
+        handler(types.Trigger_Request(), lambda response: None)
+        run(tested)
+    names = sorted(each.name for each in folder.iterdir())
+    assert names == ['left.flow_features_reference.png', 'right.flow_features_reference.png']
+
+
 def test_a_restarted_node_draws_over_no_earlier_picture(
     bus: InProcessBus, clock: SteppedClock, publisher: Advertise, tmp_path: Path
 ) -> None:

@@ -14,16 +14,16 @@ EVENT_QOS = Qos('queue', 1000)
 SETTING = {services.SET_PARAMETERS, services.SET_PARAMETERS_ATOMICALLY}
 
 
-def telling(
-    handler: ServiceHandler, node: str, now_ns: Callable[[], int], tell: Callable[[Any], None]
+def with_events(
+    handler: ServiceHandler, node: str, now_ns: Callable[[], int], publish: Callable[[Any], None]
 ) -> ServiceHandler:
-    """`handler` of a service that sets parameters of `node`; `tell` gets a ParameterEvent of those that it did set."""
+    """`handler` of a service that sets parameters of `node`; `publish` gets a ParameterEvent with the ones set."""
 
     def handle(request: Any, reply: Reply) -> None:
         def then(response: Any) -> None:
             if changed := _set(request, response):
                 stamp = time_from_ns(now_ns())
-                tell(types.ParameterEvent(stamp=stamp, node=node, changed_parameters=changed))
+                publish(types.ParameterEvent(stamp=stamp, node=node, changed_parameters=changed))
             reply(response)
 
         handler(request, then)

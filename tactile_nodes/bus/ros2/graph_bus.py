@@ -117,7 +117,7 @@ class Ros2Bus:
                     raise BusError(f'the service {service} is already offered by {end.node}')
             owner = self._node(node)
             if type_name in ros2_events.SETTING:
-                handler = ros2_events.telling(handler, node, self.clock.now_ns, self._events_of(node).publish)
+                handler = ros2_events.with_events(handler, node, self.clock.now_ns, self._events_of(node).publish)
             answer = ros2_calls.answering(type_name, handler, self._executor, owner.get_logger().error)
             # Its own group: calls that wait for their answer hold up neither each other nor any topic.
             with _making(f'offer {service} as {type_name}'):

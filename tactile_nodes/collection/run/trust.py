@@ -18,7 +18,7 @@ from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError
 
-TELLS = 0.5  # of the anchor's depth: a press this deep shows its position in the image
+DEEP = 0.5  # of the anchor's depth: a press this deep shows its position in the image
 
 
 class Trust:
@@ -51,7 +51,7 @@ class Trust:
                 f'anchor.depth_mm is {depth_mm:g}, but limits.depth_mm allows {deepest_mm:g}; change one of them'
             )
         self._every = every
-        self._tells_mm = depth_mm * TELLS
+        self._deep_mm = depth_mm * DEEP
         self._order = order
         self._journal = journal
         self._clock = clock
@@ -106,19 +106,19 @@ class Trust:
         """Repeat the last press that is deep enough to show its position; presses after it become suspect."""
         unconfirmed = self._journal.unconfirmed()
         points = {point.press: point for point in self._order}
-        telling = [entry for entry in unconfirmed if points[entry.press].depth_mm >= self._tells_mm]
-        earlier = self._outlet.recall(telling[-1]) if telling else None
+        deep = [entry for entry in unconfirmed if points[entry.press].depth_mm >= self._deep_mm]
+        earlier = self._outlet.recall(deep[-1]) if deep else None
         if earlier is None:
             self._doubt(unconfirmed, 'the run was cut off before an anchor, and left no image for comparison')
             return
-        shift = self._anchors.between(earlier, self._anchors.again(points[telling[-1].press]))
+        shift = self._anchors.between(earlier, self._anchors.again(points[deep[-1].press]))
         if self._anchors.is_beside(shift):
             self._doubt(
                 unconfirmed,
-                f'before the run was cut off, press {telling[-1].press} was displaced by {shift.describe()}',
+                f'before the run was cut off, press {deep[-1].press} was displaced by {shift.describe()}',
             )
             return
-        late = unconfirmed[unconfirmed.index(telling[-1]) + 1 :]
+        late = unconfirmed[unconfirmed.index(deep[-1]) + 1 :]
         if late:
             self._doubt(late, 'the run was cut off before an anchor')
         self._confirm(shift)

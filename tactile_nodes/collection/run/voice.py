@@ -26,7 +26,7 @@ from tactile_nodes.collection.plan.plan import Point
 from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.press.surface import Surface
 from tactile_nodes.collection.readings import Picture
-from tactile_nodes.collection.run import telling
+from tactile_nodes.collection.run import run_messages
 from tactile_nodes.collection.run.counts import Batch, counts_message
 from tactile_nodes.drivers.cnc.contract import CncStatus, Switched
 from tactile_nodes.drivers.force_torque.contract import Sample
@@ -115,7 +115,7 @@ class Voice:
         self._edges = 0
         self._batch = Batch()
         self._traffic = Backlog(MOST_TRAFFIC)
-        self._telling_traffic = threading.Lock()
+        self._publishing_traffic = threading.Lock()
         self.unheard_ns = 0
         """Stamp of the last force sample without a subscriber."""
 
@@ -129,7 +129,7 @@ class Voice:
         publisher = self._publishers[FORCE_TORQUE]
         if not publisher.listeners:
             self.unheard_ns = sample.stamp_ns
-        publisher.publish(telling.sample_message(sample, self._names.sensor_frame))
+        publisher.publish(run_messages.sample_message(sample, self._names.sensor_frame))
         self._count(self._batch.add(sample))
         self._tell_traffic()
 
@@ -147,14 +147,14 @@ class Voice:
         """Publish the state of the machine, and the current press."""
         press = BETWEEN if now is None else now.press
         words, frame = status.state.value, self._names.machine_frame
-        message = telling.state_message(status, press, surface, self._gel_mm, words, frame)
+        message = run_messages.state_message(status, press, surface, self._gel_mm, words, frame)
         self._publishers[RIG_STATE].publish(message)
         self._tell_traffic()
 
     def switched(self, switched: Switched) -> None:
         """Publish an edge of the digital line."""
         self._edges += 1
-        edge = telling.edge_message(switched, self._edges, self._names.machine_frame, LINE)
+        edge = run_messages.edge_message(switched, self._edges, self._names.machine_frame, LINE)
         self._publishers[SYNC_EDGE].publish(edge)
 
     def record(self, record: Record) -> None:
@@ -163,13 +163,13 @@ class Voice:
             self._image(PRESS_IMAGE, frame.image, frame.stamp_ns)
         names = self._names
         self._publishers[PRESS].publish(
-            telling.press_message(record, names.plan_id, names.indenter, names.surface_frame)
+            run_messages.press_message(record, names.plan_id, names.indenter, names.surface_frame)
         )
 
     def suspect(self, entry: Entry, reason: str) -> None:
         """Publish that an attempt no longer counts."""
         names, now_ns = self._names, self._clock.now_ns()
-        message = telling.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
+        message = run_messages.suspect_message(entry, names.plan_id, reason, now_ns, names.surface_frame)
         self._publishers[PRESS].publish(message)
 
     def rest_image(self, image: Picture, at_ns: int) -> None:
@@ -184,12 +184,14 @@ class Voice:
     def _tell_traffic(self) -> None:
         """Publish the stored bytes once there is a subscriber, also those of opening the machine."""
         publisher, names = self._publishers[SERIAL_TRAFFIC], self._names
-        with self._telling_traffic:
+        with self._publishing_traffic:
             if publisher.listeners:
                 self._warn_of_dropped()
             while publisher.listeners and (piece := self._traffic.take()):
                 way, stamp_ns, data = piece
-                publisher.publish(telling.traffic_message(way == '>', stamp_ns, data, names.port, names.machine_frame))
+                publisher.publish(
+                    run_messages.traffic_message(way == '>', stamp_ns, data, names.port, names.machine_frame)
+                )
 
     def _warn_of_dropped(self) -> None:
         """Warn of dropped bytes; called when there is a subscriber again, or when the run is over."""

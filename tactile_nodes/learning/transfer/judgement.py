@@ -14,7 +14,7 @@ from jaxtyping import Float
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.transfer.errors import Errors
 
-TELLING_SHARE, TELLING_MM = 0.2, 1.0
+VARIED_SHARE, VARIED_MM = 0.2, 1.0
 """Forces and places that all lie this close to their mean cannot measure the quality of a model."""
 CHANCE = 1.25
 """Largest ratio of an RMS error to that of the mean. The RMS of twelve presses is known to a fifth (one over the root
@@ -31,12 +31,12 @@ def of_the_mean(contacts: Float[np.ndarray, 'n 3']) -> Errors:
     """
     mean = contacts.mean(axis=0)
     errors = Errors.of(np.asarray(contacts, float) - mean)
-    telling_n = errors.force_rmse_n > TELLING_SHARE * mean[2]
-    telling_mm = errors.place_median_mm > TELLING_MM
+    varied_n = errors.force_rmse_n > VARIED_SHARE * mean[2]
+    varied_mm = errors.place_median_mm > VARIED_MM
     return Errors(
-        errors.force_rmse_n if telling_n else math.nan,
-        errors.force_median_n if telling_n else math.nan,
-        errors.place_median_mm if telling_mm else math.nan,
+        errors.force_rmse_n if varied_n else math.nan,
+        errors.force_median_n if varied_n else math.nan,
+        errors.place_median_mm if varied_mm else math.nan,
     )
 
 

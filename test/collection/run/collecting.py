@@ -21,7 +21,7 @@ from tactile_nodes.collection.plan.audit import audit
 from tactile_nodes.collection.plan.journal import Entry
 from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.run.recall import recalled
-from tactile_nodes.collection.run.telling import press_message, suspect_message
+from tactile_nodes.collection.run.run_messages import press_message, suspect_message
 
 TOPICS = {'/press': 'tactile_nodes/msg/Press', '/press_image': 'sensor_msgs/msg/Image'}
 

@@ -19,7 +19,7 @@ from tactile_nodes.collection.plan.audit import attempts_below, audit, bags_belo
 from tactile_nodes.collection.plan.journal import Entry, Journal
 from tactile_nodes.collection.plan.plan import make_plan
 from tactile_nodes.collection.run.recall import recalled
-from tactile_nodes.collection.run.telling import suspect_message
+from tactile_nodes.collection.run.run_messages import suspect_message
 
 PROGRAM = Path(__file__).with_name('collecting.py')
 ONCE = dict.fromkeys(range(1, 13), 1)
