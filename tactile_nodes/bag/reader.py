@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
@@ -18,12 +19,15 @@ from tactile_nodes.bag.mcap_records import LARGEST_BYTES, unpack_zstd
 from tactile_nodes.bag.mcap_storage import McapStorage
 from tactile_nodes.bag.metadata import FILE_NAME, LARGEST_METADATA_BYTES, BagMetadata, BagTopic, Extent
 from tactile_nodes.bag.sqlite_storage import SqliteStorage
+from tactile_nodes.bag.stamps import header_stamp_ns
 from tactile_nodes.bag.types import BagTypes
 from tactile_nodes.errors import BagError
 from tactile_nodes.files import open_plain, read_plain
 
 _MOST_FILES = 1000  # each is kept open
 _SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+_PACKED = '.zstd'  # behind the name of a file that ros2 bag record compressed as a whole
+_ZSTD = b'\x28\xb5\x2f\xfd'  # how zstd begins; a message that is not compressed begins with 0
 
 
 class BagReader:
@@ -79,7 +83,7 @@ class BagReader:
             heapq.merge(*(storage.messages(selection) for storage in together), key=attrgetter('log_ns'))
             for together in _overlapping(self._storages)
         )
-        return self._decompressed(merged) if self.metadata.compression_mode == 'message' else merged
+        return self._decompressed(merged)
 
     def decode(self, message: BagMessage) -> Any:
         """The message as an object, with the definition in the bag.
@@ -110,10 +114,14 @@ class BagReader:
             return BagMetadata(storage_id=''), [self.path]
         if (self.path / FILE_NAME).exists():
             return self._from_metadata()
-        files = self._storage_files()
+        files, packed = self._storage_files(), self._packed_names()
+        if packed and not files:
+            raise self._compressed(packed)
         if not files:
             raise BagError(f'{self.path} is not a bag: it contains neither {FILE_NAME} nor .mcap or .db3 files')
         self._complain(f'{self.path} has no {FILE_NAME}; reading the files in it')
+        if packed:
+            self._complain(f'left out: {self._compressed(packed)}')
         return BagMetadata(storage_id=''), files
 
     def _from_metadata(self) -> tuple[BagMetadata, list[Path]]:
@@ -125,12 +133,10 @@ class BagReader:
         metadata = BagMetadata.from_yaml(text, str(source))
         if metadata.storage_id not in _SUFFIXES.values():
             raise BagError(f'{source} has storage {metadata.storage_id!r}; only mcap and sqlite3 can be read')
-        if metadata.compression_mode == 'file':
-            raise BagError(
-                f'the files of {self.path} are compressed; unpack them first (zstd -d FILE) and open one of them'
-            )
-        files = [self.path / name for name in metadata.files]
+        files = [self.path / name.removesuffix(_PACKED) for name in metadata.files]
         _check_number(files, source)
+        if packed := [f'{file.name}{_PACKED}' for file in files if _is_packed(file)]:
+            raise self._compressed(packed)
         if missing := [file.name for file in files if not file.exists()]:
             raise BagError(f'{source} lists {_listed(missing)}, which is not in the folder; open another file in it')
         if not files:
@@ -140,7 +146,16 @@ class BagReader:
     def _storage_files(self) -> list[Path]:
         found = [file for file in self.path.iterdir() if file.suffix in _SUFFIXES]
         _check_number(found, self.path)
-        return sorted(found, key=lambda file: (len(file.name), file.name))  # bag_10 after bag_9
+        return _in_order(found)
+
+    def _packed_names(self) -> list[str]:
+        """The compressed files in the folder that nobody has unpacked beside them."""
+        unpacked = [file.with_suffix('') for file in self.path.iterdir() if file.suffix == _PACKED]
+        found = [file for file in unpacked if file.suffix in _SUFFIXES and not file.exists()]
+        return [f'{file.name}{_PACKED}' for file in _in_order(found)]
+
+    def _compressed(self, names: list[str]) -> BagError:
+        return BagError(f'{_listed(names)} must be unpacked first (zstd -d {self.path}/*{_PACKED})')
 
     def _take_stock(self) -> None:
         self.topics: dict[str, BagTopic] = dict(self.metadata.topics)
@@ -167,13 +182,18 @@ class BagReader:
             self.problems.append(sentence)
 
     def _decompressed(self, parts: Iterator[BagMessage]) -> Iterator[BagMessage]:
+        """Unpack what was compressed message by message; a file alone, or of a killed recorder, may not say so."""
         for message in parts:
+            if not message.data.startswith(_ZSTD):
+                yield message
+                continue
             try:
                 data = _unpacked(message.data)
             except (zstandard.ZstdError, ValueError):
                 self._complain(f'{self.path}: messages on {message.topic} cannot be unpacked and are left out')
                 continue
-            yield BagMessage(message.topic, message.type_name, message.log_ns, message.publish_ns, data)
+            stamp_ns = header_stamp_ns(data, message.type_name) if self.storage_id == 'sqlite3' else None
+            yield replace(message, data=data, publish_ns=message.publish_ns if stamp_ns is None else stamp_ns)
 
 
 def _overlapping(storages: list[Storage]) -> list[list[Storage]]:
@@ -204,6 +224,14 @@ def _check_number(files: list[Path], source: Path) -> None:
         )
 
 
+def _in_order(files: list[Path]) -> list[Path]:
+    return sorted(files, key=lambda file: (len(file.name), file.name))  # bag_10 after bag_9
+
+
+def _is_packed(file: Path) -> bool:
+    return not file.exists() and file.with_name(f'{file.name}{_PACKED}').exists()
+
+
 def _listed(names: list[str]) -> str:
     return ', '.join(names[:3]) + (f' and {len(names) - 3} more' if len(names) > 3 else '')
 
@@ -224,4 +252,6 @@ def _open(file: Path, complain: Callable[[str], None]) -> Storage:
         return SqliteStorage(file, complain)
     if growing_file.MAGIC.startswith(head) or sqlite_storage.MAGIC.startswith(head):
         raise BagError(f'{file} is cut off within its first bytes; it contains no data')
+    if head.startswith(_ZSTD):
+        raise BagError(f'{file} must be unpacked first (zstd -d {file})')
     raise BagError(f'{file} is not a bag: neither MCAP nor SQLite')

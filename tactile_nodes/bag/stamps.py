@@ -21,13 +21,13 @@ def starts_with_header(type_name: str) -> bool:
 
 
 def header_stamp_ns(data: bytes, type_name: str) -> int | None:
-    """The stamp of the message's header in ns; None if its type has none or it is not set.
+    """The stamp of the message's header in ns; None if its type has none, it is not set, or the bytes are not CDR.
 
     >>> header_stamp_ns(bytes.fromhex('00010000 02000000 05000000 01000000 00'), 'std_msgs/msg/Header') is None
     True
     """
-    if len(data) < 12 or not starts_with_header(type_name):
+    if len(data) < 12 or data[0] != 0 or not starts_with_header(type_name):
         return None
-    # Four bytes say how the rest is encoded; the second is 1 for little endian. Then int32 sec, uint32 nanosec.
+    # Four bytes say how the rest is encoded: 0, then 1 for little endian, 0, 0. Then int32 sec, uint32 nanosec.
     sec, nanosec = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, 4)
     return sec * NS_PER_S + nanosec if sec > 0 or nanosec > 0 else None

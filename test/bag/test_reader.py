@@ -17,7 +17,7 @@ from bagging import FORCE, START_NS, STRING, Sample, samples, text, until, write
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from tactile_nodes import messages
@@ -58,12 +58,10 @@ def test_all_twenty_messages_of_the_recorded_talker_are_read(shared_data: Path, 
     assert [message.log_ns for message in found] == sorted(message.log_ns for message in found)
 
 
-def rosbags_bag(folder: Path, storage: StoragePlugin, compression: CompressionMode | None = None) -> list[Sample]:
+def rosbags_bag(folder: Path, storage: StoragePlugin) -> list[Sample]:
     store = get_typestore(Stores.ROS2_HUMBLE)
     content = [Sample('/text', START_NS + number, text(number)) for number in range(5)]
     writer = Writer(folder, version=8, storage_plugin=storage)
-    if compression is not None:
-        writer.set_compression(compression, CompressionFormat.ZSTD)
     with writer:
         connection = writer.add_connection('/text', STRING, typestore=store)
         for sample in content:
@@ -75,16 +73,6 @@ def rosbags_bag(folder: Path, storage: StoragePlugin, compression: CompressionMo
 def test_bags_of_rosbags_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
     content = rosbags_bag(tmp_path / 'other', storage)
     assert read(tmp_path / 'other') == (content, [])
-
-
-def test_messages_that_are_compressed_one_by_one_are_unpacked(tmp_path: Path) -> None:
-    content = rosbags_bag(tmp_path / 'other', StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
-    assert read(tmp_path / 'other') == (content, [])
-
-
-def test_files_compressed_as_a_whole_are_refused_with_what_to_do(tmp_path: Path) -> None:
-    rosbags_bag(tmp_path / 'other', StoragePlugin.SQLITE3, CompressionMode.FILE)
-    assert 'unpack them first (zstd -d' in refusal(tmp_path / 'other')
 
 
 def test_messages_outside_of_chunks_are_read_in_order(tmp_path: Path) -> None:
