@@ -13,7 +13,7 @@ import numpy as np
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD, HAND_WRENCH
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import image_pixels
-from tactile_nodes.errors import DatasetError
+from tactile_nodes.errors import DatasetError, MessageError
 from tactile_nodes.exporting.units import unit_of
 
 TEXT = 'text'
@@ -70,7 +70,12 @@ class Layout:
 
     @classmethod
     def of(cls, topic: str, type_name: str, first: Any, sensors: Sequence[str] = ()) -> Layout:
-        """The layout for a topic, from its first message; `sensors` are those in a hand's wrench."""
+        """The layout for a topic, from its first message; `sensors` are those in a hand's wrench.
+
+        Raises:
+            MessageError: a map has another size than its numbers of rows and columns say.
+            ImageError: a picture that cannot be read.
+        """
         layout = cls(topic, type_name)
         layout._add_all(first, '', lambda message: message)
         if type_name in _MAPS:
@@ -166,8 +171,11 @@ class Layout:
         grid = (int(first.rows), int(first.cols))
         for number, column in enumerate(self.columns):
             if self._has_map(column.name):
+                size = len(getattr(first, column.name))
+                if size not in (0, grid[0] * grid[1]):
+                    raise MessageError(f'{column.name} has {size} values for {grid[0]} rows and {grid[1]} columns')
                 self.columns[number] = dataclasses.replace(column, dtype='float32', shape=grid)
-                self.filled |= {column.name} if len(getattr(first, column.name)) else set()
+                self.filled |= {column.name} if size else set()
 
     def _add_contacts(self, first: Any) -> None:
         """Add the number of contacts, and the strongest one."""

@@ -102,6 +102,21 @@ def test_a_grid_that_changes_within_a_bag_is_refused_by_name(
     assert not (tmp_path / 'out').exists()
 
 
+def test_forces_whose_size_contradicts_their_rows_and_columns_are_left_out_with_their_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    writer = BagWriter(tmp_path / 'odd')
+    writer.add_topic(BagTopic.of_type('/f', 'tactile_nodes/msg/ForceDistribution'))
+    odd = types.ForceDistribution(
+        header=header(START_NS, ''), rows=2**20, cols=2**20, normal_force=np.ones(25, np.float32)
+    )
+    writer.write('/f', messages.encode(odd), START_NS, START_NS)
+    writer.close()
+    assert main(['export', 'parquet', str(tmp_path / 'odd'), '-o', str(tmp_path / 'out')]) == 1
+    assert "'/f': 'normal_force has 25 values for 1048576 rows and 1048576 columns'" in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()
+
+
 def test_colours_come_out_red_first() -> None:
     message = types.Image(height=1, width=1, encoding='bgr8', step=3, data=np.array([1, 2, 3], np.uint8))
     assert image_pixels(message).tolist() == [[[3, 2, 1]]]
