@@ -51,7 +51,7 @@ SUBTRACTED_PX, SHIFTED_PX = 0.03, 0.1
 
 Models depend on the position of their regions to a fraction of a pixel: other pixels of a region show the same motion
 with a difference of up to a hundredth. So a shift is first undone in the image (1 ms at 440x440). If more remains, as
-after a turn, the whole motion is undone (2 ms).
+after a turn, the whole motion is undone (8 ms).
 """
 
 SETTLE_FRAMES = 8
