@@ -31,8 +31,15 @@ def _anchor_file(place: Path) -> Path:
     return file
 
 
+def assert_reads_as_date() -> None:
+    """Between two looks at the date, which may be far apart on a loaded machine."""
+    before_ns = time.time_ns()
+    now_ns = clock.SystemClock().now_ns()
+    assert before_ns - 50_000_000 < now_ns < time.time_ns() + 50_000_000
+
+
 def test_stamps_read_as_dates(place: Path) -> None:
-    assert abs(clock.SystemClock().now_ns() - time.time_ns()) < 1_000_000_000
+    assert_reads_as_date()
 
 
 def test_stamp_is_the_monotonic_time_plus_one_constant(place: Path) -> None:
@@ -66,7 +73,7 @@ def test_damaged_anchor_is_said_anew(place: Path, text: str) -> None:
     _anchor_file(place).write_bytes(text.encode('utf-8', 'surrogateescape'))
     clock.anchor_ns.cache_clear()
     assert int(_anchor_file(place).read_text() if (measured := clock.anchor_ns()) else '0') == measured
-    assert abs(clock.SystemClock().now_ns() - time.time_ns()) < 1_000_000_000
+    assert_reads_as_date()
 
 
 def test_removed_anchor_is_put_back_as_it_was(place: Path) -> None:
@@ -90,9 +97,12 @@ def test_system_clock_sleeps_until_the_deadline_and_not_when_it_is_past(place: P
     deadline_ns = system.now_ns() + 20_000_000
     system.sleep_until(deadline_ns)
     assert system.now_ns() >= deadline_ns
-    begin_ns = time.monotonic_ns()
-    system.sleep_until(system.now_ns() - 60_000_000_000)
-    assert time.monotonic_ns() - begin_ns < 20_000_000_000
+    took_ns = []
+    for _ in range(5):  # one of five is not held up, even on a loaded machine
+        begin_ns = time.monotonic_ns()
+        system.sleep_until(deadline_ns)
+        took_ns.append(time.monotonic_ns() - begin_ns)
+    assert min(took_ns) < 15_000_000
 
 
 def test_stepped_clock_stands_still_until_it_is_moved() -> None:

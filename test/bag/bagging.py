@@ -8,10 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagLimits, BagWriter
+from tactile_nodes.errors import BagError
 from tactile_nodes.messages import types
 
 START_NS = 1_700_000_000_000_000_000
@@ -58,6 +63,32 @@ def write(folder: Path, content: list[Sample], compression: str = 'none', limits
         writer.write(sample.topic, sample.data, sample.log_ns, sample.log_ns - 1_000_000, number)
     writer.close()
     return writer
+
+
+def rosbags_bag(folder: Path, storage: StoragePlugin, mode: CompressionMode = CompressionMode.NONE) -> list[Sample]:
+    """A bag of texts that another library wrote, in one file."""
+    content = [Sample('/text', START_NS + number, text(number)) for number in range(5)]
+    writer = Writer(folder, version=8, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection('/text', STRING, typestore=get_typestore(Stores.ROS2_HUMBLE))
+        for sample in content:
+            writer.write(connection, sample.log_ns, sample.data)
+    return content
+
+
+def read(path: Path) -> tuple[list[Sample], list[str]]:
+    """The messages of a bag, and the problems that were reported."""
+    with BagReader(path) as reader:
+        found = [Sample(message.topic, message.log_ns, message.data) for message in reader.messages()]
+        return found, reader.problems
+
+
+def refusal(path: Path) -> str:
+    """The sentence with which a bag is refused."""
+    with pytest.raises(BagError) as caught:
+        BagReader(path)
+    return str(caught.value)
 
 
 def until(condition: Callable[[], object]) -> None:

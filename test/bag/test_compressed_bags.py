@@ -6,40 +6,14 @@ from pathlib import Path
 
 import pytest
 import zstandard
-from bagging import FORCE, START_NS, STRING, Sample, force, text
+from bagging import FORCE, START_NS, force, read, refusal, rosbags_bag
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.errors import BagError
 
 ENDINGS = {StoragePlugin.MCAP: 'mcap', StoragePlugin.SQLITE3: 'db3'}
 CAPTURED_NS = START_NS - 3_000_000
-
-
-def bag_of(folder: Path, storage: StoragePlugin, mode: CompressionMode) -> list[Sample]:
-    """A compressed bag of texts in one file, or of a force."""
-    content = [Sample('/text', START_NS + number, text(number)) for number in range(5)]
-    writer = Writer(folder, version=8, storage_plugin=storage)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connection = writer.add_connection('/text', STRING, typestore=get_typestore(Stores.ROS2_HUMBLE))
-        for sample in content:
-            writer.write(connection, sample.log_ns, sample.data)
-    return content
-
-
-def read(path: Path) -> tuple[list[Sample], list[str]]:
-    with BagReader(path) as reader:
-        found = [Sample(message.topic, message.log_ns, message.data) for message in reader.messages()]
-        return found, reader.problems
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(BagError) as caught:
-        BagReader(path)
-    return str(caught.value)
 
 
 def unpack(folder: Path) -> None:
@@ -54,13 +28,13 @@ def unpack(folder: Path) -> None:
 
 @pytest.mark.parametrize('storage', list(StoragePlugin))
 def test_messages_that_are_compressed_one_by_one_are_unpacked(tmp_path: Path, storage: StoragePlugin) -> None:
-    content = bag_of(tmp_path / 'other', storage, CompressionMode.MESSAGE)
+    content = rosbags_bag(tmp_path / 'other', storage, CompressionMode.MESSAGE)
     assert read(tmp_path / 'other') == (content, [])
 
 
 @pytest.mark.parametrize('storage', list(StoragePlugin))
 def test_compressed_messages_are_unpacked_without_metadata(tmp_path: Path, storage: StoragePlugin) -> None:
-    content = bag_of(tmp_path / 'other', storage, CompressionMode.MESSAGE)
+    content = rosbags_bag(tmp_path / 'other', storage, CompressionMode.MESSAGE)
     (tmp_path / 'other' / 'metadata.yaml').unlink()  # which a killed recorder has not written
     assert read(tmp_path / 'other' / f'other.{ENDINGS[storage]}') == (content, [])
     assert read(tmp_path / 'other')[0] == content
@@ -78,7 +52,7 @@ def test_capture_stamp_is_not_taken_from_compressed_bytes(tmp_path: Path) -> Non
 
 
 def test_messages_that_cannot_be_unpacked_are_left_out_and_reported(tmp_path: Path) -> None:
-    content = bag_of(tmp_path / 'other', StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
+    content = rosbags_bag(tmp_path / 'other', StoragePlugin.SQLITE3, CompressionMode.MESSAGE)
     file = tmp_path / 'other' / 'other.db3'
     packed = zstandard.compress(content[1].data)
     file.write_bytes(file.read_bytes().replace(packed, packed[:6] + b'\xff' * (len(packed) - 6)))
@@ -95,7 +69,7 @@ def test_files_compressed_as_a_whole_are_refused_until_they_are_unpacked(
     tmp_path: Path, storage: StoragePlugin
 ) -> None:
     bag, name = tmp_path / 'other', f'other.{ENDINGS[storage]}'
-    content = bag_of(bag, storage, CompressionMode.FILE)
+    content = rosbags_bag(bag, storage, CompressionMode.FILE)
     assert refusal(bag) == f'{name}.zstd must be unpacked first (zstd -d {bag}/*.zstd)'
     assert refusal(bag / f'{name}.zstd') == f'{bag / name}.zstd must be unpacked first (zstd -d {bag / name}.zstd)'
     unpack(bag)
@@ -104,11 +78,11 @@ def test_files_compressed_as_a_whole_are_refused_until_they_are_unpacked(
 
 def test_compressed_files_of_a_killed_recorder_are_not_passed_over(tmp_path: Path) -> None:
     bag = tmp_path / 'other'
-    content = bag_of(bag, StoragePlugin.SQLITE3, CompressionMode.FILE)
+    content = rosbags_bag(bag, StoragePlugin.SQLITE3, CompressionMode.FILE)
     (bag / 'metadata.yaml').unlink()
     refused = f'other.db3.zstd must be unpacked first (zstd -d {bag}/*.zstd)'
     assert refusal(bag) == refused
-    last = bag_of(tmp_path / 'last', StoragePlugin.SQLITE3, CompressionMode.NONE)
+    last = rosbags_bag(tmp_path / 'last', StoragePlugin.SQLITE3, CompressionMode.NONE)
     (tmp_path / 'last' / 'last.db3').rename(bag / 'other_1.db3')
     without = f'{bag} has no metadata.yaml; reading the files in it'
     assert read(bag) == (last, [without, f'left out: {refused}'])

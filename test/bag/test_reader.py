@@ -13,12 +13,11 @@ import lz4.frame
 import mcap.writer
 import pytest
 import zstandard
-from bagging import FORCE, START_NS, STRING, Sample, samples, text, until, write
+from bagging import FORCE, START_NS, STRING, Sample, read, refusal, rosbags_bag, samples, text, until, write
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import StoragePlugin
 
 from tactile_nodes import messages
 from tactile_nodes.bag import growing_file, mcap_storage
@@ -27,19 +26,6 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagLimits, BagWriter
 from tactile_nodes.errors import BagError, MessageError
-
-
-def read(path: Path) -> tuple[list[Sample], list[str]]:
-    with BagReader(path) as reader:
-        found = [Sample(message.topic, message.log_ns, message.data) for message in reader.messages()]
-        return found, reader.problems
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(BagError) as caught:
-        BagReader(path)
-    return str(caught.value)
-
 
 # --- bags that others made ------------------------------------------------------------------------------------
 
@@ -56,17 +42,6 @@ def test_all_twenty_messages_of_the_recorded_talker_are_read(shared_data: Path, 
     assert texts == [f'Hello, world! {number}' for number in range(10)]
     assert reader.problems == []
     assert [message.log_ns for message in found] == sorted(message.log_ns for message in found)
-
-
-def rosbags_bag(folder: Path, storage: StoragePlugin) -> list[Sample]:
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    content = [Sample('/text', START_NS + number, text(number)) for number in range(5)]
-    writer = Writer(folder, version=8, storage_plugin=storage)
-    with writer:
-        connection = writer.add_connection('/text', STRING, typestore=store)
-        for sample in content:
-            writer.write(connection, sample.log_ns, sample.data)
-    return content
 
 
 @pytest.mark.parametrize('storage', list(StoragePlugin))

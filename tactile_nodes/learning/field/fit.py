@@ -21,7 +21,15 @@ from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies
 from tactile_nodes.learning.field.camera import SCALES, fitted_camera, focal_objection, in_words, looked_otherwise
 from tactile_nodes.learning.field.judging import ROOM, UNFITTED, Chosen, Judge, passes_of, response_of, spread_of
-from tactile_nodes.learning.field.presses import STEP, AllPressures, BodyPresses, known_of, noise_px, presses_of
+from tactile_nodes.learning.field.presses import (
+    STEP,
+    AllPressures,
+    BodyPresses,
+    known_of,
+    noise_px,
+    nominal,
+    presses_of,
+)
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
 from tactile_nodes.sensing.elasticity.region_choice import LEAST_SEEN, usual_regions
@@ -144,7 +152,7 @@ def described(sensor: Sensor, scaling: InputScaling, progress: Progress | None =
     with (progress or Progress()).bar('response of the regions', 1) as bar:
         # Slopes count nothing until presses say otherwise.
         terms = regions.terms_of_patches(known_of(scaling), slopes=False)
-        response = response_of(terms, _nominal(regions, scaling)[:, ::3])
+        response = response_of(terms, nominal(regions, scaling)[:, ::3])
         bar.advance()
     readout = FieldReadout(
         scaling, response, regions.bins, noise_px(scaling), UNFITTED, spread, ROOM,
@@ -185,14 +193,14 @@ def fit_field(
     count, chosen = len(rows), pressures.linear(rows, dataset.presses[rows][:, 3].astype(float))
     rows, fold = rows[chosen], fold[chosen]
     with (progress or Progress()).bar('fitting the force field', len(rows) + 4) as bar:
-        start, softer = _nominal(regions, scaling), 1.0
+        start, softer = nominal(regions, scaling), 1.0
         presses = presses_of(regions, pressures, scaling, dataset, rows, advance=bar.advance)
         if (gain := presses.gain(start)) > 0 and abs(math.log(gain)) > math.log(STEP) / 2:
             softer = gain
         seen_by = fitted_camera(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance)
         if seen_by != sensor:
             regions = regions_of(seen_by, scaling)
-            start = _nominal(regions, scaling)
+            start = nominal(regions, scaling)
         if seen_by != sensor or softer != 1:
             presses = presses_of(regions, pressures, scaling, dataset, rows, softer=softer)
         terms = regions.terms_of_patches(known_of(scaling))
@@ -234,8 +242,3 @@ def _few(judge: Judge, presses: BodyPresses, fold: Int[np.ndarray, ' n']) -> tup
         return 'description', judge.start
     chosen = Chosen.of(judge, presses, fold)
     return chosen.form, chosen.shares
-
-
-def _nominal(regions: Regions, scaling: InputScaling) -> Float[np.ndarray, 'regions terms']:
-    """The prior share of each term, without any presses."""
-    return np.tile(regions.nominal_shares, (len(known_of(scaling)), 1))

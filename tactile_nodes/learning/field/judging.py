@@ -1,8 +1,7 @@
 """Judge fits of the response by presses that they did not see.
 
 Motion determines the depths of each region's markers, and the softness of the gel as far as the layer explains motion.
-A gel under a tip that goes deep moves an eighth less than a linear layer. Presses between printed dots are
-underestimated by a fifth. In such cases the gain follows from the estimated forces.
+Where it does not, as it may between printed dots, the gain follows from the estimated forces.
 """
 
 from __future__ import annotations
@@ -52,13 +51,12 @@ ROOM = 2.0
 other bodies leave residuals this much larger."""
 
 EXPLAINED = 1.5
-"""Limit in multiples of the expected residual; motion with a larger one does not determine the gel's softness. It is
-0.9 to 1.4 for presses on the gel that ships, and 2 to 8 for printed dots. If forces determined the softness of the gel
-that ships, too, its totals would be 5 % off instead of 2 % (`tactile bench contacts --each 4 --no-disturbances`,
-100 presses)."""
+"""Limit in multiples of the expected residual; motion with a larger one does not determine the gel's softness. If
+forces determined the softness of the gel that ships, its totals would be 5 % off instead of 2 % (`tactile bench
+contacts --each 4 --no-disturbances`, 100 presses)."""
 
 NEARLY_AS_GOOD = 1.03
-"""Errors within this factor count as equal: estimates of thirty presses scatter so much."""
+"""Errors within this factor count as equal, because the estimates of a few dozen presses scatter."""
 
 LEAST_GAIN, MOST_GAIN = 0.05, 20.0
 """Limits of a gel's softness, as a multiple of the described one."""

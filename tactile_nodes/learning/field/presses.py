@@ -45,10 +45,9 @@ presses leave 0.81 of what is expected, with a fixed one 0.77; twenty leave 0.73
 SOFTENING, SOFTENING_SIGMA, MOST_SOFTENING = 0.1, 0.08, 0.3
 """How much less the deepest press moves a gel than a linear layer: expected, its standard deviation, and at most.
 
-Simulated presses of the paper's tip show 0.06 on the paper's gel, and 0.09 to 0.18 on gels of 4 mm. If all presses
-counted as if the layer were linear, the forces of other contacts, which are less deep, would be too high: after thirty
-presses the totals of ten families are 13 % off on the gel `9dtact_like` and 5 % on `speckle_membrane` (medians), with
-this 10 and 1.4 % (ten contacts each, seed 909)."""
+If all presses counted as if the layer were linear, the forces of other contacts, which are less deep, would be too
+high: that of a ring by over 5 % after presses of a punch or a square (`pytest
+test/learning/field/test_field_bodies.py`)."""
 
 PRESS_OFF, MOST_OFF = 0.05, 0.5
 """Relative error of the motion under one press, and the largest one that counts."""
@@ -86,8 +85,8 @@ class BodyPresses:
 
     def take(self, chosen: np.ndarray) -> BodyPresses:
         """Some of the presses."""
-        arrays = {each.name: getattr(self, each.name) for each in fields(self) if each.name != 'softening'}
-        return replace(self, **{name: array[chosen] for name, array in arrays.items()})
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(self, **{name: each[chosen] for name, each in values.items() if isinstance(each, np.ndarray)})
 
     def at_usual_depth(self, shares: Float[np.ndarray, 'regions terms'], depth: Float[np.ndarray, ' n']) -> BodyPresses:
         """The presses, predicted for a gel that moves less, the deeper they go; `depth` is relative to its thickness.
@@ -106,10 +105,17 @@ class BodyPresses:
 
     def _gains(self, shares: Float[np.ndarray, 'regions terms']) -> Float[np.ndarray, ' n']:
         """The factor on all shares that fits each press best, over the median of these factors."""
-        predicted, weights = np.einsum('nrpt,rt->nrp', self.terms, shares), self.weights[..., None]
-        squared = np.maximum((weights * predicted * predicted).sum(axis=(1, 2)), 1e-12)
-        gains: np.ndarray = (weights * predicted * self.motion).sum(axis=(1, 2)) / squared
+        along, squared = self._products(shares)
+        gains: np.ndarray = along / np.maximum(squared, 1e-12)
         return gains / max(float(np.median(gains)), 1e-6)
+
+    def _products(
+        self, shares: Float[np.ndarray, 'regions terms']
+    ) -> tuple[Float[np.ndarray, ' n'], Float[np.ndarray, ' n']]:
+        """The weighted products of each press's prediction with its motion, and with itself."""
+        predicted, weights = np.einsum('nrpt,rt->nrp', self.terms, shares), self.weights[..., None]
+        along, squared = ((weights * predicted * each).sum(axis=(1, 2)) for each in (self.motion, predicted))
+        return along, squared
 
     def misfit(self, shares: Float[np.ndarray, 'regions terms']) -> float:
         """RMS of the residuals with these shares, in units of their expected standard deviation."""
@@ -118,9 +124,8 @@ class BodyPresses:
 
     def gain(self, shares: Float[np.ndarray, 'regions terms']) -> float:
         """The common factor on all shares that fits best."""
-        predicted = np.einsum('nrpt,rt->nrp', self.terms, shares)
-        weights = self.weights[..., None]
-        return float((weights * predicted * self.motion).sum() / max((weights * predicted * predicted).sum(), 1e-12))
+        along, squared = self._products(shares)
+        return float(along.sum() / max(squared.sum(), 1e-12))
 
     def offset_n(self, shares: Float[np.ndarray, 'regions terms'], fold: Int[np.ndarray, ' n']) -> tuple[float, float]:
         """The force at which motion vanishes, and its standard deviation by leaving out fold after fold."""
@@ -246,8 +251,12 @@ def presses_of(
     presses = BodyPresses(
         terms, motion, weights_of(scaling, dataset, rows, motion), centre, force, rows, np.ones(len(rows))
     )
-    as_described = np.tile(regions.nominal_shares, (len(known), 1))
-    return presses.at_usual_depth(as_described, pressures.depths(rows, force * softer))
+    return presses.at_usual_depth(nominal(regions, scaling), pressures.depths(rows, force * softer))
+
+
+def nominal(regions: Regions, scaling: InputScaling) -> Float[np.ndarray, 'regions terms']:
+    """The prior share of each term, without any presses."""
+    return np.tile(regions.nominal_shares, (len(known_of(scaling)), 1))
 
 
 def motion_of(

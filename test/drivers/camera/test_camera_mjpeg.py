@@ -154,15 +154,15 @@ def test_pictures_are_stamped_when_they_arrive(serve: Serve, clock: SystemClock,
         body = jpeg_of(1)
         sent_ns.append(clock.now_ns())
         peer.raw(b'--frame\r\nContent-Length: %d\r\n\r\n' % len(body) + body[:50])
-        peer.over.wait(1.0)
+        peer.over.wait(0.3)
         peer.raw(body[50:])
         peer.stall()
 
     camera = connected(serve(script), clock, stall_s=5.0)
     camera.read(2.0)
     go.set()
-    frame = camera.read(4.0)
-    assert 0 <= frame.stamp_ns - sent_ns[0] < 0.9e9
+    frame = camera.read(2.0)
+    assert 0 <= frame.stamp_ns - sent_ns[0] < 0.2e9
     camera.close()
 
 
@@ -176,7 +176,7 @@ def test_closing_does_not_wait_for_a_silent_server(serve: Serve, clock: SystemCl
     camera.read(2.0)
     started_ns = clock.now_ns()
     camera.close()
-    assert clock.now_ns() - started_ns < 5e9
+    assert clock.now_ns() - started_ns < 0.5e9
 
 
 def test_a_server_without_pictures_fails_to_open_in_time(serve: Serve, clock: SystemClock) -> None:

@@ -127,7 +127,7 @@ def test_frames_carry_the_stamp_of_the_kernel(device, start, clock: SystemClock)
     device.stamp_offset_ms = -50.0
     camera = start()
     age_ns = clock.now_ns() - camera.read(2.0).stamp_ns
-    assert 0.05e9 <= age_ns < 2e9
+    assert 0.05e9 <= age_ns < 0.2e9
     assert camera.health.level == Level.OK
 
 
@@ -199,7 +199,7 @@ def test_a_late_reader_gets_the_newest_frame_and_the_overtaken_are_counted(start
     frame = camera.read(2.0)
     assert frame.sequence - first.sequence > 10
     assert frame.dropped - first.dropped == frame.sequence - first.sequence - 1
-    assert clock.now_ns() - frame.stamp_ns < 0.25e9
+    assert clock.now_ns() - frame.stamp_ns < 0.1e9
 
 
 def test_pictures_that_are_cut_short_are_dropped_and_counted(device, start) -> None:
