@@ -24,6 +24,7 @@ from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.datasets.plans import planned_presses, press_count
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import Arrays, make_files
+from tactile_nodes.sensing.flow.choice import code_id
 from tactile_nodes.sensing.geometry import BinGrid, centre_crop
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.simulation.optics import Optics, mix
@@ -115,7 +116,7 @@ def recipe_id(config: TrainConfig) -> str:
     whatever = ('presses', 'processes') if config.data.plan == 'random' else ('processes',)
     data = {name: value for name, value in config.data.simulated().items() if name not in whatever}
     chosen = {
-        'recipe': RECIPE,
+        'recipe': [RECIPE, code_id()],
         'opencv': cv2.__version__,
         'data': data,
         'flow': [config.flow.name, config.make_flow().options],

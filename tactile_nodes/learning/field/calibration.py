@@ -14,7 +14,15 @@ from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
 from tactile_nodes.learning.config import FieldConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import BALL_MM, BODY, Bodies, KnownBody, body_of_card
-from tactile_nodes.learning.field.fit import FieldFit, described, fit_field, regions_of, scaling_of, uncovered
+from tactile_nodes.learning.field.fit import (
+    DOTS_NOISE_PX,
+    FieldFit,
+    described,
+    fit_field,
+    regions_of,
+    scaling_of,
+    uncovered,
+)
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
 from tactile_nodes.learning.transfer.judgement import ADVICE, describe_errors, require_worth
@@ -30,9 +38,6 @@ from tactile_nodes.sensors.writing import values_of
 
 NO_TEXTURE = 1e-3
 """Gradient (grey levels a pixel) at which a region of dots has half the weight; dots have a confidence of their own."""
-
-DOTS_NOISE_PX = 0.015
-"""Motion error of a region of printed dots, on simulated ones 18 px wide."""
 
 KEPT = 'flow', 'encoding', 'crop_px'
 """Keys that a calibrated model's card copies from its source."""

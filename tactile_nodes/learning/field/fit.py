@@ -41,6 +41,11 @@ from tactile_nodes.sensors import Sensor
 KNOWN_CONFIDENCE = 0.1
 """Confidence from which a region counts."""
 
+DOTS_NOISE_PX = 0.012
+"""Least error of the motion of a printed dot, from dots 10 and 18 px wide at a noise of 2.3 grey levels: 0.013 and
+0.011 px. With less, as rest images averaged over many frames give it, light presses between dots would be read too
+badly for a calibration (`pytest test/learning/field/test_several_bodies.py -k light`)."""
+
 CURVE = 0, 10, 30, 100
 """Numbers of presses at which the error is reported, as far as there are so many."""
 
@@ -94,6 +99,13 @@ class FieldFit:
     def deep(self) -> str:
         """The number of presses that were left out, in words."""
         return f'; presses left out, too deep for a linear layer: {self.left_out}' if self.left_out else ''
+
+
+def noise_of_dots(sensor: Sensor, scaling: InputScaling) -> InputScaling:
+    """The scaling of a sensor with at least the noise of printed dots, if it has such."""
+    if sensor.pattern.kind != 'dots':
+        return scaling
+    return replace(scaling, gain=np.minimum(scaling.gain, np.float32(1 / DOTS_NOISE_PX)))
 
 
 def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> InputScaling:
@@ -188,6 +200,7 @@ def fit_field(
         DatasetError: none of these presses has a force that is known.
         ConfigurationError: a body is wider than the gel.
     """
+    scaling = noise_of_dots(sensor, scaling)
     regions = regions_of(sensor, scaling)
     pressures = AllPressures(regions, bodies)
     count, chosen = len(rows), pressures.linear(rows, dataset.presses[rows][:, 3].astype(float))

@@ -22,7 +22,7 @@ from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
 from tactile_nodes.sensing.features import make_encoding
-from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.choice import code_id, make_flow
 from tactile_nodes.sensing.geometry import centre_crop, largest_side
 from tactile_nodes.sensing.picture.quality import require_picture
 from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
@@ -60,7 +60,7 @@ class Measurer:
     def recipe_id(self) -> str:
         """Sixteen hexadecimal digits of a hash over everything except the images that features depend on."""
         chosen = {
-            'recipe': RECIPE,
+            'recipe': [RECIPE, code_id()],
             'opencv': cv2.__version__,
             'flow': [self.flow.name, self.flow.options],
             'encoding': [self.encoding.name, self.encoding.options],

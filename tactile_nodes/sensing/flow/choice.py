@@ -5,12 +5,28 @@ To add one, write a class with the two methods of `FlowMethod` and a line in `FL
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.flow.dots import DotsFlow, DotsOptions
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.flow.methods import DisFlow, DisOptions, FlowMethod, checked_options
+
+SENSING, MEASURING = Path(__file__).parents[1], ('flow/*.py', 'features.py')
+"""Code that measures: patterns of files below the folder of `sensing`."""
+
+
+@cache
+def code_id(folder: Path = SENSING) -> str:
+    """Sixteen hexadecimal digits of a hash over the code that measures.
+
+    Features that other code has measured would not fit the response of a model, which this code computes.
+    """
+    files = [file for pattern in MEASURING for file in sorted(folder.glob(pattern))]
+    return hashlib.sha256(b''.join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
 def _make_dis(options: Mapping[str, object], compiled: bool) -> FlowMethod:
@@ -24,7 +40,7 @@ def _make_inverse_compositional(options: Mapping[str, object], compiled: bool) -
 
 
 def _make_dots(options: Mapping[str, object], compiled: bool) -> FlowMethod:
-    del compiled  # a few dozen dots take a millisecond
+    del compiled  # a few dozen dots take two milliseconds
     return DotsFlow(DotsOptions(**checked_options(DotsFlow.name, DotsOptions, options)))  # type: ignore[arg-type]
 
 

@@ -2,7 +2,8 @@
 
 Between dots there is no texture that a patch could track; shading and dirt do not move with the gel. A dot's centre is
 the centroid of its darkness, or brightness, relative to its surroundings. It is found by mean shift (Comaniciu and Meer
-2002), starting from its place at rest, or from the motion of its neighbours.
+2002), starting from its place at rest, or from the motion of its neighbours. From there the dot is matched with its
+image at rest (`dot_matching`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from tactile_nodes.errors import ImageError
+from tactile_nodes.sensing.flow.dot_matching import DotImages
 from tactile_nodes.sensing.flow.dot_pattern import Dots, contrast, find_dots
 from tactile_nodes.sensing.flow.methods import (
     DisplacementField,
@@ -25,7 +27,7 @@ from tactile_nodes.sensing.flow.methods import (
 REACH = 0.75
 """Of a dot's diameter: radius within which its centre is looked for, all of the dot and nothing of the next one."""
 
-ROUNDS, CLOSE_PX = 12, 0.01
+ROUNDS, CLOSE_PX = 12, 0.1
 """Steps towards a centre, at most, and how short the last one is."""
 
 LEAST_MASS = 0.4
@@ -34,14 +36,11 @@ LEAST_MASS = 0.4
 NEIGHBOURS, APART = 6, 0.35
 """Of the pitch: a dot that moved by so much more than its neighbours was taken for another one."""
 
-ABOUT = 0.45
+ABOUT = 0.25
 """Of the pitch: standard deviation of the weights of the dots about a region."""
 
-ALONE = float(np.exp(-1 / (2 * ABOUT**2)))
-"""Weight of a dot one pitch away. The confidence of regions with less weight around them is lower in proportion."""
-
-STIFF = 1.0
-"""Ridge on the slopes of a region's motion, as a share of the weights: at the rim only dots on one side show it."""
+ALONE = float(np.exp(-(1.1**2) / (2 * ABOUT**2)))
+"""Weight of a dot 1.1 pitches away. The confidence of regions with less weight around them is lower in proportion."""
 
 
 @dataclass(frozen=True)
@@ -97,9 +96,9 @@ class _Rest:
     pitch_px: float
     centres_px: Float[np.ndarray, 'dots 2']
     mass: Float[np.ndarray, ' dots']
+    images: DotImages
     near: Int[np.ndarray, 'dots near']
-    weights: Float[np.ndarray, 'regions dots']
-    levers: Float[np.ndarray, 'regions dots 3']
+    about: _About
     dot_weights: Float[np.ndarray, 'regions dots']
     shape: tuple[int, int]
 
@@ -113,10 +112,11 @@ class _Rest:
         away = np.hypot(*(centres[:, None] - centres[None]).transpose(2, 0, 1))
         near = np.argsort(away, axis=1)[:, 1 : NEIGHBOURS + 1]
         shape = options.rows, options.cols
-        weights, levers = _about(centres, dots.pitch_px, image.shape, shape)
+        about = _About.of(centres, dots.pitch_px, image.shape, shape)
+        images = DotImages.of(height, centres, dots.diameter_px)
         return cls(
-            dots.dark, level, reach_px, dots.pitch_px, centres, mass, near, weights, levers, _planes(weights, levers),
-            shape,
+            dots.dark, level, reach_px, dots.pitch_px, centres, mass, images, near, about,
+            about.shares(np.ones(len(centres), bool)), shape,
         )  # fmt: skip
 
     def followed(
@@ -132,6 +132,7 @@ class _Rest:
             again, seen = centred(height, (self.centres_px + around)[strayed], self.reach_px, self.level)
             motion[strayed], mass[strayed] = again - self.centres_px[strayed], seen
             strayed = self._strayed(motion, self._around(motion))
+        motion = self.images.matched(height, self.centres_px + motion) - self.centres_px
         return motion, ~strayed & (mass >= LEAST_MASS * self.mass)
 
     def _around(self, motion: Float[np.ndarray, 'dots 2']) -> Float[np.ndarray, 'dots 2']:
@@ -147,8 +148,9 @@ class _Rest:
 
     def displacement(self, motion: Float[np.ndarray, 'dots 2'], found: Bool[np.ndarray, ' dots']) -> DisplacementField:
         """The motion of each region."""
-        dot_weights = self.dot_weights if found.all() else _planes(self.weights * found, self.levers)
-        sure = (self.weights @ found) / np.maximum(self.weights.sum(axis=1), ALONE)
+        dot_weights = self.dot_weights if found.all() else self.about.shares(found)
+        weights = self.about.weights
+        sure = (weights @ found) / np.maximum(weights.sum(axis=1), ALONE)
         return DisplacementField(
             (dot_weights @ motion).reshape(*self.shape, 2).astype(np.float32),
             sure.reshape(self.shape).astype(np.float32),
@@ -166,7 +168,7 @@ def weights_of_dots(
         size_px: of the picture.
         shape: rows and columns of regions.
     """
-    return _planes(*_about(centres_px, pitch_px, size_px[::-1], shape))
+    return _About.of(centres_px, pitch_px, size_px[::-1], shape).shares(np.ones(len(centres_px), bool))
 
 
 def centred(
@@ -196,27 +198,37 @@ def centred(
     return places, mass
 
 
-def _about(
-    centres: Float[np.ndarray, 'dots 2'], pitch_px: float, size: tuple[int, ...], shape: tuple[int, int]
-) -> tuple[Float[np.ndarray, 'regions dots'], Float[np.ndarray, 'regions dots 3']]:
-    """How much each dot counts for each region, and 1 and its way from there (in pitches)."""
-    (height, width), (rows, cols) = size, shape
-    x = (np.arange(cols) + 0.5) * width / cols - 0.5
-    y = (np.arange(rows) + 0.5) * height / rows - 0.5
-    middles = np.stack(np.meshgrid(x, y), -1).reshape(-1, 1, 2)
-    ways = (centres - middles) / pitch_px
-    weights = np.exp(-np.square(ways).sum(axis=-1) / (2 * ABOUT**2))
-    return weights, np.concatenate([np.ones((*ways.shape[:2], 1)), ways], axis=-1)
+@dataclass(frozen=True)
+class _About:
+    """How much each dot counts for each region; and 1, x and y of dots and regions, in pitches."""
 
+    weights: Float[np.ndarray, 'regions dots']
+    dots: Float[np.ndarray, 'dots 3']
+    regions: Float[np.ndarray, 'regions 3']
 
-def _planes(
-    weights: Float[np.ndarray, 'regions dots'], levers: Float[np.ndarray, 'regions dots 3']
-) -> Float[np.ndarray, 'regions dots']:
-    """How much of each dot's motion is in the middle of the plane through those about a region, by least squares."""
-    normal = np.einsum('rd,rdi,rdj->rij', weights, levers, levers)
-    total = np.maximum(weights.sum(axis=1), 1e-9)
-    normal[:, [1, 2], [1, 2]] += STIFF * total[:, None]
-    normal[:, 0, 0] += 1e-6 * total
-    first = np.linalg.solve(normal, np.array([[1.0], [0.0], [0.0]]))[..., 0]
-    shares: np.ndarray = np.einsum('ri,rd,rdi->rd', first, weights, levers)
-    return shares
+    @classmethod
+    def of(
+        cls, centres: Float[np.ndarray, 'dots 2'], pitch_px: float, size: tuple[int, ...], shape: tuple[int, int]
+    ) -> _About:
+        (height, width), (rows, cols) = size, shape
+        x = (np.arange(cols) + 0.5) * width / cols - 0.5
+        y = (np.arange(rows) + 0.5) * height / rows - 0.5
+        middles = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+        dots, regions = (
+            np.column_stack([np.ones(len(each)), (each - (width / 2, height / 2)) / pitch_px])
+            for each in (centres, middles)
+        )
+        away = np.square(dots[None, :, 1:] - regions[:, None, 1:]).sum(axis=-1)
+        return cls(np.exp(-away / (2 * ABOUT**2)), dots, regions)
+
+    def shares(self, found: Bool[np.ndarray, ' dots']) -> Float[np.ndarray, 'regions dots']:
+        """How much of each dot's motion is in that of each region.
+
+        It is the mean of the dots about it. Since these do not lie in its middle, the motion of the picture as a whole
+        between them and there is added: a plane through the motion of all dots.
+        """
+        weights = self.weights * found + 1e-12
+        weights /= weights.sum(axis=1, keepdims=True)
+        plane = np.linalg.pinv(self.dots * found[:, None])
+        shares: np.ndarray = weights + (self.regions - weights @ self.dots) @ plane
+        return shares

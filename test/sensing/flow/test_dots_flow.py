@@ -13,13 +13,19 @@ WIDTH, HEIGHT, PITCH_PX, RADIUS_PX = 320, 240, 44.0, 9.0
 PLACES = np.array([(38.0 + PITCH_PX * col, 32.0 + PITCH_PX * row) for row in range(5) for col in range(6)])
 
 
-def drawn(places: np.ndarray, light: float = 1.0, seed: int = 0) -> np.ndarray:
-    """Dark discs with soft edges on a sheet that is brighter on the left, with noise of one grey level."""
+def sheet(places: np.ndarray) -> np.ndarray:
+    """Dark discs with soft edges on a sheet that is brighter on the left."""
     y, x = np.mgrid[:HEIGHT, :WIDTH].astype(float)
-    sheet = 150.0 - 0.15 * x
+    grey: np.ndarray = 150.0 - 0.15 * x
     for px, py in places:
-        sheet *= 1 - 0.6 / (1 + np.exp((np.hypot(x - px, y - py) - RADIUS_PX) / 0.7))
-    noisy = light * sheet + np.random.default_rng(seed).normal(0, 1, sheet.shape)
+        grey *= 1 - 0.6 / (1 + np.exp((np.hypot(x - px, y - py) - RADIUS_PX) / 0.7))
+    return grey
+
+
+def drawn(places: np.ndarray, light: float = 1.0, seed: int = 0, noise: float = 1.0) -> np.ndarray:
+    """The same as a picture, with noise of some grey levels."""
+    clean = light * sheet(places)
+    noisy = clean + np.random.default_rng(seed).normal(0, noise, clean.shape)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
@@ -40,6 +46,35 @@ def test_a_shift_of_up_to_nearly_half_the_pitch_is_measured_everywhere(shift: tu
 @pytest.mark.parametrize('light', [0.7, 1.3])
 def test_light_is_no_motion(light: float) -> None:
     assert np.abs(seen(PLACES, light).displacement_px).max() < 0.08
+
+
+def test_noise_moves_dots_hardly_more_than_it_must() -> None:
+    """No unbiased measurement of a shift has a smaller variance than that of the noise over the sum of the squared
+    slopes (Cramér and Rao); here both pictures have noise, and 30 dots are shifted by parts of a pixel."""
+    noise, reach = 2.5, 14
+    errors = []
+    for seed in range(4):
+        shifts = np.random.default_rng(seed).uniform(-0.5, 0.5, PLACES.shape)
+        flow = make_flow('dots', {'rows': 6, 'cols': 8})
+        flow.set_reference(drawn(PLACES, seed=10 + seed, noise=noise))
+        motion, found = flow._rest.followed(drawn(PLACES + shifts, seed=20 + seed, noise=noise))  # type: ignore[attr-defined]
+        at = np.argmin(np.hypot(*(flow._rest.centres_px[:, None] - PLACES).transpose(2, 0, 1)), axis=1)  # type: ignore[attr-defined]
+        assert found.all()
+        errors.append(motion - shifts[at])
+    x, y = PLACES[8].astype(int)
+    slope = np.gradient(sheet(PLACES)[y - reach : y + reach + 1, x - reach : x + reach + 1], axis=1)
+    least_px = np.sqrt(2) * noise / np.sqrt(np.square(slope).sum())
+    assert np.sqrt(np.square(errors).mean()) < 1.4 * least_px
+
+
+def test_a_turn_of_the_camera_is_measured_in_the_middle_of_each_region() -> None:
+    """1 degree about (148, 120), with dots beside the middles of regions."""
+    about = PLACES - (148.0, 120.0)
+    field = seen(PLACES + np.deg2rad(1) * np.column_stack([-about[:, 1], about[:, 0]]))
+    x = (np.arange(8) + 0.5) * WIDTH / 8 - 0.5 - 148
+    y = (np.arange(6) + 0.5) * HEIGHT / 6 - 0.5 - 120
+    turned = np.deg2rad(1) * np.stack([np.broadcast_to(-y[:, None], (6, 8)), np.broadcast_to(x, (6, 8))], -1)
+    np.testing.assert_allclose(field.displacement_px, turned, atol=0.1)
 
 
 def test_a_picture_that_grows_moves_more_towards_its_rim() -> None:
