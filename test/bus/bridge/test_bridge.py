@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import os
 import re
 import signal
@@ -86,10 +88,17 @@ def machine(keys: Path) -> Iterator[Callable[[], Machine]]:
         made.close()
 
 
+PORTS = (10_000 + (97 * os.getpid() + number) % 22_000 for number in itertools.count())
+"""Others for each worker, and below 32768: a port that the system chooses for a test may be another connection's before
+the bridge listens there."""
+
+
 def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((HERE, 0))
-        return int(probe.getsockname()[1])
+    for port in PORTS:
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind((HERE, port))
+            return port
+    raise AssertionError('the numbers never end')
 
 
 @pytest.fixture
