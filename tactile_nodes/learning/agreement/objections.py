@@ -85,7 +85,10 @@ def force_objection(force_n: Float[np.ndarray, ' n'], strength: Float[np.ndarray
     limit = min(max(FOLLOWS_FORCE, 2 * chance), FOLLOWS)
     if _correlation(_ranks(force_n), _ranks(strength.sum(axis=(1, 2)))) >= limit:
         return ''
-    return 'the images do not move more when the given force is larger: rows or columns are mixed up'
+    return (
+        'the images do not move more when the given force is larger: rows or columns are mixed up, or the presses are '
+        'too light for what the images show (between printed dots press with a larger ball)'
+    )
 
 
 def aside(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) -> list[int]:
