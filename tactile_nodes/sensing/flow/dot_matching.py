@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 ROUNDS = 2
-"""Steps from the centre of darkness; a third one changes no place by 0.001 px."""
+"""Steps from the centre of darkness. A third one moves 95 dots in 100 by less than 0.002 px, those that a hard contact
+deforms by more."""
 
 FARTHEST = 0.1
 """Of a dot's diameter: a match farther from the centre of darkness is taken for a dot that is covered in part."""
