@@ -42,9 +42,9 @@ KNOWN_CONFIDENCE = 0.1
 """Confidence from which a region counts."""
 
 DOTS_NOISE_PX = 0.012
-"""Least error of the motion of a printed dot, from dots 10 and 18 px wide at a noise of 2.3 grey levels: 0.013 and
-0.011 px. With less, as rest images averaged over many frames give it, light presses between dots would be read too
-badly for a calibration (`pytest test/learning/field/test_several_bodies.py -k light`)."""
+"""Least error of the motion of a printed dot, as in a picture with noise of two grey levels. With less, as rest images
+averaged over many frames give it, light presses between dots would be read too badly for a calibration (`pytest
+test/learning/field/test_several_bodies.py -k light`)."""
 
 CURVE = 0, 10, 30, 100
 """Numbers of presses at which the error is reported, as far as there are so many."""

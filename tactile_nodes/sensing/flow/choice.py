@@ -40,7 +40,7 @@ def _make_inverse_compositional(options: Mapping[str, object], compiled: bool) -
 
 
 def _make_dots(options: Mapping[str, object], compiled: bool) -> FlowMethod:
-    del compiled  # a few dozen dots take two milliseconds
+    del compiled  # a few dozen dots take little time
     return DotsFlow(DotsOptions(**checked_options(DotsFlow.name, DotsOptions, options)))  # type: ignore[arg-type]
 
 

@@ -98,7 +98,7 @@ class _Rest:
     mass: Float[np.ndarray, ' dots']
     images: DotImages
     near: Int[np.ndarray, 'dots near']
-    about: _About
+    interpolation: _Interpolation
     dot_weights: Float[np.ndarray, 'regions dots']
     shape: tuple[int, int]
 
@@ -112,11 +112,11 @@ class _Rest:
         away = np.hypot(*(centres[:, None] - centres[None]).transpose(2, 0, 1))
         near = np.argsort(away, axis=1)[:, 1 : NEIGHBOURS + 1]
         shape = options.rows, options.cols
-        about = _About.of(centres, dots.pitch_px, image.shape, shape)
+        interpolation = _Interpolation.of(centres, dots.pitch_px, image.shape, shape)
         images = DotImages.of(height, centres, dots.diameter_px)
         return cls(
-            dots.dark, level, reach_px, dots.pitch_px, centres, mass, images, near, about,
-            about.shares(np.ones(len(centres), bool)), shape,
+            dots.dark, level, reach_px, dots.pitch_px, centres, mass, images, near, interpolation,
+            interpolation.shares(np.ones(len(centres), bool)), shape,
         )  # fmt: skip
 
     def followed(
@@ -131,8 +131,8 @@ class _Rest:
         if strayed.any():
             again, seen = centred(height, (self.centres_px + around)[strayed], self.reach_px, self.level)
             motion[strayed], mass[strayed] = again - self.centres_px[strayed], seen
-            strayed = self._strayed(motion, self._around(motion))
         motion = self.images.matched(height, self.centres_px + motion) - self.centres_px
+        strayed = self._strayed(motion, self._around(motion))
         return motion, ~strayed & (mass >= LEAST_MASS * self.mass)
 
     def _around(self, motion: Float[np.ndarray, 'dots 2']) -> Float[np.ndarray, 'dots 2']:
@@ -148,8 +148,8 @@ class _Rest:
 
     def displacement(self, motion: Float[np.ndarray, 'dots 2'], found: Bool[np.ndarray, ' dots']) -> DisplacementField:
         """The motion of each region."""
-        dot_weights = self.dot_weights if found.all() else self.about.shares(found)
-        weights = self.about.weights
+        dot_weights = self.dot_weights if found.all() else self.interpolation.shares(found)
+        weights = self.interpolation.weights
         sure = (weights @ found) / np.maximum(weights.sum(axis=1), ALONE)
         return DisplacementField(
             (dot_weights @ motion).reshape(*self.shape, 2).astype(np.float32),
@@ -168,7 +168,7 @@ def weights_of_dots(
         size_px: of the picture.
         shape: rows and columns of regions.
     """
-    return _About.of(centres_px, pitch_px, size_px[::-1], shape).shares(np.ones(len(centres_px), bool))
+    return _Interpolation.of(centres_px, pitch_px, size_px[::-1], shape).shares(np.ones(len(centres_px), bool))
 
 
 def centred(
@@ -199,8 +199,9 @@ def centred(
 
 
 @dataclass(frozen=True)
-class _About:
-    """How much each dot counts for each region; and 1, x and y of dots and regions, in pitches."""
+class _Interpolation:
+    """Interpolates the motion of dots to regions: the weight of each dot in each region, by distance; and 1, x and y of
+    dots and regions, in pitches."""
 
     weights: Float[np.ndarray, 'regions dots']
     dots: Float[np.ndarray, 'dots 3']
@@ -209,7 +210,7 @@ class _About:
     @classmethod
     def of(
         cls, centres: Float[np.ndarray, 'dots 2'], pitch_px: float, size: tuple[int, ...], shape: tuple[int, int]
-    ) -> _About:
+    ) -> _Interpolation:
         (height, width), (rows, cols) = size, shape
         x = (np.arange(cols) + 0.5) * width / cols - 0.5
         y = (np.arange(rows) + 0.5) * height / rows - 0.5

@@ -93,12 +93,15 @@ PORTS = (10_000 + (97 * os.getpid() + number) % 22_000 for number in itertools.c
 the bridge listens there."""
 
 
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe, contextlib.suppress(OSError):
+        probe.bind((HERE, port))
+        return True
+    return False
+
+
 def _free_port() -> int:
-    for port in PORTS:
-        with socket.socket() as probe, contextlib.suppress(OSError):
-            probe.bind((HERE, port))
-            return port
-    raise AssertionError('the numbers never end')
+    return next(filter(_is_free, PORTS))
 
 
 @pytest.fixture
