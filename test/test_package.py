@@ -27,7 +27,10 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
         subprocess.run([sys.executable, 'setup.py', '-q', *made], cwd=ROOT, check=True, capture_output=True)
     (archive,) = folder.glob('*.tar.gz')
     with tarfile.open(archive) as opened:
-        opened.extractall(folder, filter='data')
+        opened.extraction_filter = getattr(
+            tarfile, 'data_filter', None
+        )  # Python before 3.11.4 has none, and no argument
+        opened.extractall(folder)
     return folder / archive.name.removesuffix('.tar.gz')
 
 
