@@ -58,7 +58,7 @@ def test_the_driver_asks_for_a_finite_count_and_stops_the_box_when_it_closes(rig
 
 def test_the_request_is_renewed_without_losing_a_record(rig_with: Make) -> None:
     rig = rig_with(renew_s=0.2, count_s=1.0)
-    samples = read(rig.open(), 400)
+    samples = read(rig.open(lost_s=5.0), 400)
     assert len([command for command, _ in rig.device.box.requests if command == rdt.START_REALTIME]) >= 3
     assert samples[-1].dropped == 0
     assert_counted(samples)
@@ -250,8 +250,7 @@ def test_the_driver_changes_nothing_in_the_box(rig_with: Make) -> None:
 def test_another_rate_than_the_one_asked_for_is_a_warning(rig_with: Make) -> None:
     rig = rig_with()
     sensor = rig.open(rate_hz=1000.0)
-    read(sensor)
-    assert sensor.health.level == Level.WARN
+    read_until(sensor, lambda _: sensor.health.level == Level.WARN)  # on a busy machine it may be silent for a moment
     assert '1000 samples/s were requested, but the box sends 500' in sensor.health.message
 
 
@@ -266,6 +265,6 @@ def test_the_rate_is_set_on_request_and_rounded_up_by_the_box(rig_with: Make, ax
 
 def test_every_record_at_the_highest_rate(rig_with: Make) -> None:
     rig = rig_with(NetFtConfig(divider=1))
-    samples: list[Sample] = read(rig.open(queue=20_000), 4000)
+    samples: list[Sample] = read(rig.open(queue=20_000, lost_s=5.0), 4000)  # a busy machine may pause for a while
     assert samples[-1].dropped == 0
     assert_counted(samples)
