@@ -21,17 +21,17 @@ LINK = re.compile(r'\[[^]]*]\(([^)\s]+)\)')
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A source distribution, unpacked. One after another makes it, since each gathers its files in the checkout."""
     folder = tmp_path_factory.mktemp('sdist')
-    made = ['egg_info', '-e', str(folder), 'sdist', '-q', '-d', str(folder)]
+    made = ['egg_info', '-e', str(folder), 'sdist', '-q', '--formats=tar', '-d', str(folder)]
     with (ROOT / 'setup.py').open() as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         subprocess.run([sys.executable, 'setup.py', '-q', *made], cwd=ROOT, check=True, capture_output=True)
-    (archive,) = folder.glob('*.tar.gz')
+    (archive,) = folder.glob('*.tar')
     with tarfile.open(archive) as opened:
         opened.extraction_filter = getattr(
             tarfile, 'data_filter', None
         )  # Python before 3.11.4 has none, and no argument
         opened.extractall(folder)
-    return folder / archive.name.removesuffix('.tar.gz')
+    return folder / archive.name.removesuffix('.tar')
 
 
 @pytest.fixture(scope='module')

@@ -188,6 +188,15 @@ def test_topic_that_is_not_in_the_bag_is_refused(play) -> None:
         play(topics=['wrench'])
 
 
+def test_a_bag_of_a_hand_names_its_sensors_to_who_replays_it_as_one(play, tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / 'hand')
+    for name in ('/left/chatter', '/right/chatter'):
+        writer.add_topic(BagTopic.of_type(name, STRING))
+    writer.close()
+    with pytest.raises(BagError, match=r'but /left/chatter, /right/chatter; give the sensor .* replay_hand\)'):
+        play(bag=str(tmp_path / 'hand'), topics=['chatter'])
+
+
 def test_tells_the_time_of_the_bag_on_clock(bus, play) -> None:
     clock = listen(bus, '/clock', 'rosgraph_msgs/msg/Clock')
     play(clock_hz=10.0).spin()

@@ -185,7 +185,7 @@ def test_a_finger_that_has_no_rest_image_yet_is_waited_for(finger: Finger) -> No
     with Loop(finger, 'object_mm:=30.0', 'grasp.hold_s:=60.0') as loop:
         loop.feeling.blind = 'right'
         begin_s = monotonic_s()
-        loop.go_on(lambda: monotonic_s() - begin_s > 2.5)
+        loop.go_on(lambda: monotonic_s() - begin_s > 1.5)
         assert loop.grasp.failure is None
         loop.feeling.blind = ''
         loop.go_on(lambda: 'holding' in loop.status())
