@@ -26,13 +26,13 @@ BODY, UNTOUCHED, LIGHTEST = 'body', 14, 0.15
 
 
 class BodySensor(Sensor):
-    """A gel that a body presses, with up to `most_n`."""
+    """A gel that a body presses, with up to `most_n`, solved on so many bricks sideways and down."""
 
-    def __init__(self, name: str, most_n: float, gel: Gel = GEL) -> None:
+    def __init__(self, name: str, most_n: float, gel: Gel = GEL, cells: int = 80, rows: int = 7) -> None:
         super().__init__(gel)
         self._gel = gel
         way = Way(force_mm2=most_n / gel.shear_modulus_mpa, press_stages=3)
-        track = solve_track(Bricks(Layer(80, 0.5, gel.layer_mm, rows=7)), KnownBody.named(name).body, way)
+        track = solve_track(Bricks(Layer(cells, 40.0 / cells, gel.layer_mm, rows=rows)), KnownBody.named(name).body, way)
         self.touched = TouchTable.of_track(track, -gel.skin_mm)
         self._optics = Optics(gel, self.table, bodies={BODY: self.touched})
 
