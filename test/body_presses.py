@@ -32,7 +32,9 @@ class BodySensor(Sensor):
         super().__init__(gel)
         self._gel = gel
         way = Way(force_mm2=most_n / gel.shear_modulus_mpa, press_stages=3)
-        track = solve_track(Bricks(Layer(cells, 40.0 / cells, gel.layer_mm, rows=rows)), KnownBody.named(name).body, way)
+        track = solve_track(
+            Bricks(Layer(cells, 40.0 / cells, gel.layer_mm, rows=rows)), KnownBody.named(name).body, way
+        )
         self.touched = TouchTable.of_track(track, -gel.skin_mm)
         self._optics = Optics(gel, self.table, bodies={BODY: self.touched})
 

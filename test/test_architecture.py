@@ -39,8 +39,8 @@ def test_live_sensing_imports_nothing_it_does_not_need() -> None:
 
 
 def test_files_have_one_subject_and_a_docstring() -> None:
-    assert not [_name(file) for file in SOURCES if not ast.get_docstring(_parsed(file))]
-    assert not [_name(file) for file in SOURCES if len(file.read_text(encoding='utf-8').splitlines()) > 400]
+    assert not [_name(file) for file in SOURCES if not re.match(r'(#.*\n|\n)*r?"""', _text(file))]
+    assert not [_name(file) for file in SOURCES if len(_text(file).splitlines()) > 400]
 
 
 def test_no_folder_has_more_files_than_a_stranger_reads_through() -> None:
@@ -52,18 +52,19 @@ def test_no_topic_is_spelt_outside_the_table() -> None:
     # Words of everyday use, and names that nodes and devices share with what they publish, are no sign of a topic.
     shared = {'flow_features', 'force_torque', 'hand_wrench'}
     distinctive = {name for name in TOPICS if '_' in name or '/' in name} - shared
-    elsewhere = [file for file in SOURCES if file != PACKAGE / 'bus' / 'topics.py']
-    assert not {_name(file): found for file in elsewhere if (found := _strings(file) & distinctive)}
+    quoted = re.compile('|'.join(f'[\'"]{name}[\'"]' for name in map(re.escape, distinctive)))
+    maybe = (file for file in SOURCES if file != PACKAGE / 'bus' / 'topics.py' and quoted.search(_text(file)))
+    assert not {_name(file): found for file in maybe if (found := _strings(file) & distinctive)}
 
 
 def _strings(file: Path) -> set[str]:
-    found = (node for node in ast.walk(_parsed(file)) if isinstance(node, ast.Constant))
+    found = (node for node in ast.walk(ast.parse(_text(file))) if isinstance(node, ast.Constant))
     return {node.value for node in found if isinstance(node.value, str)}
 
 
 @cache
-def _parsed(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding='utf-8'))
+def _text(file: Path) -> str:
+    return file.read_text(encoding='utf-8')
 
 
 @pytest.mark.parametrize('file', NODES, ids=_name)

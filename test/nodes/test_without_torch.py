@@ -26,7 +26,7 @@ from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
 
 for file in sys.argv[1:]:
     bus, layout = InProcessBus(), load_model(file).model.layout
-    node = ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', f'model:={file}']))
+    node = ForceEstimatorNode(bus, parse_arguments(['--ros-args', '-p', f'model:={file}', '-p', 'compiled:=false']))
     forces = bus.subscribe('/force_distribution', topics.FORCE_DISTRIBUTION.type_name, topics.FORCE_DISTRIBUTION.qos)
     source = bus.advertise('/flow_features', topics.FLOW_FEATURES.type_name, topics.FLOW_FEATURES.qos)
     source.publish(types.FlowFeatures(

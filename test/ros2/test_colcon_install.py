@@ -91,7 +91,7 @@ def test_tests_import_what_is_installed_where_ros_2_was_sourced(prefix: Path) ->
                 print('\\nfound', tactile_nodes.__file__)
 
         sys.exit(pytest.main(sys.argv[1:], plugins=[Told()]))"""
-    words = ['-p', 'pytest_timeout', '-p', 'no:cacheprovider', '--collect-only', str(Path(__file__).parent)]
+    words = ['-p', 'pytest_timeout', '-p', 'no:cacheprovider', '--collect-only', __file__]
     environment = _environment(prefix, PYTEST_DISABLE_PLUGIN_AUTOLOAD='1')
     said = run([sys.executable, '-c', code, '-c', str(ROOT / 'pyproject.toml'), *words], environment, cwd=prefix)
     assert f'found {prefix / SITE / "tactile_nodes/__init__.py"}' in said.splitlines()

@@ -30,7 +30,7 @@ def started() -> Iterator[Any]:
     """The browser."""
     sandbox = [] if os.geteuid() else ['--no-sandbox']  # Chromium has none for root
     with playwright.sync_playwright() as driver:
-        made = driver.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+        made = driver.chromium.launch(executable_path=CHROMIUM, args=['--disable-gpu', *sandbox])
         yield made
         made.close()
 

@@ -37,7 +37,7 @@ PRESS_N, PLACE_MM = 0.73, (4.0, -2.0)  # in the bin of row 3, column 5: its midd
 
 @dataclass
 class Sensor:
-    """Publishes sixty times a second what a sensor would that is pressed with `total_n`."""
+    """Publishes twenty times a second what a sensor would that is pressed with `total_n`."""
 
     bus: InProcessBus
     total_n: float = PRESS_N
@@ -58,7 +58,7 @@ class Sensor:
         self._thread.join()
 
     def _run(self) -> None:
-        while not self._done.wait(1 / 60):
+        while not self._done.wait(1 / 20):
             if self.sending:
                 for end, message in zip(self._ends, self._messages(), strict=False):  # a field is there at times
                     end.publish(message)

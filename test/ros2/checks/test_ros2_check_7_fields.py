@@ -34,11 +34,7 @@ def test_tests_of_the_bus_pass_with_checked_fields(name: str) -> None:
     _inner(name, os.environ)
 
 
-@pytest.mark.parametrize(
-    'outer',
-    [{'PYTEST_ADDOPTS': '-n 0'}, {'PYTEST_DISABLE_PLUGIN_AUTOLOAD': '1'}, {'PYTEST_XDIST_WORKER': 'gw0'}],
-    ids=lambda outer: next(iter(outer)),
-)
-def test_options_of_the_outer_pytest_are_not_those_of_the_inner_one(outer: dict[str, str]) -> None:
+def test_options_of_the_outer_pytest_are_not_those_of_the_inner_one() -> None:
     """The half of the check that needs no ROS 2: docs/ros2.md has the plugins named on the command line."""
+    outer = {'PYTEST_ADDOPTS': '-n 0', 'PYTEST_DISABLE_PLUGIN_AUTOLOAD': '1', 'PYTEST_XDIST_WORKER': 'gw0'}
     assert '::test_' in _inner(CHECKED[0], {**os.environ, **outer}, '--collect-only')
