@@ -81,9 +81,8 @@ def folder_of(path: Path, unit: str = 'g') -> PressFolder:
 
 
 def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr('tactile_nodes.clock.SystemClock', JumpingClock)
     words = ['press', str(tmp_path / 'by_hand'), '--indenter', 'ball:0.6', '--forces', '20', '60', '--presses']
     assert main([*words, '2']) == 0
     printed = capsys.readouterr().out
