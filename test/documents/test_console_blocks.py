@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import io
 import os
 import re
 import select
@@ -302,11 +303,13 @@ def run_here(command: str, folder: Path, environment: dict[str, str]) -> None:
         cwd=folder, env=environment, check=True, capture_output=True, text=True,
     )  # fmt: skip
     words = expanded.stdout.rstrip('\0').split('\0')
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stderr(io.StringIO()) as wrong:
         patch.chdir(folder)
         for name, value in environment.items():
             patch.setenv(name, value)
-        assert main(words) == 0, command
+        status = main(words)
+    assert status == 0, f'{command}: exit status {status}: {wrong.getvalue()}'
+    assert 'Traceback' not in wrong.getvalue(), f'{command}: {wrong.getvalue()}'
 
 
 def run_until_ended(command: str, around: dict[str, Any]) -> subprocess.CompletedProcess[bytes]:
