@@ -35,7 +35,7 @@ def other_gel(count: int, seed: int) -> Dataset:
 
 def readings() -> dict[str, np.ndarray]:
     """The errors of what each kind of fit reads of presses that it has not seen."""
-    dataset, few, bins = presses(500, 1), other_gel(42, 2), BinGrid()
+    dataset, few, bins = presses(300, 1), other_gel(42, 2), BinGrid()
     out, quiet = np.arange(len(dataset.presses)) % 5 == 1, Progress()
     response = fit_response(dataset, out, CONFIG, bins, quiet)
     axisymmetric = fit_axisymmetric(dataset, out, AXISYMMETRIC, bins, quiet)

@@ -27,8 +27,10 @@ RECORDINGS = Path(__file__).parents[2].parent / 'shared' / 'data' / 'gelsight_mi
 BALL, TUBE = RECORDINGS / 'ball_white_thread' / 'exp_num_2', RECORDINGS / 'cheese_tube' / 'exp_num_1'
 FINGERS = 0, 2
 OTHERS = os.environ.get('TACTILE_GRASPS', '')
-REST, HELD, FREE = 11, slice(20, 180), slice(-15, None)
-"""Frames of the recordings: the untouched gel; of the ball's the squeeze, and after it."""
+REST, HELD, FREE = 11, slice(20, 60), slice(-15, None)
+"""Frames that are read: the untouched gel; of the ball's the squeeze, and after it."""
+LONG, EVERY = slice(24, 176), 5
+"""Of these frames every fifth is read: in them the ball is held, and little changes."""
 
 pytestmark = [
     pytest.mark.shared_data,
@@ -87,6 +89,8 @@ def read(video: Path, folder: Path) -> list[types.ForceDistribution]:
     capture, pictures = cv2.VideoCapture(str(video)), list[np.ndarray]()
     while (frame := capture.read())[0]:
         pictures.append(np.ascontiguousarray(grey(frame[1])))
+    if len(pictures) > LONG.stop:
+        pictures[LONG] = pictures[LONG][::EVERY]
     known, dots = load_sensor('printed_dots'), find_dots(pictures[REST])
     assert dots is not None
     pattern = dataclasses.replace(known.pattern, dot_mm=dot_place_mm(View(known), dots.centres_px))

@@ -43,17 +43,25 @@ class Indenter:
     """
 
     def __init__(self, surface: ElasticLayer, height_mm: Float[np.ndarray, 'y x']) -> None:
-        self._shape = surface.cells[::-1]
         sinks = -surface.kernels(surface.rectangle(*surface.spacing_mm), pressed_only=True)[0, 2, 0].astype(float)
-        self._sinks = scipy.fft.rfft2(scipy.fft.ifftshift(sinks))
-        self._body: Bool[np.ndarray, 'y x'] = np.isfinite(height_mm)
-        self._height = np.where(self._body, height_mm, 0.0)
-        self._nodes_mm = surface.nodes_mm
+        body = np.isfinite(height_mm)
+        box = tuple(slice(each.min(), each.max() + 1) for each in np.nonzero(body))
+        self._body: Bool[np.ndarray, 'y x'] = body[box]
+        self._height = np.where(self._body, height_mm[box], 0.0)
+        self._nodes_mm = surface.nodes_mm[box]
+        # Nodes of the body are less than its size apart, so the transform needs twice that at most, not all of the gel.
+        sizes = zip(self._body.shape, sinks.shape, strict=True)
+        self._period = tuple(min(scipy.fft.next_fast_len(2 * size, real=True), every) for size, every in sizes)
+        near = tuple(
+            slice(every // 2 - size // 2, every // 2 - size // 2 + size)
+            for size, every in zip(self._period, sinks.shape, strict=True)
+        )
+        self._sinks = scipy.fft.rfft2(scipy.fft.ifftshift(sinks[near]))
 
     def pressed(self, force_n: float) -> Indentation:
         """The indentation under a force."""
         held = self._begin(force_n)
-        way, slope = np.zeros(self._shape), 0.0
+        way, slope = np.zeros(self._body.shape), 0.0
         for _ in range(MOST_STEPS):
             touches = held > 0
             gap = self._sunk(held) + self._height
@@ -79,7 +87,8 @@ class Indenter:
 
     def _sunk(self, force: np.ndarray) -> np.ndarray:
         """Downward displacement of the nodes under forces on them [mm]."""
-        sunk: np.ndarray = scipy.fft.irfft2(self._sinks * scipy.fft.rfft2(force), s=self._shape)
+        spectrum = self._sinks * scipy.fft.rfft2(force, s=self._period)
+        sunk: np.ndarray = scipy.fft.irfft2(spectrum, s=self._period)[: force.shape[0], : force.shape[1]]
         return sunk
 
     def _indentation(self, held: np.ndarray) -> Indentation:

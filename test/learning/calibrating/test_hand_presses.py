@@ -52,6 +52,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.fixture(scope='module')
+def portable(folder: Path) -> Path:
+    """The model that calibrates the portable one with these pictures."""
+    return calibrated(folder, 'portable')
+
+
 def calibrated(folder: Path, model: str) -> Path:
     output = folder / f'{model}.safetensors'
     options = ['--model', model, '--gel', 'by-hand', '-o', str(output)]
@@ -63,10 +69,10 @@ def read(table: Path) -> RecordedPresses:
     return presses_by_hand(load_model(find_model('portable')), table, 'by-hand', Progress())
 
 
-def test_weights_on_marks_tell_how_hard_the_gel_is(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    loaded = load_model(calibrated(folder, 'portable'))
-    assert f'from {PRESSES} presses' in capsys.readouterr().out
+def test_weights_on_marks_tell_how_hard_the_gel_is(portable: Path) -> None:
+    loaded = load_model(portable)
     entry = loaded.card['training']['calibration']
+    assert entry['presses'] == PRESSES
     # A modulus of 0.09 instead of 0.111 MPa: as deep with 0.81 of the force, so softer by ln(0.111 / 0.09) = 0.21.
     assert entry['whole']['softness'] + entry['whole']['lateral'] == pytest.approx(0.21, abs=0.12)
     assert entry['after']['force_rmse_n'] < 0.3 * entry['before']['force_rmse_n']
@@ -77,15 +83,17 @@ def test_all_pictures_of_the_untouched_gel_count(folder: Path) -> None:
     assert int((~read(folder / 'gel.csv').contact).sum()) == RESTS > PRESSES
 
 
-def test_pictures_that_calibrated_a_model_do_not_judge_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    model, presses = calibrated(folder, 'portable'), folder / 'some.npz'
+def test_pictures_that_calibrated_a_model_do_not_judge_it(
+    folder: Path, portable: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    presses = folder / 'some.npz'
     rows = ['picture,x_mm,y_mm,force_n', 'rest0.png,,,0', 'rest1.png,,,0']  # written anew, with other numbers
     rows += [f'press{number}.png,{number},{-number},{0.4 + 0.1 * number}' for number in range(3)]
     (folder / 'some.csv').write_text('\n'.join(rows) + '\n')
-    options = ['--model', str(model), '--gel', 'by-hand', '--force']
+    options = ['--model', str(portable), '--gel', 'by-hand', '--force']
     assert main(['dataset', 'import', str(folder / 'some.csv'), '-o', str(presses), *options]) == 0
     capsys.readouterr()
-    assert main(['evaluate', str(model), '--dataset', str(presses)]) == 1
+    assert main(['evaluate', str(portable), '--dataset', str(presses)]) == 1
     assert 'was calibrated with 3 of the 3 images of presses in this data set' in capsys.readouterr().err
     assert main(['evaluate', 'portable', '--dataset', str(presses)]) == 0
 
@@ -106,7 +114,8 @@ def test_pictures_beside_numbers_of_others_make_no_model(folder: Path, capsys: p
 
 def test_weights_on_marks_calibrate_the_field_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     loaded = load_model(calibrated(folder, 'field'))
-    assert 'it reads held-out presses' in ' '.join(capsys.readouterr().out.split())
+    said = ' '.join(capsys.readouterr().out.split())
+    assert 'it reads held-out presses' in said and f'from {PRESSES} presses' in said
     readout, source = loaded.model.readout, load_model(find_model('field')).model.readout
     assert isinstance(readout, FieldReadout)
     assert isinstance(source, FieldReadout)
