@@ -21,9 +21,17 @@ def fields_of(
     (along_x, along_y), (*others, height, width) = layer.spacing_mm, kernels.shape
     fields = np.empty((*others, 3, height, width), np.float32)
     fields[..., 0, :, :] = kernels
-    fields[..., 1, :, :] = np.gradient(kernels, along_x, axis=4)
-    fields[..., 2, :, :] = np.gradient(kernels, along_y, axis=3)
+    _differences(kernels, along_x, fields[..., 1, :, :])
+    _differences(kernels.swapaxes(3, 4), along_y, fields[..., 2, :, :].swapaxes(3, 4))
     return fields
+
+
+def _differences(values: np.ndarray, step_mm: float, found: np.ndarray) -> None:
+    """Central differences along the last axis, to one side at its ends: as `np.gradient`, in a tenth of the time."""
+    np.subtract(values[..., 2:], values[..., :-2], out=found[..., 1:-1])
+    found[..., 1:-1] /= 2 * step_mm
+    found[..., 0] = (values[..., 1] - values[..., 0]) / step_mm
+    found[..., -1] = (values[..., -1] - values[..., -2]) / step_mm
 
 
 def combed(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int]) -> np.ndarray:

@@ -37,9 +37,8 @@ def ring(radius_mm: np.ndarray) -> np.ndarray:
 
 def predicted(regions: Regions, known: np.ndarray) -> np.ndarray:
     """The motion (px) of regions under the ring, by the response to patches."""
-    patches, response = regions.patches, np.einsum(
-        'rptu,t->rpu', regions.terms_of_patches(known), regions.nominal_shares
-    )  # fmt: skip
+    patches, terms = regions.patches, regions.terms_of_patches(known, slopes=False)
+    response = np.einsum('rptu,t->rpu', terms, regions.nominal_shares[::3])
     within = (np.arange(8) + 0.5) / 8 - 0.5
     x, y = np.meshgrid(*(within * side for side in patches.size_mm))
     fine = patches.centres_mm[:, None, None] + np.stack([x, y], -1)

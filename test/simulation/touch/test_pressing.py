@@ -28,22 +28,20 @@ def sphere() -> Body:
     return Body.of_heights('sphere', ball(8.0, *grid(7.0)))
 
 
-def test_a_sphere_presses_as_hertz_says(thick: Bricks, sphere: Body):
-    """On a layer the force is larger by 1 + 1.13 a/H + 1.28 (a/H)² (Dimitriadis et al., Biophys. J. 82, 2002)."""
+def test_a_sphere_presses_as_hertz_says_and_dragged_slips_from_its_rim_as_mindlin_says(thick: Bricks, sphere: Body):
+    """On a layer Hertz's force is larger by 1 + 1.13 a/H + 1.28 (a/H)² (Dimitriadis et al., Biophys. J. 82, 2002).
+
+    d = 3 (2 - nu) mu P / (16 G a) (1 - (1 - Q / mu P)^(2/3)), and all of it slips at Q = mu P.
+    """
+    friction = 0.3
+    pressing = Pressing(thick, sphere, friction)
     for force in (2.0, 8.0):
-        stands = Pressing(thick, sphere).advance(Pose(), force)
+        stands = pressing.advance(Pose(), force)
         radius_mm = np.sqrt(8.0 * stands.depth_mm)
         share = radius_mm / 16.0
         hertz = 4 / 3 * MODULUS * np.sqrt(8.0) * stands.depth_mm**1.5
         assert force == pytest.approx(hertz * (1 + 1.133 * share + 1.283 * share**2), rel=0.05)
         assert stands.normal == pytest.approx(force, rel=2e-3)
-
-
-def test_a_sphere_that_is_dragged_slips_from_its_rim_as_mindlin_says(thick: Bricks, sphere: Body):
-    """d = 3 (2 - nu) mu P / (16 G a) (1 - (1 - Q / mu P)^(2/3)), and all of it slips at Q = mu P."""
-    friction, force = 0.3, 8.0
-    pressing = Pressing(thick, sphere, friction)
-    radius_mm = np.sqrt(8.0 * pressing.advance(Pose(), force).depth_mm)
     for drag_mm in (0.05, 0.1, 0.2):
         stands = pressing.advance(Pose(drag_mm), force)
         share = float(stands.force[0].sum()) / (friction * force)
