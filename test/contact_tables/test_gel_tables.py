@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from tactile_nodes.params import load_mapping
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.solution import Problem, Solution
 
-QUICK = Problem(finest_mm=0.3, growth=1.4, deepest_mm=0.2, rungs=2)
+QUICK = Problem(finest_mm=0.4, growth=2.0, deepest_mm=0.2, rungs=2)
 GELS = paths.share_directory() / 'config' / 'gels'
 
 
@@ -52,7 +53,7 @@ def test_a_solution_is_kept_and_found_again(own_cache: Path, monkeypatch: pytest
 
 def test_a_kept_file_of_another_problem_is_not_taken(own_cache: Path):
     solution = gel_tables.solution_of(QUICK)
-    other = Problem(finest_mm=0.3, growth=1.4, deepest_mm=0.2, rungs=2, layer_mm=5.0)
+    other = dataclasses.replace(QUICK, layer_mm=5.0)
     gel_tables.write_solution(own_cache / f'{other.key}.npz', solution)
     assert gel_tables.solution_of(other).key == other.key
 

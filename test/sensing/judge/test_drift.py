@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from itertools import pairwise
@@ -23,6 +24,7 @@ from tactile_nodes.simulation.optics import Optics, Press
 S = 1_000_000_000
 NOTHING = PictureChange(1.0, 1.0, 1.0, (0.0, 0.0), 0.0, 0.0, 0.001, 0.001, 0.006)
 GEL = Gel()
+RATE_HZ = 30
 PRESSED = (Press(4.0, -3.0, 1.5),)
 
 
@@ -58,13 +60,19 @@ def rest(plain: Seen) -> np.ndarray:
     return plain.rest()
 
 
-@pytest.fixture
-def monitor(rest: np.ndarray) -> DriftMonitor:
+@pytest.fixture(scope='module')
+def made(rest: np.ndarray) -> DriftMonitor:
     """One that knows the calibration's rest image, and has the same now."""
-    made = DriftMonitor()
-    made.use_calibration(rest)
-    made.rest(rest)
-    return made
+    monitor = DriftMonitor()
+    monitor.use_calibration(rest)
+    monitor.rest(rest)
+    return monitor
+
+
+@pytest.fixture
+def monitor(made: DriftMonitor) -> DriftMonitor:
+    """The same for each test, as if it were new."""
+    return copy.deepcopy(made)
 
 
 def watched(
@@ -215,9 +223,9 @@ def touched(
     monitor: DriftMonitor, gain: float, contacts: int, begin_s: float = 0.0, unlike: float = 0.3
 ) -> DriftMonitor:
     """Presses of 1 N every 2 s, read with a gain by the gel and truly by another sensor."""
-    for step in range(round(contacts * 2 * 60)):
-        at_s = begin_s + step / 60
-        force_n = max(0.0, math.sin(2 * math.pi * step / 120))
+    for step in range(contacts * 2 * RATE_HZ):
+        at_s = begin_s + step / RATE_HZ
+        force_n = max(0.0, math.sin(math.pi * step / RATE_HZ))
         monitor.independent_force(round(at_s * S), (5.0, 0.0, 1.0 - force_n))
         monitor.force(round(at_s * S), gain * force_n, unlike, in_contact=force_n > 0.03)
     return monitor
