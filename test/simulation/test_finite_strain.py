@@ -184,10 +184,6 @@ def test_the_layer_under_a_finite_tip_answers_as_the_linear_layer_far_away(finit
 
 def test_a_compressible_gel_is_softer_in_a_thin_layer():
     """A layer that may change its volume gives way where an incompressible one must flow aside."""
-    forces = [
-        solve_problem(
-            dataclasses.replace(COARSE, growth=1.5, layer_mm=1.0, deepest_mm=0.2, rungs=2, poisson_ratio=nu)
-        ).force_mm2[-1]
-        for nu in (0.5, 0.3)
-    ]
-    assert forces[1] < 0.8 * forces[0]
+    thin = dataclasses.replace(COARSE, growth=1.5, layer_mm=1.0, deepest_mm=0.2, rungs=2)
+    rubber, foam = (solve_problem(dataclasses.replace(thin, poisson_ratio=nu)).force_mm2[-1] for nu in (0.5, 0.3))
+    assert foam < 0.8 * rubber

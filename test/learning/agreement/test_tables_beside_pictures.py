@@ -217,8 +217,6 @@ def test_a_calibration_that_makes_the_camera_another_one_is_no_calibration(
     table, output = edited(folder, scaled(1 / 1.35)), tmp_path / 'mine.safetensors'
     assert calibrated(table, output) == 1
     assert 'the focal length of the camera differs by +' in capsys.readouterr().err and not output.exists()
-    assert calibrated(table, output, '--force') == 0
-    assert 'written because of --force: ' in capsys.readouterr().out
 
 
 def test_motion_cannot_follow_forces_that_are_all_alike() -> None:
@@ -345,7 +343,7 @@ def test_what_is_cut_and_another_tip_than_the_model_knows_are_reported(
         for row in rows[RESTS:]:
             row[4] = 'ball:5'
 
-    table = written(tmp_path / 'edited.csv', rows_of(edited(folder, change)))
+    table = written(tmp_path / 'edited.csv', rows_of(edited(folder, change))[: RESTS + 4])  # which are too few to fit
     for file in folder.glob('*.png'):
         cv2.imwrite(str(tmp_path / file.name), cv2.resize(cv2.imread(str(file)), None, fx=2, fy=2))
     main(['calibrate', '--pictures', str(table), '--model', 'portable', '--gel', 'x', '-o', str(tmp_path / 'mine')])

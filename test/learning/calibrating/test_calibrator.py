@@ -31,10 +31,10 @@ def fits(*errors_n: float) -> list[Fitted]:
     return [Fitted(5 * 2**step, error, error / 10) for step, error in enumerate(errors_n)]
 
 
-def changed_press(press: RecordedPress, **changed: Any) -> RecordedPress:
+def changed_press(recorded: RecordedPress, **changed: Any) -> RecordedPress:
     """The press with other words of its message."""
-    message: Any = press.message
-    return dataclasses.replace(press, message=dataclasses.replace(message, **changed))
+    message: Any = recorded.message
+    return dataclasses.replace(recorded, message=dataclasses.replace(message, **changed))
 
 
 @pytest.fixture(scope='module')
@@ -152,18 +152,19 @@ def test_too_few_presses_are_an_objection_and_no_error_until_the_end(
 def test_as_many_presses_of_which_some_are_others_are_fitted_anew(
     calibrator: Calibrator, pressed: list[RecordedPress]
 ) -> None:
-    """The rig finds press 6 doubtful after the fit, and one more comes."""
+    """The rig finds presses 5 and 6 doubtful after the fit, and two more come, at places of others."""
     for press in pressed[:6]:
         calibrator.take(press)
     calibrator.fit(ENTRIES)
     first = calibrator.calibration
     calibrator.fit(ENTRIES)
     assert first is calibrator.calibration is not None
-    calibrator.take(changed_press(pressed[5], status=types.Press.STATUS_SUSPECT))
-    calibrator.take(pressed[6])
+    for number in (4, 5):
+        calibrator.take(changed_press(pressed[number], status=types.Press.STATUS_SUSPECT))
+        calibrator.take(changed_press(pressed[number - 4], press=number + 3))
     calibrator.fit(ENTRIES)
     assert calibrator.presses == 6
-    assert calibrator.calibration is not None and calibrator.calibration is not first
+    assert 'at least at 5 places, but there are 4' in calibrator.objection
 
 
 def test_presses_in_one_corner_are_an_objection_that_says_so(

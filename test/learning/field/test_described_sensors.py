@@ -17,7 +17,7 @@ from press_bags import Sensor as BagSensor
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning.calibrating.calibrator import Calibrator
+from tactile_nodes.learning.calibrating.calibrator import Calibrator, StopRule
 from tactile_nodes.learning.calibrating.files import Source, calibrate
 from tactile_nodes.learning.calibrating.hand_presses import presses_by_hand
 from tactile_nodes.learning.calibrating.presses import BagPresses, finish, take_presses
@@ -207,7 +207,8 @@ def test_bags_of_presses_tell_it_too(made: LoadedModel, tmp_path: Path, monkeypa
         x_mm, y_mm, depth_mm = random.uniform((-6.5, -3.5, 0.3), (6.5, 3.5, 0.8)).tolist()
         collection.press(slot, slot + 1, x_mm, y_mm, depth_mm)
     bags = [collection.close()]
-    with closing(Calibrator(made, {'id': 'pressed'})) as calibrator, closing(BagPresses(bags)) as presses:
+    once = StopRule(first=24, most=24)
+    with closing(Calibrator(made, {'id': 'pressed'}, once)) as calibrator, closing(BagPresses(bags)) as presses:
         take_presses(calibrator, presses, lambda line: None)
         finish(calibrator, presses, lambda line: None)
     assert calibrator.recordings is not None and calibrator.calibration is not None, calibrator.objection
