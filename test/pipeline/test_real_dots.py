@@ -27,10 +27,10 @@ RECORDINGS = Path(__file__).parents[2].parent / 'shared' / 'data' / 'gelsight_mi
 BALL, TUBE = RECORDINGS / 'ball_white_thread' / 'exp_num_2', RECORDINGS / 'cheese_tube' / 'exp_num_1'
 FINGERS = 0, 2
 OTHERS = os.environ.get('TACTILE_GRASPS', '')
-REST, HELD, FREE = 11, slice(20, 60), slice(-15, None)
+REST, HELD, FREE = 11, slice(20, 45), slice(-15, None)
 """Frames that are read: the untouched gel; of the ball's the squeeze, and after it."""
-LONG, EVERY = slice(24, 176), 5
-"""Of these frames every fifth is read: in them the ball is held, and little changes."""
+LONG, EVERY = slice(24, 176), 8
+"""Of these frames every eighth is read: in them the ball is held, and little changes."""
 
 pytestmark = [
     pytest.mark.shared_data,
