@@ -106,16 +106,7 @@ class Safety:
         self._newest = sample
         if not self.watching:
             return
-        if sample.flags & (Flag.SATURATED | Flag.THRESHOLD):
-            wrong = describe_flags(sample.flags & (Flag.SATURATED | Flag.THRESHOLD))
-            self._stop(OVERLOAD, f'the load exceeds the range of the force/torque sensor: {wrong}', sample.arrival_ns)
-            return
-        if sample.flags & UNUSABLE:
-            wrong = describe_flags(sample.flags & UNUSABLE)
-            self._stop(SENSOR, f'the force/torque sensor reports: {wrong}', sample.arrival_ns)
-            return
-        if sample.flags & Flag.UNTIMED:
-            self._stop(SENSOR, f'{UNTIMED}; check its configured rate', sample.arrival_ns)
+        if sample.flags and self._flagged(sample):
             return
         force, torque = self._change(sample.wrench)
         if math.isnan(force):
@@ -123,6 +114,20 @@ class Safety:
             return
         self.greatest_n = max(self.greatest_n, force)
         self._check_force(sample, force, torque)
+
+    def _flagged(self, sample: Sample) -> bool:
+        """Stop because of a sample's flags; False if none of them is a reason to."""
+        if sample.flags & (Flag.SATURATED | Flag.THRESHOLD):
+            wrong = describe_flags(sample.flags & (Flag.SATURATED | Flag.THRESHOLD))
+            self._stop(OVERLOAD, f'the load exceeds the range of the force/torque sensor: {wrong}', sample.arrival_ns)
+        elif sample.flags & UNUSABLE:
+            wrong = describe_flags(sample.flags & UNUSABLE)
+            self._stop(SENSOR, f'the force/torque sensor reports: {wrong}', sample.arrival_ns)
+        elif sample.flags & Flag.UNTIMED:
+            self._stop(SENSOR, f'{UNTIMED}; check its configured rate', sample.arrival_ns)
+        else:
+            return False
+        return True
 
     def frame(self, arrival_ns: int) -> None:
         """Note the arrival of an image."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import bisect
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 Vector = tuple[float, float, float]
@@ -49,12 +50,12 @@ class Trapezoid:
     feed_mm_s: float
     acceleration: float
 
-    @property
+    @cached_property
     def peak(self) -> float:
         """The greatest speed reached, which is lower on a short line."""
         return min(self.feed_mm_s, math.sqrt(self.acceleration * self.length_mm))
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """The time from start to rest."""
         peak = self.peak

@@ -18,7 +18,7 @@ from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.run.campaign import Campaign
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import Person
-from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings, SurfaceSettings
+from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings, SurfaceSettings, SyncSettings
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.emulators.world import World, WorldSettings
@@ -28,8 +28,11 @@ from tactile_nodes.simulation.optics import Press
 SAFE_Z_MM = -26.0
 PLAN = PlanSettings(columns=3, rows=2, pitch_mm=4.0, depths_mm=(0.5, 1.5))
 SETTINGS = CollectionSettings(
-    surface=SurfaceSettings(top_mm=-29.8, corners=3, repeats=1), anchor=AnchorSettings(every=0)
+    surface=SurfaceSettings(top_mm=-29.8, corners=3, repeats=1, feed_mm_min=60.0),
+    anchor=AnchorSettings(every=0),
+    sync=SyncSettings(pulses=2),
 )
+"""A short search for the surface and short patterns, as each run has them."""
 TABLE = contact_table(Gel())
 
 
@@ -83,11 +86,12 @@ class Run:
         dots: Dots | None = None,
         unasked: bool = True,
         machine: Path | None = None,
+        rate_hz: float = 50.0,
     ) -> None:
         self.plan: Plan = make_plan(plan)
         self.world = World(world, table=TABLE)
         camera = None if dots is None else lambda time_ns: dots.see(self.world.press_at(time_ns))
-        self.rig = Rehearsal(self.world, settings, CncSettings(safe_z_mm=SAFE_Z_MM), camera, rate_hz=100.0, fps=20.0)
+        self.rig = Rehearsal(self.world, settings, CncSettings(safe_z_mm=SAFE_Z_MM), camera, rate_hz, fps=20.0)
         self.published: list[Record] = []
         self.printed: list[str] = []
         self.rests: list[int] = []

@@ -41,8 +41,9 @@ class SampleCheck:
         pairs = zip(self._repeated, values, self._last, strict=True)
         self._repeated = [count + 1 if value == last else 0 for count, value, last in pairs]
         self._last = values
-        flags = Flag.STALLED if 0 < self._limit <= sum(self._repeated) else Flag(0)
-        return int(flags if all(map(math.isfinite, values)) else flags | Flag.NOT_A_NUMBER)
+        stalled = 0 < self._limit <= sum(self._repeated)
+        finite = all(map(math.isfinite, values))
+        return (int(Flag.STALLED) if stalled else 0) | (0 if finite else int(Flag.NOT_A_NUMBER))
 
 
 def permitted_ms(silence_ms: float, expected_hz: float) -> float:

@@ -8,15 +8,16 @@ from tactile_nodes.collection.plan.plan import PlanSettings, make_plan, numbered
 PAPER = PlanSettings()
 
 
-def test_every_press_comes_once_and_always_in_the_same_order() -> None:
+def test_a_plan_comes_always_in_the_same_order() -> None:
+    small = PlanSettings(columns=5, rows=5)
+    assert ordered(make_plan(small), small) == ordered(make_plan(small), small)
+
+
+def test_every_press_of_the_papers_plan_comes_once_nearly_all_neighbours_rest_and_the_way_is_short() -> None:
+    """Nearly all neighbours rest for eight presses."""
     plan = make_plan(PAPER)
     order = ordered(plan, PAPER)
     assert sorted(order) == list(plan.points)
-    assert order == ordered(plan, PAPER)
-
-
-def test_nearly_all_neighbours_of_the_papers_plan_rest_for_eight_presses_and_the_way_is_short() -> None:
-    order = ordered(make_plan(PAPER), PAPER)
     hurried = sum(
         any((a.x_mm - b.x_mm) ** 2 + (a.y_mm - b.y_mm) ** 2 < 4.0**2 for b in order[max(0, i - 8) : i])
         for i, a in enumerate(order)

@@ -66,7 +66,7 @@ class Liar(World):
 )
 def test_press_whose_force_does_not_rise_stops_early_and_ends_the_run(tmp_path: Path, tells: Callable) -> None:
     """The third press is 1.5 mm deep. Half of what is expected at 0.6 mm is more than the force of 0.3 mm."""
-    run = Run(tmp_path)
+    run = Run(tmp_path, rate_hz=100.0)
     run.world.__class__ = Liar
     deepest = [0.0]
 

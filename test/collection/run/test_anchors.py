@@ -102,7 +102,7 @@ def lose(run: Run, axis: int, way_mm: float) -> Callable[[], None]:
                 over.append(True)
                 run.world.stick(axis, now_ns, stuck=False)
 
-        run.rig.clock.every(0.001, look)
+        run.rig.clock.every(0.005, look)
 
     return stick
 

@@ -83,7 +83,7 @@ def test_rest_images_are_taken_twice_at_the_start_and_after_every_few_presses() 
 )
 def test_run_of_twelve_presses_takes_as_long_as_estimated(tmp_path: Path, blocks: dict[str, dict[str, object]]) -> None:
     settings = dataclasses.replace(changed(**blocks), reference_every=4)
-    run = Run(tmp_path, settings, dots=Dots())
+    run = Run(tmp_path, settings, dots=Dots(), rate_hz=100.0)
     begin_ns = run.rig.clock.now_ns()
     run.campaign.run()
     took_s = (run.rig.clock.now_ns() - begin_ns) / NS_PER_S

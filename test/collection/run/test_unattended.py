@@ -173,7 +173,7 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
 
     def hit() -> None:
         bump(run)()
-        run.after(300.0, run.person.answer)
+        run.after(30.0, run.person.answer)
 
     run.at(3, run.in_the_gel(hit))
     run.rig.clock.every(1.0, look)
@@ -182,7 +182,7 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
         line for line in run.printed if 'more than the bearable 5 N' in line and 'then type: answer' in line
     )
     assert 'check machine, tip and gel' in question
-    assert len(places) > 280 and len(set(places)) == 1
+    assert len(places) > 28 and len(set(places)) == 1
     assert places[0][2] == pytest.approx(SAFE_Z_MM, abs=0.01)
     assert of_the_machine(run) == ['begun', 'halted', 'acknowledged', 'ended']
     assert len(run.recorded) == 11  # one is aside
@@ -210,7 +210,7 @@ def test_after_a_kill_a_run_asks_before_it_homes_or_moves(tmp_path: Path) -> Non
     start = run.world.motor_at(run.rig.clock.now_ns())
     places = []
     run.rig.clock.every(1.0, lambda: places.append(run.world.motor_at(run.rig.clock.now_ns())))
-    run.after(600.0, lambda: places.append('answered') or run.person.answer())
+    run.after(60.0, lambda: places.append('answered') or run.person.answer())
     run.campaign.run()
     assert 'cut off' in run.printed[0] and run.printed[0].endswith('then type: answer')
     assert set(places[: places.index('answered')]) == {start}
