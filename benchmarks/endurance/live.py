@@ -35,26 +35,30 @@ class Frames(Gaps):
 
 
 def live(seconds: float, every_s: float, progress: Progress) -> dict[str, Any]:
-    """Run for `seconds`, and look at all processes every `every_s`.
+    """Start a launch and watch it.
 
     Raises:
         ConfigurationError: the launch does not start.
     """
-    frames = Frames()
-    looks: dict[str, list[Look]] = {}
-    loads: list[float] = []
     with sensing() as running:
-        processes = {name: psutil.Process(pid) for name, pid in running.pids.items()}
-        looks = {name: [] for name in processes}
-        start_s = monotonic_s()
-        with progress.bar('real time', round(seconds / every_s)) as bar:
-            for number in range(round(seconds / every_s)):
-                until_s = start_s + (number + 1) * every_s
-                _listen(running, max(0.0, until_s - monotonic_s()), frames)
-                for name, process in processes.items():
-                    looks[name].append(look(process, monotonic_s() - start_s))
-                loads.append(os.getloadavg()[0])
-                bar.advance(text=f'{frames.received} forces, {frames.skipped} images without one')
+        return watched(running, seconds, every_s, progress)
+
+
+def watched(running: Sensing, seconds: float, every_s: float, progress: Progress) -> dict[str, Any]:
+    """Watch a launch for `seconds`, and look at all its processes every `every_s`."""
+    frames = Frames()
+    loads: list[float] = []
+    processes = {name: psutil.Process(pid) for name, pid in running.pids.items()}
+    looks: dict[str, list[Look]] = {name: [] for name in processes}
+    start_s = monotonic_s()
+    with progress.bar('real time', round(seconds / every_s)) as bar:
+        for number in range(round(seconds / every_s)):
+            until_s = start_s + (number + 1) * every_s
+            _listen(running, max(0.0, until_s - monotonic_s()), frames)
+            for name, process in processes.items():
+                looks[name].append(look(process, monotonic_s() - start_s))
+            loads.append(os.getloadavg()[0])
+            bar.advance(text=f'{frames.received} forces, {frames.skipped} images without one')
     return {
         'seconds': seconds, 'every_s': every_s, 'load': spread(loads), 'frames': asdict(frames),
         'processes': summed_up(looks),

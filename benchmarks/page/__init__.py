@@ -77,12 +77,19 @@ def measure(
     conditions: Sequence[Condition], seconds: float, rounds: int, settle_s: float = SETTLE_S
 ) -> dict[Condition, Seen]:
     """Measure each condition in each round; the order is rotated by one from round to round."""
-    found = {each: Seen() for each in conditions}
     with sensing() as running:
-        running.watch_for(settle_s)
-        for number in range(rounds):
-            for condition in _turned(conditions, number):
-                _measure_one(running, condition, seconds, settle_s, found[condition])
+        return measure_on(running, conditions, seconds, rounds, settle_s)
+
+
+def measure_on(
+    running: Sensing, conditions: Sequence[Condition], seconds: float, rounds: int, settle_s: float
+) -> dict[Condition, Seen]:
+    """The same with a sensor that runs already."""
+    found = {each: Seen() for each in conditions}
+    running.watch_for(settle_s)
+    for number in range(rounds):
+        for condition in _turned(conditions, number):
+            _measure_one(running, condition, seconds, settle_s, found[condition])
     return found
 
 

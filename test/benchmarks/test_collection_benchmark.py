@@ -41,7 +41,7 @@ def collect(folder: Path) -> subprocess.Popen[bytes]:
     """The program, in a process of its own, where nothing checks types at run time."""
     plan = folder / 'plan.yaml'
     plan.write_text('columns: 2\nrows: 1\npitch_mm: 6.0\ndepths_mm: [0.5, 1.5]\n', encoding='ascii')
-    words = ['bench', 'collection', '--plan', str(plan), '-o', str(folder), '--rate', '100', '--fps', '30']
+    words = ['bench', 'collection', '--plan', str(plan), '-o', str(folder), '--rate', '100', '--fps', '20']
     environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'}
     return subprocess.Popen([sys.executable, '-m', 'tactile_nodes', *words], env=environment, stdout=subprocess.DEVNULL)
 

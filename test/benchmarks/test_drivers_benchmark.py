@@ -14,7 +14,7 @@ from benchmarks.drivers.readers import Flicker, Traffic
 from tactile_nodes.cli import bench
 from tactile_nodes.clock import SteppedClock
 
-NAMES = list(drivers.CASES)
+NAMES = [name for name in drivers.CASES if name != 'camera_60']  # the flood is of the same driver and device
 
 
 @pytest.mark.parametrize('names', [NAMES[first : first + 2] for first in range(0, len(NAMES), 2)], ids='-'.join)
@@ -23,7 +23,7 @@ def test_every_driver_is_measured_against_its_device(
 ) -> None:
     parser = argparse.ArgumentParser()
     bench.add_arguments(parser)
-    chosen = ['drivers', '--seconds', '1', '--together', '2', '--only', *names]
+    chosen = ['drivers', '--seconds', '0.3', '--together', '2', '--only', *names]
     assert bench.run(parser.parse_args([*chosen, '-o', str(tmp_path / 'drivers.json')])) == 0
     printed = capsys.readouterr().out
     found = json.loads((tmp_path / 'drivers.json').read_text())['drivers']

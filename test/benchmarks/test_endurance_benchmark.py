@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from benchmarks import endurance
-from benchmarks.endurance.live import live
 from benchmarks.endurance.stepped import FPS, stepped
 from benchmarks.endurance.trend import Look, growth, slope_per_hour
 from tactile_nodes.learning.progress import Progress
@@ -30,13 +29,6 @@ def test_every_frame_is_answered_and_nothing_waits_or_is_lost(seconds: dict[str,
 
 def test_the_second_press_is_answered_like_the_first(seconds: dict[str, Any]) -> None:
     assert seconds['drift_n'] == 0.0
-
-
-def test_a_live_launch_is_looked_at_process_by_process() -> None:
-    part = live(1.0, 0.5, Progress())
-    assert part['frames']['received'] > 0
-    assert {'camera_node', 'composed_node', 'drift_monitor_node'} <= set(part['processes'])
-    assert all(held['memory_mb']['last'] > 10 for held in part['processes'].values())
 
 
 def looks(slope_mb_per_hour: float, files: int = 7) -> list[Look]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from tactile_nodes.learning.evaluation.scores import ALL, LIGHT_N, TOUCH_N, LightBand, LightScores, RestScores
 from tactile_nodes.learning.evaluation.statuses import StatusScores
+from tactile_nodes.learning.evaluation.table import Table
 from tactile_nodes.learning.evaluation.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
@@ -24,37 +25,6 @@ STATUSES = {
     'frames': 'frames', 'ok': 'ok', 'degraded': 'degraded', 'invalid': 'invalid', 'held': '90 % interval holds',
     'wrong_while_ok': 'wrong while ok',
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Table:
-    """Cells as text, with a title above them."""
-
-    title: str
-    heads: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-    def __str__(self) -> str:
-        """The table as aligned text: the first column to the left, the others to the right."""
-        lines = ['  '.join(cells).rstrip() for cells in self._padded()]
-        return '\n'.join([*([self.title] if self.title else []), *lines])
-
-    def markdown(self) -> str:
-        """The same as Markdown, without its title.
-
-        >>> print(Table('', ('a', 'bcd'), (('xy', '1'),)).markdown())
-        | a  | bcd |
-        | -- | --: |
-        | xy |   1 |
-        """
-        heads, *rows = self._padded()
-        rule = ['-' * len(heads[0]), *('-' * (len(head) - 1) + ':' for head in heads[1:])]
-        return '\n'.join(f'| {" | ".join(cells)} |' for cells in (heads, rule, *rows))
-
-    def _padded(self) -> list[list[str]]:
-        lines = [self.heads, *self.rows]
-        widths = [max(len(line[column]) for line in lines) for column in range(len(self.heads))]
-        return [[line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])] for line in lines]
 
 
 def report(evaluations: Sequence[Evaluation]) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from measured_case import measured_case
 
 from benchmarks.catalogue import BENCHMARKS
 from benchmarks.harness import parts
@@ -50,10 +51,6 @@ COUNTING = Benchmark(
         argument('--images', type=Path, help='of what'),
     ),
 )
-
-
-def measured_case(arguments: argparse.Namespace, _: Run) -> dict[str, Any]:
-    return {'measured': arguments.only}
 
 
 def counted(words: list[str], benchmark: Benchmark = COUNTING) -> int:

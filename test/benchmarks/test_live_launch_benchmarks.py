@@ -1,22 +1,42 @@
-"""The benchmark of the page runs and reports; what it finds depends on the machine, and is nothing to assert."""
+"""The benchmarks of the page and of endurance run on a live launch and report; what they find depends on the machine,
+and is nothing to assert."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import pytest
 
 from benchmarks import page
+from benchmarks.endurance.live import watched
 from benchmarks.page import Condition, Seen
+from benchmarks.page.launch import Sensing, sensing
+from tactile_nodes.learning.progress import Progress
 
 
-def test_sensing_is_measured_under_viewers_of_whom_one_hangs() -> None:
-    condition = Condition('two, and one that hangs', viewers=2, hanging=1)
-    found = page.measure([condition], seconds=1.0, rounds=1, settle_s=0.5)
+@pytest.fixture(scope='module')
+def running() -> Iterator[Sensing]:
+    """A live launch, for all that is measured on one."""
+    with sensing() as running:
+        yield running
+
+
+def test_sensing_is_measured_under_viewers_of_whom_one_hangs(running: Sensing) -> None:
+    condition = Condition('one, and one that hangs', viewers=1, hanging=1)
+    found = page.measure_on(running, [condition], seconds=0.5, rounds=1, settle_s=0.25)
     result = page.summed_up(found[condition])
     assert result['frames'] > 0
     assert 0 < result['latency_ms']['p50'] <= result['latency_ms']['p99']
     assert result['shown_hz'] > 0
     assert set(result['cpu_percent']) == set(page.PROCESSES.values())
     assert condition.title in page.conditions_table({'conditions': {condition.title: result}})
+
+
+def test_a_live_launch_is_looked_at_process_by_process(running: Sensing) -> None:
+    part = watched(running, 0.5, 0.25, Progress())
+    assert part['frames']['received'] > 0
+    assert {'camera_node', 'composed_node', 'drift_monitor_node'} <= set(part['processes'])
+    assert all(held['memory_mb']['last'] > 10 for held in part['processes'].values())
 
 
 def test_percentiles_are_over_all_frames_and_the_spread_is_over_rounds() -> None:
