@@ -161,6 +161,11 @@ class Change:
         """Whether it affects the rest image, and so all later frames."""
         return self.acts in (in_the_rest_image, always)
 
+    @property
+    def begins_later(self) -> bool:
+        """Whether the frames before it are those of every stream."""
+        return not self.endless and self.capture is None and self.course is None
+
 
 ForceTables = dict[str, ContactTable]
 
@@ -176,8 +181,9 @@ class World:
         self.noise = NoiseBank(self.gel)
         self._kept: dict[tuple[Presses, ...], np.ndarray] = {}
 
-    def frames(self, change: Change, plan: Plan) -> Iterator[tuple[Moment, np.ndarray]]:
-        """Every frame of a stream with its picture, cropped as by the camera node."""
+    def frames(self, change: Change, plan: Plan, *, begun: bool = False) -> Iterator[tuple[Moment, np.ndarray]]:
+        """Every frame of a stream with its picture, cropped as by the camera node; with `begun`, without those before
+        the disturbance."""
         presses = random_presses(plan)
         if change.presses is not None:
             presses = change.presses(presses, self.tables)
@@ -188,7 +194,8 @@ class World:
             moments = change.course(moments)
         under = self.under(change)
         for moment in moments:
-            yield moment, under.picture(moment)
+            if not begun or moment.part != BEFORE:
+                yield moment, under.picture(moment)
 
     def under(self, change: Change) -> View:
         """The camera's view in a stream with a disturbance."""

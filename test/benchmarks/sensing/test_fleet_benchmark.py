@@ -17,9 +17,9 @@ from tactile_nodes import sensors
 def test_few_presses_tell_where_the_camera_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name, value in {'PRESSES': 6, 'FEW': (6,), 'JUDGED': 12}.items():
+    for name, value in {'PRESSES': 6, 'FEW': (6,), 'JUDGED': 8}.items():
         monkeypatch.setattr(fleet, name, value)
-    coarse = dataclasses.replace(sensors.load_sensor('simulated'), bins=sensors.BinSettings(5, 5))
+    coarse = dataclasses.replace(sensors.load_sensor('simulated'), bins=sensors.BinSettings(4, 4))
     monkeypatch.setattr(sensors, 'load_sensor', {'simulated': coarse}.get)
     words = ['--gels', '2', '--unseen', '1', '--processes', '1', '-o', str(tmp_path)]
     assert run(fleet.BENCHMARK, parser_of(fleet.BENCHMARK).parse_args(words)) == 0
