@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -14,20 +15,23 @@ from benchmarks.stability.stream import BEFORE, HELD, Change, Plan, World
 from tactile_nodes.sensing.explain.uncertainty import nominal_error_n
 
 FEW = Plan(presses=4, before=1, coming=10, hold=1, rest=1, after=1)
+SOON = replace(FEW, coming=1)
+"""For what is there only in contact: nothing changes before it."""
 
 GUARDED = (
     ('brightness', 0.7), ('flicker', 30), ('blur', 1), ('noise', 4),
     ('camera shifted', 3), ('camera turned', 1), ('markers gone', 20), ('markers gone', 80), ('vibration', 0.3),
     ('frames dropped', 90), ('stamps jump', -60), ('all black', 0), ('motion exactly zero', 0),
-    ('camera shifted as a tip', 0.3), ('gel swollen', 0.1), ('hot spot', 100), ('stuck pixels', 0.1),
+    ('camera shifted as a tip', 0.3), ('hot spot', 100), ('stuck pixels', 0.1),
     ('deeper than trained', 2.5), ('two contacts', 4), ('touched in its first frames', 8),
-    ('flat punch', 1), ('ball', 1), ('pressed fast', 100), ('dragged', 0.1), ('deeper than trained', 2),
+    ('flat punch', 1), ('ball', 1), ('pressed fast', 100), ('dragged', 0.1),
     ('taken while touched', 0.1), ('gel swollen', 0.3),
 )  # fmt: skip
 """Disturbances under which `fast` is right or says that it is not."""
 
 SETTLING = 8
 """Frames at rest in which it is found out what the whole picture's motion left."""
+LONG_AT_REST = replace(FEW, presses=2, coming=SETTLING + 2)
 
 Answers = Callable[..., list[Answer]]
 
@@ -38,8 +42,9 @@ def read_once() -> Answers:
     world = World()
 
     @cache
-    def answers(profile: str, name: str = '', level: float = 0.0) -> list[Answer]:
-        return read(world, change_of(name, level), [profile], FEW)[profile]
+    def answers(profile: str, name: str = '', level: float = 0.0, plan: Plan = FEW) -> list[Answer]:
+        change = change_of(name, level)
+        return read(world, change, [profile], SOON if change.contact else plan)[profile]
 
     return answers
 
@@ -70,7 +75,7 @@ def test_error_stays_within_twice_the_usual_while_the_status_says_ok(
     ('name', 'level'),
     [
         ('', 0), ('brightness', 0.7), ('brightness', 1.3), ('blur', 1), ('noise', 4), ('markers gone', 20),
-        ('magnified', 0.2), ('magnified', 1), ('magnified', -1),
+        ('magnified', 1), ('magnified', -1),
     ],
 )  # fmt: skip
 def test_forces_that_a_disturbance_changes_by_less_than_a_tenth_are_ok(
@@ -85,7 +90,7 @@ def test_forces_that_a_disturbance_changes_by_less_than_a_tenth_are_ok(
 def test_frames_at_rest_and_pressed_are_ok_of_every_profile_but_while_a_contact_begins(
     read_once: Answers, profile: str, name: str, level: float
 ) -> None:
-    settled = [each for each in read_once(profile, name, level) if each.moment.part != BEFORE]
+    settled = [each for each in read_once(profile, name, level, LONG_AT_REST) if each.moment.part != BEFORE]
     assert [each.moment for each in settled[SETTLING:] if each.reports_a_cause] == []
 
 
@@ -101,7 +106,6 @@ def test_error_stays_within_twice_the_usual_in_pictures_that_training_and_rest_i
     ('name', 'level'),
     [
         ('two contacts', 7),
-        ('three contacts', 7),
         ('in the corners', 14.5),
         ('deeper than trained', 2.2),
         ('dragged', 1),
