@@ -28,12 +28,17 @@ _SERVED = re.compile(r'the live view is at (http://\S+)')
 
 @dataclass(frozen=True)
 class Sensing:
-    """A running sensor: the address of its page, its processes by name, the subscriber's bus, and its forces."""
+    """A running sensor: the address of its page, its launch, the subscriber's bus, and its forces."""
 
     url: str
-    pids: dict[str, int]
+    launch: Launch
     bus: Bus
     _forces: Subscription
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Its processes by name."""
+        return self.launch.pids
 
     def forces(self, seconds: float, *, fresh: bool = True) -> Iterator[Received]:
         """The forces of the next `seconds`; with `fresh`, without those that are already in the queue."""
@@ -72,23 +77,23 @@ def longest(bus: Bus, name: str, topic: Topic, seconds: float) -> Any:
 
 
 @contextmanager
-def sensing(*words: str, file: str = 'live') -> Iterator[Sensing]:
+def sensing(*words: str, file: str = 'live', log: Path | None = None) -> Iterator[Sensing]:
     """Start a launch with arguments such as `model:=portable`; at the end, stop it with all its processes.
 
-    `file` is the launch file.
+    `file` is the launch file, `log` the file for its output, which is otherwise deleted.
 
     Raises:
         ConfigurationError: the launch did not start.
     """
     with tempfile.TemporaryDirectory(prefix='tp') as folder, own_bus(Path(folder)):
         clock, chosen = SystemClock(), ('page_port:=0', *words, '--noninteractive')
-        launch, bus = Launch(chosen, Path(folder) / 'said.txt', clock, file), ZmqBus()
+        launch, bus = Launch(chosen, log or Path(folder) / 'said.txt', clock, file), ZmqBus()
         try:
             topic = topics.FORCE_DISTRIBUTION
             forces = bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
             if forces.get(PATIENCE_S) is None:
                 raise ConfigurationError(f'no force within {PATIENCE_S:g} s; the launch says: {launch.output}')
-            yield Sensing(_served(launch, clock), launch.pids, bus, forces)
+            yield Sensing(_served(launch, clock), launch, bus, forces)
         finally:
             bus.close()
             launch.interrupt(STOP_WITHIN_S)

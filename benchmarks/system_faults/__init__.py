@@ -22,7 +22,7 @@ from benchmarks.system_faults.crowd import IDLE_S, many_nodes, many_sensors
 from benchmarks.system_faults.files import bag_cuts, model_bytes
 from benchmarks.system_faults.kills import VICTIMS, kills
 from benchmarks.system_faults.page import complaints, page
-from benchmarks.system_faults.sensor import sensor
+from benchmarks.system_faults.sensor import Sensor, sensor
 from tactile_nodes.learning.progress import Progress
 
 PARTS = ('kills', 'bus', 'crowd', 'files')
@@ -57,8 +57,13 @@ def measure(part: str, arguments: argparse.Namespace, folder: Path, progress: Pr
 
 def _bus(folder: Path, frames: int, faults: Sequence[str], watch_s: float) -> dict[str, Any]:
     with sensor(folder, 4.0) as running:
-        sent = garbage(running, frames, watch_s)
-        return {'garbage': sent, 'spoilt': [asdict(spoil(running, fault, watch_s)) for fault in faults]}
+        return on_bus(running, frames, faults, watch_s)
+
+
+def on_bus(running: Sensor, frames: int, faults: Sequence[str], watch_s: float) -> dict[str, Any]:
+    """Send `frames` random frames to each socket of a running sensor, then apply faults to its run folder."""
+    sent = garbage(running, frames, watch_s)
+    return {'garbage': sent, 'spoilt': [asdict(spoil(running, fault, watch_s)) for fault in faults]}
 
 
 BENCHMARK = Benchmark(

@@ -9,18 +9,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.faults.launch import Launch, free_ports
+from benchmarks.page.launch import sensing
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.parameters import to_message
 from tactile_nodes.bus.protocol import Bus, Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
-from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import NS_PER_S, Clock, SystemClock
 from tactile_nodes.errors import ConfigurationError, MessageError
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.model_file import find_model
 
-COMES_UP_S, LEAVES_S = 90.0, 15.0
 CONFIG = """\
 /**/camera:
   ros__parameters:
@@ -144,14 +143,6 @@ def sensor(folder: Path, period_s: float, *words: str) -> Iterator[Sensor]:
     start_ns = clock.now_ns() + 20 * NS_PER_S
     config, (port, _, _) = folder / 'live.yaml', free_ports()
     config.write_text(CONFIG.format(period_s=period_s, start_ns=start_ns), encoding='ascii')
-    sensed = 'model:=fast', 'contact:=tip'
-    chosen = (f'config:={config}', f'page_port:={port}', f'bags:={folder}/', *sensed, '--noninteractive', *words)
-    launch, bus = Launch(chosen, folder / 'launch.log', clock, 'live'), ZmqBus()
-    try:
-        made = Sensor(launch, bus, clock, start_ns, period_s, f'http://127.0.0.1:{port}/', folder)
-        if made._forces.get(COMES_UP_S) is None:
-            raise ConfigurationError(f'no force within {COMES_UP_S:g} s; see {folder / "launch.log"}')
-        yield made
-    finally:
-        bus.close()
-        launch.interrupt(LEAVES_S)
+    chosen = (f'config:={config}', f'page_port:={port}', f'bags:={folder}/', 'model:=fast', 'contact:=tip')
+    with sensing(*chosen, *words, log=folder / 'launch.log') as running:
+        yield Sensor(running.launch, running.bus, clock, start_ns, period_s, running.url, folder)

@@ -1,5 +1,4 @@
-"""The benchmarks of the page and of endurance run on a live launch and report; what they find depends on the machine,
-and is nothing to assert."""
+"""Benchmarks on a live launch run and report; what they find depends on the machine, and is nothing to assert."""
 
 from __future__ import annotations
 
@@ -10,15 +9,29 @@ import pytest
 from benchmarks import page
 from benchmarks.endurance.live import watched
 from benchmarks.page import Condition, Seen
-from benchmarks.page.launch import Sensing, sensing
+from benchmarks.page.launch import Sensing
+from benchmarks.system_faults import on_bus
+from benchmarks.system_faults.bus import SPOILT
+from benchmarks.system_faults.sensor import Sensor, sensor
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.learning.progress import Progress
 
 
 @pytest.fixture(scope='module')
-def running() -> Iterator[Sensing]:
+def sensed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sensor]:
     """A live launch, for all that is measured on one."""
-    with sensing() as running:
-        yield running
+    with sensor(tmp_path_factory.mktemp('live'), period_s=4.0) as sensed:
+        yield sensed
+
+
+@pytest.fixture
+def running(sensed: Sensor) -> Iterator[Sensing]:
+    """The same, as the benchmarks of page and endurance see it."""
+    topic = topics.FORCE_DISTRIBUTION
+    forces = sensed.bus.subscribe(f'/{topic.name}', topic.type_name, Qos('queue', 1000))
+    yield Sensing(sensed.page, sensed.launch, sensed.bus, forces)
+    forces.close()
 
 
 def test_sensing_is_measured_under_viewers_of_whom_one_hangs(running: Sensing) -> None:
@@ -37,6 +50,13 @@ def test_a_live_launch_is_looked_at_process_by_process(running: Sensing) -> None
     assert part['frames']['received'] > 0
     assert {'camera_node', 'composed_node', 'drift_monitor_node'} <= set(part['processes'])
     assert all(held['memory_mb']['last'] > 10 for held in part['processes'].values())
+
+
+def test_random_messages_and_a_spoilt_folder_kill_no_process(sensed: Sensor) -> None:
+    part = on_bus(sensed, 20, list(SPOILT)[:1], 1.0)
+    assert part['garbage']['died'] == part['garbage']['bugs'] == []
+    assert part['garbage']['messages'] > 0
+    assert [each['died'] for each in part['spoilt']] == [()]
 
 
 def test_percentiles_are_over_all_frames_and_the_spread_is_over_rounds() -> None:

@@ -41,14 +41,6 @@ def test_the_stream_is_back_at_the_end_of_its_longest_gap() -> None:
     assert missed == 77  # 1.3 s hold 78 periods of a sixtieth
 
 
-def test_a_part_with_a_launch_of_its_own_runs_and_judges(tmp_path: Path) -> None:
-    arguments = argparse.Namespace(quick=True, kill=None, period=4.0)
-    part = system_faults.measure('bus', arguments, tmp_path / 'bus', Progress())
-    assert part['garbage']['died'] == part['garbage']['bugs'] == []
-    assert part['garbage']['messages'] > 0
-    assert [each['died'] for each in part['spoilt']] == [()]
-
-
 def test_a_crowd_meets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv('TACTILE_RUN_DIR', str(tmp_path / 'r'))
     part = system_faults.measure('crowd', argparse.Namespace(quick=True), tmp_path / 'crowd', Progress())
