@@ -43,10 +43,18 @@ def stream(share: float, grey: int, begin: int) -> Iterator[np.ndarray]:
         yield image
 
 
+@pytest.fixture(scope='module')
+def plain() -> list[types.FlowFeatures]:
+    """What is answered where no pixel is dead."""
+    return answered(stream(0.0, 0, begin=0))
+
+
 @pytest.mark.parametrize(('share', 'grey'), [(0.001, 255), (0.001, 0), (0.008, 255), (0.008, 0)])
 @pytest.mark.parametrize('begin', [0, 6])
-def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(share: float, grey: int, begin: int) -> None:
-    plain, filled = (answered(stream(each, grey, begin)) for each in (0.0, share))
+def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(
+    share: float, grey: int, begin: int, plain: list[types.FlowFeatures]
+) -> None:
+    filled = answered(stream(share, grey, begin))
     assert {each.reasons for each in filled[begin + 8 :]} <= {each.reasons for each in plain[begin + 8 :]} == {0}
     off = np.abs(filled[-1].values - plain[-1].values).max()
     assert off < 0.01 + 1.5 * 0.5 * share  # a patch shows less of its motion by half of the share that says little
@@ -54,8 +62,10 @@ def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(share
 
 
 @pytest.mark.parametrize('grey', [0, 255])
-def test_a_picture_of_which_more_than_a_hundredth_is_guessed_is_reported(grey: int) -> None:
-    plain, filled = (answered(stream(share, grey, begin=6)) for share in (0.0, 0.03))
+def test_a_picture_of_which_more_than_a_hundredth_is_guessed_is_reported(
+    grey: int, plain: list[types.FlowFeatures]
+) -> None:
+    filled = answered(stream(0.03, grey, begin=6))
     assert filled[-1].reasons == FORCE.REASON_LIGHT_CHANGED
     assert np.abs(filled[-1].values - plain[-1].values).max() < 0.01 + 1.5 * 0.5 * 0.03
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tactile_nodes.sensing.elasticity.fields import fields_of
 from tactile_nodes.sensing.elasticity.layer import ElasticLayer
 from tactile_nodes.sensing.elasticity.stack import Elastic
 
@@ -37,3 +38,12 @@ def test_pressing_pushes_aside_and_down_alike_on_both_sides(kernels: np.ndarray)
     assert below[2, middle, middle] < 0
     assert right[0] > 0.0
     assert left == pytest.approx(right * [-1, 1, 1], abs=1e-4)
+
+
+def test_slopes_of_a_field_are_its_differences_along_x_and_y() -> None:
+    layer = ElasticLayer([Elastic(4.0, 0.1)], np.array([1.0]), (0.5, 0.8), 32.0)
+    fields = fields_of(layer, layer.rectangle(1.0, 2.0))
+    plain, along_x, along_y = (fields[:, :, :, number] for number in range(3))
+    np.testing.assert_allclose(along_x, np.gradient(plain, 0.5, axis=-1), atol=1e-6)
+    np.testing.assert_allclose(along_y, np.gradient(plain, 0.8, axis=-2), atol=1e-6)
+    assert np.abs(along_x).max() > 0.1
