@@ -18,7 +18,6 @@ from drawing import JOBS, counted, drawn, drawn_or_killed, killed
 
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.learning import tasks
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import done, make_files, on_cluster
 
@@ -179,17 +178,18 @@ def test_a_scheduler_without_workers_is_one_sentence(monkeypatch: pytest.MonkeyP
         list(done(drawn, JOBS, 1))
 
 
-def test_a_client_that_is_killed_loses_nothing_that_was_finished(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each file is there before the next task is waited for; the same command makes the rest."""
-    there = []
-
-    def one_by_one(make: Callable[[int], tasks.Arrays], jobs: list[int], _: int) -> Iterator[tuple[int, tasks.Arrays]]:
-        for number, job in enumerate(jobs):
-            there.append(sorted(each.name for each in tmp_path.iterdir()))
-            yield number, make(job)
-
-    monkeypatch.setattr(tasks, 'done', one_by_one)
-    make_files(drawn, [(tmp_path / f'{seed}.npz', seed) for seed in JOBS], 1, Progress(), 'drawing')
-    assert there == [[f'{seed}.npz' for seed in JOBS[:count]] for count in JOBS]
+def test_a_client_that_is_killed_loses_nothing_that_was_finished(tmp_path: Path) -> None:
+    """Each task writes when it is done; the same command makes the rest."""
+    program = (
+        'import os, sys\nfrom pathlib import Path\n'
+        'from tactile_nodes.learning.progress import Progress\nfrom tactile_nodes.learning import tasks\n'
+        'import numpy as np\n'
+        'def make(job):\n    return {"numbers": np.full(3, job)}\n'
+        'def done(make, jobs, processes):\n    for number, job in enumerate(jobs):\n'
+        '        if number == 2: os.kill(os.getpid(), 9)\n        yield number, make(job)\n'
+        'tasks.done = done\n'
+        f'tasks.make_files(make, [(Path({str(tmp_path)!r}) / f"{{n}}.npz", n) for n in range(6)], 1, Progress(), "x")\n'
+    )
+    ended = subprocess.run([sys.executable, '-c', program], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    assert sorted(each.name for each in tmp_path.glob('*.npz')) == ['0.npz', '1.npz']
