@@ -11,7 +11,7 @@ from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 
 TYPE = 'std_msgs/msg/String'
-TIMES, WITHIN_S = 100, 3e-4
+TIMES, WITHIN_S = 40, 3e-4
 
 
 @pytest.fixture
