@@ -138,7 +138,7 @@ def all_data(content: list[Sample]) -> set[bytes]:
     return {sample.data for sample in content}
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(where=st.floats(0, 1), compression=st.sampled_from(['none', 'lz4', 'zstd']))
 def test_file_cut_anywhere_is_read_up_to_the_cut(whole, scratch: Path, where: float, compression: str) -> None:
     data = whole[compression].read_bytes()
@@ -172,7 +172,7 @@ def test_a_topic_of_which_a_cut_leaves_no_message_has_none(whole, scratch: Path)
         assert reader.counts == {name: int(name == first.topic) for name in reader.topics}
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(where=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7), compression=st.sampled_from(['none', 'zstd']))
 def test_flipped_bit_never_makes_up_a_message(whole, scratch: Path, where: float, bit: int, compression: str) -> None:
     data = bytearray(whole[compression].read_bytes())
