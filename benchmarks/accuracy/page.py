@@ -15,8 +15,8 @@ from tactile_nodes.learning.evaluation import tables
 from tactile_nodes.learning.evaluation.evaluate import Evaluation
 from tactile_nodes.learning.evaluation.picture import EVALUATION_DPI, subplots
 from tactile_nodes.learning.evaluation.scores import ALL, PressScores
-from tactile_nodes.learning.evaluation.table import Table
 from tactile_nodes.learning.evaluation.tables import number, percent
+from tactile_nodes.learning.evaluation.text_table import Table
 from tactile_nodes.learning.figures import save
 
 PAPER = {'armse_n': 0.009, 'd_loc_mm': 0.107, 'rmse_mc_n': 0.065}

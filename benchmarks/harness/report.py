@@ -13,7 +13,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from benchmarks.harness.history import describe
-from tactile_nodes.learning.evaluation.table import Table
+from tactile_nodes.learning.evaluation.text_table import Table
 from tactile_nodes.paths import share_directory
 
 T = TypeVar('T')

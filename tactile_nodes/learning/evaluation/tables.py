@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tactile_nodes.learning.evaluation.scores import ALL, LIGHT_N, TOUCH_N, LightBand, LightScores, RestScores
 from tactile_nodes.learning.evaluation.statuses import StatusScores
-from tactile_nodes.learning.evaluation.table import Table
+from tactile_nodes.learning.evaluation.text_table import Table
 from tactile_nodes.learning.evaluation.uncertainty import Uncertainty
 
 if TYPE_CHECKING:

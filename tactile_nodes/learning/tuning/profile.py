@@ -10,7 +10,7 @@ import yaml
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.file import save_dataset
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
-from tactile_nodes.learning.evaluation.table import Table
+from tactile_nodes.learning.evaluation.text_table import Table
 from tactile_nodes.learning.tuning.search import METRICS, Tried, Tuned
 from tactile_nodes.model_file import save_model
 
