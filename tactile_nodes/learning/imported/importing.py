@@ -1,7 +1,7 @@
 """Builds a data set from tables of presses with images, checked and measured in the same way as a rig's bags.
 
 A row becomes the message that a rig would have sent, with NaN for unknown values such as depth and steadiness.
-Consecutive rows with the same place, force and indenter are images of one press.
+Consecutive rows with the same place, forces, torques, depth and indenter are images of one press.
 """
 
 from __future__ import annotations
@@ -79,9 +79,9 @@ def import_presses(
         Measurer(options.flow, options.encoding, options.crop) as measurer,
         progress.bar('reading presses', sum(len(_presses(each.table.rows)) for each in sources)) as bar,
     ):
-        builder = Builder(options, measurer, bar)
+        builder, size = Builder(options, measurer, bar), known.size
         for number, source in enumerate(sources):
-            taken = _taken(builder, number, source, known.size)
+            taken = _taken(builder, number, source, size)
             entries.append(taken.card)
             rests.append(taken.rest_motion)
             rows += taken.rows
@@ -96,8 +96,14 @@ def _shown(presses: RecordedPresses, number: int, table: PressTable, rest_motion
     """The presses of one table, and what their images show."""
     rests = np.array([row.line for row in table.rows if not row.touches])
     rows = np.flatnonzero(presses.contact & (presses.bag == number))
+    lines_of = {group[0].line: [row.line for row in group] for group in _presses(table.rows)}
+    first = presses.window_ns[rows, 0] // NS_PER_S
+    lines = [
+        lines_of[line][picture]
+        for line, picture in zip(first.tolist(), (presses.stamp_ns[rows] // NS_PER_S - first).tolist(), strict=True)
+    ]
     return StatedPresses(
-        table.file, presses.window_ns[rows, 0] // NS_PER_S, presses.position_mm[rows], presses.force_n[rows],
+        table.file, np.array(lines, np.int64), presses.position_mm[rows], presses.force_n[rows],
         as_motion(presses.card['encoding']['name'], presses.features[rows].astype(np.float32)),
         presses.confidence[presses.confidence_row[rows]], rests, rest_motion, table.counted,
     )  # fmt: skip
@@ -181,7 +187,7 @@ def _checked(
     """Rows with their images, except rows with a fault."""
     for row, picture in source.pictures.of(rows, faults):
         with faults.row(row.line):
-            size.require(row, picture)
+            size.require(source.table, row, picture)
             yield row, picture
 
 

@@ -147,11 +147,11 @@ class OneSize:
         """The size in a sensor's description, if there is one."""
         return cls((sensor.image.width, sensor.image.height), 'the description of the sensor') if sensor else cls()
 
-    def require(self, row: TablePress, picture: Picture) -> None:
+    def require(self, table: PressTable, row: TablePress, picture: Picture) -> None:
         """Refuse an image of another size. Raises DatasetError."""
         height, width = picture.shape
         if self.size is None:
-            self.size, self.said_by = (width, height), f'that of line {row.line}'
+            self.size, self.said_by = (width, height), f'that of {table.counted} {row.line} of {table.file}'
         if (width, height) != self.size:
             wanted = 'x'.join(map(str, self.size))
             name = f'image {row.picture}' if row.picture else f'the image at {row.time_s:g} s'

@@ -50,7 +50,7 @@ class TablePress:
     @property
     def held(self) -> tuple[object, ...]:
         """A key that is equal for images of one press."""
-        numbers = self.x_mm, self.y_mm, self.force_n, *self.shear_n, self.depth_mm
+        numbers = self.x_mm, self.y_mm, self.force_n, *self.shear_n, *self.torque_nm, self.depth_mm
         return *(None if math.isnan(each) else each for each in numbers), self.indenter  # NaN equals nothing
 
 

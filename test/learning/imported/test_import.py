@@ -261,6 +261,57 @@ def test_consecutive_rows_of_arrays_with_equal_values_are_pictures_of_one_press(
     assert pictures.tolist() == [2] * 12
 
 
+def test_consecutive_rows_that_differ_in_a_torque_are_presses_of_their_own(folder: Path) -> None:
+    """A tip that twists in place: position and force stay, only the torque about z differs."""
+    rows = rows_of(folder)[RESTS:]
+    names = ['rest0.png', rows[0][0], rows[0][0], rows[1][0]]
+    images = np.stack([cv2.imread(str(folder / name)) for name in names])
+    x, y, force = (
+        np.array([rest, *(float(row[column]) for row in (rows[0], rows[0], rows[1]))])
+        for rest, column in ((np.nan, 1), (np.nan, 2), (0.0, 3))
+    )
+    torque = np.full((4, 3), np.nan)
+    torque[1:, 2] = 0.0, 0.005, 0.0
+    made = import_arrays(images, x, y, force, options=options_of('fast'), torque_nm=torque, forced=True)
+    assert made.wrench[made.contact][:, 5].tolist() == [0.0, 0.005, 0.0]
+
+
+def test_a_wrong_picture_among_those_of_a_press_is_named_by_its_own_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Three pictures of each press; the third ones of the first two presses are exchanged, 5 mm apart.
+
+    They are in lines 8 and 11: one line of the header, four of the untouched gel, three of the first press.
+    """
+    rows = rows_of(folder)
+    table = rows[:RESTS]
+    for name, *values in rows[RESTS:]:
+        image = cv2.imread(str(folder / name), cv2.IMREAD_GRAYSCALE)
+        for number in range(3):
+            image[0, 0] = number  # a pixel beside the part that is used: another picture of the same press
+            cv2.imwrite(str(folder / f'{number}_{name}'), image)
+            table.append([f'{number}_{name}', *values])
+    table[RESTS + 2][0], table[RESTS + 5][0] = table[RESTS + 5][0], table[RESTS + 2][0]
+    assert imported(written(folder / 'third.csv', table), tmp_path / 'x.npz', '--frames', 'each') == 1
+    assert 'does not move at the given place in lines 8, 11: correct images' in capsys.readouterr().err
+
+
+def test_pictures_of_two_tables_must_have_one_size(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both are larger than the part that is used, in which a millimetre would have two sizes."""
+    rows = rows_of(folder)
+    for row in rows:
+        large = cv2.resize(cv2.imread(str(folder / row[0]), cv2.IMREAD_GRAYSCALE), (800, 600))
+        cv2.imwrite(str(folder / f'large_{row[0]}'), large)
+    large_table = written(folder / 'large.csv', [[f'large_{row[0]}', *row[1:]] for row in rows])
+    words = [str(folder / 'presses.csv'), str(large_table), '-o', str(tmp_path / 'x.npz')]
+    assert main(['dataset', 'import', *words]) == 1
+    message = capsys.readouterr().err
+    assert 'large.csv, line 2: image large_rest0.png has 800x600 pixels' in message
+    assert f'that of line 2 of {folder / "presses.csv"} has 640x480' in message
+
+
 def test_bins_beside_the_middle_hold_places_up_to_their_own_rim(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
