@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from press_bags import Sensor, spread_collection
 
@@ -31,7 +32,9 @@ def test_bags_become_a_profile_of_model_run_and_data_set(tmp_path: Path, capsys:
     assert model.flow == ('inverse_compositional', run.make_flow().options)
     assert model.gel == 'gel-7'
     assert run.data.file == str(output.with_suffix('.npz'))
-    assert load_dataset(run.data.file).fingerprint == model.card['data']['fingerprint']
+    presses = load_dataset(run.data.file)
+    assert presses.fingerprint == model.card['data']['fingerprint']
+    assert model.rest_image.size and np.array_equal(model.rest_image, presses.rest_image)  # for the drift monitor
 
 
 def test_a_data_set_is_refused_because_it_holds_no_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

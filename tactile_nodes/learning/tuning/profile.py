@@ -32,7 +32,7 @@ def write_profile(chosen: Tried, output: Path, command: str, presses: RecordedPr
         config = replace(config, data=replace(config.data, file=str(files[-1])))
     run = yaml.safe_dump(config.resolved(), sort_keys=False)
     try:
-        save_model(output, chosen.model, chosen.card)
+        save_model(output, chosen.model, chosen.card, chosen.rest_image)
         files[1].write_text(f'# Chosen by: {command}\n#   tactile train {files[1]}\n{run}', encoding='utf-8')
     except OSError as error:
         raise ConfigurationError(

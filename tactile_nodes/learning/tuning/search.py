@@ -104,13 +104,17 @@ class Wish:
 
 @dataclass(frozen=True)
 class Tried:
-    """A trained candidate: its scores on held-out presses, and the CPU time of a frame in contact."""
+    """A trained candidate: its scores on held-out presses, and the CPU time of a frame in contact.
+
+    `rest_image` is that of the presses, without rows if they are simulated.
+    """
 
     candidate: Candidate
     model: ForceModel
     config: TrainConfig
     scores: Validation
     card: dict[str, Any]
+    rest_image: UInt8[np.ndarray, 'h w']
     ms: float = float('nan')
 
     def error(self, metric: str) -> float:
@@ -245,4 +249,5 @@ def _tried(source: Source, among: Sequence[Candidate], progress: Progress, comma
             model = ForceModel(layout, data.config.bins, readout, threshold_of(data.config))
             scores = validation_of(readout, data)
             bar.advance(1, f'{candidate.name}: {scores}')
-            yield Tried(candidate, model, data.config, scores, card_of(data, report, scores, command))
+            card = card_of(data, report, scores, command)
+            yield Tried(candidate, model, data.config, scores, card, data.rest_image)
