@@ -152,6 +152,7 @@ def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Pr
         'origin': 'recorded',
         'file': Path(data.file).name,
         'bags': [bag['id'] for bag in recordings.card['bags']],
+        'pictures': [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())],
         'frames': recordings.card['frames'],
         'labels': recordings.card['labels']['reading'],
         'samples': len(recordings),
@@ -190,6 +191,7 @@ def with_file(config: TrainConfig, recordings: RecordedPresses) -> TrainConfig:
         flow=Choice(**_method(card['flow'])),
         encoding=Choice(**_method(card['encoding'])),
         recorded_bins=bins,
+        network=dataclasses.replace(config.network, rows=bins.rows, cols=bins.cols),
         data=dataclasses.replace(config.data, crop=card['crop_px']),
     )
 
@@ -225,8 +227,9 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
         )
     pictures = [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())]
     if known := len(set(origin.get('pictures', ())) & set(pictures)):
+        made = 'trained' if origin.get('origin') == 'recorded' else 'calibrated'
         raise ModelError(
-            f'model {loaded.model_id} was calibrated with {known} of the {len(pictures)} images of presses in this '
+            f'model {loaded.model_id} was {made} with {known} of the {len(pictures)} images of presses in this '
             'data set; evaluate it on held-out presses, in a separate table'
         )
     if kind is None:

@@ -5,18 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.contact_tables.gel_tables import contact_table
-from tactile_nodes.errors import DatasetError
+from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.agreement.objections import places_objection
+from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.datasets import picture
 from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.imported.arrays import import_arrays, options_of
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.run.folder import run_id
+from tactile_nodes.learning.training.source import evaluation_samples, recorded_data, with_file
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics, Press
 
@@ -79,6 +86,36 @@ def test_pictures_of_a_sensor_that_is_not_square_become_a_data_set(
     shown = capsys.readouterr().out
     assert 'first of each window, 600x440 px' in shown
     assert 'depths        not known' in shown
+
+
+def test_the_settings_that_a_run_writes_can_be_run_again(folder: Path, tmp_path: Path) -> None:
+    """Part of the image and bins follow from the data set: 600x440 pixels, and 7 rows of 9 bins."""
+    data_set, written_run = tmp_path / 'presses.npz', tmp_path / 'run.yaml'
+    assert imported(folder / 'presses.csv', data_set) == 0
+    presses, first = load_dataset(data_set), load_train_config(Path('config/train/recorded.yaml'))
+    run = with_file(replace(first, data=replace(first.data, file=str(data_set))), presses)
+    written_run.write_text(yaml.safe_dump(run.resolved()))
+    again = with_file(load_train_config(written_run), presses)
+    assert again.resolved() == run.resolved()
+    assert again.data.crop == [600, 440]
+    assert run_id(again, presses.fingerprint) == run_id(run, presses.fingerprint)
+
+
+def test_presses_that_a_model_was_trained_on_are_not_scored_from_a_corrected_table(
+    folder: Path, tmp_path: Path
+) -> None:
+    """A table without one of its rows is another data set, of the same pictures."""
+    data_set, corrected = tmp_path / 'presses.npz', tmp_path / 'corrected.npz'
+    assert imported(folder / 'presses.csv', data_set) == 0
+    assert imported(written(folder / 'corrected.csv', rows_of(folder)[:-1]), corrected) == 0
+    presses, config = load_dataset(data_set), load_train_config(Path('config/train/recorded.yaml'))
+    data = recorded_data(replace(config, data=replace(config.data, file=str(data_set))), presses, Progress())
+    model: Any = SimpleNamespace(
+        model_id='this', card={'data': {**data.origin, 'fingerprint': presses.fingerprint}}, image_size=(600, 440),
+        **{name: tuple(presses.card[name][each] for each in ('name', 'options')) for name in ('flow', 'encoding')},
+    )  # fmt: skip
+    with pytest.raises(ModelError, match='model this was trained with 11 of the 11 images of presses'):
+        evaluation_samples(model, load_dataset(corrected), None)
 
 
 def test_presses_of_one_of_several_indenters_are_chosen(folder: Path, tmp_path: Path) -> None:
