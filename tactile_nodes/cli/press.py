@@ -72,13 +72,13 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.guided.targets import Wish
     from tactile_nodes.learning.tables.columns import NEWTONS
     from tactile_nodes.learning.transfer.checks import LEAST_PRESSES
+    from tactile_nodes.sensing.geometry import BinGrid
     from tactile_nodes.sensors import load_sensor
 
     sensor, unit = load_sensor(arguments.sensor), UNITS[arguments.unit]
     simulated = arguments.source == SIMULATED
     indenter = arguments.indenter or (TIP if simulated else '')
-    gel = sensor.gel
-    folder = PressFolder(arguments.folder, arguments.unit, indenter, (gel.width_mm / 2, gel.height_mm / 2))
+    folder = PressFolder(arguments.folder, arguments.unit, indenter, BinGrid.of_sensor(sensor).reach_mm)
     body = _body(indenter)
     forces_n = _forces_n(sensor, body, arguments.forces, arguments.unit)
     wish = Wish(arguments.presses, forces_n, sensor)

@@ -29,7 +29,7 @@ class PressFolder:
         folder: its path; created with the first image.
         unit: of the scale: 'g', 'kg', 'N', 'mN'.
         indenter: what presses.
-        reach_mm: from the centre of the gel to its rims.
+        reach_mm: from the centre of the gel to the rims of its bins.
 
     Raises:
         DatasetError: the existing table cannot be read, or has another unit; or a name that would break it.

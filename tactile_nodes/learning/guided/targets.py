@@ -11,10 +11,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.datasets.labels import outside
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.field.presses import Pressures
 from tactile_nodes.learning.guided.watching import REGIONS
 from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor
 
 INNER = 0.8
@@ -47,7 +49,7 @@ class Done(NamedTuple):
 
 @dataclass(frozen=True)
 class Wish:
-    """The wanted number of presses for some forces (N), wherever this sensor sees its gel."""
+    """The wanted number of presses for some forces (N), wherever this sensor sees its gel and has bins."""
 
     presses: int
     forces_n: tuple[float, ...]
@@ -73,11 +75,13 @@ class Wish:
         x, y = (_line(INNER * side / 2) for side in (outline.width_mm, outline.height_mm))
         places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         places = places[outline.holds(places / (INNER + 1e-9))]
+        bins = BinGrid.of_sensor(self.sensor)
+        places = places[[not outside(*place, bins) for place in places.tolist()]]
         places = places[_seen(self.sensor, places)]
         if not len(places):
             raise ConfigurationError(
-                f'the camera of {self.sensor.name} sees no place of the gel that could be pressed: correct mask, gel '
-                'and camera in its description (tactile sensor check draws them)'
+                f'the camera of {self.sensor.name} sees no place of the gel that could be pressed: correct mask, bins, '
+                'gel and camera in its description (tactile sensor check draws them)'
             )
         return np.asarray(places[np.argsort(np.hypot(*places.T), kind='stable')])
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.guided.targets import Done, Target, Wish
 from tactile_nodes.sensors import Sensor, load_sensor
 from tactile_nodes.sensors.covering import MaskSettings
+from tactile_nodes.sensors.writing import text_of
 
 MEMBRANE = load_sensor('speckle_membrane')
 """25 mm by 19 mm of gel in 640x480 pixels, so a region of a tenth of the image is 2.5 mm by 1.9 mm."""
@@ -52,6 +55,20 @@ def test_without_a_mask_all_of_a_shipped_gel_but_its_rim_is_asked_for(name: str)
     sensor = load_sensor(name)
     width, height = (2 * int(0.8 * side / 2 / 0.5) + 1 for side in (sensor.gel.width_mm, sensor.gel.height_mm))
     assert len(Wish(5, (0.2,), sensor).places) == width * height
+
+
+def test_nobody_is_asked_to_press_beside_the_bins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A calibration refuses presses there. The bins reach from 0 to 6 mm along x, and 5 mm up and down."""
+    bins = replace(MEMBRANE.bins, width_mm=6.0, height_mm=10.0, centre_mm=(3.0, 0.0))
+    described = replace(MEMBRANE, bins=bins)
+    places = Wish(5, (0.2,), described).places
+    assert [places.min(axis=0).tolist(), places.max(axis=0).tolist()] == [[0.0, -5.0], [6.0, 5.0]]
+    (tmp_path / 'mine.yaml').write_text(text_of(described, {}))
+    words = ['press', str(tmp_path / 'by_hand'), '--sensor', str(tmp_path / 'mine.yaml'), '--presses', '3']
+    (tmp_path / 'by_hand').mkdir()
+    (tmp_path / 'by_hand' / 'presses.csv').write_text('picture,x_mm,y_mm,force_g,indenter\na.png,7,0,20,ball:0.6\n')
+    assert main(words) == 1
+    assert 'x_mm is read as 7 mm: places must be within 6 mm of the middle' in capsys.readouterr().err
 
 
 def test_nobody_is_asked_to_press_under_a_mask() -> None:
