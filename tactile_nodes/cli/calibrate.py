@@ -179,7 +179,7 @@ def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str)
     else:
         recordings = presses_by_hand(
             source.loaded, arguments.pictures, arguments.gel, progress, command, pressed,
-            forced=forced, untouched_n=arguments.untouched_below,
+            forced=forced, untouched_n=arguments.untouched_below, indenter=arguments.indenter,
         )  # fmt: skip
     return calibrate(
         source, recordings, arguments.output, layer=layer, progress=progress, command=command, forced=forced,

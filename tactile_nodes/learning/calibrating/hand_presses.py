@@ -6,6 +6,7 @@ A row of the table names an image and gives x, y and the force: `a.png,-8,3,50` 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from tactile_nodes.learning.imported.importing import Imported, import_presses, 
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import BuildOptions
 from tactile_nodes.learning.tables.pictures import FolderPictures, folder_of
-from tactile_nodes.learning.tables.presses import PressTable, read_table
+from tactile_nodes.learning.tables.presses import PressTable, TablePress, read_table
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.flow.dot_pattern import find_dots
@@ -38,11 +39,13 @@ def presses_by_hand(
     *,
     forced: bool = False,
     untouched_n: float = 0.0,
+    indenter: str = '',
 ) -> RecordedPresses:
     """The data set of a table and its images, to calibrate a model with.
 
     `pressed` is the sensor and body for a readout of any contact, by default those of the model. Forces up to
     `untouched_n`, of either sign, count as the untouched gel. `forced` also accepts a table that its images contradict.
+    `indenter` is the one whose presses will be chosen, so that others need no body; empty: all.
 
     Raises:
         ModelError: the model cannot be transferred, or is a calibration for this gel already.
@@ -56,25 +59,26 @@ def presses_by_hand(
     read = read_table(table, (left + options.bins.width_mm / 2, top + options.bins.height_mm / 2), untouched_n)
     if read.of_video:
         raise DatasetError(f'{table} names no images; make a data set from a video: tactile dataset import')
+    touching = [row for row in read.rows if row.touches and indenter in ('', row.indenter)]
     if isinstance(loaded.model.readout, FieldReadout):
-        _require_bodies(read, loaded, pressed)
+        _require_bodies(read, touching, loaded, pressed)
     source = Imported(read, FolderPictures(folder_of(read)))
     require_rows(source, known.sensor)
     untouched = _untouched(source)
     _require_pattern(loaded, untouched, forced=forced)
-    for sentence in (_describe_cut(loaded, untouched, known), _describe_tips(loaded, read, pressed)):
+    for sentence in (_describe_cut(loaded, untouched, known), _describe_tips(loaded, touching, pressed)):
         if sentence:
             progress.say(sentence)
     return import_presses([source], options, known, progress, command=command, forced=forced)
 
 
-def _require_bodies(table: PressTable, loaded: LoadedModel, pressed: Pressed) -> None:
-    """Refuse rows whose indenter is no body.
+def _require_bodies(table: PressTable, rows: Sequence[TablePress], loaded: LoadedModel, pressed: Pressed) -> None:
+    """Refuse those rows whose indenter is no body.
 
     Raises:
         DatasetError: says which.
     """
-    faults, rows = table.faults, [row for row in table.rows if row.touches]
+    faults = table.faults
     named = cache(partial(pressed.named, loaded, alone=len({row.indenter for row in rows}) == 1))
     for row in rows:
         with faults.row(row.line):
@@ -118,10 +122,10 @@ def _describe_cut(loaded: LoadedModel, untouched: Picture, known: Known) -> str:
     )
 
 
-def _describe_tips(loaded: LoadedModel, table: PressTable, pressed: Pressed) -> str:
+def _describe_tips(loaded: LoadedModel, rows: Sequence[TablePress], pressed: Pressed) -> str:
     """A note that another tip pressed than in the model's training; empty if none did, or if it is unknown."""
     readout = loaded.model.readout
-    names = {pressed.body.name} if pressed.body else {as_ball(row.indenter) for row in table.rows if row.touches}
+    names = {pressed.body.name} if pressed.body else {as_ball(row.indenter) for row in rows}
     if isinstance(readout, FieldReadout) and (readout.tips is None or len(names) > 1):
         return ''  # no tip is calibrated
     if BODY in loaded.card or BALL_MM in loaded.card:

@@ -135,6 +135,24 @@ def test_rows_whose_indenter_is_no_body_are_named(folder: Path, capsys: pytest.C
     assert '1 more cannot be used either: line 5' in said
 
 
+@pytest.mark.parametrize('chosen', [['ball:0.6'], ['pen', '--body', 'ball:2']])
+def test_rows_of_an_indenter_that_is_not_chosen_need_no_body(
+    folder: Path, chosen: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each is one of two indenters of the table, and the chosen one has a shape: by its name, or by --body.
+
+    Then only presses are missing, of which each indenter has two.
+    """
+    rows = [f'{HEADER},indenter', 'rest0.png,,,0,', 'press0.png,1,2,50,ball:0.6', 'press1.png,3,2,40,ball:0.6']
+    rows += ['press2.png,1,2,50,pen', 'press3.png,3,2,40,pen']
+    (folder / 'pens.csv').write_text('\n'.join(rows) + '\n')
+    words = ['calibrate', '--pictures', str(folder / 'pens.csv'), '--model', 'field', '-o', str(folder / 'p.x')]
+    assert main([*words, '--indenter', *chosen]) == 1
+    said = capsys.readouterr().err
+    assert 'is not a known body' not in said
+    assert 'but there are 2' in said
+
+
 @pytest.mark.parametrize(
     ('lines', 'said'),
     [
