@@ -211,7 +211,7 @@ class TrainConfig:
         """The run in the form that `load_train_config` reads, with every default that its readout uses filled in."""
         names = ['data', 'gel', 'network', 'training', *([self.readout] if self.readout != 'network' else [])]
         blocks = {name: asdict(getattr(self, name)) for name in names}
-        if not isinstance(self.data.crop, int):  # width and height, which only a file of recorded presses gives
+        if isinstance(blocks['data']['crop'], list):  # width and height, which only a file of recorded presses gives
             del blocks['data']['crop']
         methods: dict[str, FlowMethod | FeatureEncoding] = {'flow': self.make_flow(), 'encoding': self.make_encoding()}
         named = {block: {'name': method.name, 'options': _stated(method.options)} for block, method in methods.items()}
