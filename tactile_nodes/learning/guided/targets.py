@@ -76,7 +76,7 @@ class Wish:
         places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         places = places[outline.holds(places / (INNER + 1e-9))]
         bins = BinGrid.of_sensor(self.sensor)
-        places = places[[not outside(*place, bins) for place in places.tolist()]]
+        places = places[[not outside(x_mm, y_mm, bins) for x_mm, y_mm in places.tolist()]]
         places = places[_seen(self.sensor, places)]
         if not len(places):
             raise ConfigurationError(
