@@ -151,7 +151,7 @@ class ViewState:
             if self._is_ours(node.replace('.', '/')):
                 node_health = self._health.setdefault(f'/{node.lstrip("/")}', _NodeHealth())
                 node_health.time_ns = received.received_ns
-                node_health.parts[part] = (_level(status.level), _printable(status.message))
+                node_health.parts[part] = (_level(status.level), _printable(status.message), received.received_ns)
 
     def add_log(self, received: Received) -> None:
         """Add a log message of a node; warnings and worse are kept."""
@@ -239,15 +239,20 @@ class ViewState:
 
 
 class _NodeHealth:
-    """What a node reported about each of its parts, and when."""
+    """What a node reported about each of its parts, and when.
+
+    Parts of which it has stopped to report do not count: it was restarted, and does not know its earlier errors.
+    """
 
     def __init__(self) -> None:
         self.time_ns = 0
-        self.parts: dict[str, tuple[int, str]] = {}
+        self.parts: dict[str, tuple[int, str, int]] = {}
 
     def health(self, node: str, now_ns: int) -> NodeHealth:
-        level = max((found for found, _ in self.parts.values()), default=0)
-        texts = [f'{part}: {text}' for part, (found, text) in self.parts.items() if found == level and text]
+        since_ns = self.time_ns - SILENT_AFTER_S * NS_PER_S
+        parts = {part: (level, text) for part, (level, text, at_ns) in self.parts.items() if at_ns >= since_ns}
+        level = max((found for found, _ in parts.values()), default=0)
+        texts = [f'{part}: {text}' for part, (found, text) in parts.items() if found == level and text]
         return NodeHealth(node, level, '; '.join(texts), (now_ns - self.time_ns) / NS_PER_S)
 
 

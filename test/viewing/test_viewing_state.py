@@ -248,6 +248,16 @@ def test_a_part_that_recovers_is_well_again() -> None:
     assert state.snapshot(0).health[0].level == 0
 
 
+def test_an_error_of_before_a_restart_is_not_reported_for_ever() -> None:
+    state = ViewState()
+    before, after = diagnostics(('estimator: errors', 2, 'no model')), diagnostics(('estimator: force', 0, 'fine'))
+    state.add_diagnostics(received(before, 0))
+    state.add_diagnostics(received(after, 1000))
+    assert state.snapshot(1000 * MS).health[0].level == 2  # the same program may report its parts apart
+    state.add_diagnostics(received(after, 5000))
+    assert [(entry.level, entry.text) for entry in state.snapshot(5000 * MS).health] == [(0, 'force: fine')]
+
+
 def test_a_node_that_says_nothing_more_is_silent() -> None:
     state = ViewState()
     state.add_diagnostics(received(diagnostics(('camera: camera', 0, '')), 0))
