@@ -60,12 +60,17 @@ class _Stream:
     newest: int
     newest_ns: int
 
-    def missed_since(self, begin_ns: int) -> int:
-        """Estimated number of messages published from `begin_ns` on before the first received one, by its rate."""
+    def missed_since(self, begin_ns: int) -> tuple[int, float]:
+        """Estimated number of messages published from `begin_ns` on before the first received one, by its rate.
+
+        And over how many seconds: a publisher that was started after `begin_ns` was missed only since its start.
+        """
         if self.newest <= self.first or self.newest_ns <= self.first_ns:
-            return 0
+            return 0, 0.0
         period_ns = (self.newest_ns - self.first_ns) / (self.newest - self.first)
-        return min(self.first - 1, int((self.first_ns - begin_ns) / period_ns))
+        before_ns = self.first_ns - begin_ns
+        count = min(self.first - 1, int(before_ns / period_ns))
+        return count, min(before_ns, (self.first - 1) * period_ns) / NS_PER_S
 
 
 class GapCounter:
@@ -94,10 +99,10 @@ class GapCounter:
         """Topics with messages that were missed after `begin_ns`: about how many, and over how many seconds."""
         found: dict[str, tuple[int, float]] = {}
         for (topic, _), stream in self._streams.items():
-            count = stream.missed_since(begin_ns)
+            count, late_s = stream.missed_since(begin_ns)
             if count > 1:  # one may be the interval before the first
                 before, seconds = found.get(topic, (0, 0.0))
-                found[topic] = (before + count, max(seconds, (stream.first_ns - begin_ns) / NS_PER_S))
+                found[topic] = (before + count, max(seconds, late_s))
         return found
 
 

@@ -71,6 +71,14 @@ def test_messages_before_the_first_that_was_received_are_reckoned_from_its_pace(
     assert losses == '; heard late: /info 1.0 s (about 50 messages); /info: the rest can be used'
 
 
+def test_a_publisher_that_is_started_an_hour_later_is_not_said_to_be_an_hour_late() -> None:
+    # Its first 19 messages, one every 20 ms, passed before the recorder was connected: 0.38 s.
+    tally = tally_of('/image', range(20, 40), 3_600_000 * MS, 20 * MS)
+    assert tally.losses(Counter(), lambda topic: 'lost') == (
+        '; heard late: /image 0.4 s (about 19 messages); /image: lost'
+    )
+
+
 def test_a_slow_topic_heard_within_its_pace_is_not_late() -> None:
     assert not tally_of('/diagnostics', range(50, 60), 900 * MS, 1000 * MS).lost_of(Counter())
 
