@@ -69,6 +69,7 @@ class McapStorage:
         waiting: list[tuple[int, int, Message]] = []
         held, in_order = 0, True
         order = itertools.count()
+        wanted = self._channels_of(selection)
         for block in sorted(self._blocks, key=lambda block: block.start_ns):
             while waiting and (waiting[0][0] < block.start_ns or held > MOST_WAITING_BYTES):
                 if in_order and waiting[0][0] >= block.start_ns:
@@ -77,7 +78,8 @@ class McapStorage:
                 message = heapq.heappop(waiting)[2]
                 held -= len(message.data)
                 yield self._bag_message(message)
-            if block.end_ns >= selection.start_ns and block.start_ns < selection.end_ns:
+            overlaps = block.end_ns >= selection.start_ns and block.start_ns < selection.end_ns
+            if overlaps and wanted & block.counts.keys():  # chunks without these topics are not read from the disk
                 for message in self._messages_of(block):
                     if self._is_wanted(message, selection):
                         heapq.heappush(waiting, (message.log_ns, next(order), message))
@@ -92,6 +94,7 @@ class McapStorage:
         for record in records.walk(self._file, start, self._size):
             if record.opcode not in records.KNOWN and record.opcode < 0x80:
                 self._complain(f'{self.path} is damaged at byte {record.start - records.HEAD_BYTES}; read up to there')
+                self._distrust_last_indexes()
                 return
             if record.start + record.length > self._size:
                 self._add_cut_off(record)
@@ -105,6 +108,9 @@ class McapStorage:
         self._complain(f'{self.path} is cut off at byte {self._size}; read up to there')
         if record.opcode == records.CHUNK:
             self._add(record)
+        self._distrust_last_indexes()
+
+    def _distrust_last_indexes(self) -> None:
         if self._blocks:
             self._blocks[-1].counts.clear()  # some of its indexes may be missing: count its messages
 
@@ -202,10 +208,11 @@ class McapStorage:
         try:
             if opcode == records.SCHEMA:
                 schema = records.schema_of(content)
-                self._schemas[schema.id] = (schema.name, schema.encoding, schema.data.decode(errors='replace'))
-            else:
+                text = schema.data.decode(errors='replace')
+                self._schemas.setdefault(schema.id, (schema.name, schema.encoding, text))
+            else:  # the first counts: a copy at the end of a file may be half written
                 channel = records.channel_of(content)
-                self._channels[channel.id] = channel
+                self._channels.setdefault(channel.id, channel)
         except ValueError as error:
             self._complain(f'{self.path}: {error} is left out')
 
@@ -215,6 +222,10 @@ class McapStorage:
         facts = channel.metadata
         qos, type_hash = facts.get('offered_qos_profiles', ''), facts.get('topic_type_hash', '')
         return BagTopic(channel.topic, type_name, text, type_hash, qos, channel.message_encoding, encoding)
+
+    def _channels_of(self, selection: Selection) -> set[int]:
+        topics = selection.topics
+        return {number for number, channel in self._channels.items() if topics is None or channel.topic in topics}
 
     def _is_wanted(self, message: Message, selection: Selection) -> bool:
         channel = self._channels.get(message.channel)
