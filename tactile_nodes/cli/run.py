@@ -42,11 +42,18 @@ def run(arguments: argparse.Namespace) -> int:
         program = packages.command_of(package, executable, os.environ)
     except SubstitutionError as error:
         raise ConfigurationError(str(error)) from error
-    command = [*shlex.split(arguments.prefix or ''), *program, *words]
+    command = [*_words_of(arguments.prefix or ''), *program, *words]
     try:
         os.execvpe(command[0], command, {**os.environ, **packages.source_environment(program)})  # noqa: S606
     except OSError as error:
         raise ConfigurationError(f'cannot run {command[0]}: {error.strerror}') from error
+
+
+def _words_of(prefix: str) -> list[str]:
+    try:
+        return shlex.split(prefix)
+    except ValueError as error:
+        raise ConfigurationError(f'--prefix {prefix!r} is not a command: {error}; check its quotes') from error
 
 
 def split(words: Sequence[str]) -> tuple[str, str, list[str]]:

@@ -116,6 +116,7 @@ def test_flags_may_stand_between_the_other_words() -> None:
         ('evaluate', 'fast', '--json', 'folder'),
         ('export', 'parquet', 'loop'),
         ('export', 'parquet', 'bag', '-o', 'x' * 300),
+        ('run', '--prefix', "'gdb -ex run", 'camera_node'),
     ],
     ids=lambda words: ' '.join(words)[:40],
 )
