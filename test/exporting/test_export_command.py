@@ -54,7 +54,7 @@ def test_what_was_lost_and_what_is_left_out_is_reported(
     assert main(['export', kind, str(cut), '-o', str(bag.parent / 'out')]) == 0
     printed = capsys.readouterr()
     assert f'Warning: {cut} is cut off' in printed.err
-    assert 'left out: /image_raw (images; add them with --images)' in printed.out
+    assert 'left out: /image_raw (images; zarr and lerobot hold them with --images)' in printed.out
 
 
 def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
