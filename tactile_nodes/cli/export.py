@@ -79,7 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.progress import TerminalProgress
 
     first = arguments.bag if isinstance(arguments.bag, Path) else arguments.bag[0]
-    output = arguments.output or Path(f'{Path(os.path.realpath(first)).stem}_{arguments.format}')
+    bag = Path(os.path.realpath(first))  # a folder may have a dot in its name
+    output = arguments.output or Path(f'{bag.name if bag.is_dir() else bag.stem}_{arguments.format}')
     facts = {'format': arguments.format, 'command': shlex.join(['tactile', *sys.argv[1:]])}
     write = _lerobot if arguments.format == 'lerobot' else _tables
     with made_whole(output, replace=arguments.force) as folder:

@@ -35,6 +35,18 @@ def test_an_export_that_is_there_is_replaced_only_with_force(bag: Path, capsys: 
     assert '--force' in capsys.readouterr().err
 
 
+def test_a_dot_in_the_name_of_a_bag_is_kept_in_that_of_its_export(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for depth in ('0.5mm', '0.8mm'):  # both were press_0, and --force replaced one by the other
+        write_bag(Path(f'press_{depth}'), 5)
+        assert main(['export', 'parquet', f'press_{depth}', '--force']) == 0
+    assert main(['export', 'parquet', 'press_0.5mm/press_0.5mm_0.mcap']) == 0
+    exports = sorted(each.name for each in tmp_path.iterdir() if each.name.endswith('_parquet'))
+    assert exports == ['press_0.5mm_0_parquet', 'press_0.5mm_parquet', 'press_0.8mm_parquet']
+
+
 def test_a_folder_of_somebody_else_is_never_replaced(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = bag.parent / 'mine'
     output.mkdir()
