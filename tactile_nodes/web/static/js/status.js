@@ -26,6 +26,6 @@ export function hostOf(fields) {
 function complaint(fields) {
   const health = fields?.slow.health ?? [];
   const silent = health.filter((entry) => entry.silent_s !== null).map((entry) => `${entry.node} is silent.`);
-  const bad = health.filter((entry) => entry.level === 'error' || entry.level === 'warning').map((entry) => `${entry.node}: ${entry.text}`);
-  return bad[0] ?? silent[0];
+  const of = (level) => health.filter((entry) => entry.level === level).map((entry) => `${entry.node}: ${entry.text}`);
+  return of('error')[0] ?? of('warning')[0] ?? silent[0];
 }
