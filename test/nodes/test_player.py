@@ -89,6 +89,21 @@ def test_plays_everything_and_ends(bus, play) -> None:
     assert node.playback.published == COUNT + 1
 
 
+def test_simulated_time_does_not_make_it_wait_for_the_clock_that_it_publishes(bag: Path) -> None:
+    # `use_sim_time` for all nodes of a launch reaches the player too.
+    values = {'bag': str(bag), 'use_sim_time': True, 'clock_hz': 40.0, 'rate': 10.0}
+    located = {name: Located(value, 'test') for name, value in values.items()}
+    bus = InProcessBus()
+    chatter = listen(bus, '/chatter')
+    node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)))
+    spinning = threading.Thread(target=node.spin, daemon=True)
+    spinning.start()
+    spinning.join(10.0)
+    assert taken(chatter) == NUMBERS
+    node.close()
+    bus.close()
+
+
 class AnsweringClock(JumpingClock):
     """Others publish a force each 0.8 s, `left` times."""
 

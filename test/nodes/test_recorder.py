@@ -181,6 +181,20 @@ def test_recording_begins_when_every_topic_of_a_running_sensor_was_received(bus,
     assert 'late' not in summary
 
 
+def test_with_simulated_time_a_recording_begins_by_the_clock_of_its_stamps(bus, clock, tmp_path: Path) -> None:
+    values = {'bag': str(tmp_path / 'bag'), 'all': True, 'use_sim_time': True}
+    talker = advertise(bus, '/chatter')
+    talker.sequence = 1000
+    located = {name: Located(value, 'test') for name, value in values.items()}
+    node = RecorderNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)))
+    for _ in range(5):
+        talker.publish(types.String(data='hello'))
+        run(node)
+        clock.advance(0.02)
+    assert 'heard late' not in node.stop_recording()  # not 1000 messages since 1970, where /clock has not come yet
+    node.close()
+
+
 def test_a_topic_that_is_heard_late_is_reported_at_the_end(bus, clock, start: Start, tmp_path: Path) -> None:
     image = advertise(bus, '/image_raw', topics.IMAGE.type_name)
     info = advertise(bus, '/camera_info', topics.CAMERA_INFO.type_name)
