@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from functools import partial
 
 from tactile_nodes.bag.recording import describe
-from tactile_nodes.bus.node.arguments import NodeArguments
+from tactile_nodes.bus.node.arguments import NodeArguments, Remap
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.cli.running.session import ended_by_signals, joined
@@ -26,6 +26,7 @@ from tactile_nodes.params import Located, NodeParameters, Value
 
 _LOOK_EVERY_S = 0.2
 _MEGABYTE = 1_000_000
+_RECORDER = 'bag_recorder'  # a launch has a `recorder`, whose services the buttons of its page call
 
 
 def record(arguments: argparse.Namespace) -> int:
@@ -42,7 +43,7 @@ def record(arguments: argparse.Namespace) -> int:
         'max_file_s': arguments.max_bag_duration,
     }
     with ended_by_signals() as done, joined() as bus:
-        node = RecorderNode(bus, _node_arguments(parameters))
+        node = RecorderNode(bus, _node_arguments(parameters, Remap('__node', _RECORDER)))
         end_s = monotonic_s() + arguments.duration if arguments.duration > 0 else float('inf')
 
         def is_over() -> bool:
@@ -71,9 +72,9 @@ def play(arguments: argparse.Namespace) -> int:
             return run_until([node], done)  # the node has logged the reason
 
 
-def _node_arguments(parameters: dict[str, Value]) -> NodeArguments:
+def _node_arguments(parameters: dict[str, Value], *remaps: Remap) -> NodeArguments:
     located = {name: Located(value, 'command line') for name, value in parameters.items()}
-    return NodeArguments(parameters=(NodeParameters('/**', located),))
+    return NodeArguments(remaps, (NodeParameters('/**', located),))
 
 
 def _recording_line(node: RecorderNode) -> str:

@@ -18,7 +18,7 @@ from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.cli import bag as command
-from tactile_nodes.cli.running.session import ended_by_signals
+from tactile_nodes.cli.running.session import ended_by_signals, joined
 from tactile_nodes.messages import types
 
 FORCE = 'tactile_nodes/msg/ForceDistribution'
@@ -145,6 +145,19 @@ def test_ctrl_c_ends_a_recording_and_says_what_was_written(tmp_path: Path) -> No
         assert reader.problems == []
         assert f'wrote {reader.extent.messages} messages' in printed
     assert process.returncode == 0
+
+
+def test_a_recording_in_a_terminal_is_not_taken_for_the_recorder_of_a_launch(tmp_path: Path) -> None:
+    # Else the page's button could stop it, or be told that something is being recorded already.
+    process = started('record', '-o', str(tmp_path / 'press'), '-a')
+    while 'recording into' not in process.stderr.readline():
+        pass
+    with joined() as bus:
+        graph = bus.graph()
+    os.kill(process.pid, signal.SIGINT)
+    process.communicate(timeout=10)
+    assert '/bag_recorder' in graph.nodes()
+    assert graph.services('/recorder/stop') == []
 
 
 def test_folder_that_exists_is_one_sentence_and_exit_status_1(tmp_path: Path) -> None:
