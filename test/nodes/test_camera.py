@@ -108,6 +108,18 @@ def test_pictures_of_a_described_sensor_are_cut_and_reported_as_it_says(
     assert info.p.reshape(3, 4)[:, :3].ravel().tolist() == info.k.tolist()
 
 
+def test_with_simulated_time_pictures_keep_the_stamp_of_the_host(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
+) -> None:
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f'{number}.png'), PATTERN)
+    images = listen(bus, topics.IMAGE)
+    begun_ns = bus.clock.now_ns()
+    start(f'source:={tmp_path}', 'use_sim_time:=true')  # and no /clock
+    stamps_ns = [stamp_ns(first(images).message.header.stamp) for _ in range(3)]
+    assert begun_ns <= stamps_ns[0] < stamps_ns[1] < stamps_ns[2] <= bus.clock.now_ns()
+
+
 def test_picture_smaller_than_the_crop_is_cut_to_what_fits_and_says_so(
     bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
 ) -> None:
