@@ -18,7 +18,7 @@ from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.clock import Clock
+from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.collection.press.guarded import Felt
 from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSettings
 from tactile_nodes.collection.run.person import Person
@@ -45,8 +45,9 @@ class GuardedApproachNode(Node):
         super().__init__(bus, arguments, clock)
         self._felt: Felt | None = None
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
-        self._person = Person(answer, lambda _: None, self.clock)  # reported by the timer
-        self._guarded = GuardedRun(self.params, self.clock, lambda: self._felt, self._person)
+        host = clock or SystemClock()  # the machine moves in the real world, also with `use_sim_time`
+        self._person = Person(answer, lambda _: None, host)  # reported by the timer
+        self._guarded = GuardedRun(self.params, host, lambda: self._felt, self._person)
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
         self.create_trigger('~/stop', self._stop_approach)
         self.create_trigger('~/acknowledge', self._person.acknowledge)

@@ -219,6 +219,16 @@ def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -
     assert not drained(states)
 
 
+def test_the_rig_does_not_wait_for_simulated_time(bus: InProcessBus, tmp_path: Path) -> None:
+    more = 'require_recorder: true\n    wait_s: 0.2\n    use_sim_time: true'
+    node = RigNode(bus, arguments(tmp_path, more))  # and no /clock
+    spinning = threading.Thread(target=node.spin, daemon=True)
+    spinning.start()
+    spinning.join(5.0)
+    assert 'no recorder' in str(node.failure)
+    node.close()
+
+
 def test_what_ends_a_run_keeps_a_launch_from_starting_it_again(bus: InProcessBus, tmp_path: Path) -> None:
     node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
     assert run_until([node], threading.Event()) == NOT_AGAIN

@@ -36,7 +36,7 @@ def real_bus() -> Iterator[InProcessBus]:
 
 def made_node(bus: InProcessBus, text: str) -> SyncInputNode:
     block = f'sync_input:\n  ros__parameters: {text}\n'
-    return SyncInputNode(bus, NodeArguments(parameters=params.parse_parameters(block, 'the test')), SystemClock())
+    return SyncInputNode(bus, NodeArguments(parameters=params.parse_parameters(block, 'the test')))
 
 
 @pytest.fixture
@@ -65,12 +65,15 @@ def world() -> Iterator[World]:
     worlds.share(WORLD, World(table=linear_table(Gel())))
 
 
+@pytest.mark.parametrize('simulated_time', ['false', 'true'])  # without a /clock
 def test_edges_of_the_worlds_line_are_reported_by_the_recorders_own_clock(
-    real_bus: InProcessBus, spun: Callable[[str], SyncInputNode], world: World
+    real_bus: InProcessBus, spun: Callable[[str], SyncInputNode], world: World, simulated_time: str
 ) -> None:
     subscription = real_bus.subscribe('/sync_edge', topics.SYNC_EDGE.type_name, Qos('queue', 100))
     clock = SystemClock()
-    spun('{device: simulated, recorder: other_computer, emulated: {ahead_s: 10.0}}')
+    spun(
+        f'{{device: simulated, recorder: other_computer, emulated: {{ahead_s: 10.0}}, use_sim_time: {simulated_time}}}'
+    )
     switched_ns = []
     edges: list[types.SyncEdge] = []
     for level in (True, False):
