@@ -91,7 +91,7 @@ class Feature:
 
 
 def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') -> list[Feature]:
-    """The features of a bag.
+    """The features of a bag. A topic whose name is that of a part of the force gets `topic.` in front of it.
 
     Args:
         layouts: the layouts of its topics.
@@ -101,16 +101,19 @@ def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') ->
     Raises:
         ConfigurationError: such a topic has no numbers.
     """
-    found: list[Feature] = []
+    named = {state: 'observation.state', action: 'action'}
+    found = {layout.topic: _features_of_one(layout, named.get(layout.topic) or _key(layout)) for layout in layouts}
+    first = {layout.topic for layout in layouts if layout.is_force or layout.topic in named}
+    taken = {feature.key for topic in first for feature in found[topic]}
     for layout in layouts:
-        key = {state: 'observation.state', action: 'action'}.get(layout.topic) or _key(layout)
-        features = _features_of_one(layout, key)
-        if layout.topic in (state, action) and (layout.is_force or not features or features[0].is_image):
+        features = found[layout.topic]
+        if layout.topic in named and (layout.is_force or not features or features[0].is_image):
             raise ConfigurationError(
-                f'{layout.topic} is not a vector of numbers, so it cannot be {key}; use another topic'
+                f'{layout.topic} is not a vector of numbers, so it cannot be {named[layout.topic]}; use another topic'
             )
-        found += features
-    return found
+        if layout.topic not in first and any(feature.key in taken for feature in features):
+            found[layout.topic] = _features_of_one(layout, f'observation.topic.{_key(layout).partition(".")[2]}')
+    return [feature for features in found.values() for feature in features]
 
 
 def png(pixels: np.ndarray) -> bytes:

@@ -42,7 +42,7 @@ class PlayerParams(NodeParams):
     """Parameters of the player."""
 
     bag: str = parameter('', 'folder, .mcap or .db3 file to play', read_only=True)
-    rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001)
+    rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001, maximum=1e6)
     loop: bool = parameter(False, 'start again at the end', read_only=True)
     start_offset: float = parameter(0.0, 'start this many seconds into the bag', minimum=0.0, read_only=True)
     wait_for: str = parameter(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -13,9 +14,10 @@ from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION
+from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, WRENCH
 from tactile_nodes.cli.main import main
 from tactile_nodes.clock import NS_PER_S
+from tactile_nodes.conversions import header, wrench_message
 from tactile_nodes.exporting.resampling import NEAREST, PREVIOUS, Episode, Resampler, Statistics
 
 pa = pytest.importorskip('pyarrow')
@@ -204,6 +206,27 @@ def test_a_state_that_is_not_in_the_bag_is_refused_by_name(tmp_path: Path, capsy
     words = ['--state', 'image_raw', '-o', str(tmp_path / 'set')]
     assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 1
     assert '--state /image_raw' in capsys.readouterr().err
+
+
+def test_a_topic_with_the_name_of_a_part_of_the_force_has_another_one(tmp_path: Path) -> None:
+    """The age of a robot's `/force` would take the place of the age of `/force_distribution`."""
+    writer = BagWriter(tmp_path / 'bag')
+    for name, kind in ((FORCE_DISTRIBUTION.name, FORCE_DISTRIBUTION.type_name), ('force', WRENCH.type_name)):
+        writer.add_topic(BagTopic.of_type(f'/{name}', kind))
+    for number in range(20):
+        stamp_ns = START_NS + number * STEP_NS
+        message = force(number, stamp_ns)
+        late_ns = stamp_ns - STEP_NS // 2
+        writer.write(f'/{FORCE_DISTRIBUTION.name}', messages.encode(message), stamp_ns, stamp_ns)
+        wrench = dataclasses.replace(wrench_message(message), header=header(late_ns, 'tool'))
+        writer.write('/force', messages.encode(wrench), stamp_ns, late_ns)
+    writer.close()
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), '--fps', '20']) == 0
+    frames = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet')
+    ages = [np.array(frames[f'age_s.{name}'].to_pylist(), np.float64).reshape(-1) for name in ('force', 'topic.force')]
+    assert len(frames) > 3
+    assert 'observation.topic.force' in frames.column_names
+    np.testing.assert_allclose(abs(ages[1] - ages[0]), STEP_NS / 2e9, atol=1e-6)
 
 
 def test_bags_of_different_topics_make_no_data_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
