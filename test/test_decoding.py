@@ -120,10 +120,10 @@ def test_what_has_no_header_that_is_known_here_is_no_picture(data: bytes) -> Non
 
 
 def test_a_header_without_an_end_is_given_up_soon() -> None:
-    begun = time.perf_counter()
+    begun = time.process_time()
     assert size_of(b'\xff\xd8' + b'\xff\xd0' * (10 << 20)) is None
     assert size_of(b'\xff\xd8' + b'\xff' * (20 << 20)) is None
-    assert time.perf_counter() - begun < 1.0
+    assert time.process_time() - begun < 1.0
 
 
 @pytest.mark.parametrize(('kind', 'options'), KINDS)
