@@ -172,10 +172,11 @@ class Bridge(Loop):
                 self._ask(uid)
 
     def finish(self) -> None:
+        within_s = _CLOSE_WITHIN_S if self._peers else 0.0  # so that they are informed
         for uid in list(self._peers):
             self._forget(uid, VERSION)
         self._closing.start()
-        self._closing.join(_CLOSE_WITHIN_S)
+        self._closing.join(within_s)
 
     def _close_session(self) -> None:
         """Zenoh waits until an attempt to connect, or to find out an address, has failed; the node does not."""
