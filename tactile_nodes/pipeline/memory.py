@@ -53,7 +53,7 @@ class Memory:
         """What took many frames to learn: rest image, motion of the whole image, number of dead pixels."""
         moved, rest = self.measure.registration, self.rest
         return (
-            rest.in_use.prepared.reference_id if rest.in_use else '',
+            self._rest_id,
             (moved.straightening, moved.settled) if moved else None,
             rest.dead.count,
         )
@@ -66,10 +66,11 @@ class Memory:
         return bytes(save({**arrays, _STATE: np.frombuffer(state, np.uint8)}))
 
     def recall(self, data: bytes) -> None:
-        """Restore the state that `saved` returned.
+        """Restore the state that `saved` returned. A rest image that is in use already must be the one of that state.
 
         Raises:
-            ConfigurationError: it was not saved by the same version, or motion was measured with another method.
+            ConfigurationError: it was not saved by the same version, motion was measured with another method, or
+                against another rest image.
         """
         try:
             arrays = load(data)
@@ -80,10 +81,18 @@ class Memory:
                 )
             if not isinstance(found := _Putting(arrays, self.rest.measuring).together(state['memory']), Memory):
                 raise TypeError(f'{type(found).__name__} is not a saved state')
+            if (in_use := self._rest_id) and in_use != found._rest_id:
+                raise ConfigurationError(
+                    f'the state was saved with rest image {found._rest_id or "(none)"}, but {in_use} is now in use'
+                )
         except (SafetensorError, ValueError, KeyError, TypeError, IndexError) as error:
             raise ConfigurationError(f'the saved state cannot be used ({error}); start without it') from error
         vars(self).update(vars(found))
         self._take_up()
+
+    @property
+    def _rest_id(self) -> str:
+        return self.rest.in_use.prepared.reference_id if self.rest.in_use else ''
 
     @property
     def _measuring(self) -> str:

@@ -24,6 +24,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
 from tactile_nodes.nodes.recorder import RecorderNode
+from tactile_nodes.sensing.rest.reference import content_id
 
 Born = Callable[..., tuple[Node, InProcessBus]]
 SMALL: list[str] = []
@@ -163,6 +164,24 @@ def test_a_kept_memory_that_is_damaged_leaves_the_rest_image(
     assert features_of(born, PATTERN).reasons == 0
     (launch / 'flow_features.memory').write_bytes(b'damaged')
     assert features_of(born, PATTERN).reasons == 0
+    assert 'only the rest image was restored' in ''.join(capsys.readouterr())
+
+
+def test_a_memory_of_another_rest_image_than_the_kept_one_is_not_restored(
+    launch: Path, born: Born, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A node that is killed less than a second after a capture has kept the new rest image, and the old memory."""
+    node, bus = born(FlowFeaturesNode, *SMALL)
+    camera = bus.advertise('/image_raw', topics.IMAGE.type_name, Qos('latest', 1))
+    assert isinstance(node, FlowFeaturesNode)
+    for pixels in (PATTERN, PATTERN, PRESSED):
+        if pixels is PRESSED:
+            node._capture_again()
+        camera.publish(image(pixels))
+        run(node)
+    message = features_of(born, PRESSED)
+    assert message.reference_id == content_id(PRESSED)
+    assert np.abs(message.values).max() == pytest.approx(0.0, abs=0.1)
     assert 'only the rest image was restored' in ''.join(capsys.readouterr())
 
 
