@@ -67,6 +67,8 @@ class LaunchedAgain:
                 self._launch()
             except TactileError as error:
                 self._complaint = str(error)
+            except OSError as error:  # a full disk, no more processes: it may pass
+                self._complaint = f'it could not be started: {error.strerror or error} ({error.filename})'
             delay_s = FIRST_DELAY_S if self._lasts_s > SETTLED_S else self._delay_s
             self._cause, self._began_s = self._complaint or 'it ended', None
             self._delay_s = min(2 * delay_s, LONGEST_DELAY_S)

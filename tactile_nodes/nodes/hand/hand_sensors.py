@@ -100,6 +100,7 @@ class HandSensorsNode(Node):
     def _service(self, sensor: HandSensor, screen: Screen, number: int) -> LaunchService:
         """The first launch reports at once what is missing. Others wait for it, since starting slows all sensors."""
         file = Path(self._folder.name) / f'{sensor.name}.yaml'
+        file.parent.mkdir(parents=True, exist_ok=True)  # somebody may have cleared the logs
         file.write_text(parameter_text(sensor, self._hand, open_within_s=WAITS_S if number else 0.0), 'utf-8')
         arguments = arguments_of(sensor, self.names.namespace, file)
         if self.params.replay:

@@ -1,0 +1,60 @@
+"""The launches of a hand, as the node makes them, without their processes."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.launching.processes.output import Screen
+from tactile_nodes.launching.service import LaunchService
+from tactile_nodes.nodes.hand import hand_sensors
+from tactile_nodes.nodes.hand.hand_sensors import HandSensorsNode
+
+Make = Callable[[Screen, int], LaunchService]
+
+
+class NeverLaunched:
+    """A `LaunchedAgain` that only remembers how its launches are made."""
+
+    made: ClassVar[list[Make]] = []
+    trouble = ''
+
+    def __init__(self, make: Make, screen: Screen) -> None:
+        self.made.append(make)
+
+    def start(self) -> None:
+        pass
+
+    def stop(self) -> None:
+        pass
+
+    def join(self, within_s: float) -> None:
+        pass
+
+
+@pytest.fixture
+def makes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Make]]:
+    """One for each sensor of a hand, whose logs are below the folder of the test."""
+    monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
+    monkeypatch.setattr(NeverLaunched, 'made', [])
+    monkeypatch.setattr(hand_sensors, 'LaunchedAgain', NeverLaunched)
+    (tmp_path / 'hand.yaml').write_text('sensors: [{name: left, model: fast}]\n')
+    words = ['--ros-args', '-p', f'hand:={tmp_path}/hand.yaml']
+    node = HandSensorsNode(bus := InProcessBus(), parse_arguments(words))
+    yield NeverLaunched.made
+    node.close()
+    bus.close()
+
+
+def test_a_sensor_is_launched_again_after_somebody_has_cleared_the_logs(tmp_path: Path, makes: list[Make]) -> None:
+    (make,) = makes
+    make(lambda _: None, 0)
+    shutil.rmtree(tmp_path / 'log')
+    make(lambda _: None, 1)
+    assert [file.name for file in tmp_path.glob('log/hand/parameters_*/*')] == ['left.yaml']
