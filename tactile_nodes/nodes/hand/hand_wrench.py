@@ -19,6 +19,7 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Qos, Received
 from tactile_nodes.clock import Clock
+from tactile_nodes.errors import BagError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.pipeline.hand_forces import REPLAYED, HandForces
@@ -61,10 +62,20 @@ class HandWrenchNode(Node):
         self.create_timer(REPORT_PERIOD_S, self._report)
 
     def _replayed(self) -> tuple[int, dict[str, int]]:
-        """How long a sum waits for a sensor that lags, and the time of each sensor's last picture."""
-        of = {f'/{name}/{topics.IMAGE.name}': name for name in self._hand.names}
+        """How long a sum waits for a sensor that lags, and the time of each sensor's last picture.
+
+        Raises:
+            BagError: it cannot be read, or holds pictures of none of the sensors.
+        """
+        of = {self.names.resolve(f'{name}/{topics.IMAGE.name}'): name for name in self._hand.names}
         with BagReader(self.params.bag) as bag:
             last = {of[topic]: last_ns for topic, last_ns in last_stamps_ns(bag, of).items()}
+            others = sorted(topic for topic in bag.topics if topic.endswith(f'/{topics.IMAGE.name}'))
+        if not last:
+            raise BagError(
+                f'{self.params.bag} holds no {" and no ".join(of)}, but {", ".join(others) or "no pictures at all"}; '
+                'choose the hand that was recorded, or replay each sensor alone (tactile launch replay namespace:=)'
+            )
         if lacking := [name for name in self._hand.names if name not in last]:
             self.log.warn(f'{self.params.bag} holds no pictures of {", ".join(lacking)}; sums leave them out')
         return REPLAYED, last
