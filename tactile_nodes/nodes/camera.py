@@ -20,7 +20,7 @@ from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Publisher
-from tactile_nodes.clock import NS_PER_S, Clock, SystemClock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, HasDrivenWorld, KnowsTruth
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.drivers.sync_input.camera_light import CameraLight, LightSettings
@@ -63,16 +63,15 @@ class CameraNode(Node):
     PARAMS = CameraParams
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
+        super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
         bus.graph().require_unpublished(self.names.resolve(topics.IMAGE.name))
-        self._host_clock: Clock = clock or SystemClock()  # pictures are of the real world, also with `use_sim_time`
         self._image = self.create_publisher(topics.IMAGE)
         self._info = self.create_publisher(topics.CAMERA_INFO)
         self._wait_for_listener()
         self._camera = opened_within(
             self.params.open_within_s,
-            lambda: open_camera(self.params, self._host_clock, self._opening),
-            self._host_clock,
+            lambda: open_camera(self.params, self.clock, self._opening),
+            self.clock,
             self._waiting,
         )
         name = self._camera.description.get('source', self.params.source)
@@ -94,10 +93,10 @@ class CameraNode(Node):
         self._camera.close()
 
     def _wait_for_listener(self) -> None:
-        deadline_ns = self._host_clock.now_ns() + round(self.params.wait_s * NS_PER_S)
-        while (now_ns := self._host_clock.now_ns()) < deadline_ns and not self._has_listener():
+        deadline_ns = self.clock.now_ns() + round(self.params.wait_s * NS_PER_S)
+        while (now_ns := self.clock.now_ns()) < deadline_ns and not self._has_listener():
             self.still_wanted()
-            self._host_clock.sleep_until(now_ns + NS_PER_S // 100)
+            self.clock.sleep_until(now_ns + NS_PER_S // 100)
 
     def _has_listener(self) -> bool:
         if not (self._image.listeners and self.params.wait_for):

@@ -14,7 +14,7 @@ from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
-from tactile_nodes.clock import Clock, SystemClock
+from tactile_nodes.clock import Clock
 from tactile_nodes.collection.station import WORLD
 from tactile_nodes.emulators.rig import EmulatedRig, EmulatedRigSettings
 from tactile_nodes.simulation import worlds
@@ -39,8 +39,8 @@ class EmulatedRigNode(Node):
     END_WITHIN_S = OUTLIVE_S + 0.8
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
-        self._rig = EmulatedRig(self.params, clock or SystemClock())  # as the rig, also with `use_sim_time`
+        super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
+        self._rig = EmulatedRig(self.params, self.clock)
         worlds.share(WORLD, self._rig.world)  # for an emulated recorder in this process
         try:
             self._rig.switch(self.params.faults)

@@ -18,7 +18,7 @@ from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.clock import Clock, SystemClock
+from tactile_nodes.clock import Clock
 from tactile_nodes.collection.press.guarded import Felt
 from tactile_nodes.collection.run.guarded_run import GuardedRun, GuardedRunSettings
 from tactile_nodes.collection.run.person import Person
@@ -42,12 +42,11 @@ class GuardedApproachNode(Node):
     END_WITHIN_S = LEAVE_S + 1.0
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
+        super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
         self._felt: Felt | None = None
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
-        host = clock or SystemClock()  # the machine moves in the real world, also with `use_sim_time`
-        self._person = Person(answer, lambda _: None, host)  # reported by the timer
-        self._guarded = GuardedRun(self.params, host, lambda: self._felt, self._person)
+        self._person = Person(answer, lambda _: None, self.clock)  # reported by the timer
+        self._guarded = GuardedRun(self.params, self.clock, lambda: self._felt, self._person)
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
         self.create_trigger('~/stop', self._stop_approach)
         self.create_trigger('~/acknowledge', self._person.acknowledge)

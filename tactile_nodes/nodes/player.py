@@ -24,7 +24,7 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Publisher, Qos
 from tactile_nodes.bus.subscription import Subscription
-from tactile_nodes.clock import NS_PER_S, Clock, SystemClock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import BagError, ConfigurationError, TactileError
 from tactile_nodes.messages import encode, time_from_ns, types
 from tactile_nodes.params import parameter
@@ -72,7 +72,7 @@ class PlayerNode(Node):
     PARAMS = PlayerParams
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
+        super().__init__(bus, arguments, clock or bus.clock)  # it paces itself, and may publish /clock
         if not self.params.bag:
             raise BagError('no bag to play; set the parameter bag')
         self.reader = BagReader(self.params.bag)
@@ -85,9 +85,8 @@ class PlayerNode(Node):
             raise
         self._clock_publisher = self.create_publisher(topics.CLOCK) if self.params.clock_hz > 0 else None
         rate, hz = self.params.rate, self.params.clock_hz
-        host = clock or SystemClock()  # also with `use_sim_time`: the player would wait for a /clock that it publishes
         self.playback = Playback(
-            self.reader, self._publishers, self._publish, host, rate=rate, tick=self._tell_time, tick_hz=hz
+            self.reader, self._publishers, self._publish, self.clock, rate=rate, tick=self._tell_time, tick_hz=hz
         )
         if self.params.paused:
             self.playback.pause()

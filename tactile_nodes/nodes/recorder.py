@@ -71,7 +71,7 @@ class RecorderNode(Node):
     END_WITHIN_S = 4.8  # data that waits for a slow disk must be written; a launch sends the next signal after 5 s
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
+        super().__init__(bus, arguments, clock or bus.clock)  # bags hold the host's time
         self.writer: BagWriter | None = None
         self.tally = Tally()
         self.last = 'nothing is being recorded'

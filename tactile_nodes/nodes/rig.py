@@ -22,7 +22,7 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.priority import crowded, lacking
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
-from tactile_nodes.clock import NS_PER_S, Clock, SystemClock
+from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.run.session import RigSettings, Session
 from tactile_nodes.collection.run.voice import TOPICS
 from tactile_nodes.collection.station import LEAVE_S
@@ -51,13 +51,12 @@ class RigNode(Node):
     END_WITHIN_S = LEAVE_S + 1.0
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
+        super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
         publishers = {topic: self.create_publisher(topic) for topic in TOPICS}
         if notice := lacking():
             self.log.info(notice)
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
-        host = clock or SystemClock()  # the machine moves in the real world, also with `use_sim_time`
-        self._session = Session(self.params, publishers, host, self.log, answer)
+        self._session = Session(self.params, publishers, self.clock, self.log, answer)
         self.diagnostics.hardware |= {'cnc': self.params.cnc.source, 'force_torque': self.params.force_torque.source}
         self._session.campaign.paused = self.kept.get(_PAUSED) is not None
         self._cropped_px = 0, 0

@@ -18,7 +18,7 @@ from tactile_nodes.bus.node.diagnostics import NO_HARDWARE, Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
-from tactile_nodes.clock import Clock, SystemClock
+from tactile_nodes.clock import Clock
 from tactile_nodes.collection.station import WORLD
 from tactile_nodes.drivers.sync_input.control_line import Edge, SyncInputSettings, WatchedLine
 from tactile_nodes.drivers.sync_input.reconnecting import ReconnectingSyncInput, reconnecting_sync_input
@@ -59,9 +59,9 @@ class SyncInputNode(Node):
     PARAMS = SyncInputParams
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
+        super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
         self._edge = self.create_publisher(topics.SYNC_EDGE)
-        self._input = self._made(clock or SystemClock())  # as the rig, also with `use_sim_time`
+        self._input = self._made()
         self.diagnostics.hardware['sync input'] = self.params.device or NO_HARDWARE
         self._running = True
         self._reader: threading.Thread | None = None
@@ -78,18 +78,18 @@ class SyncInputNode(Node):
             self._reader.join(2 * READ_S)
         self._input.close()
 
-    def _made(self, clock: Clock) -> ReconnectingSyncInput:
+    def _made(self) -> ReconnectingSyncInput:
         if self.params.device != SIMULATED:
-            return reconnecting_sync_input(self.params, clock)
-        foreign = ForeignClock(clock, self.params.emulated.ahead_s, self.params.emulated.drift_ppm)
+            return reconnecting_sync_input(self.params, self.clock)
+        foreign = ForeignClock(self.clock, self.params.emulated.ahead_s, self.params.emulated.drift_ppm)
         name = 'the line of the simulated rig'
 
         def connect() -> WatchedLine:
-            line = WatchedLine(name, EmulatedControlLine(SharedLine(WORLD), clock), self.params, foreign)
+            line = WatchedLine(name, EmulatedControlLine(SharedLine(WORLD), self.clock), self.params, foreign)
             line.open()
             return line
 
-        return ReconnectingSyncInput(connect, clock, name)
+        return ReconnectingSyncInput(connect, self.clock, name)
 
     def _read(self) -> None:
         while self._running:

@@ -221,6 +221,16 @@ def test_camera_that_comes_a_little_later_is_waited_for(
     node.close()
 
 
+def test_simulated_time_stamps_no_images_and_holds_up_no_camera(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
+) -> None:
+    """A file of parameters may set it for all nodes, also before anything publishes /clock."""
+    cv2.imwrite(str(tmp_path / '1.png'), PATTERN)
+    images, begun_ns = listen(bus, topics.IMAGE), bus.clock.now_ns()
+    start('use_sim_time:=true', f'source:={tmp_path}', 'wait_for:=flow_features', 'wait_s:=0.1', 'crop:=160')
+    assert begun_ns < stamp_ns(first(images).message.header.stamp) <= bus.clock.now_ns()
+
+
 def test_picture_of_another_size_than_asked_names_both(start: Callable[..., CameraNode], tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / '0.png'), PATTERN)
     with pytest.raises(ImageError, match=r'160x160.*640x480'):

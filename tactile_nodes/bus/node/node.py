@@ -266,7 +266,7 @@ class Node:
         prepare = None if type(self).prepare_parameters is Node.prepare_parameters else self._prepare
         for name, (type_name, answer) in self._parameters.answers().items():
             self.create_service(f'~/{name}', type_name, answer, prepare if name.startswith('set_') else None)
-        if self.params.use_sim_time:
+        if self.params.use_sim_time and isinstance(self.clock, SteppedClock):
             self.create_subscription(topics.CLOCK, self._on_clock)
 
     def _diagnosis(self) -> types.DiagnosticArray:

@@ -51,7 +51,7 @@ class GuardedGraspNode(Node):
     PARAMS = GuardedGraspParams
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
+        super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
         hand = load_hand(self.params.hand)
         self._names = hand.names
         if not hand.friction:

@@ -41,7 +41,7 @@ class SimulatedGripperNode(Node):
     PARAMS = SimulatedGripperParams
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
-        super().__init__(bus, arguments, clock)
+        super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
         hand = load_hand(self.params.hand)
         if len(hand.sensors) != 2:
             raise ConfigurationError(f'a gripper has two fingers; {self.params.hand} has {len(hand.sensors)}')

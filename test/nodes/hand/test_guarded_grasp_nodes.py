@@ -128,8 +128,13 @@ def test_object_is_held_while_it_is_pulled_and_let_go_at_the_end(finger: Finger)
         assert last_n == pytest.approx(0.42, abs=0.05)
 
 
-def test_grasp_that_finds_nothing_ends_with_a_sentence_and_the_status_of_a_failure(finger: Finger) -> None:
-    with Loop(finger, 'object_mm:=10.0', 'open_mm:=40.0', 'grasp.least_mm:=37.0') as loop:
+@pytest.mark.parametrize('simulated', ['false', 'true'])
+def test_grasp_that_finds_nothing_ends_with_a_sentence_and_the_status_of_a_failure(
+    finger: Finger, simulated: str
+) -> None:
+    """Also where simulated time is set for all nodes: by it no force would ever be old."""
+    time = f'use_sim_time:={simulated}'
+    with Loop(finger, 'object_mm:=10.0', 'open_mm:=40.0', 'grasp.least_mm:=37.0', time) as loop:
         loop.go_on(lambda: loop.grasp.failure is not None)
         assert str(loop.grasp.failure).startswith('no contact down to an opening of 3')
 
