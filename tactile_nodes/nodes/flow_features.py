@@ -207,7 +207,7 @@ class FlowFeaturesNode(Node):
             return
         if self.params.reference != 'topic':
             self._reference.publish(message)
-            self.kept.put(_KEPT, encode(message))
+            self.post(lambda: self.kept.put(_KEPT, encode(message)))  # not now: a full disk is no reason to end
         how = 'renewed (no contact)' if self._following.renewed else 'new'
         text = f'{self._following.reference_id}, {message.width}x{message.height}'
         if self._following.doubtful:

@@ -16,10 +16,11 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
-from tactile_nodes.bus.node.keeping import VARIABLE
+from tactile_nodes.bus.node.keeping import VARIABLE, Kept
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import SteppedClock
+from tactile_nodes.errors import BusError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
 from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
@@ -165,6 +166,22 @@ def test_a_kept_memory_that_is_damaged_leaves_the_rest_image(
     (launch / 'flow_features.memory').write_bytes(b'damaged')
     assert features_of(born, PATTERN).reasons == 0
     assert 'only the rest image was restored' in ''.join(capsys.readouterr())
+
+
+def test_a_disk_that_is_full_neither_ends_a_restarted_node_nor_hides_its_rest_image(
+    launch: Path, born: Born, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    features_of(born, PATTERN)
+
+    def full(kept: Kept, name: str, data: bytes) -> None:
+        raise BusError(f'cannot store {name}: the disk is full')
+
+    monkeypatch.setattr(Kept, 'put', full)
+    node, _ = born(FlowFeaturesNode, *SMALL)
+    run(node)
+    told = {status.name: status.message for status in node.diagnostics.message(0).status}
+    assert told['flow_features: rest image'].startswith(content_id(PATTERN))
+    assert told['flow_features: errors'] == 'cannot store rest_image: the disk is full'
 
 
 def test_a_memory_of_another_rest_image_than_the_kept_one_is_not_restored(
