@@ -245,8 +245,16 @@ class FlowFeaturesNode(Node):
 
 
 def _last_number(folder: Path, mine: str) -> int:
-    """The highest number of a node's drawings in a folder; 0 if there are none."""
-    found = (re.fullmatch(rf'{re.escape(mine)}_([0-9]+)\.png', each.name) for each in folder.glob(f'{mine}_*.png'))
+    """The highest number of a node's drawings in a folder; 0 if there are none.
+
+    Raises:
+        ConfigurationError: the folder cannot be read.
+    """
+    try:
+        there = [each.name for each in folder.glob(f'{mine}_*.png')]
+    except OSError as error:  # of another user, or on a disk that is gone
+        raise ConfigurationError(f'cannot read {folder} ({error.strerror}); choose another folder') from error
+    found = (re.fullmatch(rf'{re.escape(mine)}_([0-9]+)\.png', each) for each in there)
     return max((int(each[1]) for each in found if each), default=0)
 
 

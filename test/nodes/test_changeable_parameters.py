@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
+from feeding import PATTERN, image, run
 
 from reference.nodes import NodeKind, node_kinds
 from tactile_nodes import params
+from tactile_nodes.bus import topics
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.clock import SteppedClock
+from tactile_nodes.nodes.flow_features import FlowFeaturesNode
 
 ANY_TIME = {
     'camera': set(),
@@ -33,3 +41,23 @@ def test_of_an_emulated_rig_its_faults_are_what_can_be_set() -> None:
     changeable = [entry.name for entry in params.describe(rig.kind.PARAMS) if not entry.read_only]
     assert changeable
     assert all(name.startswith('faults.') for name in changeable)
+
+
+def test_a_folder_for_drawings_that_cannot_be_read_is_a_sentence_and_not_the_end_of_the_node(
+    bus: InProcessBus, clock: SteppedClock, small_model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the one of another user; nothing would be measured any more, also not after a restart, which keeps it set."""
+
+    def forbidden(folder: Path, pattern: str) -> list[Path]:
+        raise PermissionError(13, 'Permission denied', str(folder))
+
+    words = ['--ros-args', '-p', f'model:={small_model}', '-p', 'reference_frames:=1']
+    node = FlowFeaturesNode(bus, parse_arguments(words), clock)
+    node._parameters.change({'overlay_folder': '/home/other/drawn', 'overlay_every': 1})
+    monkeypatch.setattr(Path, 'glob', forbidden)
+    camera = bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos)
+    for _ in range(2):  # the first becomes the rest image
+        camera.publish(image(PATTERN))
+        run(node)
+    told = {status.name: status.message for status in node.diagnostics.message(0).status}
+    assert told['flow_features: errors'] == 'cannot read /home/other/drawn (Permission denied); choose another folder'
