@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import TactileError
@@ -17,6 +19,9 @@ SETTLED_S = 75.0
 
 class LaunchedAgain:
     """One launch after another, in a thread. The pause between them doubles from 1 s to 15 s until one works.
+
+    Of launches that fail for the same reason one after another, only the logs of the last stay: in a week without its
+    camera, a sensor is launched some thousand times.
 
     Args:
         make: creates a service that prints to the given screen; the number says how many launches were before it.
@@ -32,6 +37,7 @@ class LaunchedAgain:
         self._delay_s = FIRST_DELAY_S
         self._stopped = threading.Event()
         self._service: LaunchService | None = None
+        self._failed: Path | None = None
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -69,14 +75,24 @@ class LaunchedAgain:
                 self._complaint = str(error)
             except OSError as error:  # a full disk, no more processes: it may pass
                 self._complaint = f'it could not be started: {error.strerror or error} ({error.filename})'
-            delay_s = FIRST_DELAY_S if self._lasts_s > SETTLED_S else self._delay_s
-            self._cause, self._began_s = self._complaint or 'it ended', None
+            settled, cause = self._lasts_s > SETTLED_S, self._complaint or 'it ended'
+            delay_s = FIRST_DELAY_S if settled else self._delay_s
+            self._clear_logs(again=cause == self._cause and not settled)
+            self._cause, self._began_s = cause, None
             self._delay_s = min(2 * delay_s, LONGEST_DELAY_S)
             self._number += 1
             self._stopped.wait(delay_s)
 
+    def _clear_logs(self, *, again: bool) -> None:
+        """Remove the logs of the launch before the one that has ended, if both failed for the same reason."""
+        if again and self._failed is not None:
+            shutil.rmtree(self._failed, ignore_errors=True)
+        self._failed = self._service.log_folder if self._service is not None else None
+
     def _launch(self) -> None:
         self._complaint = ''
+        with self._lock:
+            self._service = None
         service = self._make(self._take_line, self._number)
         with self._lock:
             if self._stopped.is_set():

@@ -84,6 +84,19 @@ def test_one_that_cannot_be_written_to_the_disk_is_reported_and_tried_again(tmp_
     tested.join(10.0)
 
 
+@pytest.mark.parametrize(('second', 'logs'), [(FAILS, 2), (FAILS.replace('camera', 'model'), 3)])
+def test_of_failures_for_one_reason_only_the_last_leaves_its_logs(tmp_path: Path, second: str, logs: int) -> None:
+    """A sensor without its camera is launched a thousand times a day. The last of these launches runs."""
+    tested, lines = launched(tmp_path, FAILS, second, LASTS)
+    tested.start()
+    until(lambda: any('sleep-1' in line.source for line in lines))
+    tested.stop()
+    tested.join(10.0)
+    left = sorted(tmp_path.glob('*/launch.log'))
+    assert len([log for log in left if not log.parent.is_symlink()]) == logs
+    assert (tmp_path / 'latest/launch.log').is_file()
+
+
 def test_one_that_runs_is_no_trouble(tmp_path: Path) -> None:
     tested, lines = launched(tmp_path, LASTS)
     tested.start()
