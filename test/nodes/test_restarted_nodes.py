@@ -262,6 +262,25 @@ def test_a_recording_that_was_stopped_is_not_begun_again(launch: Path, born: Bor
     assert again.writer is None
 
 
+def test_a_disk_that_has_become_read_only_keeps_no_bag_from_its_end(
+    launch: Path, born: Born, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As ext4 does after an error: here that of the logs, where the recording is noted."""
+    node, _ = born(RecorderNode, f'bag:={tmp_path}/bag', 'autostart:=false')
+    node.start_recording()
+    run(node)
+    unlink = Path.unlink
+
+    def refused(file: Path, missing_ok: bool = False) -> None:
+        if file.parent == launch:
+            raise OSError(30, 'Read-only file system', str(file))
+        unlink(file, missing_ok)
+
+    monkeypatch.setattr(Path, 'unlink', refused)
+    assert node.stop_recording().startswith('wrote ')
+    assert 'message_count' in (tmp_path / 'bag/metadata.yaml').read_text()
+
+
 def test_things_of_two_namespaces_are_kept_apart(launch: Path, clock: SteppedClock, small_model: Path) -> None:
     for space, value in (('/left', '0.1'), ('/right', '0.2')):
         words = ['--ros-args', '-r', f'__ns:={space}', '-p', f'model:={small_model}']

@@ -7,6 +7,7 @@ started otherwise, or by another launch, finds nothing and begins anew.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Mapping
@@ -53,9 +54,10 @@ class Kept:
             return None
 
     def drop(self, name: str) -> None:
-        """Keep it no longer."""
+        """Keep it no longer, if the disk can be written: what a node ends just now must not fail because of this."""
         if self._stem is not None:
-            self._file(name).unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                self._file(name).unlink(missing_ok=True)
 
     @property
     def changes(self) -> dict[str, Any]:
