@@ -63,17 +63,17 @@ class Unsteady(SimulatedPerson):
 
     def __init__(self, lines: list[str]) -> None:
         super().__init__(Sensor(), NEWTON_PER_GRAM, lines.append, world='unsteady')
-        self.readings = 0
+        self.asked: list[Target] = []
 
     def reading(self, target: Target) -> tuple[float, tuple[float, float]] | None:
-        self.readings += 1
-        answer = super().reading(target)
-        if self.readings == 2:
+        self.asked.append(target)
+        readings, answer = len(self.asked), super().reading(target)
+        if readings == 2:
             self._now = Press(target.x_mm, target.y_mm, 0.7 * self._now.depth_mm)
-        if self.readings == 4:
+        if readings == 4:
             raise KeyboardInterrupt
         assert answer is not None
-        return None if self.readings == 3 else answer
+        return None if readings == 3 else answer
 
 
 def folder_of(path: Path, unit: str = 'g') -> PressFolder:
@@ -153,6 +153,9 @@ def test_a_press_that_moves_while_it_is_read_is_not_kept_and_ctrl_c_loses_none(t
         guide.run()
     assert any('the press moved while you read the scale' in line for line in lines)
     assert 'passed over' in lines
+    _, moved, skipped, after = person.asked
+    assert moved == skipped  # what was not kept is asked for again, what is skipped is not
+    assert after[:2] != skipped[:2] and after.force_n == skipped.force_n
     (done,) = folder_of(tmp_path).done  # of four the first
     assert done.force_n == pytest.approx(0.3, rel=0.2)
     assert person.press_at(0) != AWAY

@@ -73,6 +73,7 @@ class Guide:
     def __init__(self, camera: Camera, person: Person, folder: PressFolder, wish: Wish, sensor: Sensor) -> None:
         self._camera, self._person, self._folder, self._wish = camera, person, folder, wish
         self._sensor = sensor
+        self._skipped: list[Target] = []
 
     def run(self) -> None:
         """Ask for all presses that are missing; returns when none is.
@@ -83,7 +84,7 @@ class Guide:
             ImageError: images of another size than described, or without markers.
         """
         watch = Watch(self._sensor, self._rest())
-        while (target := self._wish.next(self._folder.done)) is not None:
+        while (target := self._wish.next(self._folder.done, self._skipped)) is not None:
             self._person.press(target, self._picture(), self._folder.done)
             self._press(watch, target)
 
@@ -126,6 +127,7 @@ class Guide:
         picture = self._until(watch, STEADY)
         answer = self._answer(watch, target)
         if answer is None:
+            self._skipped.append(target)
             self._person.say('passed over')
         elif not watch.holds(picture, self._picture()):
             self._person.say('the press moved while you read the scale, so it was not kept: hold it until it is kept')

@@ -55,11 +55,14 @@ class Wish:
     forces_n: tuple[float, ...]
     sensor: Sensor
 
-    def next(self, done: Sequence[Done]) -> Target | None:
-        """The place farthest from all earlier ones, with the force that was used least; None if no press is missing."""
+    def next(self, done: Sequence[Done], skipped: Sequence[Target] = ()) -> Target | None:
+        """The place farthest from all presses and skipped places, with the force that was used least.
+
+        None if no press is missing.
+        """
         if len(done) >= self.presses:
             return None
-        apart = distances(self.places, done)
+        apart = distances(self.places, [*done, *skipped])
         x_mm, y_mm = self.places[int(np.argmax(apart))].tolist()
         counts = self.counts(done)
         return Target(x_mm, y_mm, self.forces_n[int(np.argmin(counts))])
@@ -107,7 +110,7 @@ def linear_most_n(sensor: Sensor, body: KnownBody) -> float:
     return Pressures(Regions(sensor, 1, 1), body).most_n
 
 
-def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done]) -> Float[np.ndarray, ' places']:
+def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done | Target]) -> Float[np.ndarray, ' places']:
     """The distance of each place to the nearest press; without presses the centre counts as farthest."""
     known = np.array([each[:2] for each in done if np.isfinite(each[:2]).all()]).reshape(-1, 2)
     if not len(known):

@@ -35,6 +35,20 @@ def test_the_next_press_is_far_from_all_before_and_of_the_rarest_force() -> None
     assert wish.gap_mm([Done(0.0, 0.0, 0.2)]) == pytest.approx(math.hypot(10, 7.5))
 
 
+def test_after_a_skipped_place_another_one_comes_with_the_same_force() -> None:
+    """The middle first, then the four corners, which are 12.5 mm from it and 15 mm or more from one another.
+
+    A skipped press counts for no force.
+    """
+    wish, skipped = Wish(5, (0.2, 0.5), MEMBRANE), list[Target]()
+    for number in range(5):
+        target = wish.next([], skipped)
+        assert target is not None and target.force_n == 0.2
+        assert (abs(target.x_mm), abs(target.y_mm)) == ((10.0, 7.5) if number else (0.0, 0.0))
+        assert target not in skipped
+        skipped.append(target)
+
+
 def test_a_press_counts_for_the_nearest_force_only() -> None:
     wish = Wish(9, (0.25, 0.35, 0.42), MEMBRANE)  # a quarter of 0.42 is more than the way to 0.35
     done = [Done(0.0, 0.0, force_n) for force_n in (0.26, 0.38, 0.40, 1.0)]
