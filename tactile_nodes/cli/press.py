@@ -79,6 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
     simulated = arguments.source == SIMULATED
     indenter = arguments.indenter or (TIP if simulated else '')
     folder = PressFolder(arguments.folder, arguments.unit, indenter, BinGrid.of_sensor(sensor).reach_mm)
+    if folder.left_out:
+        print(folder.left_out)
     body = _body(indenter)
     forces_n = _forces_n(sensor, body, arguments.forces, arguments.unit)
     wish = Wish(arguments.presses, forces_n, sensor)

@@ -14,6 +14,7 @@ from jaxtyping import UInt8
 
 from tactile_nodes.drivers.camera.pictures import read_grey, write_png
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.files import TEXT_BYTES, read_plain
 from tactile_nodes.learning.guided.targets import Done
 from tactile_nodes.learning.tables.columns import NEWTONS
 from tactile_nodes.learning.tables.presses import TablePress, read_table, require_possible
@@ -24,6 +25,8 @@ TABLE = 'presses.csv'
 
 class PressFolder:
     """A folder of presses with one indenter, new or continued.
+
+    A last line that a full disk or a power cut left incomplete is taken out of the table; `left_out` then says so.
 
     Args:
         folder: its path; created with the first image.
@@ -44,21 +47,34 @@ class PressFolder:
                 f'the indenter {indenter!r} holds a comma or another separator of cells; use another name'
             )
         self._header = f'picture,x_mm,y_mm,force_{unit.lower()},indenter\n'
-        self.rows: list[TablePress] = []
-        if self.table.exists():
-            self.rows = list(read_table(self.table, reach_mm).rows)
-            self._require_same_header()
+        self.left_out = self._leave_out_incomplete_line() if self.table.exists() else ''
+        self.rows = list(read_table(self.table, reach_mm).rows) if self.table.exists() else list[TablePress]()
 
-    def _require_same_header(self) -> None:
-        with self.table.open('rb') as opened:
-            # A spreadsheet that has saved the table may have added a byte order mark and carriage returns.
-            first = opened.readline(2 * len(self._header)).removeprefix(codecs.BOM_UTF8).rstrip(b'\r\n')
-            opened.seek(-1, os.SEEK_END)
-            ended = opened.read() == b'\n'
-        if first != self._header.strip().encode() or not ended:
+    def _leave_out_incomplete_line(self) -> str:
+        try:
+            content = read_plain(self.table, TEXT_BYTES)
+            complete = content[: content.rfind(b'\n') + 1]
+            cut = content.removeprefix(complete).rstrip(b'\0')  # zeros: what was never written after a power cut
+            self._require_same_header(complete, cut)
+            if content and complete == content:
+                return ''
+            if complete:
+                os.truncate(self.table, len(complete))
+            else:
+                self.table.unlink()
+        except OSError as error:
+            raise DatasetError(f'cannot read or mend {self.table} ({error.strerror}); use another folder') from error
+        text = cut.decode(errors='backslashreplace')
+        return f'the last line of {self.table} was incomplete and was left out: {text!r}; its picture stays there'
+
+    def _require_same_header(self, complete: bytes, cut: bytes) -> None:
+        # A spreadsheet that has saved the table may have added a byte order mark and carriage returns.
+        first = complete.removeprefix(codecs.BOM_UTF8).partition(b'\n')[0].rstrip(b'\r')
+        wanted = self._header.strip().encode()
+        if first != wanted and (complete or not wanted.startswith(cut)):
             raise DatasetError(
-                f'{self.table} does not begin with {self._header.strip()}, or its last line is incomplete; use the '
-                'unit and the commas that it had, or another folder'
+                f'{self.table} does not begin with {self._header.strip()}; use the unit and the commas that it had, or '
+                'another folder'
             )
 
     @property

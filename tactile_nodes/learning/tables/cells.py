@@ -64,7 +64,9 @@ def _rows(text: str, table: Path, delimiter: str) -> Iterator[tuple[int, list[st
             continue
         width = width or len(row)
         if len(row) != width:
-            hint = '; numbers with decimal commas need semicolons between cells' if delimiter == ',' else ''
+            hint = ': correct or delete it'
+            if delimiter == ',' and len(row) > width:
+                hint = '; numbers with decimal commas need semicolons between cells'
             raise DatasetError(
                 f'{table}, line {reader.line_num} has {len(row)} cells, but the first line has {width}{hint}'
             )

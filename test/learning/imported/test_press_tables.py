@@ -73,7 +73,7 @@ def test_the_mark_that_spreadsheets_write_first_is_no_part_of_a_name(tmp_path: P
             "'note 18', 'note 19' and 3 more; it needs",
         ),
         (f'{"a" * 50},b\n', f"its columns are '{'a' * 40}', 'b'; it needs"),
-        ('picture,x,y,grams\na.png,1,2\n', r'line 2 has 3 cells, but the first line has 4'),
+        ('picture,x,y,grams\na.png,1,2\n', r'line 2 has 3 cells, but the first line has 4: correct or delete it'),
         (
             'picture,x,y,grams\na.png,1,2,0,5\n',
             'line 2 has 5 cells, but the first line has 4; numbers with decimal commas need semicolons between cells',
