@@ -21,6 +21,7 @@ from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensors import Sensor
 
 NAMES = {'x': 'x_mm', 'y': 'y_mm', 'force': 'force_n', 'time': ''}
+ORDERS = 'rgb', 'bgr'
 
 
 def import_arrays(
@@ -63,17 +64,22 @@ def import_arrays(
         forced: accept arrays whose places or forces contradict the images.
 
     Raises:
-        DatasetError: arrays of different lengths, a row that cannot be used, or that contradicts its image.
+        DatasetError: arrays of another shape, a row that cannot be used, or that contradicts its image.
         ConfigurationError: an option that cannot be used.
     """
     count = len(images)
     columns = {
-        'x_mm': np.asarray(x_mm, float), 'y_mm': np.asarray(y_mm, float), 'force_n': np.asarray(force_n, float),
-        'shear_n': _given(shear_n, count, 2), 'torque_nm': _given(torque_nm, count, 3),
-        'depth_mm': _given(depth_mm, count), 'indenter': [indenter] * count if isinstance(indenter, str) else indenter,
+        'x_mm': _numbers(f'{name}: x_mm', x_mm, count), 'y_mm': _numbers(f'{name}: y_mm', y_mm, count),
+        'force_n': _numbers(f'{name}: force_n', force_n, count),
+        'shear_n': _numbers(f'{name}: shear_n', shear_n, count, 2),
+        'torque_nm': _numbers(f'{name}: torque_nm', torque_nm, count, 3),
+        'depth_mm': _numbers(f'{name}: depth_mm', depth_mm, count),
+        'indenter': [indenter] * count if isinstance(indenter, str | bytes) else indenter,
     }  # fmt: skip
-    if wrong := [each for each, values in columns.items() if len(values) != count]:
-        raise DatasetError(f'{name}: {wrong[0]} has {len(columns[wrong[0]])} rows, but there are {count} images')
+    if len(columns['indenter']) != count:
+        raise DatasetError(f'{name}: indenter has {len(columns["indenter"])} rows, but there are {count} images')
+    if order not in ORDERS:
+        raise DatasetError(f'{name}: order is {order!r}, but must be one of {", ".join(map(repr, ORDERS))}')
     rows = tuple(_row(line, columns) for line in range(count))
     table = PressTable(Path(name), 'rows of arrays', rows, 'row')
     faults = table.faults
@@ -95,8 +101,17 @@ def options_of(model: str | Path, gel: str = '', frames: str = 'first') -> Build
     return BuildOptions.of_model(load_model(find_model(str(model))), gel, frames)
 
 
-def _given(values: np.ndarray | None, count: int, *shape: int) -> np.ndarray:
-    return np.full((count, *shape), np.nan) if values is None else np.asarray(values, float)
+def _numbers(name: str, values: Any, *shape: int) -> np.ndarray:
+    """Numbers of this shape, with a row for each image; NaN where none are given."""
+    if values is None:
+        return np.full(shape, np.nan)
+    try:
+        numbers = np.asarray(values, float)
+    except (TypeError, ValueError) as error:
+        raise DatasetError(f'{name} must hold numbers, in the shape {shape}: a row for each image ({error})') from error
+    if numbers.shape != shape:
+        raise DatasetError(f'{name} has the shape {numbers.shape}, but must have {shape}: a row for each image')
+    return numbers
 
 
 def _row(line: int, columns: dict[str, Any]) -> TablePress:
