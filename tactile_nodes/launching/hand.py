@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
+from tactile_nodes.launching.node_parameters import dumped
 from tactile_nodes.params import load_parameter_file, normal_pattern
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensors import Hand, HandSensor
 
 
 def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> str:
-    """A parameter file (JSON is YAML) with the sensor's own parameters, the rate, and its frame names.
+    """A parameter file with the sensor's own parameters, the rate, and its frame names.
 
     The camera may take `open_within_s` to open. If it delivers more pictures than the rate, the excess is skipped.
     The node of the whole hand publishes the transforms, so the views of single sensors do not.
@@ -37,7 +37,7 @@ def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> s
     }
     for node, values in parameters.items():
         blocks.setdefault(f'/**/{node}', {}).update(values)
-    return json.dumps({pattern: {'ros__parameters': values} for pattern, values in blocks.items()}, indent=1)
+    return dumped({pattern: {'ros__parameters': values} for pattern, values in blocks.items()})
 
 
 def arguments_of(sensor: HandSensor, namespace: str, parameters: Path) -> dict[str, str]:

@@ -83,7 +83,7 @@ class InlineParameter:
 
     def file(self, run: Interpreter, node: str | None, /) -> Path:
         found = dict(entry.evaluate(run.context) for entry in self.entries)
-        return run.write_parameters(_dumped({node or '/**': {'ros__parameters': found}}))
+        return run.write_parameters(dumped({node or '/**': {'ros__parameters': found}}))
 
 
 @dataclass(frozen=True)
@@ -185,8 +185,11 @@ _Dumper.add_representer(
 )
 
 
-def _dumped(tree: Any) -> str:
-    return yaml.dump(_marked(tree), Dumper=_Dumper, default_flow_style=False, allow_unicode=True, width=10**6)
+def dumped(tree: Any) -> str:
+    """YAML of nested mappings and lists in their order, with texts in quotes."""
+    return yaml.dump(
+        _marked(tree), Dumper=_Dumper, default_flow_style=False, allow_unicode=True, width=10**6, sort_keys=False
+    )
 
 
 def _marked(value: Any) -> Any:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
+
+import yaml
 
 from tactile_nodes.params import Value, to_values
 from tactile_nodes.sensors.description import Sensor
@@ -55,7 +56,7 @@ def text_of(sensor: Sensor, sources: Mapping[str, str]) -> str:
 
 def _entry(indent: str, key: str, value: object, source: str) -> list[str]:
     if isinstance(value, list) and value and isinstance(value[0], str):
-        return [f'{indent}{key}:{source}', *(f'{indent}  - {json.dumps(each)}' for each in value)]
+        return [f'{indent}{key}:{source}', *(f'{indent}  - {_written(each)}' for each in value)]
     return [f'{indent}{key}: {_written(value)}{source}']
 
 
@@ -68,4 +69,10 @@ def _written(value: object) -> str:
     if isinstance(value, float):
         short = f'{value:.6g}'
         return short if '.' in short or 'e' in short else f'{short}.0'
-    return json.dumps(value) if isinstance(value, str) else str(value)
+    return _quoted(value) if isinstance(value, str) else str(value)
+
+
+def _quoted(text: str) -> str:
+    """A text in quotes on one line, whatever it contains."""
+    quoted: str = yaml.safe_dump(text, default_style='"', allow_unicode=True, width=10**6)
+    return quoted.rstrip('\n')

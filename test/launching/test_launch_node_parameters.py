@@ -7,6 +7,8 @@ import yaml
 
 from tactile_nodes import params
 from tactile_nodes.errors import LaunchFileError
+from tactile_nodes.launching.hand import parameter_text
+from tactile_nodes.sensors import load_hand
 
 
 @pytest.fixture
@@ -196,3 +198,12 @@ def test_a_malformed_param_is_an_error(files, param):
 def test_a_list_cannot_be_given_to_all_nodes(interpret):
     with pytest.raises(LaunchFileError, match='a list cannot be given to all nodes'):
         interpret("- set_parameter: {name: a, value: '[1, 2]'}\n")
+
+
+def test_any_letters_of_a_frame_of_a_hand_reach_its_nodes(tmp_path):
+    """A sign beyond the first 65536 of Unicode was written as two halves, which YAML does not join."""
+    (tmp_path / 'hand.yaml').write_text("sensors: [{name: a, frame: {id: '🖐'}}]", encoding='utf-8')
+    hand = load_hand(tmp_path / 'hand.yaml')
+    (tmp_path / 'nodes.yaml').write_text(parameter_text(hand.sensors[0], hand, open_within_s=0.0), encoding='utf-8')
+    found = {block.pattern: block.values for block in params.load_parameter_file(tmp_path / 'nodes.yaml')}
+    assert found['/**/force_estimator']['frame_id'].value == '🖐'

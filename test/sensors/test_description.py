@@ -99,6 +99,16 @@ def test_a_description_that_was_written_is_read_as_it_was(tmp_path: Path) -> Non
     assert load_sensor(tmp_path / 'mine.yaml') == dots
 
 
+@pytest.mark.parametrize(
+    'name', ['left 🖐', '𝔾el', 'Müller', 'two\u2028lines', 'odd\x7f\x85', 'x' * 90 + ' ' + 'y' * 90, '']
+)
+def test_any_letters_of_a_text_are_read_as_they_were_written(name: str, tmp_path: Path) -> None:
+    """Signs beyond the first 65536 of Unicode were written as two halves, which YAML does not join."""
+    sensor = replace(load_sensor('simulated'), name=name, mask=MaskSettings(('0,0 9,0 9,9',)))
+    (tmp_path / 'mine.yaml').write_text(text_of(sensor, {'name': 'as given'}), encoding='utf-8')
+    assert load_sensor(tmp_path / 'mine.yaml') == sensor
+
+
 @pytest.mark.parametrize('name', sorted(each.stem for each in (share_directory() / 'config/sensors').glob('*.yaml')))
 def test_every_sensor_that_ships_shows_its_gel_to_enough_regions(name: str) -> None:
     sensor = load_sensor(name)
