@@ -9,6 +9,7 @@ from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from tactile_nodes.clock import Clock, SystemClock
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import PACKAGE
 
@@ -64,10 +65,10 @@ def list_file() -> Path:
 
 
 class GelList:
-    """The list in a file, which is created with the first calibration."""
+    """The list in a file, which is created with the first calibration. `clock` is the host's, also in a replay."""
 
-    def __init__(self, file: Path | None = None) -> None:
-        self.file = file or list_file()
+    def __init__(self, file: Path | None = None, clock: Clock | None = None) -> None:
+        self.file, self._clock = file or list_file(), clock
 
     def add(self, calibration: Calibration) -> None:
         """Add a calibration.
@@ -88,17 +89,21 @@ class GelList:
             database.execute(_ADD, asdict(calibration))
 
     def look(self, model_id: str, level: str, remedy: str, at_ns: int) -> bool:
-        """Store the drift monitor's last state of a calibration; false if it is not listed. Older states are ignored.
+        """Store the drift monitor's last state of a calibration; false if it is not listed.
+
+        Older states are ignored, unless the stored one is of the future: its clock was wrong, and would hide all later
+        ones.
 
         Raises:
             ConfigurationError: as above.
         """
         if not self._exists():
             return False
+        now_ns = (self._clock or SystemClock()).now_ns()
         with self._open() as database:
             cursor = database.execute('SELECT looked_ns FROM calibrations WHERE model_id = ?', (model_id,))
             listed = cursor.fetchone()
-            if listed is not None and listed[0] <= at_ns:
+            if listed is not None and (listed[0] <= at_ns or listed[0] > now_ns):
                 database.execute(_LOOK, (level, remedy, at_ns, model_id))
         return listed is not None
 

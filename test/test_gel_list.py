@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tactile_nodes.cli.main import main
+from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_list import NS_PER_DAY, Calibration, GelList, list_file
 
@@ -74,6 +75,16 @@ def test_what_the_drift_monitor_said_last_is_kept_and_older_words_are_not(gels: 
     assert gels.look('a1', 'valid', '', 12 * DAY)
     (found,) = gels.calibrations()
     assert (found.level, found.remedy, found.looked_ns) == ('ageing', 'calibrate again', 15 * DAY)
+
+
+def test_a_state_of_the_future_does_not_hide_those_after_it(gels: GelList) -> None:
+    """A camera whose clock was ten days ahead; later its clock was set, and later still an old bag was read."""
+    gels.add(SEVEN)
+    today = GelList(gels.file, SteppedClock(20 * DAY))
+    for level, day in (('invalid', 30), ('ageing', 19), ('valid', 18)):
+        assert today.look('a1', level, '', day * DAY)
+    (found,) = gels.calibrations()
+    assert (found.level, found.looked_ns) == ('ageing', 19 * DAY)
 
 
 def test_a_model_that_is_not_on_the_list_is_not_put_there_by_a_look(gels: GelList) -> None:
