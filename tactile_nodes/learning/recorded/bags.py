@@ -59,6 +59,26 @@ class RecordedPress:
         return stamp_ns(self.message.window_start), stamp_ns(self.message.window_end)
 
 
+@dataclass
+class Span:
+    """Successive rig states, at most `STATE_REACH_NS` from one to the next, that all had the tip in the gel, or none.
+
+    A rig that is paused for hours sends states all the time, and adds no span.
+    """
+
+    first_ns: int
+    last_ns: int
+    in_gel: bool
+
+    def goes_on(self, stamp: int, in_gel: bool) -> bool:
+        """Whether a state belongs to it."""
+        return in_gel == self.in_gel and self.first_ns <= stamp <= self.last_ns + STATE_REACH_NS
+
+    def apart_ns(self, stamp: int) -> int:
+        """Time from a stamp to its nearest state, 0 within."""
+        return max(self.first_ns - stamp, stamp - self.last_ns, 0)
+
+
 class Aligner:
     """Takes the messages of one bag in any order within a press, and returns presses in the order of their messages."""
 
@@ -70,7 +90,7 @@ class Aligner:
         self._samples: ForceSamples | None = None
         self._frames: dict[int, np.ndarray] = {}
         self._references: dict[int, np.ndarray] = {}
-        self._depths: dict[int, float] = {}
+        self._spans: list[Span] = []
         self._waiting: types.Press | None = None
         self._last_end_ns = 0
 
@@ -84,7 +104,11 @@ class Aligner:
 
     def take_state(self, message: types.RigState) -> None:
         """Take one position of the tip."""
-        self._depths[stamp_ns(message.header.stamp)] = message.depth
+        stamp, in_gel = stamp_ns(message.header.stamp), message.depth > 0
+        if self._spans and self._spans[-1].goes_on(stamp, in_gel):
+            self._spans[-1].last_ns = max(self._spans[-1].last_ns, stamp)
+        else:
+            self._spans.append(Span(stamp, stamp, in_gel))
 
     def take_sample(self, message: types.WrenchStamped) -> None:
         """Take one force sample of a sensor whose clock is corrected: the force of presses is computed again."""
@@ -147,10 +171,8 @@ class Aligner:
 
     def _is_untouched(self, stamp: int) -> bool:
         """Whether the tip was above the gel, if known. An interrupted press leaves contact images without window."""
-        nearest = min(self._depths, key=lambda each: abs(each - stamp), default=None)
-        if nearest is None or abs(nearest - stamp) > STATE_REACH_NS:
-            return True
-        return not self._depths[nearest] > 0
+        nearest = min(self._spans, key=lambda each: each.apart_ns(stamp), default=None)
+        return nearest is None or nearest.apart_ns(stamp) > STATE_REACH_NS or not nearest.in_gel
 
     def _reference_at(self, stamp: int) -> Frame | None:
         usable = max((each for each in self._references if each <= stamp), default=None)
@@ -165,7 +187,7 @@ class Aligner:
         self._uncorrected_ns = {each: self._uncorrected_ns[each] for each in self._frames}
         if self._samples is not None:
             self._samples.forget(end_ns)
-        self._depths = {each: depth for each, depth in self._depths.items() if each > end_ns - STATE_REACH_NS}
+        self._spans = [each for each in self._spans if each.last_ns > end_ns - STATE_REACH_NS]
 
 
 class CollectionBag:

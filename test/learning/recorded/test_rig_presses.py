@@ -152,6 +152,20 @@ def test_what_a_rig_tells_after_the_end_is_not_kept(presses: RigPresses, bag: Pa
     assert presses.card_entries('gel-7') == entries
 
 
+def test_what_a_paused_rig_tells_for_hours_is_not_collected(presses: RigPresses) -> None:
+    """Three hours of ten states a second: the tip stays above the gel, is in it for a minute, and is above it again."""
+    for second in range(0, 3 * 3600):
+        depth = 0.001 if 3600 <= second < 3660 else -0.01
+        for tenth in range(10):
+            stamp = START_NS + second * SECOND_NS + tenth * SECOND_NS // 10
+            presses.state(types.RigState(header=header(stamp, 'rig'), depth=depth))
+    assert [each.in_gel for each in presses._aligner._spans] == [False, True, False]
+    # The last state above the gel is at 3599.9 s, the first in it at 3600 s; no state is near 3 h and a minute.
+    times_s = (-0.4, 1000.05, 3599.94, 3599.96, 3630.05, 3659.94, 3659.96, 10860.0)
+    found = [presses._aligner._is_untouched(START_NS + round(each * SECOND_NS)) for each in times_s]
+    assert found == [True, True, True, False, False, False, True, True]
+
+
 @pytest.fixture
 def threads_take_turns_often() -> Iterator[None]:
     usual = sys.getswitchinterval()
