@@ -26,6 +26,7 @@ from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.bags import Frame, RecordedPress
 from tactile_nodes.learning.recorded.building import Builder, BuildOptions
+from tactile_nodes.learning.recorded.gels import Gels
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.tables.faults import RowFaults
 from tactile_nodes.learning.tables.pictures import OneSize, Pictures, picture_id
@@ -58,11 +59,13 @@ def import_presses(
 ) -> RecordedPresses:
     """The data set of some tables, each measured against the mean of its own images of the untouched gel.
 
+    Tables of two gels are only warned of.
+
     Args:
         sources: tables with their images; each may have its own indenters.
         options: how images become samples.
         known: the description of the pressed sensor, which images must match; without it, they must be of one size.
-        progress: shows how the columns of each table were interpreted.
+        progress: shows how the columns of each table were interpreted, and warnings.
         command: the command line.
         forced: accept a table whose places or forces contradict its images.
 
@@ -79,9 +82,10 @@ def import_presses(
         Measurer(options.flow, options.encoding, options.crop) as measurer,
         progress.bar('reading presses', sum(len(_presses(each.table.rows)) for each in sources)) as bar,
     ):
-        builder, size = Builder(options, measurer, bar), known.size
+        builder, size, gels = Builder(options, measurer, bar), known.size, Gels(progress)
         for number, source in enumerate(sources):
             taken = _taken(builder, number, source, size)
+            gels.see(source.table.file, measurer)
             entries.append(taken.card)
             rests.append(taken.rest_motion)
             rows += taken.rows

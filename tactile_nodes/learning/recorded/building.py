@@ -20,6 +20,7 @@ from tactile_nodes.learning.progress import Bar, Progress
 from tactile_nodes.learning.recorded import exclusions
 from tactile_nodes.learning.recorded.bags import CollectionBag, Frame, RecordedPress
 from tactile_nodes.learning.recorded.exclusions import LeftOut, Limits, judge
+from tactile_nodes.learning.recorded.gels import Gels
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.recorded.samples import Sample, Shelf
 from tactile_nodes.messages import types
@@ -72,7 +73,7 @@ class BuildOptions:
 def build(
     bags: Sequence[Path], options: BuildOptions, progress: Progress | None = None, *, command: str = ''
 ) -> RecordedPresses:
-    """The data set of some bags.
+    """The data set of some bags; presses on two gels are only warned of.
 
     Ctrl-C ends it at once. Measurements made so far are kept, and the next run continues from there.
 
@@ -87,10 +88,11 @@ def build(
                 progress.say(f'{bag.path}: {warning}; its stamps are used as they are')
         measurer = stack.enter_context(Measurer(options.flow, options.encoding, options.crop))
         bar = stack.enter_context(progress.bar('reading presses', sum(bag.press_count for bag in opened)))
-        builder = Builder(options, measurer, bar)
+        builder, gels = Builder(options, measurer, bar), Gels(progress)
         for number, bag in enumerate(opened):
             for press in bag.presses():
                 builder.take(number, press)
+                gels.see(bag.path, measurer)
     return builder.recordings([card_entry(bag, options.gel['id']) for bag in opened], list(bags), command=command)
 
 
