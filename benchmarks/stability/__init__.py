@@ -13,15 +13,12 @@ contacts, and the status of every message. Results are in docs/results/stability
 from __future__ import annotations
 
 import argparse
-import copy
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import cache, lru_cache
-from itertools import takewhile
+from functools import cache
 from typing import Any, NamedTuple
 
 import cv2
-import numpy as np
 
 from benchmarks.harness.declaration import SENSING, SIMULATED, Benchmark, Result, argument
 from benchmarks.harness.running import Run
@@ -31,12 +28,10 @@ from benchmarks.stability.floor import floor_n
 from benchmarks.stability.page import FAMILIES, page
 from benchmarks.stability.plots import draw
 from benchmarks.stability.scores import Answer, Score, score
-from benchmarks.stability.stream import BEFORE, Change, Moment, Plan, World, force_n
+from benchmarks.stability.stream import Change, Plan, World, force_n
 from tactile_nodes.errors import ConfigurationError
 
 PROFILES = ('paper', 'fast', 'field')
-Begun = tuple[Chain, list[Answer]]
-"""A chain and its answers so far."""
 Parts = Callable[[Callable[['Stream'], Any], Mapping[str, 'Stream'], str], dict[str, Any]]
 QUICK = Plan(presses=3, before=2, coming=6, after=12)
 
@@ -110,34 +105,15 @@ def follow(world: World, change: Change, profiles: Sequence[str], plan: Plan) ->
 
 def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, list[Answer]]:
     """The answers of every profile for every frame."""
-    begun: dict[str, Begun]
-    if change.begins_later:
-        begun = {name: copy.deepcopy(_calm(world, name, plan)) for name in profiles}
-    else:
-        begun = {name: (Chain(name), []) for name in profiles}
-    return _read_on(world, change, begun, world.frames(change, plan, begun=change.begins_later))
-
-
-@lru_cache(maxsize=4)
-def _calm(world: World, profile: str, plan: Plan) -> Begun:
-    """What the streams of most disturbances begin with: their frames before it."""
-    begun: Begun = Chain(profile), []
-    before = takewhile(lambda frame: frame[0].part == BEFORE, world.frames(Change(), plan))
-    _read_on(world, Change(), {profile: begun}, before)
-    return begun
-
-
-def _read_on(
-    world: World, change: Change, begun: Mapping[str, Begun], frames: Iterable[tuple[Moment, np.ndarray]]
-) -> dict[str, list[Answer]]:
-    """All answers of streams that go on with these frames."""
-    for moment, picture in frames:
+    chains = {name: Chain(name) for name in profiles}
+    answers: dict[str, list[Answer]] = {name: [] for name in profiles}
+    for moment, picture in world.frames(change, plan):
         values = change.values if change.acts(moment) else None
-        for chain, answers in begun.values():
+        for name, chain in chains.items():
             message = chain.read(moment.stamp_ns, picture, moment.age_s, values)
             nominal_n = chain.nominal_n(force_n(moment, world.tables))
-            answers.append(Answer.of(moment, message, world.tables, nominal_n))
-    return {name: answers for name, (_, answers) in begun.items()}
+            answers[name].append(Answer.of(moment, message, world.tables, nominal_n))
+    return answers
 
 
 BENCHMARK = Benchmark(

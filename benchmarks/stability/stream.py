@@ -161,11 +161,6 @@ class Change:
         """Whether it affects the rest image, and so all later frames."""
         return self.acts in (in_the_rest_image, always)
 
-    @property
-    def begins_later(self) -> bool:
-        """Whether the frames before it are those of every stream."""
-        return not self.endless and self.capture is None and self.course is None
-
 
 ForceTables = dict[str, ContactTable]
 
@@ -181,9 +176,8 @@ class World:
         self.noise = NoiseBank(self.gel)
         self._kept: dict[tuple[Presses, ...], np.ndarray] = {}
 
-    def frames(self, change: Change, plan: Plan, *, begun: bool = False) -> Iterator[tuple[Moment, np.ndarray]]:
-        """Every frame of a stream with its picture, cropped as by the camera node; with `begun`, without those before
-        the disturbance."""
+    def frames(self, change: Change, plan: Plan) -> Iterator[tuple[Moment, np.ndarray]]:
+        """Every frame of a stream with its picture, cropped as by the camera node."""
         presses = random_presses(plan)
         if change.presses is not None:
             presses = change.presses(presses, self.tables)
@@ -194,8 +188,7 @@ class World:
             moments = change.course(moments)
         under = self.under(change)
         for moment in moments:
-            if not begun or moment.part != BEFORE:
-                yield moment, under.picture(moment)
+            yield moment, under.picture(moment)
 
     def under(self, change: Change) -> View:
         """The camera's view in a stream with a disturbance."""

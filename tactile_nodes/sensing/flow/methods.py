@@ -92,14 +92,6 @@ class DisFlow:
         self._reference: np.ndarray | None = None
         self._search = _dis(self._options)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """For a copy: OpenCV's object cannot be copied, and is made anew."""
-        return {name: value for name, value in vars(self).items() if name != '_search'}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self._search = _dis(self._options)
-
     @property
     def options(self) -> dict[str, object]:
         return asdict(self._options)
