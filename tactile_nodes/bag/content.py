@@ -30,8 +30,11 @@ class Selection:
     start_ns: int = ALWAYS_NS[0]
     end_ns: int = ALWAYS_NS[1]
 
+    def has(self, topic: str) -> bool:
+        return self.topics is None or topic in self.topics
+
     def wants(self, topic: str, log_ns: int) -> bool:
-        return self.start_ns <= log_ns < self.end_ns and (self.topics is None or topic in self.topics)
+        return self.start_ns <= log_ns < self.end_ns and self.has(topic)
 
 
 Complain = Callable[[str], None]

@@ -69,7 +69,7 @@ class McapStorage:
         waiting: list[tuple[int, int, Message]] = []
         held, in_order = 0, True
         order = itertools.count()
-        wanted = self._channels_of(selection)
+        wanted = {number for number, channel in self._channels.items() if selection.has(channel.topic)}
         for block in sorted(self._blocks, key=lambda block: block.start_ns):
             while waiting and (waiting[0][0] < block.start_ns or held > MOST_WAITING_BYTES):
                 if in_order and waiting[0][0] >= block.start_ns:
@@ -222,10 +222,6 @@ class McapStorage:
         facts = channel.metadata
         qos, type_hash = facts.get('offered_qos_profiles', ''), facts.get('topic_type_hash', '')
         return BagTopic(channel.topic, type_name, text, type_hash, qos, channel.message_encoding, encoding)
-
-    def _channels_of(self, selection: Selection) -> set[int]:
-        topics = selection.topics
-        return {number for number, channel in self._channels.items() if topics is None or channel.topic in topics}
 
     def _is_wanted(self, message: Message, selection: Selection) -> bool:
         channel = self._channels.get(message.channel)

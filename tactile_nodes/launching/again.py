@@ -20,8 +20,8 @@ SETTLED_S = 75.0
 class LaunchedAgain:
     """One launch after another, in a thread. The pause between them doubles from 1 s to 15 s until one works.
 
-    Of launches that fail for the same reason one after another, only the logs of the last stay: in a week without its
-    camera, a sensor is launched some thousand times.
+    If it fails repeatedly for the same reason, only the logs of the last failure are kept: without its camera, a sensor
+    is launched again for days.
 
     Args:
         make: creates a service that prints to the given screen; the number says how many launches were before it.

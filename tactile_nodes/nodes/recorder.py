@@ -103,7 +103,7 @@ class RecorderNode(Node):
         self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
         limits = BagLimits(params.queue_mb * MB, params.max_file_bytes, params.max_file_s)
         self.writer = BagWriter(folder, compression=params.compression, limits=limits)
-        self.failure, self.tally, self._begun_ns, self._ended = None, Tally(), self.bus.clock.now_ns(), {}
+        self.failure, self.tally, self._begun_ns, self._ended = None, Tally(), self.clock.now_ns(), {}
         self.tally.begin_ns = self._begun_ns
         self.post(lambda: self.kept.put(_RECORDING, os.fsencode(folder)))
         self._opening = Opening(self._begun_ns, begins_with, HELD * params.queue_mb * MB)
@@ -117,7 +117,7 @@ class RecorderNode(Node):
 
     def _begin_when_connected(self) -> None:
         opening, writer = self._opening, self.writer
-        if opening is None or writer is None or not opening.is_over(self.bus.clock.now_ns()):
+        if opening is None or writer is None or not opening.is_over(self.clock.now_ns()):
             return
         if not opening.has_begun:
             self.log.warn(
@@ -215,7 +215,7 @@ class RecorderNode(Node):
             self.log.warn(f'{end.name} is not recorded: {error}', once=end.name)
             return
         # Latched messages published before we subscribed are received now; else a bag would begin before its recording.
-        self._since_ns[end.name] = self.bus.clock.now_ns() if end.latched else 0
+        self._since_ns[end.name] = self.clock.now_ns() if end.latched else 0
         if self._opening is not None:
             self._opening.expect(end.name, latched=end.latched, awaited=end.latched or _comes_often(end.name))
         made = self.bus.subscribe(end.name, end.type_name, _QUEUE, self.full_name, self._wake)
@@ -262,7 +262,7 @@ class RecorderNode(Node):
     def _absent(self) -> str:
         """Named topics that still have no publisher after the time allowed for it."""
         absent = ', '.join(sorted(self._filter.names - self._subscriptions.keys()))
-        is_late = self.bus.clock.now_ns() - self._begun_ns >= ABSENT_AFTER_S * NS_PER_S
+        is_late = self.clock.now_ns() - self._begun_ns >= ABSENT_AFTER_S * NS_PER_S
         return f'no publisher of {absent}' if absent and is_late else ''
 
     def _report_health(self) -> None:

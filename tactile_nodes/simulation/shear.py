@@ -82,7 +82,7 @@ def shear_per_newton(
     load = weight * np.sinc(k * contact_mm / np.pi) / (4 * np.pi)
     kr = np.maximum(np.outer(radius_mm, k), 1e-9)
     zeroth, first = j0(kr), j1(kr)
-    second = 2 * first / kr - zeroth  # scipy's function of any order takes four times as long
+    second = 2 * first / kr - zeroth  # faster than scipy's function of any order
     return (zeroth * load) @ (along + across), -(second * load) @ (along - across), -2 * (first * load) @ up
 
 

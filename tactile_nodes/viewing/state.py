@@ -241,7 +241,7 @@ class ViewState:
 class _NodeHealth:
     """What a node reported about each of its parts, and when.
 
-    Parts of which it has stopped to report do not count: it was restarted, and does not know its earlier errors.
+    Parts that it no longer reports do not count: it was restarted, and does not know its earlier errors.
     """
 
     def __init__(self) -> None:

@@ -297,7 +297,7 @@ def run(command: str, folder: Path, environment: dict[str, str]) -> None:
 
 
 def run_here(command: str, folder: Path, environment: dict[str, str]) -> None:
-    """In this process, with the words that a shell makes of the command: importing the package costs half a second."""
+    """In this process, with the words that a shell makes of the command: no process has to import the package."""
     expanded = subprocess.run(
         ['bash', '-c', command.replace('tactile', "printf '%s\\0'", 1)],
         cwd=folder, env=environment, check=True, capture_output=True, text=True,

@@ -197,7 +197,7 @@ def card_of(
             'bags': [bag['id'] for bag in recordings.card['bags']],
             'samples': len(recordings),
             'fingerprint': recordings.fingerprint,
-            'pictures': [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())],
+            'pictures': recordings.pictures,
         },
         'source': source.card_entry(output),
         'training': {'seconds': seconds, 'device': 'cpu', 'calibration': calibration.as_dict()},

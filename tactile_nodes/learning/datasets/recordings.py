@@ -88,6 +88,11 @@ class RecordedPresses:
         return {name: np.ascontiguousarray(getattr(self, name)) for name in names}
 
     @property
+    def pictures(self) -> list[str]:
+        """Ids of the images of presses that came from tables; bags have none."""
+        return [each for bag in self.card['bags'] for each in bag.get('pictures', ())]
+
+    @property
     def press_number(self) -> Int[np.ndarray, ' samples']:
         """A number for each press, the same for all its samples."""
         keys = np.stack([self.bag, self.plan, self.press], axis=1)

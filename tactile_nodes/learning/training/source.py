@@ -152,7 +152,7 @@ def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Pr
         'origin': 'recorded',
         'file': Path(data.file).name,
         'bags': [bag['id'] for bag in recordings.card['bags']],
-        'pictures': [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())],
+        'pictures': recordings.pictures,
         'frames': recordings.card['frames'],
         'labels': recordings.card['labels']['reading'],
         'samples': len(recordings),
@@ -225,7 +225,7 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
             f'model {loaded.model_id} was trained on presses of the same bags in another data set, so it may have seen '
             'these; evaluate it on the file that it was trained on, or on other bags'
         )
-    pictures = [each for bag in recordings.card['bags'] for each in bag.get('pictures', ())]
+    pictures = recordings.pictures
     if known := len(set(origin.get('pictures', ())) & set(pictures)):
         made = 'trained' if origin.get('origin') == 'recorded' else 'calibrated'
         raise ModelError(

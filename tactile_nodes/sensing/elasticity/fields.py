@@ -27,7 +27,7 @@ def fields_of(
 
 
 def _differences(values: np.ndarray, step_mm: float, found: np.ndarray) -> None:
-    """Central differences along the last axis, to one side at its ends: as `np.gradient`, in a tenth of the time."""
+    """Central differences along the last axis, to one side at its ends: as `np.gradient`, but much faster."""
     np.subtract(values[..., 2:], values[..., :-2], out=found[..., 1:-1])
     found[..., 1:-1] /= 2 * step_mm
     found[..., 0] = (values[..., 1] - values[..., 0]) / step_mm
