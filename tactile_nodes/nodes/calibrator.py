@@ -60,6 +60,7 @@ class CalibratorNode(Node):
 
     def on_close(self) -> None:
         self._closing = True
+        self._session.end()
         self._rig.end()
         if self._thread is not None:
             self._thread.join(timeout=1.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
-from tactile_nodes.errors import ModelError, TactileError
+from tactile_nodes.errors import AskedToEndError, ModelError, TactileError
 from tactile_nodes.learning.calibrating.calibrator import Calibrator, Fitted, StopRule
 from tactile_nodes.learning.calibrating.files import Source
 from tactile_nodes.learning.calibrating.listing import listed
@@ -55,7 +55,7 @@ class CalibrationSession:
     """
 
     def __init__(self, settings: CalibrationSettings, tell: Callable[[str], None]) -> None:
-        self._settings, self._tell = settings, tell
+        self._settings, self._tell, self._ended = settings, tell, False
         self._source = Source.find(settings.model)
         check_output(self._file(), self._source.file)
         pressed = pressed_by(self._source.loaded, body=settings.body)
@@ -69,10 +69,13 @@ class CalibrationSession:
             DatasetError: no calibration follows from the presses; says why.
             ModelError: the images or the running sensor's features do not fit the model.
             BusError: the running force estimator does not answer.
+            AskedToEndError: `end` was called before the model was written.
         """
         try:
-            take_presses(self.calibrator, presses, self._tell)
+            take_presses(self.calibrator, presses, self._tell_while_wanted)
+            self._require_wanted()
             calibration = finish(self.calibrator, presses, self._tell)
+            self._require_wanted()
         finally:
             presses.stop()
             presses.close()
@@ -90,6 +93,10 @@ class CalibrationSession:
         else:
             self._tell(f'no force estimator is running; to use it: tactile launch live model:={file}')
         return file
+
+    def end(self) -> None:
+        """`run` is to end, from any thread: after the press or the fit under way, unless the model is written."""
+        self._ended = True
 
     @property
     def values(self) -> dict[str, object]:
@@ -113,6 +120,14 @@ class CalibrationSession:
                 f'model {self._settings.model} needs other features than the running sensor publishes: '
                 f'{needed.unlike(found)}; start the sensor with that model, or calibrate one that reads its features'
             )
+
+    def _tell_while_wanted(self, text: str) -> None:
+        self._require_wanted()
+        self._tell(text)
+
+    def _require_wanted(self) -> None:
+        if self._ended:
+            raise AskedToEndError(f'asked to end after {self.calibrator.presses} presses; no model was written')
 
     def _replaced(self, live: LiveModel | None, file: Path) -> dict[str, str] | None:
         """The card's entry for the model in use; None if unknown, because an error would lose the presses."""

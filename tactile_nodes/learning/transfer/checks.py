@@ -106,5 +106,5 @@ def require_tared(offset_n: float, spread_n: float = 0.0) -> None:
     if abs(offset_n) > MOST_OFFSET_N + spread_n:
         raise DatasetError(
             f'the forces seem to be {offset_n:+.2f} N when the gel shows none; tare the force sensor and '
-            'press again, or check the given forces and their unit'
+            'press again, or check the given places and forces and their units'
         )

@@ -108,7 +108,9 @@ def test_pictures_beside_numbers_of_others_make_no_model(folder: Path, capsys: p
     assert main(words) == 1
     said = capsys.readouterr()
     assert "force from 'Force [N]' in N" in ' '.join(said.out.split())
-    assert 'the calibration would not help' in said.err and 'check the given places and forces' in said.err
+    # Which of two checks refuses such numbers first is decided by rounding, that is by the processor.
+    assert 'the calibration would not help' in said.err or 'when the gel shows none' in said.err
+    assert 'check the given places and forces' in said.err
     assert not output.exists()
 
 
