@@ -118,14 +118,13 @@ setup(
     packages=find_packages(include=['tactile_nodes', 'tactile_nodes.*']),
     package_data={
         'tactile_nodes': ['py.typed'],
-        'tactile_nodes.messages': ['types.pyi'],
+        'tactile_nodes.messages': ['definitions.json', 'types.pyi'],
         'tactile_nodes.web': ['static/*', 'static/js/*', 'static/uplot/*'],
     },
     data_files=shared_files(),
     install_requires=[
         'aiohttp>=3.14,<4',
         'argcomplete>=3.5,<4',
-        'jaxtyping>=0.3,<0.4',
         'mcap>=1.5,<2',
         'numba>=0.61,<0.69',
         'numpy>=1.26,<3',
@@ -158,6 +157,7 @@ setup(
             'embreex>=2.17,<5',
             'hypothesis>=6.100,<7',
             'import-linter>=2.1,<3',
+            'jaxtyping>=0.3,<0.4',
             'mypy>=2.4,<3',
             'onnx>=1.17,<2',
             'onnxruntime>=1.20,<2',

@@ -11,8 +11,8 @@ import math
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
 
+from tactile_nodes.shapes import Bool, Float32, UInt8
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Optics, Press

@@ -21,11 +21,10 @@ from benchmarks.harness.report import columns, opening
 from benchmarks.harness.running import Run
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-
     from tactile_nodes.learning.datasets.simulated import Dataset
     from tactile_nodes.learning.field.fit import FieldFit
     from tactile_nodes.sensing.explain.field.readout import FieldReadout
+    from tactile_nodes.shapes import Float
     from tactile_nodes.simulation.gel import Gel
 
 PRESSES, FEW, JUDGED = 100, (5, 10, 30), 120

@@ -1,20 +1,24 @@
-"""Writes `types.pyi`: the message classes for type checkers.
+"""Writes what follows from ``msg/`` and rosbags' types: `definitions.json`, and `types.pyi` for type checkers.
 
-Run ``python -m reference.stubs`` after changing a file in ``msg/``; a test checks that the file is up to date.
+Run ``python -m reference.stubs`` after changing a file in ``msg/``; tests check that both are up to date.
 """
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import normalize_fieldname
 
 from tactile_nodes import messages
-from tactile_nodes.messages.store import short_names, store
+from tactile_nodes.messages.store import own_texts, short_names, store
 
 FILE = Path(messages.__file__).with_name('types.pyi')
+DEFINITIONS = FILE.with_name('definitions.json')
 _PACKAGES = {
     'builtin_interfaces', 'std_msgs', 'geometry_msgs', 'sensor_msgs', 'diagnostic_msgs', 'std_srvs', 'rcl_interfaces',
     'rosgraph_msgs', 'tf2_msgs', 'visualization_msgs', 'tactile_nodes',
@@ -28,6 +32,26 @@ from numpy.typing import NDArray
 class Message:
     __msgtype__: ClassVar[str]
 '''
+
+
+def definitions() -> Typesdict:
+    """Constants and fields of ROS 2's standard types and of ours.
+
+    Raises:
+        TypesysError: a file in ``msg/`` is not a message definition.
+    """
+    found = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in own_texts().items():
+        # rosbags reads messages only, so a service is stored as two messages with /srv/ in their names
+        ((_, parsed),) = get_types_from_msg(text, name.replace('/srv/', '/msg/')).items()
+        found.register({name: parsed})
+    return found.fielddefs
+
+
+def definitions_text() -> str:
+    """The content that `definitions.json` should have: a type per line."""
+    lines = (f'{json.dumps(name)}: {json.dumps(content)}' for name, content in definitions().items())
+    return '{\n' + ',\n'.join(lines) + '\n}\n'
 
 
 def stub_text() -> str:
@@ -66,4 +90,5 @@ def _base_hint(base: str) -> str:
 
 
 if __name__ == '__main__':
+    DEFINITIONS.write_text(definitions_text(), encoding='utf-8')
     FILE.write_text(stub_text(), encoding='utf-8')

@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import stamp_ns, time_from_ns, types
@@ -17,6 +16,7 @@ from tactile_nodes.sensing.explain.reading import Acting, Contact, Region, Surfa
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid, Crop, grey
 from tactile_nodes.sensing.picture.motion import TERMS, PictureMotion
+from tactile_nodes.shapes import Float, Float32, UInt8
 
 if TYPE_CHECKING:
     from tactile_nodes.sensing.judge.drift_verdict import Verdict

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import safetensors.numpy
-from jaxtyping import UInt8
 from safetensors import SafetensorError
 
 from tactile_nodes.errors import ModelError, in_a_line
@@ -27,6 +26,7 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import UInt8
 
 FORMAT = 'tactile_nodes.force_model'
 FORMAT_VERSION, LAYERED_VERSION, SMEARED_VERSION, FIELD_VERSION = 2, 3, 5, 6

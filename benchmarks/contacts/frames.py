@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
 
 from benchmarks import disturbances as disturb
 from benchmarks.contacts.cases import Case
@@ -14,6 +13,7 @@ from benchmarks.stability.chain import REST_FRAMES
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.sensing.geometry import Crop
+from tactile_nodes.shapes import Bool, Float32, UInt8
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Optics, Shaping

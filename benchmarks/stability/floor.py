@@ -12,10 +12,10 @@ import dataclasses
 import math
 
 import numpy as np
-from jaxtyping import Float
 
 from benchmarks.flow.cases import seen_by
 from benchmarks.stability.stream import DURING, HELD, Change, Moment, Plan, View, World, random_presses
+from tactile_nodes.shapes import Float
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Press
 

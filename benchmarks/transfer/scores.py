@@ -12,9 +12,9 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float, Int
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.datasets.simulated import Dataset

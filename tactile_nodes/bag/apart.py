@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Int
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.stamps import header_stamp_ns
+from tactile_nodes.shapes import Int
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys.base import normalize_fieldname
 
 from tactile_nodes.errors import MessageError
-from tactile_nodes.messages.store import store
+from tactile_nodes.messages.store import own_texts, store
 
 NS_PER_S = 1_000_000_000
 
@@ -159,8 +159,8 @@ def from_dict(name: str, values: Mapping[str, Any]) -> Any:
 
 
 def _text(name: str) -> str:
-    message_store = store()
-    return message_store.texts[name] if name in message_store.texts else message_store.gendefhash(name, {}, 2)[0]
+    own = own_texts()
+    return own[name] if name in own else store().gendefhash(name, {}, 2)[0]
 
 
 def _short(name: str) -> str:

@@ -1,27 +1,29 @@
-"""The store of message types: the standard ones of ROS 2 and ours, read from ``msg/*.msg``.
+"""The store of message types: the standard ones of ROS 2, and ours as in ``msg/*.msg``.
 
-Codec, hashes and field lists come from rosbags. The classes are made here, because nodes share messages without copies,
-so a message must not change. The classes are frozen, take keywords only, and every field that is not given is zero,
-empty or a message of zeros, as in ROS 2.
+The fields of all types are in `definitions.json`, which ``python -m reference.stubs`` writes: to read them out of
+rosbags' classes and our texts takes each process a fifth of a second. Codec and hashes come from rosbags. The classes
+are made here, because nodes share messages without copies, so a message must not change. They are frozen, and every
+field that is not given is zero, empty or a message of zeros, as in ROS 2.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Msgdef, Nodetype
+from rosbags.interfaces.typing import Typesdict
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.store import Typestore
 
-from tactile_nodes.errors import ConfigurationError, MessageError
+from tactile_nodes.errors import MessageError
 from tactile_nodes.messages.services import SERVICES
 from tactile_nodes.paths import PACKAGE, share_directory
 
@@ -32,29 +34,12 @@ _PREFERRED = (PACKAGE, 'builtin_interfaces', 'std_msgs', 'geometry_msgs', 'senso
 
 
 class MessageStore(Typestore):
-    """rosbags' type store with frozen classes and with the texts of our own types."""
+    """rosbags' type store with frozen classes."""
 
     def __init__(self) -> None:
         super().__init__()
-        standard = get_typestore(Stores.ROS2_JAZZY)
-        self.types.update(standard.types)
-        self.fielddefs.update(standard.fielddefs)
-        self.texts: dict[str, str] = {}
+        self.fielddefs.update(_definitions())
         self._classes: dict[str, type[Any]] = {}
-
-    def learn(self, text: str, name: str) -> None:
-        """Add the type `name` ('pkg/msg/Name') defined by `text`, the content of a .msg file.
-
-        Raises:
-            MessageError: the text is not a message definition, or differs from the known one.
-        """
-        try:
-            # rosbags reads messages only, so a service is stored as two messages with /srv/ in their names
-            ((_, parsed),) = get_types_from_msg(text, name.replace('/srv/', '/msg/')).items()
-            self.register({name: parsed})
-        except TypesysError as error:
-            raise MessageError(f'the definition of {name} cannot be used: {error}') from error
-        self.texts[name] = text
 
     def message_class(self, name: str) -> type[Any]:
         """The frozen class of the type `name`.
@@ -108,7 +93,7 @@ class MessageStore(Typestore):
         columns = [(normalize_fieldname(field), Any, self._default(description)) for field, description in fields]
         namespace: dict[str, Any] = {constant: value for constant, _, value in constants}
         namespace['__msgtype__'] = name
-        namespace['__doc__'] = self.texts.get(name, name)
+        namespace['__doc__'] = own_texts().get(name, name)
         class_name = name.rpartition('/')[2]
         columns = columns or [(_EMPTY, Any, dataclasses.field(default=0))]
         # eq=False, because comparing arrays gives no single bool; two messages are equal if their bytes are.
@@ -135,20 +120,8 @@ class MessageStore(Typestore):
 
 @cache
 def store() -> MessageStore:
-    """The store of this process.
-
-    Raises:
-        ConfigurationError: the package's msg folder is missing, or a file in it is not a message definition.
-    """
-    made = MessageStore()
-    for name, text in SERVICES.items():
-        made.learn(text, name)
-    try:
-        for name, text in own_definitions():
-            made.learn(text, name)
-    except MessageError as error:
-        raise ConfigurationError(f'the package is damaged: {error}') from error
-    return made
+    """The store of this process."""
+    return MessageStore()
 
 
 @cache
@@ -162,27 +135,43 @@ def short_names() -> dict[str, str]:
     return found
 
 
-def own_definitions() -> Iterator[tuple[str, str]]:
-    """Name and text of each message that this package defines, dependencies first."""
-    files = {file.stem: file.read_text(encoding='utf-8') for file in sorted(_message_folder().glob('*.msg'))}
-    while files:
-        ready = [stem for stem, text in files.items() if not any(_uses(text, other) for other in files.keys() - {stem})]
-        for stem in ready:
-            yield f'{PACKAGE}/msg/{stem}', files.pop(stem)
-        if not ready:
-            raise ConfigurationError(f'the messages {", ".join(sorted(files))} contain each other')
+@cache
+def own_texts() -> Mapping[str, str]:
+    """The definition of each message of this package, and of both messages of each service, by type name.
+
+    Raises:
+        ConfigurationError: the package's msg folder is missing.
+    """
+    folder = share_directory() / 'msg'
+    own = {f'{PACKAGE}/msg/{file.stem}': file.read_text(encoding='utf-8') for file in sorted(folder.glob('*.msg'))}
+    return {**SERVICES, **own}
+
+
+@cache
+def _definitions() -> Typesdict:
+    """Constants and fields of all types, in rosbags' form."""
+    text = Path(__file__).with_name('definitions.json').read_text(encoding='utf-8')
+    return {
+        name: (
+            [(constant, base, value) for constant, base, value in constants],
+            [(field, _description(kind, rest)) for field, (kind, rest) in fields],
+        )
+        for name, (constants, fields) in json.loads(text).items()
+    }
+
+
+def _description(kind: int, rest: Any) -> Any:
+    """The type of a field: lists of JSON as tuples, and numbers as kinds of nodes."""
+    if kind == Nodetype.NAME:
+        return Nodetype.NAME, rest
+    if kind == Nodetype.BASE:
+        return Nodetype.BASE, tuple(rest)
+    element, count = rest
+    return Nodetype(kind), (_description(*element), count)
 
 
 def _rank(package: str) -> int:
     return _PREFERRED.index(package) if package in _PREFERRED else len(_PREFERRED)
-
-
-def _message_folder() -> Path:
-    return share_directory() / 'msg'
-
-
-def _uses(text: str, other: str) -> bool:
-    return any(line.split()[:1] == [other] or line.startswith(f'{other}[') for line in text.splitlines())
 
 
 def _element(description: Any) -> tuple[Nodetype, Any]:

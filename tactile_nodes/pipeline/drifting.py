@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes import conversions
 from tactile_nodes.clock import NS_PER_S
@@ -18,6 +17,7 @@ from tactile_nodes.sensing.judge.drift import Limits
 from tactile_nodes.sensing.judge.drift_alarm import Level
 from tactile_nodes.sensing.judge.drift_verdict import Verdict
 from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.shapes import UInt8
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes import conversions
 from tactile_nodes.clock import perf_ns
@@ -37,6 +36,7 @@ from tactile_nodes.sensing.judge.freshness import Freshness
 from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.rest.in_use import RestInUse
 from tactile_nodes.sensing.rest.renewal import RenewalOptions
+from tactile_nodes.shapes import UInt8
 
 FORCE = types.ForceDistribution
 ANOTHER_TIME_S = 60.0

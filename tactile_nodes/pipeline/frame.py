@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.methods import DisplacementField
 from tactile_nodes.sensing.picture.registration import Registration
 from tactile_nodes.sensing.picture.stillness import Stillness
+from tactile_nodes.shapes import UInt8
 
 
 @dataclass(slots=True)

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import ImageError
@@ -23,6 +22,7 @@ from tactile_nodes.sensing.rest.coming import Coming
 from tactile_nodes.sensing.rest.in_use import RestInUse
 from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 from tactile_nodes.sensing.rest.renewal import Renewal, RenewalOptions, Rested
+from tactile_nodes.shapes import UInt8
 
 ELSEWHERE_PX = 0.15
 """An image of 3 px markers that moved by half a pixel is changed by registration: patches then read its motion up to

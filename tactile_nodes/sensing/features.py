@@ -11,10 +11,10 @@ from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.flow.methods import DisplacementField, checked_options
+from tactile_nodes.shapes import Float32, UInt8
 
 LEAST_SURE = 1e-6
 """Motion is zero below this confidence."""

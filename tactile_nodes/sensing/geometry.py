@@ -11,10 +11,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float, UInt8
 
 
 @dataclass(frozen=True)

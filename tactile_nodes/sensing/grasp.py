@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float
+
+from tactile_nodes.shapes import Float
 
 
 def wrench_mover(b_from_a: Float[np.ndarray, '4 4']) -> Float[np.ndarray, '6 6']:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float
 
 
 def armse(true_n: Float[np.ndarray, 'samples bins'], predicted_n: Float[np.ndarray, 'samples bins']) -> float:

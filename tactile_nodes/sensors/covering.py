@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
 
 from tactile_nodes.decoding import read_picture
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import parameter
+from tactile_nodes.shapes import Bool, Float, Int, UInt8
 
 MOST_POLYGONS = 100
 SMOOTH_PX = 1.0

@@ -10,13 +10,13 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool
 
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.dome import Dome
 from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
+from tactile_nodes.shapes import Bool
 
 LEAST_CLEARANCE_MM = 0.5
 """Least distance between the camera's pupil and the lowest marker."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+
+from tactile_nodes.shapes import Float
 
 STEEPEST = 0.35
 """Greatest distance from the middle over the radius of a shallow dome; the slope there is 20 degrees."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.params import parameter
+from tactile_nodes.shapes import Float
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from tactile_nodes.sensors.covering import corners_of
+from tactile_nodes.shapes import Bool, Float
 
 ELLIPSE = 'ellipse'
 ROUND_CORNERS = 180

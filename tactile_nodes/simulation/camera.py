@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from tactile_nodes.sensing.geometry import Camera, FisheyeCamera, PinholeCamera, rotation
+from tactile_nodes.shapes import Float32, UInt8
 from tactile_nodes.simulation.gel import Gel
 
 

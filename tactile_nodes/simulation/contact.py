@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
 
+from tactile_nodes.shapes import Bool, Float
 from tactile_nodes.simulation.elements import Mesh, shapes
 from tactile_nodes.simulation.indenter import Indenter
 

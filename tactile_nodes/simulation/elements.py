@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+
+from tactile_nodes.shapes import Float, Int
 
 GAUSS, GAUSS_WEIGHT = np.polynomial.legendre.leggauss(3)
 HOOP = 4

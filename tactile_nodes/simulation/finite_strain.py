@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.shapes import Bool, Float
 from tactile_nodes.simulation.contact import Contact, Touch, Where
 from tactile_nodes.simulation.elements import INCOMPRESSIBLE, Body, Mesh
 from tactile_nodes.simulation.indenter import Indenter

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float, Float32
 
+from tactile_nodes.shapes import Float, Float32
 from tactile_nodes.simulation.gel import Gel
 
 RINGS = 6

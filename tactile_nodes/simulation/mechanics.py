@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32
 
+from tactile_nodes.shapes import Float, Float32
 from tactile_nodes.simulation.gel import Gel
 
 

@@ -7,7 +7,8 @@ camera's start.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+
+from tactile_nodes.shapes import Float
 
 
 def monotone_cubic(x: Float[np.ndarray, ' samples'], y: np.ndarray, at: Float[np.ndarray, ' points']) -> np.ndarray:

@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.shapes import Float32, UInt8
 from tactile_nodes.simulation.camera import camera_of, camera_turn, pupil, shade, through_jpeg
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.markers import domed, place_markers

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float32, UInt8
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.memory import Memory

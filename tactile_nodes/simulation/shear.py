@@ -14,8 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32
 
+from tactile_nodes.shapes import Float, Float32
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, Layer, wave_numbers
 

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
-from jaxtyping import Float, Float32
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.shapes import Float, Float32
 from tactile_nodes.simulation.contact import Where
 from tactile_nodes.simulation.elements import INCOMPRESSIBLE, Mesh, graded, shapes, with_middles
 from tactile_nodes.simulation.gel import Gel

@@ -10,10 +10,10 @@ import math
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensors import Hand
+from tactile_nodes.shapes import Float32
 
 POINT_BYTES = 16
 ARROW, LINE_STRIP, DELETE_ALL = 0, 4, 3

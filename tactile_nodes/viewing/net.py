@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.conversions import EXPLANATIONS, MILLI
+from tactile_nodes.shapes import Float
 
 _WORDS = {number: word for word, number in EXPLANATIONS.items()}
 UNKNOWN = math.nan

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32
 
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import types
+from tactile_nodes.shapes import Float, Float32
 
 KILO = 1e3
 """Pascals in a kilopascal."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes import conversions
 from tactile_nodes.errors import ImageError
 from tactile_nodes.messages import types
+from tactile_nodes.shapes import Float32
 
 LARGEST_PX = 640
 QUALITY = 80

@@ -15,9 +15,9 @@ from reference import stubs
 from tactile_nodes import messages
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import types
-from tactile_nodes.messages.store import own_definitions
+from tactile_nodes.messages.store import own_texts, store
 
-OWN = dict(own_definitions())
+OWN = {name: text for name, text in own_texts().items() if name.startswith('tactile_nodes/')}
 
 
 def test_header_bytes_are_xcdr1_little_endian() -> None:
@@ -84,7 +84,11 @@ def test_every_number_of_ours_says_its_meaning_in_a_comment(name: str) -> None:
 
 
 def test_stub_file_matches_the_definitions() -> None:
-    assert stubs.FILE.read_text(encoding='utf-8') == stubs.stub_text()
+    assert stubs.FILE.read_text(encoding='utf-8') == stubs.stub_text(), 'run: python -m reference.stubs'
+
+
+def test_definitions_that_programs_read_are_those_of_msg_and_of_rosbags() -> None:
+    assert store().fielddefs == stubs.definitions(), 'run: python -m reference.stubs'
 
 
 def test_stamp_survives_the_round_trip_to_the_nanosecond() -> None:

@@ -48,7 +48,6 @@ PACKAGES = {
     'rich': ('rich',),
     'yaml': ('pyyaml',),
     'safetensors': ('safetensors',),
-    'jaxtyping': ('jaxtyping',),
     'serial': ('pyserial',),
     'psutil': ('psutil',),
     'argcomplete': ('argcomplete',),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32
 
 from tactile_nodes.learning.agreement.objections import ALIKE
 from tactile_nodes.learning.field.calibration import sensor_of
@@ -14,6 +13,7 @@ from tactile_nodes.learning.tables.pictures import OneSize
 from tactile_nodes.model_file import SENSOR, LoadedModel
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float, Float32
 
 NOISE_PX = 0.02
 """Noise of regions for which no model states it."""

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float
 
 SPANNED_MM = 4.0
 """Places closer than this along x or y do not determine the axes."""

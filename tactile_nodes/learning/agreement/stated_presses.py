@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.agreement.known import Known
@@ -20,6 +19,7 @@ from tactile_nodes.learning.agreement.objections import (
 )
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tables.faults import SHOWN_ROWS
+from tactile_nodes.shapes import Float, Float32, Int
 
 LEAST = 8
 """Fewer presses cannot judge a table."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.learning.coverage import ONE_OF_A_THOUSAND
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -13,6 +12,7 @@ from tactile_nodes.learning.measured.calibration import LEAST_JUDGES, spread_of
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
 from tactile_nodes.sensing.explain.measured.response import Fit
 from tactile_nodes.sensing.explain.uncertainty import Calibration
+from tactile_nodes.shapes import Float, Int
 
 TYPICAL = np.array([0.1, 0.1, 0.02])
 """Errors of x and y (mm) and of the force (share) that a correction is expected to remove."""

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse
-from jaxtyping import Float
 
 from tactile_nodes.learning.axisymmetric.calibration import Judged, calibrated, with_correction
 from tactile_nodes.learning.axisymmetric.regions import (
@@ -33,6 +32,7 @@ from tactile_nodes.sensing.explain.axisymmetric.response import BEND_MM, CORE_MM
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.splines import SplineAxis
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float
 
 LEAST_PRESSES = 100
 ALONE = 3

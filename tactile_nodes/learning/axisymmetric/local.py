@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.learning.axisymmetric.calibration import LEAST_FORCE_N
 from tactile_nodes.learning.axisymmetric.regions import Presses
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Observation
 from tactile_nodes.sensing.explain.uncertainty import Calibration
+from tactile_nodes.shapes import Float, Int
 
 ALIKE_MM = 2.5
 """Distance at which errors correlate by 0.61; 1.5 to 4 mm are about as good on development gels."""

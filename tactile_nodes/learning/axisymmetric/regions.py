@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import DOUBT_MM
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.shapes import Float
 
 PRESSES_AT_ONCE = 200
 LEAST_NOISE_PX = 0.004

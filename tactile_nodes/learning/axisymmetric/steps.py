@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.axisymmetric.regions import (
     PRESSES_AT_ONCE,
@@ -19,6 +18,7 @@ from tactile_nodes.learning.axisymmetric.regions import (
     with_numbers,
 )
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.shapes import Float
 
 LARGEST_STEP_MM = 0.6
 LARGEST_SHARED = 0.15

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.axisymmetric.regions import PRESSES_AT_ONCE, Presses, by_regions, levers
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.shapes import Float
 
 FACTORS = 4
 """Factors kept of a region's eleven numbers a channel: those that add most variance to motion all over the gel. With

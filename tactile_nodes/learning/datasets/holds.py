@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
 
 from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.shapes import Bool, Float, Float32, Int
 
 LEAST_TO_TELL = 3
 """Of two images that differ, either may be the one that shows the press at rest."""

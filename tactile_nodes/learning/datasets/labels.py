@@ -7,9 +7,9 @@ equally valid reading. The two differ by 20 % in aRMSE on the same features, so 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float, Float32, Int
 
 SNAP = 1e-7
 """A centre within this share of a bin from a border lies on the border: allows for binary rounding of decimals."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
 from tactile_nodes.learning.config import DataConfig
+from tactile_nodes.shapes import Float, Int
 from tactile_nodes.simulation.optics import Press
 
 PLACES, PITCH_MM = 37, 0.75

@@ -10,13 +10,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float16, Float32, Int, UInt8
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.labels import force_labels
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.datasets.split import TEST_SHARE, VALIDATION_SHARE, Split, by_position, by_sample
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float, Float16, Float32, Int, UInt8
 
 CIRCUMSTANCES = ('command', 'made_with', 'bag_names')
 """Entries of the card that describe how the file was made, and do not change its content."""

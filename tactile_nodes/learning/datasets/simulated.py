@@ -16,7 +16,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float16, Float32, Int
 
 from tactile_nodes import paths
 from tactile_nodes.contact_tables.gel_tables import contact_table
@@ -27,6 +26,7 @@ from tactile_nodes.learning.tasks import Arrays, make_files
 from tactile_nodes.sensing.flow.choice import code_id
 from tactile_nodes.sensing.geometry import BinGrid, centre_crop
 from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.shapes import Bool, Float16, Float32, Int
 from tactile_nodes.simulation.optics import Optics, mix
 
 RECIPE = 2

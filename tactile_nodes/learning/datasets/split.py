@@ -13,9 +13,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.errors import TooFewPressesError
+from tactile_nodes.shapes import Float, Int
 
 TEST_SHARE = 0.2
 VALIDATION_SHARE = 0.1

@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
@@ -15,6 +14,7 @@ from tactile_nodes.pipeline.judge_force import judged_alone
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float, Float32, Int
 
 
 @dataclass(frozen=True)

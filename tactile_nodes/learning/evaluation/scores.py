@@ -6,11 +6,11 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.evaluation.predictions import Predictions
 from tactile_nodes.sensing import metrics
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float
 
 NEAR_BORDER_MM = 0.3
 EDGE_MM = 9.0

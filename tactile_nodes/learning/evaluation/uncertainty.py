@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.evaluation.predictions import Predictions
 from tactile_nodes.learning.evaluation.scores import ALL, depths_of
 from tactile_nodes.sensing import metrics
+from tactile_nodes.shapes import Float
 
 LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.contact_tables.touch_bodies import FARTHEST_MM, body_of
 from tactile_nodes.contact_tables.touch_tables import Contact
 from tactile_nodes.errors import ConfigurationError, ModelError
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float, Int
 from tactile_nodes.simulation.indenter import BALL, PUNCH, name_of_record, number
 from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body, grid
 from tactile_nodes.simulation.touch.families import ball

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.presses import AllPressures, motion_of, shapes_of, weights_of
@@ -21,6 +20,7 @@ from tactile_nodes.learning.transfer.fit import WORTH
 from tactile_nodes.sensing.elasticity.regions import Fields, Regions
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Bool, Float, Int
 
 SCALES = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 0.03])
 """Units of the fitted numbers: the place along x and y (mm), both tilts and the roll (degrees), the logarithm of

@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -37,6 +36,7 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.field.readout import LEAST_REGIONS, FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float, Int
 
 KNOWN_CONFIDENCE = 0.1
 """Confidence from which a region counts."""

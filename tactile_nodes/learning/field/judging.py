@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.presses import DOUBT, BodyPresses, noise_px
@@ -23,6 +22,7 @@ from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.shapes import Float, Float32, Int
 
 FORMS = 'description', 'gain', 'regions'
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Complex, Float, Float32, Int
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -22,6 +21,7 @@ from tactile_nodes.sensing.elasticity.regions import TERMS, Regions
 from tactile_nodes.sensing.elasticity.view import DEPTHS
 from tactile_nodes.sensing.explain.field.weights import region_weights
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.shapes import Complex, Float, Float32, Int
 
 DEEPEST = 0.18
 """Share of the gel's thickness up to which a press is used: 0.5 N of the paper's tip, 1.1 mm deep."""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.learning.guided.targets import Done, Target
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import UInt8
 
 MARK, DONE = (0, 0, 255), (0, 200, 0)
 """Blue, green, red: the next place is red, finished presses are green."""

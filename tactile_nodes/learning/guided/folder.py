@@ -10,7 +10,6 @@ import os
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.drivers.camera.pictures import read_grey, write_png
 from tactile_nodes.errors import DatasetError
@@ -19,6 +18,7 @@ from tactile_nodes.learning.guided.targets import Done
 from tactile_nodes.learning.tables.columns import NEWTONS
 from tactile_nodes.learning.tables.presses import TablePress, read_table, require_possible
 from tactile_nodes.paths import flush
+from tactile_nodes.shapes import UInt8
 
 TABLE = 'presses.csv'
 

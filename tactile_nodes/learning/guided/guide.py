@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.drivers.camera.contract import Camera, Frame
 from tactile_nodes.errors import DatasetError, DeviceError, DeviceTimeoutError, ImageError
@@ -20,6 +19,7 @@ from tactile_nodes.sensing.picture.quality import require_picture
 from tactile_nodes.sensing.rest.capture import RestCapture
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import UInt8
 
 RESTS = 20
 """Images of the untouched gel: a fifth is held out for a test, and twelve have to remain."""

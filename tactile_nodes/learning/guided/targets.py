@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.labels import outside
@@ -18,6 +17,7 @@ from tactile_nodes.learning.guided.watching import REGIONS
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Bool, Float
 
 INNER = 0.8
 """Share of the gel's half sides that is pressed: near its rim a gel responds differently."""

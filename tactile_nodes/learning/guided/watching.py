@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, UInt8
 
 from tactile_nodes.learning.agreement.objections import middles
 from tactile_nodes.sensing.elasticity.regions import Regions
@@ -17,6 +16,7 @@ from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.rest.prepared import Measuring
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float, UInt8
 
 UNTOUCHED, MOVING, STEADY = 'untouched', 'moving', 'steady'
 REGIONS = 10

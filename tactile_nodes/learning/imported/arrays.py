@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.agreement.known import Known
@@ -19,6 +18,7 @@ from tactile_nodes.learning.tables.pictures import ArrayPictures
 from tactile_nodes.learning.tables.presses import PressTable, TablePress, require_possible
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float
 
 NAMES = {'x': 'x_mm', 'y': 'y_mm', 'force': 'force_n', 'time': ''}
 ORDERS = 'rgb', 'bgr'

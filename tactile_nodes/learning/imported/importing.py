@@ -13,7 +13,6 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import header
@@ -35,6 +34,7 @@ from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float32
 
 UNTOUCHED = 0.5
 """All images of the untouched gel are divided among the presses. `frames` determines how many of each part are used."""

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90, ONE_OF_A_THOUSAND, to_coverage
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -15,6 +14,7 @@ from tactile_nodes.sensing.explain.measured.contact_shape import shape_of
 from tactile_nodes.sensing.explain.measured.readout import Observation, ResponseReadout
 from tactile_nodes.sensing.explain.measured.response import Fit
 from tactile_nodes.sensing.explain.uncertainty import Calibration, factor_at
+from tactile_nodes.shapes import Float
 
 FLOORS = np.concatenate([[0.0], np.geomspace(0.05, 4.0, 12)])
 MOST_PRESSES = 2000

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 import scipy.sparse
-from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import AxisymmetricConfig, ResponseConfig
@@ -27,6 +26,7 @@ from tactile_nodes.sensing.explain.measured.response import Response
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.splines import SplineAxis
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Bool, Float, Float32
 
 UNTOUCHED_WEIGHT = 10.0
 CALIBRATION_SHARE = 0.15

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.learning.coverage import ONE_OF_A_THOUSAND, to_coverage
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.network.inputs import prepare
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.network import InputScaling, NetworkReadout, TotalSpread
+from tactile_nodes.shapes import Float, Float32, Int
 
 SHARES = np.concatenate([[0.0], np.geomspace(0.1, 30.0, 25)])
 LEAST_FLOOR_N = 1e-4

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import NetworkConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.shapes import Bool, Float32, Int
 
 LEAST_SPREAD = np.float32(1e-6)
 

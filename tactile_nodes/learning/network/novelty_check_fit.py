@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import ResponseConfig
@@ -16,6 +15,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.explain.novelty_check import NoveltyCheck
 from tactile_nodes.sensing.features import as_motion
+from tactile_nodes.shapes import Float32
 
 CONFIG = ResponseConfig(components=40, spacing_mm=2.0, levels=6, most_contacts=1)
 """As in the profile `fast`."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.sensing import metrics
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float32
 
 SILENT_SHARE = 0.2
 """Mean predicted peaks below this share of the true ones count as no answer."""

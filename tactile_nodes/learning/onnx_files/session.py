@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.errors import from_extra
+from tactile_nodes.shapes import Float32
 
 OUTPUTS = 'normal_force', 'contact', 'position_sigma', 'total_sigma', 'unlikeness', 'seen'
 

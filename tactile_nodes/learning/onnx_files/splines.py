@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.learning.onnx_files.graph import Value
 from tactile_nodes.sensing.explain.splines import SplineAxis
+from tactile_nodes.shapes import Float32
 
 _VALUE_AND_SLOPES = [0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]
 """Value (0) or slope (1) of the splines along x, y and s: for the value, and for its slopes along x, y and s."""

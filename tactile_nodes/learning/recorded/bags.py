@@ -16,7 +16,6 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
@@ -26,6 +25,7 @@ from tactile_nodes.errors import DatasetError, ImageError, MessageError, Tactile
 from tactile_nodes.learning.recorded.clocks import Clocks, bag_clocks
 from tactile_nodes.learning.recorded.forces import ForceSamples
 from tactile_nodes.messages import stamp_ns, types
+from tactile_nodes.shapes import UInt8
 
 STATE_REACH_NS = 500_000_000
 """A rig state further than this from an image's stamp says nothing about where the tip was at that time."""

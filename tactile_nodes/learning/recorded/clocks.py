@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import RIG_STATE, SYNC_EDGE
@@ -21,6 +20,7 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import DatasetError, MessageError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.sensing.sync.clocks import ClockFit, Refusal, SyncLimits, fit_clocks
+from tactile_nodes.shapes import Bool, Float64, Int64
 
 REFERENCE = 'rig'
 """The recorder whose clock is the reference if the bag holds no state of a machine to name it."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float16, Float32
 
 from tactile_nodes.errors import DatasetError
+from tactile_nodes.shapes import Float16, Float32
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from types import TracebackType
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes import paths
 from tactile_nodes.errors import DatasetError, ImageError
@@ -27,6 +26,7 @@ from tactile_nodes.sensing.geometry import centre_crop, largest_side
 from tactile_nodes.sensing.picture.quality import require_picture
 from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 from tactile_nodes.sensing.rest.reference import average, content_id
+from tactile_nodes.shapes import UInt8
 
 RECIPE = 1
 """Increased when the code below gives other features for the same images and options."""

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from tactile_nodes.learning.axisymmetric.calibration import Judged, least_gain
@@ -14,6 +13,7 @@ from tactile_nodes.learning.coverage import COVERAGE, NORMAL_90
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.uncertainty import Calibration
+from tactile_nodes.shapes import Float
 
 RASTER = 40
 NORMAL_50 = 0.6745

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.optimize
-from jaxtyping import Float
+
+from tactile_nodes.shapes import Float
 
 POWERS = tuple(0.25 * step for step in range(1, 9))
 """Exponents that are tried: 0.5 is that of averaged noise, 2 that of a curve that flattens early."""

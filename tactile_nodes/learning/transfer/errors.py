@@ -6,7 +6,8 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from jaxtyping import Float
+
+from tactile_nodes.shapes import Float
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric.calibration import Judged
@@ -47,6 +46,7 @@ from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReado
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
+from tactile_nodes.shapes import Float, Int
 
 FORMS = 'whole', 'regions'
 REGION_TURNS = 4

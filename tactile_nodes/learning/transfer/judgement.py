@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.transfer.errors import Errors
+from tactile_nodes.shapes import Float
 
 VARIED_SHARE, VARIED_MM = 0.2, 1.0
 """Forces and places that all lie this close to their mean cannot measure the quality of a model."""

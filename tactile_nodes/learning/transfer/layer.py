@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Int
 
 from tactile_nodes import clock
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -24,6 +23,7 @@ from tactile_nodes.learning.network.layers import import_torch
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.params import from_mapping, load_mapping, parameter
 from tactile_nodes.sensing.explain.network import CalibrationLayer, NetworkReadout
+from tactile_nodes.shapes import Int
 
 if TYPE_CHECKING:
     import torch

@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
 
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.datasets.simulated import Dataset
@@ -25,6 +24,7 @@ from tactile_nodes.learning.transfer.judgement import objection, of_the_mean, re
 from tactile_nodes.learning.transfer.layer import FittedLayer, LayerConfig, fit_layer
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.network import NetworkReadout
+from tactile_nodes.shapes import Int
 
 LEAST_PRESSES = 40
 """Fewer presses do not determine ten million weights; of 40, four stop the training, and eight judge."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.axisymmetric.calibration import Judged, correcting
 from tactile_nodes.learning.datasets.pressed_gels import first_presses
@@ -14,6 +13,7 @@ from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.transfer.fit import OtherGel
 from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.shapes import Float
 
 COUNTS = 10, 25, 50, 100
 

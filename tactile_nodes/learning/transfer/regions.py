@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.axisymmetric.regions import Expected, Presses, Shared, numbers_of
 from tactile_nodes.learning.axisymmetric.steps import Equations, stepped
 from tactile_nodes.learning.transfer.whole import Typical, powers
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.shapes import Float
 
 ASIDE, PLACES_ASIDE = 0.3, 0.6
 """Prior standard deviation of a term of the smooth functions around the whole-gel fit, as a share of the regions'

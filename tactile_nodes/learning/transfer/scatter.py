@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.shapes import Float
 
 RING = 0.2
 """Share of the image's half width: regions whose distances from the centre differ by this have a weight of 0.61."""

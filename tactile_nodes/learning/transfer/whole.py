@@ -12,11 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.learning.axisymmetric.regions import FIRST_DOUBT, Presses, numbers_of, with_numbers
 from tactile_nodes.learning.transfer.scatter import Scatter
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.shapes import Float
 
 MOST_STEPS = 10
 CONVERGED = 1e-4

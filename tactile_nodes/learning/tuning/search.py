@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import ConfigurationError
@@ -31,6 +30,7 @@ from tactile_nodes.learning.training.train import card_of, fit, threshold_of, va
 from tactile_nodes.learning.tuning.times import cpu_times_ms
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.metrics import pareto_front
+from tactile_nodes.shapes import UInt8
 from tactile_nodes.simulation.optics import Optics, Press
 
 METRICS = {

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import TrainConfig
@@ -19,6 +18,7 @@ from tactile_nodes.sensing.compiling import can_compile
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceModel
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import centre_crop
+from tactile_nodes.shapes import UInt8
 
 ROUNDS = 7
 WARM_UP = 1

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Float32
 
 from tactile_nodes.sensing.elasticity.layer import ElasticLayer
+from tactile_nodes.shapes import Float, Float32
 
 FINER = 8
 """Steps of the layer's grid along a patch."""

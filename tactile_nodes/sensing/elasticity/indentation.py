@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
-from jaxtyping import Bool, Float
 
 from tactile_nodes.sensing.elasticity.layer import ElasticLayer
+from tactile_nodes.shapes import Bool, Float
 
 CLOSE, MOST_STEPS = 1e-5, 200
 """Stop when a step moves less than this share of the force between nodes; and the largest number of steps."""

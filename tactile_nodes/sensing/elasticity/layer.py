@@ -7,9 +7,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.fft
-from jaxtyping import Complex, Float, Float32, Inexact
 
 from tactile_nodes.sensing.elasticity.stack import Elastic, Waves, waves_in
+from tactile_nodes.shapes import Complex, Float, Float32, Inexact
 
 WIDTH_MM = 64.0
 """Period of the layer; at this distance a press has no effect."""

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float, Int
 
 PER_BIN = 2
 

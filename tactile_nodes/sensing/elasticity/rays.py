@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.elasticity.view import DEPTHS, View
+from tactile_nodes.shapes import Float
 
 ALONG = 3
 """Rays along each side of a window, or of the square within a dot."""

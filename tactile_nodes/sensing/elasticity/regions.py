@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Inexact, Int
 
 from tactile_nodes.sensing.elasticity.fields import FINER, combed, fields_of, sampled_at, seen_by_rays
 from tactile_nodes.sensing.elasticity.layer import WIDTH_MM, ElasticLayer
@@ -28,6 +27,7 @@ from tactile_nodes.sensing.elasticity.view import DEPTHS, View
 from tactile_nodes.sensing.flow.dots import weights_of_dots
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Bool, Float, Float32, Inexact, Int
 
 TERMS = 3 * DEPTHS
 """Terms of each region: at each depth the displacement, and its derivatives along x and along y."""

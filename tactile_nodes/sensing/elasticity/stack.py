@@ -17,7 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+
+from tactile_nodes.shapes import Float
 
 FIRST_MM, GROWTH, THICKEST_MM = 0.05, 1.12, 0.5
 """Thickness of the element at the surface, growth from one element to the next, and largest thickness."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.geometry import Camera, FisheyeCamera, PinholeCamera, rotation
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Float
 
 DEPTHS = 5
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.sensing.explain.reading import BEYOND_UNLIKENESS, Contact
+from tactile_nodes.shapes import Float32
 
 CLOSE_MM = 15.0
 """Least distance of tips at which their motions add up."""

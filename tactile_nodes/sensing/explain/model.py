@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.arrays import AnyReadout
@@ -19,6 +18,7 @@ from tactile_nodes.sensing.explain.network import NetworkReadout
 from tactile_nodes.sensing.explain.reading import UNKNOWN, Acting, Contact, Reading, nothing_read
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float32
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float16, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.likeness import Likeness
 from tactile_nodes.sensing.explain.reading import UNKNOWN, Contact, Reading, Readout
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Bool, Float16, Float32
 
 
 def logistic(values: Float32[np.ndarray, '*shape']) -> Float32[np.ndarray, '*shape']:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32
+
+from tactile_nodes.shapes import Bool, Float32
 
 QUIETEST, SIGMAS = 0.3, 0.3853
 """The quieter three tenths of the regions give the noise of a frame: of normal noise this share lies within this many

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32
 
 from tactile_nodes.sensing.explain.measured.readout import ResponseReadout
 from tactile_nodes.sensing.explain.reading import Reading
 from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float32
 
 
 @dataclass(frozen=True)

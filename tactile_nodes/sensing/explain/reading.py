@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Float, Float32
 
 UNKNOWN = float('nan')
 BEYOND_UNLIKENESS = 2.0

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+
+from tactile_nodes.shapes import Float, Float32, Int
 
 _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6
 """Row i: the polynomial in t of the i-th of the four splines that are non-zero between two knots (de Boor, 1978)."""

@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32
+
+from tactile_nodes.shapes import Float, Float32
 
 ROUNDS = 2
 """Steps from the centre of darkness. A third one hardly moves any dot but those that a hard contact deforms."""

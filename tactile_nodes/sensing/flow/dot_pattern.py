@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
+
+from tactile_nodes.shapes import Bool, Float, Float32, UInt8
 
 LEAST_DOTS = 8
 LEAST_CONTRAST = 8.0

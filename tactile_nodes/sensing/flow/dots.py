@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.flow.dot_matching import DotImages
@@ -23,6 +22,7 @@ from tactile_nodes.sensing.flow.methods import (
     require_grey,
     require_like,
 )
+from tactile_nodes.shapes import Bool, Float, Float32, Int, UInt8
 
 REACH = 0.75
 """Of a dot's diameter: radius within which its centre is looked for, all of the dot and nothing of the next one."""

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, Int, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.compiling import compiled_loops
@@ -35,6 +34,7 @@ from tactile_nodes.sensing.flow.patches import (
     moved_image,
     shrunk,
 )
+from tactile_nodes.shapes import Float32, Int, UInt8
 
 SMALLEST_PX = 16
 """Side of the smallest image that is measured."""

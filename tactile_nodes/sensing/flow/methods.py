@@ -11,9 +11,9 @@ from typing import Any, Protocol, get_args, get_origin, get_type_hints, runtime_
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
+from tactile_nodes.shapes import Float32, UInt8
 
 
 @dataclass(frozen=True)

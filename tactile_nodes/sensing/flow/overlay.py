@@ -6,7 +6,8 @@ import math
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+
+from tactile_nodes.shapes import Float32, UInt8
 
 SPACING_PX, LEAST_PX, GAIN = 11, 0.25, 4.0
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, Int, Int16, Int32
 
 from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.shapes import Float, Float32, Int, Int16, Int32
 
 SAMPLES_PX = np.linspace(-0.8, 0.8, 5)
 """Shifts of the rest image, on each axis, to which the polynomials are fitted."""

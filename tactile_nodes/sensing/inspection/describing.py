@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.elasticity.rays import dot_place_mm
@@ -23,6 +22,7 @@ from tactile_nodes.sensors import (
     Sensor,
 )
 from tactile_nodes.sensors.covering import polygons_of
+from tactile_nodes.shapes import Bool, Float, UInt8
 
 REGION_STEP = 40
 """The sides of the crop are multiples of this, so that regions of many sizes divide them."""

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.elasticity.rays import dot_place_mm
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.flow.dot_pattern import Dots
 from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK, Finding, tone
+from tactile_nodes.shapes import Float
 
 PITCH_OFF, TURNED_DEG, DOTS_FOUND, MORE = 0.05, 3.0, 0.8, 1.8
 """Allowed relative error of the pitch; allowed rotation of the rows; least ratio of found to described dots, and of

@@ -6,10 +6,10 @@ import textwrap
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK
 from tactile_nodes.sensing.inspection.judging import Inspection, outline_px
+from tactile_nodes.shapes import Bool, Float, UInt8
 
 Canvas = UInt8[np.ndarray, 'high wide 3']
 Colour = tuple[int, int, int]

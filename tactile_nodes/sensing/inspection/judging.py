@@ -7,7 +7,6 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.sensing.elasticity.rays import described_dots
@@ -27,6 +26,7 @@ from tactile_nodes.sensing.inspection.stillness import alike, apart_px
 from tactile_nodes.sensing.inspection.texture import looks_covered
 from tactile_nodes.sensing.picture.quality import picture_faults, require_rest_image
 from tactile_nodes.sensors import Sensor
+from tactile_nodes.shapes import Bool, Float, UInt8
 
 DIM_GREY, BURNT_SHARE, FLICKER = 60, 0.01, 0.02
 """Least grey level of the brightest parts; largest share of overexposed pixels; largest change of light."""

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8
 
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK, Finding, percent, tone
 from tactile_nodes.sensing.inspection.texture import mark_px, marks, peaks
+from tactile_nodes.shapes import Bool, UInt8
 
 CLEAR = 0.5
 """Skewness above which markers are surely bright, or below its negative dark. Simulated markers have 1.3 to 1.7."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+
+from tactile_nodes.shapes import Bool, Float
 
 NEAREST, TIMES, LEAST_PX = 3, 2.5, 0.02
 """Number of other pictures that must be alike; multiple of their distance above which a picture differs; a distance

@@ -7,9 +7,9 @@ from statistics import NormalDist
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
 
 from tactile_nodes.sensing.flow.dot_pattern import Dots
+from tactile_nodes.shapes import Bool, Float32, UInt8
 
 SMOOTH_PX, AROUND_PX = 1.0, 6.0
 """Standard deviations of two blurs: one removes pixel noise, the other estimates the slowly varying light."""

@@ -12,7 +12,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.judge.drift_alarm import NS_PER_S, Alarm, Level
@@ -30,6 +29,7 @@ from tactile_nodes.sensing.picture.dead_pixels import DeadPixels
 from tactile_nodes.sensing.picture.motion import PictureMotion, Straightening
 from tactile_nodes.sensing.picture.quality import FAINT_LIGHT, FAR_LIGHT
 from tactile_nodes.sensing.picture.rolling_bands import RollingBands
+from tactile_nodes.shapes import UInt8
 
 STANDARD_GRAVITY = 9.80665
 SOONER = 0.25

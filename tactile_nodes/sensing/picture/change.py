@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.flow.methods import FlowMethod
 from tactile_nodes.sensing.picture.motion import MotionFit
+from tactile_nodes.shapes import Bool, Float, Float32, UInt8
 
 PATCHES = 10
 FOUND = 0.4

@@ -10,7 +10,8 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
+
+from tactile_nodes.shapes import Bool, Float, Float32, UInt8
 
 REACH_PX = 2
 """Reach to either side of the pixels that are used to fill one in."""

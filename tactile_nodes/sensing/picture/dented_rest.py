@@ -8,9 +8,9 @@ touch held still since the capture looks like rest, so such frames prove little,
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from tactile_nodes.sensing.picture.quietness import PATCHES, PLACES, QUIET_NOISE, noise_of, none_away
+from tactile_nodes.shapes import Bool, Float
 
 TOWARDS_NOISE, TOWARDS_OVER_AWAY = 8.0, 2.0
 """Limits of a dent: mean motion towards a place, in units of its noise, and its ratio to the motion away from any.

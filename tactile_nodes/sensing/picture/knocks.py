@@ -6,10 +6,10 @@ import math
 from enum import Enum, auto
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.picture.motion import TERMS
 from tactile_nodes.sensing.picture.quietness import median
+from tactile_nodes.shapes import Float
 
 KNOCK_PX = 0.05
 """Least common motion of a knock of the camera. Presses of the tip to 2 mm reach 0.026 px."""

@@ -17,11 +17,11 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
 
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.flow.patches import windowed_sinc
 from tactile_nodes.sensing.picture.quietness import median
+from tactile_nodes.shapes import Float, Float32, UInt8
 
 TERMS, FIRST_BEND = 8, 4
 ROUNDS = 5

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.shapes import Float32, UInt8
 
 DARK_GREY = 8
 """An image with a 99th percentile below this is black. Lit markers reach 60 and more."""

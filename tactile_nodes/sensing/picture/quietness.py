@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from tactile_nodes.sensing.picture.touch_places import TouchPlaces
+from tactile_nodes.shapes import Bool, Float
 
 PATCHES = 10
 LOOSE_PX, LOOSE_SHARE, LOOSE_MEDIANS = 0.025, 0.05, 1.5

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
 
 from tactile_nodes.sensing.features import fewer_means
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
@@ -30,6 +29,7 @@ from tactile_nodes.sensing.picture.quietness import (
     none_away,
     quiet,
 )
+from tactile_nodes.shapes import Bool, Float, UInt8
 
 FOUND = 0.4
 """Least confidence of a patch that is found again."""

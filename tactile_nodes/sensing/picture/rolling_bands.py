@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
+
+from tactile_nodes.shapes import Float32, UInt8
 
 COLUMNS, ROWS_PX = 8, 8
 """The check compares the means of so many parts of each row, over so many rows."""

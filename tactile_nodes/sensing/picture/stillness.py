@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.compiling import compiled_loops
@@ -24,6 +23,7 @@ from tactile_nodes.sensing.flow.methods import require_grey, require_like
 from tactile_nodes.sensing.flow.patches import SLOPE_STEP_PX, moved_image, rounded, shrunk
 from tactile_nodes.sensing.geometry import camera_motions
 from tactile_nodes.sensing.picture.touch_places import TouchPlaces
+from tactile_nodes.shapes import Float32, UInt8
 
 LARGEST_LIGHT_SHARE = 0.03
 """If a block's brightness or contrast changed by more than this, the light changed."""

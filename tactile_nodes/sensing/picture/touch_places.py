@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Float32
 
 from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.shapes import Float, Float32
 
 TOUCH_BLOCKS = 0.85
 """Distance at which the markers around a light touch move most, in blocks: 2.9 mm on the paper's gel."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.sensing.picture.quality import require_picture
 from tactile_nodes.sensing.picture.stillness import StillnessCheck
 from tactile_nodes.sensing.rest.reference import RestAccumulator
+from tactile_nodes.shapes import UInt8
 
 PATIENCE = 4
 """A capture waits for frames that show the same up to this many times its own length."""

@@ -6,11 +6,11 @@ import threading
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.picture.motion import PictureMotion
 from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
+from tactile_nodes.shapes import UInt8
 
 
 class Coming:

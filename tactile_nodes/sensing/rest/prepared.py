@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -16,6 +15,7 @@ from tactile_nodes.sensing.picture.registration import Registered
 from tactile_nodes.sensing.picture.rolling_bands import RollingBands
 from tactile_nodes.sensing.picture.stillness import Stillness, StillnessCheck, StillnessOptions
 from tactile_nodes.sensing.rest.reference import content_id
+from tactile_nodes.shapes import UInt8
 
 LEAST_CONFIDENT = 0.93
 """A frame below this share of the rest image's own confidence is checked for bands. Presses leave 0.96."""

@@ -6,9 +6,9 @@ import hashlib
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.errors import ImageError
+from tactile_nodes.shapes import UInt8
 
 
 def average(frames: Sequence[UInt8[np.ndarray, 'h w']]) -> UInt8[np.ndarray, 'h w']:

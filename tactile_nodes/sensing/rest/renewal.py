@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import UInt8
 
 from tactile_nodes.sensing.rest.reference import RestAccumulator
+from tactile_nodes.shapes import UInt8
 
 NS_PER_S = 1_000_000_000
 

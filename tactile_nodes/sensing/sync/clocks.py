@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
 
 from tactile_nodes.sensing.sync.matching import Lines, Match, best_matches
 from tactile_nodes.sensing.sync.robust import RobustLine, bend, robust_line
+from tactile_nodes.shapes import Bool, Float64, Int64
 
 NS_PER_S = 1_000_000_000
 ENOUGH_MATCHED = 0.6

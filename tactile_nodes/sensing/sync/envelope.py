@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64
+
+from tactile_nodes.shapes import Float64
 
 
 def lower_line(x: Float64[np.ndarray, ' n'], y: Float64[np.ndarray, ' n'], steepest: float) -> tuple[float, float]:

@@ -6,7 +6,8 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+
+from tactile_nodes.shapes import Bool, Float64, Int64
 
 NS_PER_S = 1_000_000_000
 HISTORY, KEPT, AFTER = 600, 8, 3

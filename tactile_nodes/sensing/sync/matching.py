@@ -10,7 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+
+from tactile_nodes.shapes import Bool, Float64, Int64
 
 NS_PER_S = 1_000_000_000
 RUN = 48

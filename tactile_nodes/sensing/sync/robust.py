@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64
+
+from tactile_nodes.shapes import Bool, Float64
 
 TUKEY = 4.685
 HONEST = 0.3  # a uniform error has a standard deviation of 0.6 half widths, and most of a mixture has less

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.shapes import Float
 
 SPACING_MM = 0.1
 NO_BODY_MM = 4.0

@@ -20,7 +20,8 @@ from functools import cached_property
 
 import numpy as np
 import scipy.fft
-from jaxtyping import Complex64, Float, Float32
+
+from tactile_nodes.shapes import Complex64, Float, Float32
 
 POINTS = np.array([-1.0, 1.0]) / 3**0.5
 SHARES = np.stack([(1 - POINTS) / 2, (1 + POINTS) / 2], -1)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.shapes import Float
 from tactile_nodes.simulation.touch.body import Body, grid
 
 EDGE_MM = 0.3

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
-from jaxtyping import Complex, Float
+
+from tactile_nodes.shapes import Complex, Float
 
 OVER_RELAXATION = 1.6
 ITERATIONS = 30

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.shapes import Float, Int
 from tactile_nodes.simulation.touch.body import SPACING_MM, Body, grid
 
 MOST_FACES = 500_000

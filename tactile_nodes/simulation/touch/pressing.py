@@ -11,9 +11,9 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.shapes import Bool, Float, Float32
 from tactile_nodes.simulation.touch.body import NO_BODY_MM, Body
 from tactile_nodes.simulation.touch.bricks import Bricks, State
 from tactile_nodes.simulation.touch.friction import Gap, Surface

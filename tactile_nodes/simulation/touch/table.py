@@ -8,7 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Float32
+
+from tactile_nodes.shapes import Float, Float32
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32
 
+from tactile_nodes.shapes import Float, Float32
 from tactile_nodes.simulation.touch.body import Body
 from tactile_nodes.simulation.touch.bricks import Bricks, Layer
 from tactile_nodes.simulation.touch.pressing import Pose, Pressing, Standing

@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+
+from tactile_nodes.shapes import Float
 
 SMEAR_MM = 15.0
 """Distance from the middle at which a smear counts as 1; the shift grows with it, the squeeze with its square."""

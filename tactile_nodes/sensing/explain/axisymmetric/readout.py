@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.axisymmetric.local import between
@@ -33,6 +32,7 @@ from tactile_nodes.sensing.explain.reading import (
 )
 from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, nominal_error_n
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Bool, Float, Float32
 
 DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
 """Distances from the press at which the relative error of a region's motion is given."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import NEAR_MM, SMEAR_MM, WIDE_MM, RadialSmear
 from tactile_nodes.sensing.explain.splines import SplineAxis
+from tactile_nodes.shapes import Float
 
 BEND_MM = 1.0
 """Profiles are splines of arcsinh(distance / this): fine near the press, coarse far from it."""

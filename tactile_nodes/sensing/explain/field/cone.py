@@ -6,7 +6,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+
+from tactile_nodes.shapes import Float
 
 STEPS = 20
 TINY = 1e-12

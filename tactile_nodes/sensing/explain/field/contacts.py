@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.reading import Contact, Region
+from tactile_nodes.shapes import Bool, Float, Int
 
 TOUCHED = 0.03
 """Least force of a patch in a contact, as a share of the highest force on a patch."""

@@ -8,7 +8,6 @@ from functools import cached_property, partial
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.compiling import compiled_loops
@@ -31,6 +30,7 @@ from tactile_nodes.sensing.explain.reading import (
 )
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.metrics import interval_factor
+from tactile_nodes.shapes import Bool, Float, Float32, Int
 
 LEAST_REGIONS = 12
 MOST_TIPS = 3

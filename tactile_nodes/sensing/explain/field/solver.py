@@ -16,12 +16,12 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
 
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.elasticity.patches import PER_BIN, PatchGrid
 from tactile_nodes.sensing.explain.field.cone import NOT_APART, STEPS, inverse_root, least_squares
 from tactile_nodes.sensing.explain.field.weights import Weights, region_weights
+from tactile_nodes.shapes import Bool, Float, Float32, Int
 
 FRICTION = 1.0
 """Upper bound of shear over pressure (not an estimate): rubber on skin does not hold more for long."""

@@ -8,10 +8,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Float
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.solver import Field
+from tactile_nodes.shapes import Float
 
 USUAL_RESPONSE = 0.05
 """Usual relative error of a response that was not calibrated with presses. With a larger error forces exceed the

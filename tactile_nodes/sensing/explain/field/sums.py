@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Float32
 
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
@@ -14,6 +13,7 @@ from tactile_nodes.sensing.explain.field.solver import Field
 from tactile_nodes.sensing.explain.field.spread import FieldSpread
 from tactile_nodes.sensing.explain.field.where_now import moved_along
 from tactile_nodes.sensing.explain.reading import Contact
+from tactile_nodes.shapes import Float, Float32
 
 
 @dataclass(frozen=True)

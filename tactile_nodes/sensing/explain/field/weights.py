@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.explain.field.cone import inverse_root
 from tactile_nodes.sensing.geometry import camera_motions
+from tactile_nodes.shapes import Float, Float32, Int
 
 CAMERA_PX = 0.05
 """Usual motion of the camera; larger motion was removed from the image before, as a knock."""

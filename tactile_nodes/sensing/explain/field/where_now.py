@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, Int
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.shapes import Float, Float32, Int
 
 HIDDEN = 0.45
 """Additional shift of a force, over the motion of the surface in the linear layer."""

@@ -20,10 +20,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.sensing.explain.measured.response import Fit, Response, at_an_end, damping
 from tactile_nodes.sensing.explain.splines import laplacian, value_and_slopes
+from tactile_nodes.shapes import Bool, Float, Float32
 
 WIDE_MM2 = 0.1
 """Width beyond which a contact is wider than those of the training, as for a uniform pressure over 1.8 mm.

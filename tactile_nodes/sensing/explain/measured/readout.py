@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.compiling import compiled_loops
@@ -40,6 +39,7 @@ from tactile_nodes.sensing.explain.reading import (
 from tactile_nodes.sensing.explain.splines import SplineAxis, value_and_slopes
 from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, nominal_error_n
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import Bool, Float, Float32
 
 NOMINAL_PLACES, NOMINAL_FORCES = 7, 10
 """Number of places along x and along y, and of forces, at which the nominal error is evaluated."""

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
 
 from tactile_nodes.sensing.explain.splines import SplineAxis, cubes, value_and_slopes
+from tactile_nodes.shapes import Bool, Float, Float32
 
 MOST_STEPS = 12
 LARGEST_STEP_MM = 1.5
