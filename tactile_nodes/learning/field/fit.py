@@ -121,12 +121,13 @@ def scaling_of(sensor: Sensor, gain: float, shape: tuple[int, ...] = ()) -> Inpu
     if trusted.mean() < LEAST_SEEN:
         raise ConfigurationError(
             f'{trusted.sum()} of the {trusted.size} regions of the image of {sensor.name} see its gel; check '
-            'camera.position_mm, camera.tilt_deg and its focal length, gel.width_mm, gel.height_mm and mask'
+            'camera.position_mm, camera.tilt_deg and its focal length, gel.width_mm, gel.height_mm and mask, or give '
+            'more bins.rows and bins.cols, as few bins give few and wide regions'
         )
     if trusted.sum() < LEAST_REGIONS:
         raise ConfigurationError(
             f'only {trusted.sum()} regions of the image of {sensor.name} see its gel, and {LEAST_REGIONS} are needed '
-            'to estimate a force; use a larger image.crop, or a pattern with more dots'
+            'to estimate a force; use a larger image.crop, more bins, or a pattern with more dots'
         )
     axes = (*trusted.shape, 2)
     return InputScaling(

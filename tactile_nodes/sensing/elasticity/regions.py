@@ -115,7 +115,8 @@ class Regions:
         """Motion of the surface [mm] along x under 1 N along x on a patch, at the patch and those around it; likewise
         along y."""
         kernels = self.surface.kernels(self.surface.rectangle(*self.patches.size_mm))
-        cols, rows = (cells // 2 + FINER * np.arange(-NEAR, NEAR + 1) for cells in self.surface.cells)
+        beside = FINER * np.arange(-NEAR, NEAR + 1)
+        cols, rows = ((cells // 2 + beside) % cells for cells in self.surface.cells)  # the layer repeats
         return np.ascontiguousarray(np.stack([kernels[0, 0, 1], kernels[0, 1, 2]])[:, rows[:, None], cols])
 
     @cached_property

@@ -247,6 +247,13 @@ def test_a_camera_that_looks_beside_the_gel_is_refused(sensor: Sensor, camera: d
         described_model(load_model(find_model('field')), beside, '', Path('never'), Progress())
 
 
+def test_few_bins_are_named_as_the_cause_of_regions_that_reach_beyond_the_gel() -> None:
+    """One bin has two patches a side and thus two regions, each of which looks beyond the rim."""
+    one_bin = dataclasses.replace(Sensor(), bins=BinSettings(rows=1, cols=1))
+    with pytest.raises(ConfigurationError, match=r'0 of the 4 regions .* more bins\.rows and bins\.cols'):
+        described_model(load_model(find_model('field')), one_bin, '', Path('never'), Progress())
+
+
 def test_a_sensor_with_too_few_regions_for_any_force_is_refused() -> None:
     """Nine dots 7 mm apart, 121 px in an image of 320x240: four by two regions are nearest to 1.15 for each dot."""
     dots = load_sensor('printed_dots')

@@ -12,7 +12,7 @@ from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import DEPTHS, View
 from tactile_nodes.sensing.flow.dots import weights_of_dots
 from tactile_nodes.sensing.geometry import FisheyeCamera
-from tactile_nodes.sensors import CameraDescription, GelDescription, ImageSettings, Sensor, load_sensor
+from tactile_nodes.sensors import BinSettings, CameraDescription, GelDescription, ImageSettings, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.mechanics import Layer, contact_radius_mm
 from tactile_nodes.simulation.optics import Optics, Press
@@ -51,6 +51,16 @@ def test_a_press_moves_a_region_as_points_along_its_ray_move(regions: Regions) -
         projected = camera.project(np.stack([start + moved * 1e-3, start]))
         by_hand = 1e3 * (projected[0] - projected[1])
         assert terms[:, depth] == pytest.approx(by_hand, rel=0.06, abs=0.02), at_mm
+
+
+def test_a_single_bin_has_a_surface_that_shear_moves() -> None:
+    """Its patches are as wide as half the gel, so that the second one to either side is the same, a period apart."""
+    one_bin = dataclasses.replace(Sensor(), bins=BinSettings(rows=1, cols=1))
+    along_x, along_y = Regions(one_bin, 20, 20).surface_under_shear
+    assert along_x[:, 0] == pytest.approx(along_x[:, -1], abs=1e-6)
+    assert along_y[0] == pytest.approx(along_y[-1], abs=1e-6)
+    assert along_x[2, 2] == along_x.max()
+    assert along_y[2, 2] == along_y.max()
 
 
 def test_a_patch_is_felt_as_a_ball_of_its_size_at_its_place(regions: Regions) -> None:
