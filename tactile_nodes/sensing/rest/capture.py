@@ -23,8 +23,8 @@ class RestCapture:
     """Collects `wanted` frames for a rest image.
 
     Consecutive frames that show the same form a run. A frame that shows something else begins a new run. A frame that
-    shows a touch, compared with any earlier run, is discarded. `unsteady`: no run was long enough in time, so any
-    frames were used. This never happens while touches come and go.
+    shows a touch, compared with any earlier run, is discarded. A frame of another size starts the capture again.
+    `unsteady`: no run was long enough in time, so any frames were used. This never happens while touches come and go.
     """
 
     def __init__(self, wanted: int, skip: int = 0) -> None:
@@ -64,6 +64,9 @@ class RestCapture:
             self._left_to_skip -= 1
             return None
         require_picture(image)
+        shown = self._first.reference if self._first else None
+        if shown is not None and shown.shape != image.shape:
+            self._frames, self._first, self._earlier = RestAccumulator(), None, []
         self._offered += 1
         self.touched = any(earlier.pressed(image) for earlier in self._earlier)
         if self.touched:

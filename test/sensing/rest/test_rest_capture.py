@@ -100,6 +100,13 @@ def test_a_camera_that_moved_meanwhile_is_no_touch(pictures: Pictures) -> None:
     assert offered(capture, moved)[-1]
 
 
+def test_a_capture_begins_anew_with_pictures_of_another_size(pictures: Pictures) -> None:
+    """As when the camera or its crop is set while a capture waits for a touch to end."""
+    capture = RestCapture(wanted=5)
+    assert not any(offered(capture, [pictures.of() for _ in range(4)] + [pictures.of(Press(3.0, -4.0, 0.5))] * 3))
+    assert offered(capture, [pictures.of()[20:-20, 20:-20] for _ in range(5)]).index(True) == 4
+
+
 def test_nothing_is_said_while_the_frames_may_still_suffice(pictures: Pictures) -> None:
     capture = RestCapture(wanted=8)
     for _ in range(7):
