@@ -52,8 +52,8 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
     compiled: bool = parameter(True, 'compute with loops compiled by numba, as force_estimator does', read_only=True)
     crop: int = parameter(
         0,
-        'side of the central square crop of each picture [px]; 0: as in the model, or 440 for pictures that are not '
-        'square',
+        'side of the central square crop of each picture [px]; 0: as in the model, and square pictures whole if the '
+        'model reads squares',
         minimum=0,
     )
     most_hz: float = parameter(0.0, 'most pictures per second that are processed; 0: all', minimum=0.0)

@@ -291,20 +291,20 @@ def middle_part(
 ) -> UInt8[np.ndarray, 'ch cw']:
     """The middle of a picture: a square of `side` pixels, or the largest that fits.
 
-    With a side of 0 it is the rectangle of `size` (width, height), if that is given and not a square.
-
-    Without both, a square picture counts as cropped already and is returned unchanged. From any other picture the
-    paper's 440 px are cropped: 640x480 gives the same as `Crop.centred`, 320x240 gives 240x240.
+    With a side of 0 it is the rectangle of `size` (width, height), by default the paper's 440x440 px: 640x480 gives the
+    same as `Crop.centred`. If that is a square, a square picture counts as cropped already and is returned unchanged,
+    and a smaller one gives the largest square that fits: 320x240 gives 240x240.
 
     Raises:
         ImageError: the picture is too small.
     """
     height, width = image.shape
-    if not side and size is not None and size[0] != size[1]:
+    size = size or (440, 440)
+    if not side and size[0] != size[1]:
         return Crop.centred(width, height, *size).apply(image)
     if width == height and not side:
         return image
-    side = largest_side(width, height, side or 440)
+    side = largest_side(width, height, side or size[0])
     return Crop.centred(width, height, side, side).apply(image)
 
 

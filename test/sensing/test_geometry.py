@@ -96,6 +96,7 @@ def test_of_a_picture_the_part_that_a_model_reads_is_taken_from_the_middle():
     np.testing.assert_array_equal(middle_part(image, 0, (64, 40)), image[4:44])
     with pytest.raises(ImageError, match='cannot cut 80x40'):
         middle_part(image, 0, (80, 40))
+    np.testing.assert_array_equal(middle_part(image, 0, (44, 44)), image[2:46, 10:54])
 
 
 def test_the_paper_cuts_440_pixels_from_the_middle_of_640x480():
