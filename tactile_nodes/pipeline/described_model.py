@@ -9,9 +9,10 @@ from typing import Any
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.model_file import SENSOR
+from tactile_nodes.params import to_values
 from tactile_nodes.pipeline.ready_model import Ready
 from tactile_nodes.sensors import Sensor, load_sensor
-from tactile_nodes.sensors.writing import values_of
+from tactile_nodes.sensors.writing import ONLY_IF_CHANGED, values_of
 
 
 def require_of_sensor(ready: Ready, sensor: str) -> None:
@@ -53,11 +54,15 @@ def changed_since(ready: Ready, sensor: str) -> str:
 
 
 def _unlike(described: Sensor, card: Mapping[str, Any]) -> list[str]:
-    """The entries that differ, in words."""
-    now = values_of(described)
+    """The entries that differ, in words; none if the card describes no sensor."""
+    if not card:
+        return []
+    usual = to_values(Sensor())
+    unwritten = {name: usual[name] for name in ONLY_IF_CHANGED}
+    now = unwritten | values_of(described)
     return [
         f'{key} was {value}, is {now[key]}'
-        for key, value in card.items()
+        for key, value in {**unwritten, **card}.items()
         if key in now and key != 'name' and now[key] != value
     ]
 

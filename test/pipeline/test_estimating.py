@@ -14,7 +14,7 @@ import pytest
 from tactile_nodes import conversions
 from tactile_nodes.errors import ModelError
 from tactile_nodes.messages import types
-from tactile_nodes.model_file import find_model, load_model, save_model
+from tactile_nodes.model_file import SENSOR, find_model, load_model, save_model
 from tactile_nodes.paths import share_directory
 from tactile_nodes.pipeline.estimating import MOST_EARLIER, Estimating
 from tactile_nodes.pipeline.judge_force import Judged, judged
@@ -217,3 +217,17 @@ def test_a_description_that_changed_after_its_model_was_made_is_named(tmp_path: 
     message = Estimating('field', sensor=str(mine)).outdated()
     assert 'camera.focal_px_per_rad was 290.0, is 280.0' in message
     assert f'tactile calibrate --sensor {mine} --model field -o mine.safetensors' in message
+
+
+def test_entries_that_a_description_leaves_out_are_named_too_when_they_change(tmp_path: Path) -> None:
+    """Moving the dots or the bins, or shaping the rim, changes entries that are written only if they are not usual."""
+    text = (share_directory() / 'config/sensors/simulated.yaml').read_text()
+    (mine := tmp_path / 'mine.yaml').write_text(f'{text}\npattern: {{dot_mm: [0.4, -1.1]}}\n')
+    message = Estimating('field', sensor=str(mine)).outdated()
+    assert 'pattern.dot_mm was [0.0, 0.0], is [0.4, -1.1]' in message
+    loaded = load_model(find_model('field'))
+    domed = {**loaded.card[SENSOR], 'gel.dome_radius_mm': 80.0}
+    save_model(tmp_path / 'domed.safetensors', loaded.model, {**loaded.card, SENSOR: domed})
+    mine.write_text(text)
+    message = Estimating(str(tmp_path / 'domed.safetensors'), sensor=str(mine)).outdated()
+    assert 'gel.dome_radius_mm was 80.0, is 0.0' in message
