@@ -129,6 +129,7 @@ class Campaign:
             self._check_trust(at_end=True)
             if self._since_pattern:
                 self._pattern()
+            self._wait_while_paused()
         except InterruptedRunError:
             ended = 'stopped on request'
         except TrippedError as tripped:
@@ -253,6 +254,7 @@ class Campaign:
             self.progress.done = self._journal.done
 
     def _anchor_press(self, point: Point) -> Record:
+        self._wait_while_paused()
         ground = self._ground
         assert ground is not None
         return self._recovery.patiently(lambda: anchor_press(point, ground, self._settings))
@@ -268,7 +270,7 @@ class Campaign:
 
     def _wait_while_paused(self) -> None:
         if self.paused:
-            self._outlet.say('paused, with the tip above the gel')
+            self._outlet.say('paused; nothing moves until it is resumed')
         while self.paused:
             self._recovery.patiently(breath)
 
@@ -281,6 +283,7 @@ class Campaign:
     def _prepare(self) -> None:
         hands = self._hands
         self._recovery.ask_first(self._unasked)
+        self._wait_while_paused()  # a rig that was killed while paused
         self._await_recorder()
         hands.safety.watch(hands.clock.now_ns(), camera=True)
         await_recovery(hands, self._settings.limits)
@@ -311,6 +314,7 @@ class Campaign:
         """Measure the surface, corner by corner."""
         felt: list[Corner] = []
         for at in corners(self._settings):
+            self._wait_while_paused()
             feel = partial(feel_corner, self._settings, self._safe_z_mm, at, felt, [])
             felt.append(self._recovery.patiently(feel))
         return surface_through(felt, self._settings)

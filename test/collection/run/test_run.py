@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from rehearsing import SAFE_Z_MM, TABLE, Run, changed
+from rehearsing import SAFE_Z_MM, TABLE, Dots, Run, changed
 
 from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import Journal
@@ -210,6 +210,39 @@ def test_paused_run_waits_at_the_safe_height(tmp_path: Path) -> None:
     run.campaign.run()
     assert heights == [pytest.approx(SAFE_Z_MM, abs=0.01)]
     assert sorted(run.recorded) == ALL
+
+
+def test_a_run_that_begins_paused_moves_nothing_until_it_may_go_on(tmp_path: Path) -> None:
+    """Somebody works at the rig; its node was killed meanwhile, and `after_kill` lets the next one go on."""
+    run = Run(tmp_path)
+    run.campaign.paused = True
+    start_mm = run.world.tip_at(run.rig.clock.now_ns())
+    found_mm: list[tuple[float, float, float]] = []
+
+    def resume() -> None:
+        found_mm.append(run.world.tip_at(run.rig.clock.now_ns()))
+        run.campaign.paused = False
+
+    run.after(300.0, resume)  # longer than homing, the search for the surface and the first press
+    run.campaign.run()
+    assert found_mm == [pytest.approx(start_mm, abs=1e-9)]
+    assert sorted(run.recorded) == ALL
+
+
+@pytest.mark.parametrize('anchors', [0, 50])
+def test_a_run_that_is_paused_at_its_last_press_waits_before_it_ends(anchors: int, tmp_path: Path) -> None:
+    run = Run(tmp_path, changed(anchor={'every': anchors}), dots=Dots())
+    deepest_mm: list[float] = []
+
+    def pause() -> None:
+        run.campaign.paused = True
+        run.rig.clock.every(0.1, lambda: deepest_mm.append(run.world.press_at(run.rig.clock.now_ns()).depth_mm))
+        run.after(60.0, lambda: (deepest_mm.append(math.inf), setattr(run.campaign, 'paused', False)))
+
+    run.at(12, pause)
+    run.campaign.run()
+    assert math.inf in deepest_mm  # it was still there to be resumed
+    assert max(deepest_mm[: deepest_mm.index(math.inf)]) <= 0
 
 
 def test_rest_image_is_renewed(undisturbed: Undisturbed) -> None:
