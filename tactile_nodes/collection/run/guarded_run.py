@@ -186,7 +186,7 @@ def above_gel(settings: GuardedRunSettings, feel: Feel) -> Procedure[Tare]:
         DeviceError: no force within `wait_s`, or the force/torque sensor has a fault.
     """
     motion, surface = settings.motion, settings.surface
-    yield Go(z=settings.cnc.safe_z_mm, feed_mm_min=motion.travel_mm_min)
+    yield Go(z=settings.cnc.safe_z_mm, feed_mm_min=motion.approach_mm_min)  # down: homing left it at the top
     x, y = surface.gel_x_mm + settings.x_mm, surface.gel_y_mm + settings.y_mm
     yield Go(x, y, feed_mm_min=motion.travel_mm_min)
     yield from first_force(settings.wait_s, feel)

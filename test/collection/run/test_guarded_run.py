@@ -15,6 +15,7 @@ import pytest
 
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.collection import readings
+from tactile_nodes.collection.actions import Go
 from tactile_nodes.collection.machine_record import BEGUN, MachineRecord
 from tactile_nodes.collection.press.guarded import Felt, GuardSettings
 from tactile_nodes.collection.run import guarded_run
@@ -123,6 +124,14 @@ def test_a_feed_that_could_not_be_stopped_in_time_is_refused() -> None:
     limits = dataclasses.replace(SETTINGS.limits, stiffness_n_mm=20.0)
     with pytest.raises(ConfigurationError, match=r'approach_mm_min of 300 is too fast'):
         opened(truth, dataclasses.replace(SETTINGS, limits=limits)).__enter__()
+
+
+def test_the_way_down_to_the_safe_height_could_be_stopped_in_time() -> None:
+    """2 N/mm, 75 ms to the stop, 200 mm/s² and 2 N to spare allow 10 mm/s: a clamp may be in the way."""
+    down = next(guarded_run.above_gel(SETTINGS, lambda: None))
+    assert isinstance(down, Go)
+    assert down.z == SAFE_Z_MM
+    assert down.feed_mm_min <= 600
 
 
 def test_it_goes_up_when_the_force_becomes_invalid() -> None:
