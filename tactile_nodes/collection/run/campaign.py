@@ -140,7 +140,8 @@ class Campaign:
             not_up = self._leave()
         if not_up:
             raise DeviceFaultError(not_up)
-        done = 'the plan is done except for presses that were set aside' if self._journal.aside else 'the plan is done'
+        whole = self._journal.done == len(self._order)
+        done = f'the plan is done{"" if whole else " except for presses that were set aside or rejected each time"}'
         return f'{ended or done}: {self.progress.summary(self._journal)}'
 
     def _left(self) -> list[Point]:

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rehearsing import SAFE_Z_MM, TABLE, Dots, Run, changed
@@ -13,6 +14,8 @@ from rehearsing import SAFE_Z_MM, TABLE, Dots, Run, changed
 from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import Journal
 from tactile_nodes.collection.plan.plan import PlanSettings
+from tactile_nodes.collection.press import cycle
+from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.emulators.world import WorldSettings
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, TactileError
 
@@ -195,6 +198,24 @@ def test_broken_off_press_is_repeated_under_a_new_attempt_number(tmp_path: Path)
     second = Run(tmp_path)
     second.campaign.run()
     assert second.published[0].attempt == 2
+
+
+def test_a_press_that_was_rejected_each_time_is_not_counted_as_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Run(tmp_path)
+    judge = cycle._judge
+
+    def strict(record: Record, *others: Any) -> None:
+        judge(record, *others)
+        if record.point.press == 5:
+            raise cycle.RejectedError('the camera sees a fly')
+
+    monkeypatch.setattr(cycle, '_judge', strict)
+    assert run.campaign.run() == (
+        'the plan is done except for presses that were set aside or rejected each time: 11 of 12 presses '
+        'recorded, 11 of them now; 3 attempts rejected (3 x the camera sees a fly)'
+    )
 
 
 def test_paused_run_waits_at_the_safe_height(tmp_path: Path) -> None:
