@@ -294,7 +294,7 @@ class Node:
 
     def _run_timers(self) -> None:
         now_ns = self.clock.now_ns()
-        while self._timers and self._timers[0][0] <= now_ns:
+        while not self._stopping and self._timers and self._timers[0][0] <= now_ns:
             due_ns, _, timer = heapq.heappop(self._timers)
             # From when it was due, not from now: else a 60 Hz timer would tick at less than 60 Hz.
             self._push(timer, due_ns + timer.period_ns * (1 + (now_ns - due_ns) // timer.period_ns))

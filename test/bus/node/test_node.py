@@ -57,6 +57,16 @@ def _spin_dry(node: Node) -> None:
         node.spin_once()
 
 
+def test_no_timer_acts_once_the_node_was_stopped(node: Plain, clock: SteppedClock) -> None:
+    """Else a controller that was just stopped would send one more command."""
+    ticks: list[str] = []
+    node.create_timer(0.1, lambda: ticks.append('tick'))
+    clock.set_ns(clock.now_ns() + NS_PER_S)
+    node.post(node.stop)
+    _spin_dry(node)
+    assert not ticks
+
+
 def test_timer_ticks_at_its_period_however_late_each_call_is(node: Plain, clock: SteppedClock) -> None:
     ticks: list[float] = []
     node.create_timer(0.1, lambda: ticks.append((clock.now_ns() - START_NS) / NS_PER_S))
