@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import read_text, separator_of
@@ -213,7 +213,12 @@ def _spread(settings: PlanSettings, chance: random.Random) -> Iterable[Triple]:
         place = places[max(range(len(places)), key=distances_mm.__getitem__)]
 
 
-def _triple(row: Mapping[str, str], number: int, file: Path, point: str) -> Triple:
+def _triple(row: Mapping[str | None, Any], number: int, file: Path, point: str) -> Triple:
+    if any(row.get(None, ())):
+        raise ConfigurationError(
+            f'point {number} of {file} has more values than columns: {", ".join(row[None])}; if its decimal separator '
+            'is a comma, separate the values by semicolons'
+        )
     try:
         x, y, depth = (row[name].replace(point, '.') for name in ('x_mm', 'y_mm', 'depth_mm'))
         return float(x), float(y), float(depth)

@@ -102,6 +102,19 @@ def test_list_that_holds_something_else_is_refused(tmp_path: Path, row: str) -> 
         make_plan(PlanSettings(kind='list', file=str(tmp_path / 'points.csv')))
 
 
+def test_decimal_commas_between_commas_are_refused(tmp_path: Path) -> None:
+    """Read column by column this is x 1, y 5, depth 2, and not x 1.5, y 2, depth 0.5."""
+    (tmp_path / 'points.csv').write_text('x_mm,y_mm,depth_mm\n1,5,2,0,0,5\n')
+    with pytest.raises(ConfigurationError, match=r'point 1 of .*points\.csv has more values than columns'):
+        read_points(tmp_path / 'points.csv')
+
+
+def test_empty_values_after_the_last_column_are_none(tmp_path: Path) -> None:
+    """As a spreadsheet saves a table beside which something was deleted."""
+    (tmp_path / 'points.csv').write_text('x_mm,y_mm,depth_mm\n1.5,2,0.5,,\n')
+    assert read_points(tmp_path / 'points.csv') == [(1.5, 2.0, 0.5)]
+
+
 def test_a_list_without_the_names_of_its_columns_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'points.csv').write_text('1,2,0.5\n-1,0,1\n')
     with pytest.raises(ConfigurationError, match='has no x_mm, y_mm and depth_mm'):
