@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tactile_nodes.collection.readings import Picture, frame_of
+from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.flow.choice import make_flow
 
 Field = npt.NDArray[np.float32]
@@ -47,8 +48,13 @@ def shift_px(first: Imprint, second: Imprint) -> tuple[float, float]:
     """Displacement of the second press from the first, right and down; (0, 0) if either field is zero.
 
     A field that is the first one moved by 1 pixel to the right gives (1, 0).
+
+    Raises:
+        ImageError: their images differ in size.
     """
     u, v = first.field_px, second.field_px
+    if u.shape != v.shape:
+        raise ImageError('the image size has changed; do not change camera settings during a run')
     rows, columns = np.mgrid[: u.shape[0], : u.shape[1]]
     x, y = first.middle_px
     near = np.hypot(columns - x, rows - y) < min(u.shape[:2]) * NEAR

@@ -16,7 +16,7 @@ from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.run.anchors import Anchors, Shift
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.errors import ConfigurationError, DeviceFaultError
+from tactile_nodes.errors import ConfigurationError, DeviceFaultError, ImageError
 
 DEEP = 0.5  # of the anchor's depth: a press this deep shows its position in the image
 
@@ -111,7 +111,12 @@ class Trust:
         if earlier is None:
             self._doubt(unconfirmed, 'the run was cut off before an anchor, and left no image for comparison')
             return
-        shift = self._anchors.between(earlier, self._anchors.again(points[deep[-1].press]))
+        later = self._anchors.again(points[deep[-1].press])
+        try:
+            shift = self._anchors.between(earlier, later)
+        except ImageError as error:
+            self._doubt(unconfirmed, f'the run was cut off before an anchor, and {error}')
+            return
         if self._anchors.is_beside(shift):
             self._doubt(
                 unconfirmed,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from rehearsing import Dots, Run, changed
 
+from tactile_nodes.collection.readings import frame_of
 from tactile_nodes.collection.run.anchors import follows
 from tactile_nodes.collection.run.shift import imprint, shift_px
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError
@@ -161,6 +163,28 @@ def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_was_else
     first = interrupted(tmp_path, dots, stick=True)
     second = Run(tmp_path, SETTINGS, dots=dots)
     second.earlier = first.published
+    second.campaign.run()
+    assert len(second.suspects) == 3
+    assert sorted(first.recorded[:EVERY] + second.recorded) == ALL
+
+
+def test_what_an_interrupted_run_left_is_done_again_when_the_images_have_another_size_now(
+    tmp_path: Path, dots: Dots
+) -> None:
+    """Somebody has cropped the images differently meanwhile, so none can be compared with the recorded ones."""
+    first = interrupted(tmp_path, dots, stick=False)
+    cropped = [
+        dataclasses.replace(
+            each,
+            **{
+                kind: [frame_of(frame.stamp_ns, frame.image[:128, :128]) for frame in frames]
+                for kind, frames in (('rest', each.rest), ('frames', each.frames))
+            },
+        )
+        for each in first.published
+    ]
+    second = Run(tmp_path, SETTINGS, dots=dots)
+    second.earlier = cropped
     second.campaign.run()
     assert len(second.suspects) == 3
     assert sorted(first.recorded[:EVERY] + second.recorded) == ALL
