@@ -119,10 +119,10 @@ class Campaign:
             TactileError: the journal or the recorder cannot store the measurements.
         """
         hands, limits = self._hands, self._settings.limits
-        end_ns = hands.clock.now_ns() + round(limits.hours * 3600 * NS_PER_S)
         ended = ''
         try:
             self._prepare()
+            end_ns = hands.clock.now_ns() + round(limits.hours * 3600 * NS_PER_S)  # a person may have looked days later
             while not ended and (left := self._left()):
                 self.progress.start(hands.clock.now_ns())
                 ended = self._round(left, end_ns)

@@ -11,6 +11,7 @@ import pytest
 from collecting import in_a_process
 from rehearsing import SAFE_Z_MM, Run, changed
 
+from tactile_nodes.collection.machine_record import BEGUN, MachineRecord
 from tactile_nodes.collection.plan.plan import PlanSettings
 from tactile_nodes.collection.press.up import bring_up
 from tactile_nodes.collection.safety import MACHINE, OVERLOAD
@@ -215,6 +216,14 @@ def test_after_a_kill_a_run_asks_before_it_homes_or_moves(tmp_path: Path) -> Non
     assert 'cut off' in run.printed[0] and run.printed[0].endswith('then type: answer')
     assert set(places[: places.index('answered')]) == {start}
     assert run.journal.done == 12
+
+
+def test_the_hours_of_a_run_begin_when_a_person_has_looked(tmp_path: Path) -> None:
+    """Killed on a Friday evening, and looked at on Monday."""
+    MachineRecord(tmp_path / 'machine.record').note(BEGUN, 1)
+    run = Run(tmp_path, changed(limits={'hours': 0.2}), unasked=False)
+    run.after(800.0, run.person.answer)
+    assert run.campaign.run().startswith('the plan is done: 12 of 12')
 
 
 def test_after_a_kill_the_next_plan_in_another_folder_asks_as_well(tmp_path: Path) -> None:
