@@ -56,7 +56,7 @@ class RigNode(Node):
         if notice := lacking():
             self.log.info(notice)
         answer = f"tactile service call {self.full_name}/acknowledge std_srvs/srv/Trigger '{{}}'"
-        self._session = Session(self.params, publishers, self.clock, self.log, answer)
+        self._session = Session(self.params, publishers, self.clock, self.log, answer, self.still_wanted)
         self.diagnostics.hardware |= {'cnc': self.params.cnc.source, 'force_torque': self.params.force_torque.source}
         self._session.campaign.paused = self.kept.get(_PAUSED) is not None
         self._cropped_px = 0, 0

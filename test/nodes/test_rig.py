@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -26,7 +27,7 @@ from tactile_nodes.collection.plan.journal import STARTED, VERIFIED, Journal
 from tactile_nodes.collection.run.session import Session
 from tactile_nodes.collection.safety import SENSOR
 from tactile_nodes.drivers.cnc.contract import SIMULATED
-from tactile_nodes.errors import NOT_AGAIN, ConfigurationError, DeviceFaultError
+from tactile_nodes.errors import NOT_AGAIN, AskedToEndError, ConfigurationError, DeviceFaultError
 from tactile_nodes.messages import services, types
 from tactile_nodes.nodes.rig import RigNode
 from tactile_nodes.sensing.geometry import Crop
@@ -284,6 +285,14 @@ def test_run_waits_with_the_tip_up_for_a_recorder_that_comes_back_and_loses_no_p
     assert rig.node.failure is None
     published = drained(again[0])
     assert sorted(each.press for each in published if each.status == types.Press.STATUS_RECORDED) == [1, 2]
+
+
+def test_a_rig_that_waits_for_a_device_ends_when_it_is_asked_to(bus: InProcessBus, tmp_path: Path) -> None:
+    asked = threading.Event()
+    asked.set()
+    begin = dataclasses.replace(arguments(tmp_path, f'cnc.source: {tmp_path}/not_plugged_in'), ending=asked)
+    with pytest.raises(AskedToEndError):
+        RigNode(bus, begin, SystemClock())
 
 
 def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessBus, start: Callable[[], Rig]) -> None:

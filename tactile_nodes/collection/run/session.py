@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -85,6 +86,7 @@ class Session:
         clock: the host's.
         log: for a person.
         answer: the command with which a person answers a question of the run.
+        still_wanted: called while a device is waited for; raises if the process is to end.
 
     Raises:
         ConfigurationError: an invalid plan, journal or limit.
@@ -92,11 +94,18 @@ class Session:
     """
 
     def __init__(
-        self, settings: RigSettings, publishers: dict[Topic, Publisher], clock: Clock, log: Log, answer: str
+        self,
+        settings: RigSettings,
+        publishers: dict[Topic, Publisher],
+        clock: Clock,
+        log: Log,
+        answer: str,
+        still_wanted: Callable[[], None],
     ) -> None:
         self._settings = s = with_indenter(settings)
         self._clock = clock
         self._log = log
+        self._still_wanted = still_wanted
         self.person = Person(answer, log.warn, clock)
         plan = load_plan_settings(plan_path(s.plan_file)) if s.plan_file else s.plan
         self.plan = make_plan(plan)
@@ -158,6 +167,7 @@ class Session:
         )
 
     def _waiting(self, error: DeviceError) -> None:
+        self._still_wanted()
         self._log.warn(f'waiting for a device: {error}', once=type(error).__name__)
 
     def _on_status(self, status: CncStatus) -> None:
