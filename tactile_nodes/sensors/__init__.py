@@ -10,7 +10,7 @@ from tactile_nodes.sensors.description import (
     Sensor,
 )
 from tactile_nodes.sensors.dome import Dome
-from tactile_nodes.sensors.hand import Hand, HandSensor, load_hand
+from tactile_nodes.sensors.hand import Hand, HandSensor, load_gripper, load_hand
 from tactile_nodes.sensors.loading import load_sensor, mounting_of
 from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
@@ -28,6 +28,7 @@ __all__ = [
     'Outline',
     'PatternDescription',
     'Sensor',
+    'load_gripper',
     'load_hand',
     'load_sensor',
     'mounting_of',

@@ -106,6 +106,19 @@ def load_hand(name: Path | str) -> Hand:
     return Hand(settings.frame, settings.fps, settings.friction, tuple(sensors), tuple(refused))
 
 
+def load_gripper(name: Path | str) -> Hand:
+    """A hand of exactly two sensors.
+
+    Raises:
+        ConfigurationError: as `load_hand`, or it has another number, perhaps because one was left out.
+    """
+    hand = load_hand(name)
+    if len(hand.sensors) != 2:
+        why = f': {"; ".join(hand.refused)}' if hand.refused else ''
+        raise ConfigurationError(f'a gripper has two fingers; {name} has {len(hand.sensors)}{why}')
+    return hand
+
+
 def _added(others: Sequence[HandSensor], entry: Mapping[str, Located], parent: str, file: Path) -> HandSensor:
     """Check a sensor against those before it. Raises ConfigurationError: it cannot be used."""
     place = next(iter(entry.values()))

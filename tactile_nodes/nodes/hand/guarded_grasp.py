@@ -28,7 +28,7 @@ from tactile_nodes.collection.press.guarded_grasp import FeltByHand, Grasp, Gras
 from tactile_nodes.errors import DeviceError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
-from tactile_nodes.sensors import load_hand
+from tactile_nodes.sensors import load_gripper
 
 LOOK_PERIOD_S = 0.005
 CHECK_PERIOD_S = 1.0
@@ -52,7 +52,7 @@ class GuardedGraspNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
-        hand = load_hand(self.params.hand)
+        hand = load_gripper(self.params.hand)
         self._names = hand.names
         if not hand.friction:
             self.log.warn(

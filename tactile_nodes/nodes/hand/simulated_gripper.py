@@ -18,9 +18,8 @@ from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.emulators.gripper import Gripper, GripperSettings, finger_of, pull_along, touches
-from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import parameter
-from tactile_nodes.sensors import load_hand
+from tactile_nodes.sensors import load_gripper
 
 PERIOD_S = 0.005
 STATES_PERIOD_S = 0.01
@@ -42,9 +41,7 @@ class SimulatedGripperNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock or bus.clock)  # devices do not follow a simulated time
-        hand = load_hand(self.params.hand)
-        if len(hand.sensors) != 2:
-            raise ConfigurationError(f'a gripper has two fingers; {self.params.hand} has {len(hand.sensors)}')
+        hand = load_gripper(self.params.hand)
         fingers = [finger_of(each) for each in hand.sensors]
         self._gripper = Gripper(self.params, fingers, self.clock.now_ns())
         self._along = [pull_along(each) for each in hand.sensors]

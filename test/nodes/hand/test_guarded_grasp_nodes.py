@@ -16,6 +16,7 @@ from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.clock import NS_PER_S, monotonic_s
@@ -171,10 +172,13 @@ def test_gripper_whose_driver_ends_ends_the_grasp(finger: Finger) -> None:
     assert re.search(r'has not reported its opening for \d+ ms, above 1000 ms', str(loop.grasp.failure))
 
 
-def test_hand_of_one_finger_is_no_gripper(tmp_path: Path) -> None:
-    (tmp_path / 'one.yaml').write_text('frame: hand\nsensors: [{name: left}]\n')
-    with pytest.raises(ConfigurationError, match=r'a gripper has two fingers; .*one.yaml has 1'):
-        SimulatedGripperNode(InProcessBus(), parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/one.yaml']))
+@pytest.mark.parametrize('node', [SimulatedGripperNode, GuardedGraspNode])
+@pytest.mark.parametrize(('second', 'why'), [('', ''), (', {name: right, modell: field}', ": .*'modell'")])
+def test_hand_of_one_finger_is_no_gripper(node: type[Node], second: str, why: str, tmp_path: Path) -> None:
+    """Nobody would know how hard the other finger presses. It may have been left out because of a typing error."""
+    (tmp_path / 'one.yaml').write_text(f'frame: hand\nsensors: [{{name: left}}{second}]\n')
+    with pytest.raises(ConfigurationError, match=rf'a gripper has two fingers; .*one.yaml has 1{why}'):
+        node(InProcessBus(), parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/one.yaml']))
 
 
 def test_a_finger_whose_force_stays_invalid_ends_the_grasp(finger: Finger) -> None:
