@@ -91,10 +91,6 @@ class Anchors:
         x_mm, y_mm = self._mm_from_px @ shift_px(_imprint(earlier), _imprint(later))
         return Shift(float(x_mm), float(y_mm), _deeper_mm(earlier, later))
 
-    def again(self, point: Point) -> Record:
-        """Press a point of the plan again, to compare it with an earlier press."""
-        return self._press(point._replace(press=NO_PRESS))
-
     def is_beside(self, shift: Shift) -> bool:
         """Whether a displacement is too large, or not a number."""
         return not shift.farthest_mm <= self._settings.shift_mm

@@ -22,6 +22,7 @@ from tactile_nodes.collection.plan.journal import (
     ASIDE,
     BROKEN_OFF,
     ENDED,
+    NO_PRESS,
     RECORDED,
     REJECTED,
     STARTED,
@@ -47,7 +48,7 @@ from tactile_nodes.collection.run.anchors import anchor_press
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.recovery import TOO_GREAT, Recovery
 from tactile_nodes.collection.run.trust import Trust
-from tactile_nodes.collection.safety import PASSING
+from tactile_nodes.collection.safety import FORCE, PASSING
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 from tactile_nodes.sensing.rest.reference import average
@@ -104,7 +105,7 @@ class Campaign:
         self._since_reference = 0
         self._since_pattern = self._patterns = 0
         self._in_a_row = 0
-        self._trust = Trust(settings, order, journal, hands.clock, outlet, self._anchor_press)
+        self._trust = Trust(settings, order, journal, hands.clock, outlet, self._anchor_press, self._press_again)
         self._recovery = Recovery(hands, settings, record, outlet, self._trust.shaken)
         self.paused = False
         self.surface: Surface | None = None
@@ -259,6 +260,17 @@ class Campaign:
         ground = self._ground
         assert ground is not None
         return self._recovery.patiently(lambda: anchor_press(point, ground, self._settings))
+
+    def _press_again(self, point: Point) -> Record | None:
+        """A press of the plan, to compare it with an earlier attempt; None: its force is above the limit."""
+        try:
+            return self._anchor_press(point._replace(press=NO_PRESS))
+        except TrippedError as tripped:
+            if tripped.trip.kind != FORCE:
+                raise
+            self._recovery.up()
+            self._recovery.go_on_after(tripped)
+            return None
 
     def _leave(self) -> str:
         """Bring the tip up, unless nothing has moved; empty, or why it is not up. Homing takes it no further down."""

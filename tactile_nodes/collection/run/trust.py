@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from tactile_nodes.clock import Clock
-from tactile_nodes.collection.plan.journal import ANCHORED, SUSPECT, Entry, Journal
+from tactile_nodes.collection.plan.journal import ANCHORED, ASIDE, SUSPECT, Entry, Journal
 from tactile_nodes.collection.plan.plan import Point
 from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.run.anchors import Anchors, Shift
@@ -31,6 +31,7 @@ class Trust:
         clock: for the journal.
         outlet: receives suspect presses, and returns recorded presses of earlier runs.
         press: makes a press.
+        again: makes a press of the plan again; None: its force is too great.
 
     Raises:
         ConfigurationError: the anchor is deeper than the limit.
@@ -44,6 +45,7 @@ class Trust:
         clock: Clock,
         outlet: Outlet,
         press: Callable[[Point], Record],
+        again: Callable[[Point], Record | None],
     ) -> None:
         every, depth_mm, deepest_mm = settings.anchor.every, settings.anchor.depth_mm, settings.limits.depth_mm
         if every and depth_mm > deepest_mm:
@@ -57,6 +59,7 @@ class Trust:
         self._clock = clock
         self._outlet = outlet
         self._anchors = Anchors(settings.anchor, press)
+        self._again = again
         self._since = 0
 
     def begin(self) -> None:
@@ -111,7 +114,13 @@ class Trust:
         if earlier is None:
             self._doubt(unconfirmed, 'the run was cut off before an anchor, and left no image for comparison')
             return
-        later = self._anchors.again(points[deep[-1].press])
+        last = deep[-1]
+        later = self._again(points[last.press])
+        if later is None:
+            reason = f'the force of press {last.press} is too great now'
+            self._doubt(unconfirmed, f'the run was cut off before an anchor, and {reason}')
+            self._journal.note(last.press, last.attempt, ASIDE, self._clock.now_ns(), reason)
+            return
         try:
             shift = self._anchors.between(earlier, later)
         except ImageError as error:
@@ -120,10 +129,10 @@ class Trust:
         if self._anchors.is_beside(shift):
             self._doubt(
                 unconfirmed,
-                f'before the run was cut off, press {deep[-1].press} was displaced by {shift.describe()}',
+                f'before the run was cut off, press {last.press} was displaced by {shift.describe()}',
             )
             return
-        late = unconfirmed[unconfirmed.index(deep[-1]) + 1 :]
+        late = unconfirmed[unconfirmed.index(last) + 1 :]
         if late:
             self._doubt(late, 'the run was cut off before an anchor')
         self._confirm(shift)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rehearsing import Dots, Run, changed
+from rehearsing import TABLE, Dots, Run, changed
 
 from tactile_nodes.collection.readings import frame_of
 from tactile_nodes.collection.run.anchors import follows
@@ -188,6 +188,21 @@ def test_what_an_interrupted_run_left_is_done_again_when_the_images_have_another
     second.campaign.run()
     assert len(second.suspects) == 3
     assert sorted(first.recorded[:EVERY] + second.recorded) == ALL
+
+
+def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_is_too_strong_now(
+    tmp_path: Path, dots: Dots
+) -> None:
+    """Somebody has lowered the limit meanwhile. That press is tried once, to compare it, and then set aside."""
+    first = interrupted(tmp_path, dots, stick=False)
+    last = next(each.point for each in reversed(first.published) if each.point.depth_mm > 1)
+    second = Run(tmp_path, changed(anchor={'every': EVERY}, limits={'force_n': TABLE.force_at(1.2)}), dots=dots)
+    second.earlier = first.published
+    assert second.campaign.run().startswith('the plan is done except for presses that were set aside')
+    assert len(second.suspects) == 3
+    assert last.press in second.journal.aside
+    assert last.press not in {each.point.press for each in second.published}
+    assert not any(each.reason for each in second.published if each.point.depth_mm < 1)
 
 
 def test_anchor_deeper_than_the_limit_is_refused(tmp_path: Path) -> None:
