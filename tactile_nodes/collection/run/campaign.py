@@ -50,7 +50,7 @@ from tactile_nodes.collection.run.recovery import TOO_GREAT, Recovery
 from tactile_nodes.collection.run.trust import Trust
 from tactile_nodes.collection.safety import FORCE, PASSING
 from tactile_nodes.collection.settings import CollectionSettings
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
+from tactile_nodes.errors import BusError, ConfigurationError, DeviceError, DeviceFaultError
 from tactile_nodes.sensing.rest.reference import average
 
 
@@ -105,6 +105,7 @@ class Campaign:
         self._since_reference = 0
         self._since_pattern = self._patterns = 0
         self._in_a_row = 0
+        self._repairs = 0
         self._trust = Trust(settings, order, journal, hands.clock, outlet, self._anchor_press, self._press_again)
         self._recovery = Recovery(hands, settings, record, outlet, self._trust.shaken)
         self.paused = False
@@ -146,11 +147,21 @@ class Campaign:
         return f'{ended or done}: {self.progress.summary(self._journal)}'
 
     def _left(self) -> list[Point]:
-        """The remaining presses; if there are none, the presses that are missing in the bags."""
+        """The remaining presses; if there are none, the presses that are missing in the bags.
+
+        Raises:
+            BusError: they were made again as often as allowed, and are still missing.
+        """
         most = self._settings.limits.attempts
         left = self._journal.left(self._order, most)
         if left or not (missing := self._outlet.missing()):
             return left
+        if self._repairs == most:
+            raise BusError(
+                f'no bag of the folder holds {missing} presses, although they were made {most} times more; check that '
+                'the recorder writes there, press_image included, and its disk'
+            )
+        self._repairs += 1
         self._outlet.say(f'presses in no bag: {missing}, perhaps because no recorder was running; doing them again')
         self.progress.done = self._journal.done
         return self._journal.left(self._order, most)

@@ -17,7 +17,7 @@ from tactile_nodes.collection.plan.plan import PlanSettings
 from tactile_nodes.collection.press import cycle
 from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, TactileError
+from tactile_nodes.errors import BusError, ConfigurationError, DeviceError, DeviceFaultError, TactileError
 
 ALL = list(range(1, 13))
 
@@ -96,6 +96,18 @@ def test_presses_that_no_bag_holds_are_made_again_before_the_run_ends(tmp_path: 
     assert sorted(run.recorded) == sorted([*ALL, 4, 7])
     assert [record.attempt for record in run.published if record.point.press in {4, 7}][-2:] == [2, 2]
     assert any('presses in no bag: 2,' in line for line in run.printed)
+
+
+def test_a_press_that_never_comes_into_a_bag_is_not_made_for_ever(tmp_path: Path) -> None:
+    """The recorder writes to another folder than the one that is searched, or its disk is too slow."""
+    run = Run(tmp_path)
+    run.unrecorded = {5}
+    for presses in (13, 14, 15):  # each time it was made again
+        run.at(presses, lambda: run.unrecorded.add(5))
+    with pytest.raises(BusError, match=r'no bag of the folder holds 1 presses, although they were made 3 times more'):
+        run.campaign.run()
+    assert run.recorded.count(5) == 4  # and `limits.attempts` is 3
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
 def test_fast_rise_of_the_force_ends_the_press(tmp_path: Path) -> None:
