@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import typing
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -156,6 +157,10 @@ def _checked(name: str, hint: Any, facts: Mapping[str, Any], written: object, so
 
 
 def _of_type(name: str, hint: Any, value: object, written: object, source: str, exact: bool) -> object:
+    if isinstance(value, float) and math.isnan(value):  # no comparison with it would hold a limit
+        raise _at(written, source, f'{name!r} must be a number, got {value!r}')
+    if isinstance(value, str) and '\0' in value:  # no path and no name can hold it
+        raise _at(written, source, f'{name!r} must not contain a NUL character, got {value!r}')
     if type(value) is hint:
         return value
     if hint is float and type(value) is int and not exact:

@@ -33,6 +33,7 @@ class Block:
     preset: str = parameter('medium', 'which preset', choices=('fast', 'medium'))
     threads: int = parameter(1, 'threads', read_only=True)
     crop: tuple[int, ...] = parameter((440, 440), 'crop')
+    offset: float = parameter(0.0, 'a length without bounds')
     inner: Inner = Inner()
 
 
@@ -140,9 +141,11 @@ def test_block_takes_values_and_keeps_its_defaults() -> None:
     [
         ({'rate': 30}, r"'rate' must be a float, got 30 \(int\); write 30\.0"),
         ({'rate': 0.5}, r"'rate' must be from 1\.0 to 240\.0, got 0\.5"),
-        ({'rate': math.nan}, r"'rate' must be from"),
+        ({'rate': math.nan}, r"'rate' must be a number, got nan"),
+        ({'offset': math.nan}, r"'offset' must be a number, got nan"),
         ({'preset': 'slow'}, r"'preset' must be one of 'fast', 'medium', got 'slow'"),
         ({'preset': 5}, r'put it in quotes: "5"'),
+        ({'preset': 'fa\0st'}, r"'preset' must not contain a NUL character"),
         ({'threads': True}, r"'threads' must be a int, got True"),
         ({'crop': 3}, r"'crop' must be a list"),
         ({'ratee': 1.0}, r"unknown parameter 'ratee'; available: crop, inner\.gain"),
