@@ -127,7 +127,9 @@ class Meeting:
         `trusting` takes those who were alive the last time to be so still, which saves most of the time.
         """
         with self._reading:
-            found = [self._meet(uid, trusting) for uid in sorted(self._listed() - {self.uid})]
+            present = self._listed() - {self.uid}
+            self._records = {uid: record for uid, record in self._records.items() if uid in present}
+            found = [self._meet(uid, trusting) for uid in sorted(present)]
         return [record for record in found if record is not None]
 
     def changed_ns(self) -> int:

@@ -6,6 +6,7 @@ import itertools
 import os
 import shutil
 import signal
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 
@@ -99,6 +100,14 @@ def test_files_whose_lock_is_gone_are_removed_too(folder: Path, join: Join) -> N
         (folder / 'd7' / name).write_text('')
     join()
     assert not list((folder / 'd7').glob('abcdabcd.*'))
+
+
+def test_nothing_is_remembered_of_participants_that_have_left(join: Join) -> None:
+    watcher, other = join(), join()
+    records = [weakref.ref(record) for record in watcher.peers()]
+    assert len(records) == 1
+    other.close()
+    until(lambda: not watcher.peers() and not any(record() for record in records), 'the record to be forgotten')
 
 
 def test_record_written_twice_at_once_is_read_anew(folder: Path, join: Join) -> None:
