@@ -173,6 +173,8 @@ class Bridge(Loop):
 
     def finish(self) -> None:
         within_s = _CLOSE_WITHIN_S if self._peers else 0.0  # so that they are informed
+        for forward in self._forwards.values():
+            forward.close()
         for uid in list(self._peers):
             self._forget(uid, VERSION)
         self._closing.start()

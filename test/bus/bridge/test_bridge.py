@@ -22,11 +22,13 @@ import zenoh
 from agents import IMAGE, NUMBER, Other, until
 from programs import Program
 
+from tactile_nodes.bus.bridge.bridge import Bridge
 from tactile_nodes.bus.bridge.finding import near
 from tactile_nodes.bus.bridge.keys import create_keys
 from tactile_nodes.bus.bridge.link import LONGEST_BYTES, PLAIN_TCP, Address, open_session
-from tactile_nodes.bus.bridge.talk import VERSION, key_of
+from tactile_nodes.bus.bridge.talk import VERSION, Choice, key_of
 from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.errors import NOT_AGAIN, AddressInUseError, ConfigurationError
 
 LATCHED = Qos('latest', 1, latched=True)
@@ -471,6 +473,16 @@ def test_message_longer_than_any_is_not_taken_in_and_the_others_are(port: int) -
     finally:
         there.close()
         here.close()
+
+
+def test_closed_bridge_receives_nothing_more_of_what_it_forwarded(join: Callable[[], ZmqBus], port: int) -> None:
+    """One that searches for others is closed, and opened anew, with each that it finds."""
+    robot, bus = join(), join()
+    robot.advertise('/reference_image', IMAGE, LATCHED)
+    bridge = Bridge(bus, open_session(Address(HERE, port)), Choice())
+    until(lambda: bus.own_participant().subscriptions, 'the bridge to receive it')
+    bridge.close()
+    assert bus.own_participant().subscriptions == ()
 
 
 def test_addresses_that_a_stranger_tells_are_taken_only_where_they_are_in_a_network_of_ours() -> None:
