@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import secrets
 from collections.abc import Callable
 from pathlib import Path
@@ -111,11 +113,19 @@ class CallServer:
 
 
 def bind_again(socket: Any, old: str, new: str) -> None:
-    """Bind a socket whose file was removed; those who are connected stay so."""
+    """Bind a socket whose file was removed; those who are connected stay so.
+
+    Raises:
+        BusError: its folder was removed again meanwhile, or the disk is full; it can be tried once more.
+    """
     if old == new and is_bound(old):
         return
-    socket.unbind(old)
-    socket.bind(new)
+    with contextlib.suppress(zmq.ZMQError):  # an attempt that failed has left it unbound
+        socket.unbind(old)
+    try:
+        socket.bind(new)
+    except zmq.ZMQError as error:
+        raise BusError(f'cannot be reached at {new}: {os.strerror(error.errno or 0)}') from error
 
 
 def is_bound(address: str) -> bool:

@@ -12,11 +12,14 @@ from pathlib import Path
 
 import psutil
 import pytest
+import zmq
 from agents import NUMBER, Other, until
 
 from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.zeromq.calls import bind_again
 from tactile_nodes.bus.zeromq.discovery import Meeting, domain_from_environment
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.bus.zeromq.sockets import Longest, open_socket
 from tactile_nodes.errors import BusError, ConfigurationError
 from tactile_nodes.messages import types
 
@@ -138,6 +141,21 @@ def test_participants_meet_again_after_their_folder_was_removed(folder: Path, jo
     while subscription.take():
         pass
     until(lambda: publisher.publish(types.Int64(data=2)) or (late.waiting and subscription.waiting), 'old and new ones')
+
+
+def test_socket_whose_folder_is_removed_while_it_is_put_back_is_put_back_the_next_time(folder: Path) -> None:
+    place = folder / 'd7' / '1.sock'
+    address = f'ipc://{place}'
+    place.parent.mkdir()
+    with zmq.Context() as context, open_socket(context, zmq.ROUTER, Longest.CALL) as socket:
+        socket.bind(address)
+        shutil.rmtree(place.parent)
+        for _ in range(2):
+            with pytest.raises(BusError, match=f'^cannot be reached at {address}: No such file or directory$'):
+                bind_again(socket, address, address)
+        place.parent.mkdir()
+        bind_again(socket, address, address)
+        assert place.is_socket()
 
 
 def test_who_logs_in_again_meets_those_who_ran_on_after_the_last_logout(
