@@ -199,7 +199,10 @@ class LaunchService:
     def _why(self, supervisor: Supervisor, code: int | None) -> str:
         if code is None:
             return f'it could not be started: {supervisor.refusal}'
-        return self._log.last_complaint(supervisor.plan.name) or _ended(code)
+        complaint = self._log.last_complaint(supervisor.plan.name)
+        if code < 0 and complaint:  # what it complained of need not be why somebody killed it
+            return f'{_ended(code)}; its last error: {complaint}'
+        return complaint or _ended(code)
 
     def _interrupted(self) -> None:
         self._log.say('WARNING', 'launch', f'{_CTRL_C} again, ignoring...' if self._shutting_down else _CTRL_C)

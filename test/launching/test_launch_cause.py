@@ -19,6 +19,10 @@ import pytest
         ('raise ValueError("a bug")', 'ValueError: a bug'),
         ('raise SystemExit(3)', 'exit code 3'),
         ('import os; os.kill(os.getpid(), 9)', 'it was killed by SIGKILL'),
+        (
+            'import os, sys; print("camera: a damaged picture", file=sys.stderr); os.kill(os.getpid(), 9)',
+            'it was killed by SIGKILL; its last error: camera: a damaged picture',
+        ),
     ],
 )
 def test_a_launch_that_fails_ends_with_the_cause(launch, program, code, cause):
