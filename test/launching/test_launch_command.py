@@ -107,6 +107,15 @@ def test_a_signal_ends_everything_cleanly_within_two_seconds(running, number):
     wait_until_gone(pids, 0.5)
 
 
+def test_a_launch_under_nohup_goes_on_when_its_terminal_closes(start, launch_file, program):
+    main = f'import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n{MAIN}'  # as nohup(1) starts it
+    process = start(launch_file(f'- node: {{exec: {program(NODE)}, output: screen}}\n'), main=main)
+    read_until(process.stdout, '] ready')
+    status = Path(f'/proc/{process.pid}/status').read_text()
+    ignored = int(status.partition('SigIgn:')[2].split()[0], 16)  # proc_pid_status(5): bit 0 is signal 1
+    assert ignored & 1 << signal.SIGHUP - 1
+
+
 def test_nothing_is_left_when_the_launcher_is_killed(running):
     process, pids = running
     process.kill()

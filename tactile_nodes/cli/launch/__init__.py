@@ -124,7 +124,7 @@ def refuse_unknown(file: Path, given: dict[str, str]) -> None:
 
 @contextmanager
 def signals_to(service: LaunchService) -> Iterator[None]:
-    """Shut down the launch and all its processes on Ctrl-C, SIGTERM or when the terminal closes."""
+    """Shut down the launch on Ctrl-C, SIGTERM or, unless it was started by ``nohup``, when the terminal closes."""
 
     def end(number: signal.Signals) -> None:
         if number == signal.SIGINT:
@@ -132,7 +132,8 @@ def signals_to(service: LaunchService) -> Iterator[None]:
         else:
             service.shutdown(f'{number.name} received')
 
-    with handling({signal.SIGINT, signal.SIGTERM, signal.SIGHUP}, end):
+    hears_terminal = signal.getsignal(signal.SIGHUP) != signal.SIG_IGN
+    with handling({signal.SIGINT, signal.SIGTERM, *({signal.SIGHUP} if hears_terminal else ())}, end):
         yield
 
 
