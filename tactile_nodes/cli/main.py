@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -60,6 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run ``tactile`` with these arguments; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
     os.environ.setdefault('TACTILE_BUS', 'zeromq')  # nodes started by this command join the bus that it reads
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == 'strict':
+        sys.stdout.reconfigure(errors='backslashreplace')  # as stderr has it: a terminal may lack a letter of a node
     try:
         status = _run(words)
         sys.stdout.flush()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -39,6 +40,16 @@ def test_each_verb_has_a_module_with_arguments_and_help(verb: str, capsys: pytes
         make_parser(verb).parse_args([verb, '--help'])
     assert ended.value.code == 0
     assert f'usage: tactile {verb}' in capsys.readouterr().out
+
+
+def test_a_letter_that_the_terminal_lacks_ends_no_launch(tmp_path: Path) -> None:
+    file = tmp_path / 'a.launch.yaml'
+    file.write_text('launch:\n- executable: {cmd: echo 0 → 1, output: screen}\n', encoding='utf-8')
+    environment = {**os.environ, 'PYTHONIOENCODING': 'latin-1', 'ROS_LOG_DIR': str(tmp_path)}
+    words = [sys.executable, '-m', 'tactile_nodes', 'launch', str(file)]
+    found = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, env=environment, check=True)
+    assert '[echo-1] 0 \\u2192 1' in found.stdout.splitlines()
+    assert found.stderr == ''
 
 
 def test_a_verb_is_found_behind_flags() -> None:
