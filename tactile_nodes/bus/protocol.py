@@ -173,8 +173,8 @@ class Graph:
             for end in peer.publishers:
                 if end.name == topic and peer.pid:
                     raise ConfigurationError(
-                        f'{topic} is already published by {end.node} of process {peer.pid}: stop that node first, or '
-                        'give this sensor a namespace or a ROS_DOMAIN_ID of its own'
+                        f'{topic} is already published by {end.node}, process {peer.pid} on {peer.host}: stop that '
+                        'node first, or give this sensor a namespace or a ROS_DOMAIN_ID of its own'
                     )
 
     def host_of(self, topic: str) -> str:
