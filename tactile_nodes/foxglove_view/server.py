@@ -2,7 +2,7 @@
 
 Foxglove's own server does not check the origin of connections, and its open port would bypass our access control. So
 this server implements their protocol itself. Clients can watch, but change nothing. Each viewer has its own queue,
-which drops the oldest message when it is full.
+which drops a message when it is full: the oldest of the same topic.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class FoxgloveServer:
         channel = self._channels.get(topic)
         for viewer in self._viewers:
             if channel is not None and (subscription := viewer.subscriptions.get(channel)) is not None:
-                viewer.show(protocol.message(subscription, at_ns, data))
+                viewer.show(topic, protocol.message(subscription, at_ns, data))
 
     async def _welcome(self, request: web.Request) -> web.StreamResponse:
         self._check(request)
@@ -197,7 +197,7 @@ class _Viewer:
     def __init__(self) -> None:
         self.subscriptions: dict[Channel, int] = {}
         self._words: deque[str] = deque()
-        self._messages: deque[bytes] = deque(maxlen=QUEUE)
+        self._messages: deque[tuple[str, bytes]] = deque()
         self._news = asyncio.Event()
 
     def tell(self, text: str) -> None:
@@ -209,8 +209,12 @@ class _Viewer:
         if len(self._words) < QUEUE:
             self.tell(protocol.complaint(text))
 
-    def show(self, data: bytes) -> None:
-        self._messages.append(data)
+    def show(self, topic: str, data: bytes) -> None:
+        """Send a message; if too many wait, in the place of the oldest of its topic, else of the oldest of all."""
+        if len(self._messages) >= QUEUE:
+            waiting = (place for place, (each, _) in enumerate(self._messages) if each == topic)
+            del self._messages[next(waiting, 0)]
+        self._messages.append((topic, data))
         self._news.set()
 
     async def send_through(self, channel: web.WebSocketResponse) -> None:
@@ -222,6 +226,6 @@ class _Viewer:
                     if self._words:
                         await channel.send_str(self._words.popleft())
                     else:
-                        await channel.send_bytes(self._messages.popleft())
+                        await channel.send_bytes(self._messages.popleft()[1])
         except ConnectionError:  # it has gone; the receiving loop ends the connection
             return

@@ -255,6 +255,42 @@ def test_a_viewer_that_reads_nothing_keeps_nobody_waiting(bridge: Start, bus: In
     assert asyncio.run(look()) == messages.encode(image(199))
 
 
+def test_pictures_take_no_place_of_another_topic_at_a_viewer_that_falls_behind(
+    bridge: Start, bus: InProcessBus
+) -> None:
+    """What is latched is said once: a rest image, or where the gel is."""
+    pictures, rest = offer(bus, topics.IMAGE), offer(bus, topics.REFERENCE_IMAGE)
+    node = bridge()
+
+    async def hear(viewer: Viewer, wanted: int) -> set[int]:
+        seen: set[int] = set()
+        while wanted not in seen:
+            seen.add((await viewer.message())[1][-1])
+        return seen
+
+    async def show(quick: Viewer, last: int) -> None:
+        for value in (*range(200), last):  # 39 MB, more than sockets and queues hold
+            pictures.publish(image(value))
+            await asyncio.sleep(0)
+        await hear(quick, last)
+
+    async def look() -> set[int]:
+        async with viewer(node) as behind, viewer(node) as quick:
+            await behind.watch('/skin/image_raw')
+            await behind.watch('/skin/reference_image')
+            await until(lambda: pictures.listeners and rest.listeners)  # from now on `behind` reads nothing
+            await quick.watch('/skin/image_raw')
+            await quick.watch('/skin/reference_image')
+            await first_of(pictures, quick)
+            await show(quick, 201)
+            rest.publish(image(250))
+            await hear(quick, 250)
+            await show(quick, 202)
+            return await hear(behind, 202)
+
+    assert 250 in asyncio.run(look())
+
+
 def test_a_taken_port_gives_way_to_the_next(bridge: Start) -> None:
     with socket.create_server(('127.0.0.1', 0)) as taken:
         port = taken.getsockname()[1]
