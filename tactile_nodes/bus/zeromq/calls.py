@@ -82,7 +82,11 @@ class CallServer:
         if handler is None:
             self._refuse(caller, call_id, 'this type of the service is not offered here')
             return
-        request = messages.decode(data, request_type(kind))
+        try:
+            request = messages.decode(data, request_type(kind))
+        except MessageError as error:
+            self._refuse(caller, call_id, str(error))
+            raise
         try:
             handler(request, lambda response: self._hub.post(lambda: self._answer(caller, call_id, kind, response)))
         except TactileError as error:

@@ -243,6 +243,16 @@ def test_malformed_calls_are_counted(caller: tuple[ZmqBus, Any]) -> None:
         until(lambda: bus.malformed == before + 1)  # noqa: B023
 
 
+def test_who_sends_no_request_is_answered_so(caller: tuple[ZmqBus, Any]) -> None:
+    """As a client of another version does, whose service has other fields."""
+    _, socket = caller
+    socket.send_multipart([wire.CALL, b'id', b'/s', services.TRIGGER.encode(), b'no request'])
+    assert socket.poll(5000)
+    kind, call_id, outcome, text = socket.recv_multipart()
+    assert (kind, call_id, outcome) == (wire.ANSWER, b'id', b'error')
+    assert text.startswith(b'10 bytes are not a std_srvs/srv/Trigger_Request')
+
+
 def test_words_from_a_subscriber_do_not_make_a_publisher_believe_that_nobody_listens(
     join: Callable[..., ZmqBus],
 ) -> None:
