@@ -34,6 +34,7 @@ from tactile_nodes.bus.zeromq.loop import Loop
 from tactile_nodes.bus.zeromq.receiving import Key
 from tactile_nodes.bus.zeromq.records import Outlet
 from tactile_nodes.clock import monotonic_s
+from tactile_nodes.messages.store import store
 
 if TYPE_CHECKING:
     import zenoh
@@ -235,16 +236,22 @@ class Bridge(Loop):
         records = self._bus.meeting.look(trusting=True)
         own = self._bus.own_participant()
         participants = (own, *(record.participant for record in records))
+        known = store().fielddefs  # a program that was started later may have further types
         offers = [(own.uid, outlet) for outlet in self._bus.outlets()]
         offers += [(record.participant.uid, outlet) for record in records for outlet in record.outlets]
         outlets = {
             outlet.gid: outlet
             for uid, outlet in offers
             # What bears another's gid has come over a bridge already.
-            if outlet.gid.partition('.')[0] == uid and fits(outlet.topic, self._choice.send)
+            if outlet.gid.partition('.')[0] == uid
+            and outlet.type_name in known
+            and fits(outlet.topic, self._choice.send)
         }
         wishes = {
-            (end.name, end.type_name) for peer in participants for end in peer.subscriptions if end.node != FORWARDING
+            (end.name, end.type_name)
+            for peer in participants
+            for end in peer.subscriptions
+            if end.node != FORWARDING and end.type_name in known
         }
         for uid, peer in self._peers.items():
             self._repeat(uid, peer, {wish for wish in wishes if fits(wish[0], self._choice.receive)})

@@ -27,8 +27,10 @@ from tactile_nodes.bus.bridge.finding import near
 from tactile_nodes.bus.bridge.keys import create_keys
 from tactile_nodes.bus.bridge.link import LONGEST_BYTES, PLAIN_TCP, Address, open_session
 from tactile_nodes.bus.bridge.talk import VERSION, Choice, key_of
-from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.protocol import Endpoint, Participant, Qos
+from tactile_nodes.bus.zeromq.discovery import Meeting
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.bus.zeromq.records import Outlet, Record
 from tactile_nodes.errors import NOT_AGAIN, AddressInUseError, ConfigurationError
 
 LATCHED = Qos('latest', 1, latched=True)
@@ -473,6 +475,26 @@ def test_message_longer_than_any_is_not_taken_in_and_the_others_are(port: int) -
     finally:
         there.close()
         here.close()
+
+
+def test_type_that_a_bridge_does_not_know_keeps_nothing_else_from_crossing(
+    folder: Path, join: Callable[..., ZmqBus], port: int
+) -> None:
+    """A program that was started after a type was added, beside a bridge that was started before."""
+    newer, topic, kind = Meeting('0123abcd', 7, folder), '/new', 'tactile_nodes/msg/New'
+    outlet = Outlet('0123abcd.1', topic, kind, newer.socket_address(1))
+    ends = {'publishers': (Endpoint(topic, kind, '/n', gid=outlet.gid),), 'subscriptions': (Endpoint(topic, kind, ''),)}
+    newer.announce(Record(Participant('0123abcd', 1, 'robot', **ends), (outlet,), newer.socket_address(0)))
+    here, there = join(7), join(8)
+    listening = Bridge(here, open_session(Address(HERE, port)), Choice())
+    connecting = Bridge(there, open_session(None, [Address(HERE, port)]), Choice())
+    try:
+        until(lambda: there.graph().publishers(topic), 'the machines to see each other')
+        assert listening.faults == connecting.faults == 0
+    finally:
+        connecting.close()
+        listening.close()
+        newer.leave()
 
 
 def test_closed_bridge_receives_nothing_more_of_what_it_forwarded(join: Callable[[], ZmqBus], port: int) -> None:
