@@ -55,7 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--unit', choices=list(UNITS), default='g', help='unit of the scale (default: g)')
     parser.add_argument(
         '--presses', type=positive_int, default=30, metavar='N',
-        help='number of presses: 30 to calibrate (5 at least), 400 to train a model from scratch (default: 30)',
+        help='number of presses with this indenter: 30 to calibrate (5 at least), 400 to train a model from scratch '
+        '(default: 30)',
     )  # fmt: skip
 
 
@@ -93,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings = CameraSettings(source=arguments.source, sensor=arguments.sensor, scene=scene)
     with closing(open_camera(settings, SystemClock(), print)) as camera:
         until_enough(Guide(camera, person, folder, wish, sensor), person.say)
-    if (count := len(folder.done)) < LEAST_PRESSES:
+    if (count := sum(row.touches for row in folder.rows)) < LEAST_PRESSES:
         print(f'too few presses ({count}): a calibration needs at least {LEAST_PRESSES}. Continue with --presses 30')
         return 0
     print('enough presses. Next steps:')

@@ -24,7 +24,7 @@ TABLE = 'presses.csv'
 
 
 class PressFolder:
-    """A folder of presses with one indenter, new or continued.
+    """A folder of presses, new or continued; the presses to come are with one indenter.
 
     A last line that a full disk or a power cut left incomplete is taken out of the table; `left_out` then says so.
 
@@ -41,7 +41,7 @@ class PressFolder:
     def __init__(self, folder: Path, unit: str, indenter: str, reach_mm: tuple[float, float]) -> None:
         self.folder, self.table = folder, folder / TABLE
         self.unit, self.newton = unit, NEWTONS[unit.lower()]
-        self._indenter, self._reach_mm = indenter, reach_mm
+        self._indenter, self._reach_mm = indenter.strip(), reach_mm
         if set(indenter) & set(',;"\t\r\n'):
             raise DatasetError(
                 f'the indenter {indenter!r} holds a comma or another separator of cells; use another name'
@@ -79,8 +79,10 @@ class PressFolder:
 
     @property
     def done(self) -> list[Done]:
-        """The finished presses."""
-        return [Done(row.x_mm, row.y_mm, row.force_n) for row in self.rows if row.touches]
+        """The finished presses with this indenter."""
+        return [
+            Done(row.x_mm, row.y_mm, row.force_n) for row in self.rows if row.touches and row.indenter == self._indenter
+        ]
 
     @property
     def rests(self) -> list[UInt8[np.ndarray, 'h w']]:

@@ -67,3 +67,13 @@ def test_the_table_of_another_program_is_not_changed(content: bytes, tmp_path: P
     with pytest.raises(DatasetError, match='does not begin with picture,x_mm,y_mm,force_g,indenter'):
         folder_of(tmp_path)
     assert table.read_bytes() == content
+
+
+def test_presses_with_another_indenter_are_kept_but_do_not_count_as_done(tmp_path: Path) -> None:
+    """Else a second indenter in the same folder would be told at once that all presses are done."""
+    folder_of(tmp_path).add_press(PICTURE, (1.0, 2.0), 20.0)
+    punch = PressFolder(tmp_path, 'g', ' punch:2', (16.0, 16.0))
+    assert punch.done == []
+    punch.add_press(PICTURE, (3.0, 4.0), 50.0)
+    assert [each[:2] for each in punch.done] == [(3.0, 4.0)]
+    assert [row.indenter for row in punch.rows] == ['ball:0.6', 'punch:2']
