@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -358,6 +359,20 @@ def test_a_bag_that_was_cut_off_before_its_first_press_is_refused(
     printed = capsys.readouterr()
     assert f'{cut} is cut off at byte 300000' in printed.out
     assert printed.err == f'no press of {cut} can be used: there is none\n'
+
+
+def test_presses_that_are_left_out_are_counted_with_their_reasons_and_so_are_problems_of_a_bag(
+    other_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], own_cache: Path
+) -> None:
+    """A copy of a bag holds the same attempts, except those in its damaged chunk."""
+    whole = next(other_bag.glob('*.mcap')).read_bytes()
+    middle, damaged = len(whole) // 2, tmp_path / 'damaged.mcap'
+    damaged.write_bytes(whole[:middle] + bytes(100) + whole[middle + 100 :])
+    words = ['--model', 'portable', '--gel', 'gel-7', '-o', str(tmp_path / 'gel-7.safetensors')]
+    assert main(['calibrate', str(other_bag), str(damaged), *words]) == 0
+    printed = capsys.readouterr().out
+    assert re.search(r'\nleft out: \d doubled \(the first: the same attempt was reported before\)\n', printed)
+    assert re.search(r'damaged.mcap: the chunk at byte \d+ cannot be read \(its checksum is wrong\)', printed)
 
 
 def test_a_calibration_is_on_the_list_of_gels_with_its_presses_and_errors(

@@ -21,7 +21,7 @@ from tactile_nodes.learning.field.alone import centre_of, centres
 from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.bags import RecordedPress
-from tactile_nodes.learning.recorded.building import Builder, BuildOptions
+from tactile_nodes.learning.recorded.building import Builder, BuildOptions, reasons
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.recorded.samples import Sample
 from tactile_nodes.learning.transfer.curve import Curve
@@ -165,6 +165,11 @@ class Calibrator:
     def presses(self) -> int:
         """The number of usable presses so far."""
         return self._builder.presses
+
+    @property
+    def all_left_out(self) -> str:
+        """The number of attempts left out for each reason, as text; empty if there are none."""
+        return reasons(self._builder.left_out) if self._builder.left_out else ''
 
     def take(self, press: RecordedPress, bag: int = 0) -> PressRead | None:
         """Measure and estimate one press with the present fit; None if it cannot be used (see `left_out`).

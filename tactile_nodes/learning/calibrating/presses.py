@@ -60,20 +60,24 @@ class BagPresses:
     rest_counts = False
     waiting = False
 
-    def __init__(self, bags: Sequence[Path], namespace: str | None = None, tell: Tell | None = None) -> None:
+    def __init__(self, bags: Sequence[Path], namespace: str | None = None, tell: Tell = lambda _: None) -> None:
         self.bags = bags
         with ExitStack() as stack:
             self._opened = [stack.enter_context(CollectionBag(path, namespace)) for path in bags]
             self._closing = stack.pop_all()
-        for bag in self._opened if tell else ():
-            for problem in bag.problems:
-                tell(problem)  # type: ignore[misc]
-            for warning in bag.clocks.warnings:
-                tell(f'{bag.path}: {warning}; its stamps are used as they are')  # type: ignore[misc]
-        self._stream = ((number, press) for number, bag in enumerate(self._opened) for press in bag.presses())
+        self._stream = self._presses(tell)
 
     def __iter__(self) -> Iterator[tuple[int, RecordedPress]]:
         return self._stream
+
+    def _presses(self, tell: Tell) -> Iterator[tuple[int, RecordedPress]]:
+        for number, bag in enumerate(self._opened):
+            for warning in bag.clocks.warnings:
+                tell(f'{bag.path}: {warning}; its stamps are used as they are')
+            for press in bag.presses():
+                yield number, press
+            for problem in bag.problems:  # some show only while the bag is read
+                tell(f'{bag.path}: {problem.removeprefix(f"{bag.path}: ")}')
 
     @property
     def count(self) -> int:
@@ -123,6 +127,8 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
     before = calibrator.calibration
     calibrator.fit(presses.card_entries(str(calibrator.gel['id'])), presses.bags, command)
     calibrator.require_live_gel()
+    if calibrator.presses and (left_out := calibrator.all_left_out):
+        tell(f'left out: {left_out}')
     if calibrator.calibration is None:
         raise DatasetError(calibrator.objection)
     if calibrator.calibration is not before:  # otherwise the last line was this one

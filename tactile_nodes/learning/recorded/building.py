@@ -154,7 +154,7 @@ class Builder:
         samples = self.finish()
         if not samples:
             of = f' of {_listed(bags)}' if bags else ''
-            raise DatasetError(f'no press{of} can be used: {_reasons(self.left_out)}')
+            raise DatasetError(f'no press{of} can be used: {reasons(self.left_out)}')
         recordings = self.shelf.recordings(samples, {**_card(self, entries, bags), 'command': command})
         return replace(recordings, rest_image=self._rest[1])
 
@@ -276,7 +276,8 @@ def _listed(bags: Sequence[Path]) -> str:
     return ', '.join(map(str, bags))
 
 
-def _reasons(left_out: Sequence[LeftOut]) -> str:
+def reasons(left_out: Sequence[LeftOut]) -> str:
+    """'10 tried again later, 2 not settled (the first: attempt 1 in bag 2 counts)'"""
     counts = exclusions.counted(left_out)
     if not counts:
         return 'there is none'
