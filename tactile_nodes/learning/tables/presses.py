@@ -11,7 +11,7 @@ import numpy as np
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.tables.cells import Cells, read_cells
-from tactile_nodes.learning.tables.columns import Column, columns_of
+from tactile_nodes.learning.tables.columns import UNITS, Column, columns_of
 from tactile_nodes.learning.tables.faults import RowFaults
 
 REACH_MM = (16.0, 16.0)
@@ -93,6 +93,8 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
     unread = [each for each in cells.header if each.strip() and each not in {one.name for one in columns.values()}]
     description += f'; not read: {", ".join(unread)}' if unread else ''
     faults, rows = RowFaults(table), []
+    if cells.decimal_comma:
+        _require_one_decimal_mark(table, cells, columns)
     for line, row in cells.rows:
         with faults.row(line):
             values = _Row(dict(zip(cells.header, row, strict=True)), columns, cells)
@@ -109,6 +111,23 @@ def read_table(table: Path, reach_mm: tuple[float, float] = REACH_MM, untouched_
             require_possible(press, reach_mm, names)
     faults.require_none()
     return PressTable(table, description, tuple(rows))
+
+
+def _require_one_decimal_mark(table: Path, cells: Cells, columns: Mapping[str, Column]) -> None:
+    """Refuse a table with 1,250 beside 0.5: its commas may separate thousands. Raises DatasetError."""
+    numbers = {columns[quantity].name for quantity in columns.keys() & UNITS.keys()}
+    first: dict[str, tuple[int, str]] = {}
+    for line, row in cells.rows:
+        for name, text in zip(cells.header, row, strict=True):
+            for mark in ',.' if name in numbers else '':
+                if mark in text:
+                    first.setdefault(mark, (line, f'{name} is {text.strip()!r}'))
+    if len(first) > 1:
+        (before, text), (line, now) = sorted(first.values())
+        raise DatasetError(
+            f'{table}, line {line}: {now}, but in line {before} {text}: the comma may separate thousands; write '
+            'decimals one way, and thousands without a separator'
+        )
 
 
 def noise_at_rest_n(rows: Sequence[TablePress]) -> float:

@@ -100,6 +100,14 @@ def test_lines_may_end_as_on_old_machines(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_numbers_with_commas_and_with_points_in_one_table_are_refused(tmp_path: Path) -> None:
+    """As of a spreadsheet that separates thousands: 1,250 mN is 1.25 N, not 1.25 mN. Names and notes do not count."""
+    lines = 'picture\tx\ty\tforce_mn\tnote', 'a.png\t1.5\t2\t850\t1,5', 'b.png\t1\t2\t1,250\t'
+    with pytest.raises(DatasetError, match=r"line 3: force_mn is '1,250', but in line 2 x is '1\.5': .* thousands"):
+        read_table(written(tmp_path, '\n'.join(lines)))
+    assert read_table(written(tmp_path, '\n'.join(lines[:2]))).rows[0].x_mm == 1.5
+
+
 def test_commas_within_names_between_semicolons_are_no_separators(tmp_path: Path) -> None:
     (row,) = read_table(written(tmp_path, 'picture;x, mm;y, mm;force, N\na.png;-8,5;3;0,5\n')).rows
     assert (row.x_mm, row.y_mm, row.force_n) == (-8.5, 3.0, 0.5)
