@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tactile_nodes.exporting.episodes import Start
+    from tactile_nodes.exporting.episodes import Limit
     from tactile_nodes.exporting.source import Source
     from tactile_nodes.learning.progress import Progress
 
@@ -110,19 +110,22 @@ def _lerobot(arguments: argparse.Namespace, folder: Path, facts: dict[str, Any],
         arguments.action, tuple(arguments.topics), tuple(arguments.exclude), arguments.images,
     )  # fmt: skip
     left_out: dict[str, str] = {}
-    starts: list[str] = []
+    ends: list[str] = []
 
-    def over(source: Source, start: Start) -> None:
+    def over(source: Source, start: Limit, end: Limit) -> None:
         _warn(source)
         left_out.update(source.left_out)
         if start.skipped_s:
             begin = f'the first {start.skipped_s:.2f} s of the forces, before the first message of {start.topic}'
-            starts.append(f'  left out: {begin} ({source.bag.path})')
+            ends.append(f'  left out: {begin} ({source.bag.path})')
+        if end.skipped_s:
+            rest = f'the last {end.skipped_s:.2f} s of the forces, after the last message of {end.topic}'
+            ends.append(f'  left out: {rest} ({source.bag.path})')
 
     meta = export_lerobot(arguments.bag, folder, plan, facts, progress, over)
     keys = ', '.join(feature.key for feature in meta.features)
     counts = f'{meta.frames} frames in {len(meta.episodes)} episodes at {plan.fps} a second'
-    return [counts, f'  features: {keys}', *starts, *_left_out(left_out)]
+    return [counts, f'  features: {keys}', *ends, *_left_out(left_out)]
 
 
 def _left_out(topics: dict[str, str]) -> list[str]:

@@ -22,10 +22,10 @@ LONGEST_GAP_NS = 24 * 3600 * NS_PER_S
 
 
 @dataclass(frozen=True)
-class Start:
-    """Where the episodes of a bag may begin: at the first message of `topic`, the last of all topics to start.
+class Limit:
+    """Where the episodes of a bag may begin or end, the topic that sets it, and how many seconds of forces lie beyond.
 
-    This is `skipped_s` after the first force message.
+    They begin at the first message of the last topic to start, and end with the forces of the first sensor to stop.
     """
 
     at_ns: int
@@ -33,7 +33,7 @@ class Start:
     skipped_s: float
 
 
-def find_start(source: Source, topics: Iterable[str]) -> Start:
+def find_start(source: Source, topics: Iterable[str]) -> Limit:
     """The time from which on all of `topics` and all forces have a message.
 
     Raises:
@@ -43,29 +43,35 @@ def find_start(source: Source, topics: Iterable[str]) -> Start:
     first_ns = source.first_stamps_ns({*topics, *forces})
     topic = max(sorted(first_ns), key=lambda each: first_ns[each])
     earliest_ns = min(first_ns[each] for each in forces)
-    return Start(first_ns[topic], topic, max(0, first_ns[topic] - earliest_ns) / NS_PER_S)
+    return Limit(first_ns[topic], topic, max(0, first_ns[topic] - earliest_ns) / NS_PER_S)
 
 
-def find_episodes(source: Source, cut: str, start: Start) -> list[Episode]:
-    """The episodes of a bag from `start` on, in order of time; each ends at a force message.
+def find_end(source: Source) -> Limit:
+    """The time until which all sensors have forces. Raises BagError: the bag holds no forces that can be read."""
+    last_ns = {topic: source.stamps_ns(topic)[-1] for topic in _force_topics(source)}
+    topic = min(sorted(last_ns), key=lambda each: last_ns[each])
+    return Limit(last_ns[topic], topic, (max(last_ns.values()) - last_ns[topic]) / NS_PER_S)
+
+
+def find_episodes(source: Source, cut: str, start: Limit, end: Limit) -> list[Episode]:
+    """The episodes of a bag from `start` to `end`, in order of time; each ends at a force message.
 
     When cut at presses, an episode begins where the window of the previous press ended, and ends with the window of its
-    own press. With several sensors, the last episode ends at the last force of the sensor that stops first.
+    own press.
 
     Raises:
         BagError: there is no force from `start` on, their stamps jump, or the bag is to be cut at presses and has none.
     """
-    stamps = [source.stamps_ns(topic) for topic in _force_topics(source)]
-    end_ns = min(each[-1] for each in stamps)
+    stamps, end_ns = source.stamps_ns(_force_topics(source)[0]), end.at_ns
     if start.at_ns > end_ns:
         raise BagError(
             f'{start.topic} of {source.bag.path} has no message until after the last force; '
             f'leave it out with --exclude {start.topic}'
         )
-    _require_no_gap(source, stamps[0], start.at_ns, end_ns)
+    _require_no_gap(source, stamps, start.at_ns, end_ns)
     if cut == BAG:
         return [Episode(start.at_ns, end_ns)]
-    return _cut(stamps[0], start.at_ns, end_ns, _presses(source))
+    return _cut(stamps, start.at_ns, end_ns, _presses(source))
 
 
 def _require_no_gap(source: Source, stamps: list[int], start_ns: int, end_ns: int) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.errors import ConfigurationError, DatasetError
-from tactile_nodes.exporting.episodes import BAG, Start, count_outside, find_episodes, find_start
+from tactile_nodes.exporting.episodes import BAG, Limit, count_outside, find_end, find_episodes, find_start
 from tactile_nodes.exporting.features import EVENTS, Feature, features_of, png
 from tactile_nodes.exporting.lerobot_files import EpisodeFile, Meta
 from tactile_nodes.exporting.output import FACTS, write_json
@@ -49,10 +49,10 @@ def export_lerobot(
     plan: Plan,
     facts: dict[str, Any],
     progress: Progress,
-    over: Callable[[Source, Start], None] = lambda _source, _start: None,
+    over: Callable[[Source, Limit, Limit], None] = lambda _source, _start, _end: None,
 ) -> Meta:
-    """Write a data set of `bags` into `folder`; `over` is called for each bag after it was read, with the place where
-    its episodes could begin.
+    """Write a data set of `bags` into `folder`; `over` is called for each bag after it was read, with the places
+    where its episodes could begin and end.
 
     Raises:
         ConfigurationError: pyarrow is not installed, or the plan names a topic that is no vector.
@@ -63,14 +63,16 @@ def export_lerobot(
     sources = []
     for path in bags:
         with Source(path, plan.topics, plan.exclude, images=plan.images) as source:
-            start, outside = _export_bag(source, meta, plan, facts, progress)
+            start, end, outside = _export_bag(source, meta, plan, facts, progress)
             sources.append({
                 **source.facts(),
                 'force_messages_outside_episodes': outside,
                 'left_out_at_start_s': start.skipped_s,
                 'begins_with': start.topic,
+                'left_out_at_end_s': end.skipped_s,
+                'ends_with': end.topic,
             })  # fmt: skip
-            over(source, start)
+            over(source, start, end)
     if not meta.frames:
         raise DatasetError(f'there is no frame in {", ".join(map(str, bags))}; nothing was exported')
     all_facts = {
@@ -86,13 +88,14 @@ def export_lerobot(
 
 def _export_bag(
     source: Source, meta: Meta, plan: Plan, facts: dict[str, Any], progress: Progress
-) -> tuple[Start, dict[str, int]]:
+) -> tuple[Limit, Limit, dict[str, int]]:
     if not plan.topics:
         _leave_out_events(source)
     plan = _with_full_names(source, plan)
     features = features_of(list(source.layouts.values()), plan.state, plan.action)
     start = find_start(source, {feature.topic for feature in features})
-    episodes = find_episodes(source, plan.cut, start)
+    end = find_end(source)
+    episodes = find_episodes(source, plan.cut, start, end)
     meta.agree(features, source.bag.path)
     writing = _Writing(source, meta, episodes, facts)
     with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:
@@ -104,7 +107,7 @@ def _export_bag(
                 bar.advance(_TELL_EVERY)
         writing.finish()
         bar.advance(count % _TELL_EVERY)
-    return start, _outside(source, episodes)
+    return start, end, _outside(source, episodes)
 
 
 def _frames(source: Source, episodes: list[Episode], plan: Plan) -> Iterator[tuple[int, Frame | None]]:

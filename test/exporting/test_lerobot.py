@@ -288,12 +288,14 @@ def test_a_feature_that_never_was_a_number_has_no_statistics() -> None:
     assert statistics.summary() is None
 
 
-def test_each_sensor_has_its_namespace_in_front_and_frames_are_where_both_speak(tmp_path: Path) -> None:
+def test_each_sensor_has_its_namespace_in_front_and_frames_are_where_both_speak(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     writer = BagWriter(tmp_path / 'hand')
     for finger in ('left', 'right'):
         writer.add_topic(BagTopic.of_type(f'/{finger}/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
     for number in range(12):
-        for finger in ('left', 'right') if number >= 6 else ('left',):
+        for finger in ['left'] * (number < 10) + ['right'] * (number >= 6):
             stamp_ns = START_NS + number * STEP_NS
             data = messages.encode(force(number, stamp_ns))
             writer.write(f'/{finger}/{FORCE_DISTRIBUTION.name}', data, stamp_ns + 9_000_000, stamp_ns)
@@ -303,3 +305,8 @@ def test_each_sensor_has_its_namespace_in_front_and_frames_are_where_both_speak(
     assert frames['stamp_ns'][0].as_py() == START_NS + 6 * STEP_NS
     maps = [frames[f'observation.{finger}.force_map'][0].as_py() for finger in ('left', 'right')]
     assert maps[0] == maps[1] == force(6, 0).normal_force.tolist()
+    assert len(frames) == 4  # the sixth to the ninth force, 60 a second
+    facts = json.loads((tmp_path / 'set/tactile.json').read_text())['bags'][0]
+    left = f'/left/{FORCE_DISTRIBUTION.name}'
+    assert (facts['ends_with'], facts['left_out_at_end_s']) == (left, pytest.approx(2 * STEP_NS / NS_PER_S))
+    assert f'left out: the last 0.03 s of the forces, after the last message of {left}' in capsys.readouterr().out
