@@ -27,9 +27,12 @@ def made_whole(output: Path, *, replace: bool = False) -> Iterator[Path]:
         shutil.rmtree(draft, ignore_errors=True)  # left by an export that was killed
         draft.mkdir(parents=True)
         yield draft
+        replaced = draft.with_suffix('.old')
+        shutil.rmtree(replaced, ignore_errors=True)
         if output.exists():
-            shutil.rmtree(output)
+            output.rename(replaced)
         draft.rename(output)
+        shutil.rmtree(replaced, ignore_errors=True)  # last: deleting a large export takes long, and may be interrupted
     except OSError as error:
         shutil.rmtree(draft, ignore_errors=True)
         raise DatasetError(f'cannot write {output}: {error.strerror or error}; nothing was kept') from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,12 @@ from tactile_nodes.cli.main import INTERRUPTED, main
 from tactile_nodes.conversions import header, image_pixels
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.exporting import libraries
+from tactile_nodes.exporting.output import FACTS
 from tactile_nodes.exporting.parquet import ParquetSink
 from tactile_nodes.messages import types
 
 pytest.importorskip('pyarrow')
+pq = pytest.importorskip('pyarrow.parquet')
 
 
 @pytest.fixture
@@ -77,6 +80,27 @@ def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch
     before = set(bag.parent.iterdir())
     assert main(['export', 'parquet', str(bag), '-o', str(bag.parent / 'out')]) == INTERRUPTED
     assert set(bag.parent.iterdir()) == before
+
+
+def test_ctrl_c_while_the_export_before_is_deleted_leaves_the_new_one_whole(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output, delete = bag.with_name('replaced'), shutil.rmtree
+    words = ['export', 'parquet', str(bag), '-o', str(output)]
+    assert main(words) == 0
+    (output / 'force_distribution.parquet').write_bytes(b'of the export before')
+
+    def interrupt(folder: Path, **options: bool) -> None:
+        if (folder / FACTS).exists():
+            raise KeyboardInterrupt
+        delete(folder, **options)
+
+    monkeypatch.setattr(shutil, 'rmtree', interrupt)
+    main([*words, '--force'])
+    monkeypatch.undo()
+    assert len(pq.read_table(output / 'force_distribution.parquet')) == 5
+    assert main([*words, '--force']) == 0
+    assert [each.name for each in bag.parent.iterdir() if 'replaced' in each.name] == ['replaced']
 
 
 def test_without_the_library_one_sentence_says_what_to_install(
