@@ -26,13 +26,14 @@ from tactile_nodes.bus.protocol import Bus, Publisher, Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import BagError, ConfigurationError, TactileError
-from tactile_nodes.messages import encode, time_from_ns, types
+from tactile_nodes.messages import encode, stamp_ns, time_from_ns, types
 from tactile_nodes.params import parameter
 
 MEET_S = 0.3  # time in which a running subscriber connects, if it is not busy
 _MEET_AT_MOST_S, _LISTENS_AT_MOST_S = 2.1, 30.0
 _REST_S = 0.5  # time for others to process the last message, before a launch ends with this node
-_QUIET_S = 1.0  # a topic computed from the bag is complete after this time without a message
+_QUIET_S = 1.0  # a topic computed from the bag is complete after this time without a message,
+_PATIENCE_S = 30.0  # and after this time if the last picture has not been answered: the machine may be busy
 _HEALTH_PERIOD_S = 0.5
 _SHORTEST_QUEUE = 100  # a replay must lose nothing, even at ten times the rate
 
@@ -60,7 +61,7 @@ class PlayerParams(NodeParams):
     paused: bool = parameter(False, 'start paused', read_only=True)
     answer: str = parameter(
         '',
-        "topic computed from the played ones, or '*/' and its name: the player ends when no more messages of it come",
+        "topic computed from the images, or '*/' and its name: the player ends when it has come for the last image",
         read_only=True,
     )
 
@@ -79,10 +80,11 @@ class PlayerNode(Node):
         try:
             self._require_something()
             self._publishers = self._advertise()
-            self._answers = self._hear_answers()
+            self._answers = dict.fromkeys(self._hear_answers(), 0)  # stamp of the last message (ns)
         except TactileError:
             self.reader.close()
             raise
+        self._last_images: dict[str, BagMessage] = {}  # by sensor
         self._clock_publisher = self.create_publisher(topics.CLOCK) if self.params.clock_hz > 0 else None
         rate, hz = self.params.rate, self.params.clock_hz
         self.playback = Playback(
@@ -205,8 +207,28 @@ class PlayerNode(Node):
 
     def _let_others_finish(self) -> None:
         self.playback.wait(_REST_S)
-        while [each for each in self._answers if each.take() is not None]:
+        silent_s = 0.0 if self._answers else _QUIET_S
+        while silent_s < (_PATIENCE_S if self._unanswered() else _QUIET_S):
+            silent_s = 0.0 if self._take_answers() else silent_s + _QUIET_S
             self.playback.wait(_QUIET_S)
+        if (missing := self._unanswered()) and not self._stopping:
+            self.log.warn(f'{", ".join(missing)}: nothing came for the last images within {_PATIENCE_S:g} s')
+
+    def _take_answers(self) -> bool:
+        """Whether messages have come since the last call."""
+        came = [(each, received.message) for each in self._answers if (received := each.take()) is not None]
+        for each, message in came:
+            self._answers[each] = stamp_ns(message.header.stamp)
+        return bool(came)
+
+    def _unanswered(self) -> list[str]:
+        """The topics that have not come yet for the last image of their sensor."""
+        return [
+            each.topic
+            for each, answered_ns in self._answers.items()
+            if (last := self._last_images.get(each.topic.rpartition('/')[0])) is not None
+            and answered_ns < stamp_ns(self.reader.decode(last).header.stamp)
+        ]
 
     def _wait_until(self, holds: Callable[[], bool], at_most_s: float) -> None:
         for _ in range(round(at_most_s / MEET_S)):
@@ -237,6 +259,9 @@ class PlayerNode(Node):
         earlier = self.reader.types.is_completed(message.type_name)
         data = encode(self.reader.decode(message)) if earlier else message.data
         self._publishers[message.topic].publish_bytes(data)
+        sensor, _, name = message.topic.rpartition('/')
+        if name == topics.IMAGE.name:
+            self._last_images[sensor] = message
 
     def _tell_time(self, bag_ns: int) -> None:
         if self._clock_publisher is not None:

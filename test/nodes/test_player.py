@@ -133,6 +133,47 @@ def test_a_player_waits_until_what_follows_from_the_bag_has_come(bus: InProcessB
     assert clock.left == 0
 
 
+class SlowAnswers(JumpingClock):
+    """Others publish a force of the first picture at once, and of the last one after ten seconds, if at all."""
+
+    def __init__(self, bus: InProcessBus, *stamps_ns: int) -> None:
+        super().__init__(2 * START_NS)
+        topic = topics.FORCE_DISTRIBUTION
+        self.left = list(stamps_ns)
+        self._publisher = bus.advertise('/left/force_distribution', topic.type_name, topic.qos)
+        self._next_ns = self.now_ns()
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        super().sleep_until(deadline_ns)
+        if self.left and self.now_ns() >= self._next_ns:
+            self._next_ns = self.now_ns() + 10_000_000_000
+            stamp = messages.time_from_ns(self.left.pop(0))
+            self._publisher.publish(types.ForceDistribution(header=types.Header(stamp=stamp)))
+
+
+@pytest.mark.parametrize(
+    ('answered', 'said'), [(COUNT, ''), (1, '/left/force_distribution: nothing came for the last images within 30 s')]
+)
+def test_a_player_waits_for_the_force_of_the_last_picture(
+    bus: InProcessBus, tmp_path: Path, capsys: pytest.CaptureFixture[str], answered: int, said: str
+) -> None:
+    stamps_ns = [START_NS + number * 100_000_000 for number in range(COUNT)]
+    writer = BagWriter(tmp_path / 'images')
+    writer.add_topic(BagTopic.of_type('/left/image_raw', topics.IMAGE.type_name))
+    for at_ns in stamps_ns:
+        header = types.Header(stamp=messages.time_from_ns(at_ns))
+        writer.write('/left/image_raw', messages.encode(types.Image(header=header)), at_ns, at_ns)
+    writer.close()
+    values = {'bag': str(tmp_path / 'images'), 'topics': ['*/image_raw'], 'answer': '*/force_distribution'}
+    located = {name: Located(value, 'test') for name, value in values.items()}
+    clock = SlowAnswers(bus, *stamps_ns[: answered : COUNT - 1])
+    node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
+    node.spin()
+    node.close()
+    assert clock.left == []
+    assert said in capsys.readouterr().err if said else 'nothing came' not in capsys.readouterr().err
+
+
 class LateListener(JumpingClock):
     """A node that takes five seconds to start."""
 
