@@ -179,7 +179,12 @@ def read_points(path: str | Path) -> list[Triple]:
     separator = separator_of(next(iter(lines), ''))
     rows = csv.DictReader(lines, delimiter=separator, skipinitialspace=True)
     point = '.' if separator == ',' else ','
-    return [_triple(row, number, file, point) for number, row in enumerate(rows, start=1)]
+    try:
+        return [_triple(row, number, file, point) for number, row in enumerate(rows, start=1)]
+    except csv.Error as error:
+        raise ConfigurationError(
+            f'{file} is not a list of points ({error}); begin it with x_mm,y_mm,depth_mm'
+        ) from error
 
 
 def _grid(settings: PlanSettings) -> Iterable[Triple]:

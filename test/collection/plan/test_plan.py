@@ -95,7 +95,9 @@ def test_a_list_with_semicolons_or_tabs_and_decimal_commas_is_read(text: str, tm
     assert read_points(tmp_path / 'points.csv') == [(1.5, -2.0, 0.25)]
 
 
-@pytest.mark.parametrize('row', ['1,2', '1,2,-0.5', '1,2,nan', '1,2,1e308', '1,2,1\n1,2,1', '1,2,deep', ''])
+@pytest.mark.parametrize(
+    'row', ['1,2', '1,2,-0.5', '1,2,nan', '1,2,1e308', '1,2,1\n1,2,1', '1,2,deep', '', '1,2,"' + '0.5\n' * 50_000]
+)
 def test_list_that_holds_something_else_is_refused(tmp_path: Path, row: str) -> None:
     (tmp_path / 'points.csv').write_text(f'x_mm,y_mm,depth_mm\n{row}\n')
     with pytest.raises(ConfigurationError):
