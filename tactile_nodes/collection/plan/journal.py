@@ -7,6 +7,7 @@ run continues. A line that was cut off by a power cut is the last one, and is re
     {"press": 17, "attempt": 1, "step": "started", "stamp_ns": …}
     {"press": 17, "attempt": 1, "step": "recorded", "stamp_ns": …}
     {"press": 17, "attempt": 1, "step": "verified", "stamp_ns": …, "reason": "found in the bag"}
+    {"press": 0, "attempt": 0, "step": "pattern", "stamp_ns": …}
     {"press": 0, "attempt": 0, "step": "anchored", "stamp_ns": …, "reason": "x +0.01, y -0.00, z +0.01 mm"}
     {"press": 0, "attempt": 0, "step": "ended", "stamp_ns": …}
 """
@@ -30,8 +31,8 @@ VERSION = 1
 _LARGEST_BYTES = 256 << 20  # a million presses
 STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
 SUSPECT, ANCHORED, ASIDE, BROKEN_OFF = 'suspect', 'anchored', 'aside', 'broken_off'
-ENDED = 'ended'
-OF_THE_RUN = (ANCHORED, ENDED)
+PATTERN, ENDED = 'pattern', 'ended'
+OF_THE_RUN = (PATTERN, ANCHORED, ENDED)
 _OF_THE_MACHINE = ('begun', 'halted', 'acknowledged')  # in journals from before each machine had its own record
 NO_PRESS = 0
 STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ASIDE, BROKEN_OFF, *OF_THE_RUN, *_OF_THE_MACHINE)
@@ -51,8 +52,8 @@ class Entry:
     - `aside`: set aside because the force was too large; not tried again until a run has ended normally;
     - `broken_off`: rejected because a device became silent; tried again.
 
-    Press 0 stands for the run itself. `anchored`: everything recorded so far was at its place. `ended`: the run has
-    ended, with the tip up."""
+    Press 0 stands for the run itself. `pattern`: an irregular pattern of the digital line begins. `anchored`:
+    everything recorded so far was at its place. `ended`: the run has ended, with the tip up."""
 
     press: int
     attempt: int
@@ -78,6 +79,8 @@ class Journal:
         self._reasons: list[Entry] = []
         self._confirmed: set[tuple[int, int]] = set()
         self._aside: set[int] = set()
+        self.patterns = 0
+        """How many patterns the runs of this plan have begun."""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
@@ -228,6 +231,9 @@ class Journal:
     def _take(self, entry: Entry) -> None:
         if entry.step == ANCHORED:
             self._confirmed.update((each.press, each.attempt) for each in self.unconfirmed())
+            return
+        if entry.step == PATTERN:
+            self.patterns += 1
             return
         if entry.step == ENDED:
             self._aside.clear()  # after the next start by a person, presses that were set aside are tried again

@@ -23,6 +23,7 @@ from tactile_nodes.collection.plan.journal import (
     BROKEN_OFF,
     ENDED,
     NO_PRESS,
+    PATTERN,
     RECORDED,
     REJECTED,
     STARTED,
@@ -254,8 +255,8 @@ class Campaign:
 
     def _pattern(self) -> None:
         """Make edges at irregular times, to which the clocks of other recorders are fitted."""
-        number = self.progress.done + self._patterns  # increases within a run, and differs in a run that resumes it
-        gaps = list(pattern_gaps(self._plan_id, number, 2 * self._settings.sync.pulses))
+        gaps = list(pattern_gaps(self._plan_id, self._journal.patterns, 2 * self._settings.sync.pulses))
+        self._journal.note_run(PATTERN, self._hands.clock.now_ns())
         self._recovery.patiently(lambda: sync_pattern(gaps, self._settings, self._safe_z_mm))
         self._patterns += 1
         self._since_pattern = 0

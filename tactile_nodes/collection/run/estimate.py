@@ -103,9 +103,8 @@ def pressed_points(order: Sequence[Point], settings: CollectionSettings) -> Iter
 
 def patterns_s(plan_id: str, order: Sequence[Point], settings: CollectionSettings) -> float:
     """Time of the irregular patterns at the start, after every so many presses, and at the end."""
-    done = [0, *range(settings.sync.every, len(order), settings.sync.every)] if settings.sync.every else [0]
-    numbers = (presses + earlier for earlier, presses in enumerate((*done, len(order))))
-    return sum(sum(pattern_gaps(plan_id, number, 2 * settings.sync.pulses)) for number in numbers)
+    between = (len(order) - 1) // settings.sync.every if settings.sync.every else 0
+    return sum(sum(pattern_gaps(plan_id, number, 2 * settings.sync.pulses)) for number in range(between + 2))
 
 
 class Course:

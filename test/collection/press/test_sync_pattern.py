@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rehearsing import Run, changed
 
+from tactile_nodes.collection.plan.plan import PlanSettings
 from tactile_nodes.collection.press.sync_pattern import pattern_gaps
 from tactile_nodes.sensing.sync.clocks import ClockFit, Reason, Refusal, fit_clocks
 
@@ -39,6 +40,25 @@ def test_the_line_is_switched_before_the_first_press_after_the_last_and_in_betwe
     np.testing.assert_allclose(start, pattern_gaps(run.plan.plan_id, 0, 6)[1:], atol=0.02)
     assert not edges[5].level and not edges[-1].level
     assert all(record.start_ns > edges[5].stamp_ns for record in run.published)
+
+
+def test_run_that_is_resumed_after_its_second_pattern_goes_on_with_a_third(tmp_path: Path) -> None:
+    """Patterns come before the first press and after the sixth; then the run is cut off before anything is pressed."""
+    settings, plan = changed(sync={'pulses': 3, 'every': 6}), PlanSettings(columns=7, rows=1, depths_mm=(0.5,))
+
+    def cut_off() -> None:
+        raise KeyboardInterrupt
+
+    first = Run(tmp_path, settings, plan)
+    first.at(7, cut_off)
+    with pytest.raises(KeyboardInterrupt):
+        first.campaign.run()
+    first.journal.close()
+    again = Run(tmp_path, settings, plan)
+    again.campaign.run()
+    edges = again.world.line_edges()[:6]
+    gaps_s = np.diff([edge.stamp_ns for edge in edges]) / NS_PER_S
+    np.testing.assert_allclose(gaps_s, pattern_gaps(again.plan.plan_id, 2, 6)[1:], atol=0.02)
 
 
 def test_without_pulses_presses_alone_switch_it(tmp_path: Path) -> None:
