@@ -97,9 +97,9 @@ class HurriedClock(SteppedClock):
 class Rig:
     """The node in a thread, and a camera beside it."""
 
-    def __init__(self, bus: InProcessBus, folder: Path) -> None:
+    def __init__(self, bus: InProcessBus, folder: Path, more: str) -> None:
         self._clock = HurriedClock()
-        self.node = RigNode(bus, arguments(folder), self._clock)
+        self.node = RigNode(bus, arguments(folder, more), self._clock)
         self._bus = bus
         self._over = threading.Event()
         self._threads = [threading.Thread(target=self.node.spin), threading.Thread(target=self._film)]
@@ -123,11 +123,11 @@ class Rig:
 
 
 @pytest.fixture
-def start(bus: InProcessBus, tmp_path: Path) -> Iterator[Callable[[], Rig]]:
+def start(bus: InProcessBus, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
     rigs: list[Rig] = []
 
-    def begin() -> Rig:
-        rigs.append(Rig(bus, tmp_path))
+    def begin(more: str = '') -> Rig:
+        rigs.append(Rig(bus, tmp_path, more))
         return rigs[-1]
 
     yield begin
@@ -153,7 +153,7 @@ def wait_until(done: Callable[[], bool]) -> None:
         threading.Event().wait(0.02)
 
 
-def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Callable[[], Rig]) -> None:
+def test_plan_becomes_messages_that_belong_together(bus: InProcessBus, start: Callable[..., Rig]) -> None:
     names = (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE, topics.SYNC_EDGE, topics.RIG_STATE)
     presses, images, samples, edges, states = (listen(bus, topic) for topic in names)
     rest, raw = listen(bus, topics.REFERENCE_IMAGE), listen(bus, topics.FORCE_TORQUE_COUNTS)
@@ -268,7 +268,7 @@ def test_rig_that_is_started_again_while_it_pauses_goes_on_pausing(
 
 
 def test_run_waits_with_the_tip_up_for_a_recorder_that_comes_back_and_loses_no_press(
-    bus: InProcessBus, start: Callable[[], Rig], tmp_path: Path
+    bus: InProcessBus, start: Callable[..., Rig], tmp_path: Path
 ) -> None:
     names = (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE)
     states = listen(bus, topics.RIG_STATE)
@@ -295,7 +295,7 @@ def test_a_rig_that_waits_for_a_device_ends_when_it_is_asked_to(bus: InProcessBu
         RigNode(bus, begin, SystemClock())
 
 
-def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessBus, start: Callable[[], Rig]) -> None:
+def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessBus, start: Callable[..., Rig]) -> None:
     kept = [listen(bus, topic) for topic in (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE)]
     states = listen(bus, topics.RIG_STATE)
     rig = start()
@@ -329,7 +329,7 @@ def test_a_rig_goes_on_with_its_plan_unless_it_is_to_begin_anew(
 
 
 def test_a_rig_that_was_killed_says_what_to_type_and_moves_when_that_was_typed(
-    bus: InProcessBus, start: Callable[[], Rig], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    bus: InProcessBus, start: Callable[..., Rig], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     machine = record_file(SIMULATED, tmp_path)
     MachineRecord(machine).note(BEGUN, 10)  # and then it was killed
@@ -345,6 +345,22 @@ def test_a_rig_that_was_killed_says_what_to_type_and_moves_when_that_was_typed(
     wait_until(lambda: not rig.node.spinning)
     assert rig.node.failure is None
     assert sorted(each.press for each in drained(kept[0])) == [1, 2]
+
+
+def test_a_recorder_that_is_missing_when_a_person_answers_late_is_waited_for(
+    bus: InProcessBus, start: Callable[..., Rig], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    MachineRecord(record_file(SIMULATED, tmp_path)).note(BEGUN, 10)  # and then it was killed
+    kept = [listen(bus, topic) for topic in (topics.PRESS, topics.PRESS_IMAGE, topics.FORCE_TORQUE)]
+    rig = start('wait_s: 5.0')
+    wait_until(lambda: bool(rig.node._session.person.question))
+    asked_ns = rig.node.clock.now_ns()
+    wait_until(lambda: rig.node.clock.now_ns() > asked_ns + 6 * NS_PER_S)
+    kept.pop().close()
+    assert bus.call('/rig/acknowledge', services.TRIGGER, types.Trigger_Request(), PATIENCE_S).success
+    printed: list[str] = []
+    wait_until(lambda: printed.append(capsys.readouterr().err) or 'no recorder' in ''.join(printed))
+    assert 'no recorder is running; the tip stays up, waiting up to 5 s for one' in ''.join(printed)
 
 
 def test_an_answer_that_nobody_asked_for_lets_nothing_go_on_later(bus: InProcessBus, tmp_path: Path) -> None:

@@ -175,12 +175,13 @@ class Session:
 
     def _await_partners(self) -> None:
         """Wait for camera and recorder; the campaign checks whether they came."""
-        self._alone_ns = self._clock.now_ns()
-        deadline_ns = self._alone_ns + round(self._settings.wait_s * NS_PER_S)
+        start_ns = self._clock.now_ns()
+        deadline_ns = start_ns + round(self._settings.wait_s * NS_PER_S)
         while self._clock.now_ns() < deadline_ns and not self.station.hands.asked_to_stop:
             if self.station.readings.frames(0) and self._is_recorded:
                 return
             self._clock.sleep_until(self._clock.now_ns() + NS_PER_S // 20)
+        self._alone_ns = 0 if self._is_recorded else start_ns
 
     @property
     def _is_recorded(self) -> bool:
