@@ -117,9 +117,15 @@ class Safety:
 
     def _flagged(self, sample: Sample) -> bool:
         """Stop because of a sample's flags; False if none of them is a reason to."""
-        if sample.flags & (Flag.SATURATED | Flag.THRESHOLD):
-            wrong = describe_flags(sample.flags & (Flag.SATURATED | Flag.THRESHOLD))
-            self._stop(OVERLOAD, f'the load exceeds the range of the force/torque sensor: {wrong}', sample.arrival_ns)
+        if sample.flags & Flag.SATURATED:
+            self._stop(OVERLOAD, 'the load exceeds the range of the force/torque sensor', sample.arrival_ns)
+        elif sample.flags & Flag.THRESHOLD:
+            self._stop(
+                OVERLOAD,
+                'the load exceeded a threshold that is set in the force/torque sensor; it reports this until somebody '
+                'resets its threshold latch',
+                sample.arrival_ns,
+            )
         elif sample.flags & UNUSABLE:
             wrong = describe_flags(sample.flags & UNUSABLE)
             self._stop(SENSOR, f'the force/torque sensor reports: {wrong}', sample.arrival_ns)

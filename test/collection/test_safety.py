@@ -84,6 +84,13 @@ def test_load_beyond_what_the_sensor_or_its_box_allows_is_an_overload(flag: Flag
     assert [trip.kind for trip in trips] == [OVERLOAD]
 
 
+def test_threshold_that_the_box_has_latched_is_named_with_what_ends_it() -> None:
+    """Until then each sample has the flag, so that each answer is followed by the same question."""
+    safety, trips = watching()
+    safety.sample(sample(1, flags=Flag.THRESHOLD))
+    assert 'until somebody resets its threshold latch' in trips[0].reason
+
+
 def test_force_that_goes_on_to_what_is_not_bearable_stops_once_more() -> None:
     safety, trips = watching(force_n=3.0, bearable_n=5.0)
     safety.tare((0.0,) * 6)

@@ -182,9 +182,7 @@ def read_points(path: str | Path) -> list[Triple]:
     try:
         return [_triple(row, number, file, point) for number, row in enumerate(rows, start=1)]
     except csv.Error as error:
-        raise ConfigurationError(
-            f'{file} is not a list of points ({error}); begin it with x_mm,y_mm,depth_mm'
-        ) from error
+        raise ConfigurationError(f'{file} is not a list of points ({error}); check its quotation marks') from error
 
 
 def _grid(settings: PlanSettings) -> Iterable[Triple]:
