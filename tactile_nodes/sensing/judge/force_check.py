@@ -32,12 +32,16 @@ WEIGHED_S, WEIGHED_LEAST_S, STEADY_SHARE = 2.0, 1.0, 0.05
 
 @dataclass
 class ContactFrames:
-    """The frames of one contact: stamps, total force, novelty, and which frames were usable."""
+    """The frames of one contact: stamps, total force, novelty, and which frames were usable.
+
+    `continued`: the contact is longer than 30 s and was cut, and this is not its first part.
+    """
 
     stamps_ns: list[int] = field(default_factory=list)
     total_n: list[float] = field(default_factory=list)
     unlikeness: list[float] = field(default_factory=list)
     usable: list[bool] = field(default_factory=list)
+    continued: bool = False
 
     def add(self, stamp_ns: int, total_n: float, unlikeness: float, usable: bool) -> None:
         """Take one frame."""
@@ -52,6 +56,7 @@ class ContactSplitter:
 
     def __init__(self) -> None:
         self._open: ContactFrames | None = None
+        self._cut = False
 
     def feed(
         self, stamp_ns: int, total_n: float, unlikeness: float, *, in_contact: bool, usable: bool
@@ -60,11 +65,11 @@ class ContactSplitter:
         if self._open is not None and stamp_ns < self._open.stamps_ns[-1]:
             self._open = None  # a recording began again
         if in_contact:
-            self._open = self._open or ContactFrames()
+            self._open = self._open or ContactFrames(continued=self._cut)
             self._open.add(stamp_ns, total_n, unlikeness, usable)
         if self._open is None or not self._over(self._open, stamp_ns):
             return None
-        ended, self._open = self._open, None
+        ended, self._open, self._cut = self._open, None, in_contact
         return ended
 
     def _over(self, contact: ContactFrames, stamp_ns: int) -> bool:
@@ -128,8 +133,8 @@ class ForceComparison:
         self._ratios.clear()
 
     def _ratio_of(self, contact: ContactFrames) -> float | None:
-        if not self._stamps_ns or np.mean(contact.usable) < 1 - UNUSABLE_SHARE:
-            return None
+        if contact.continued or not self._stamps_ns or np.mean(contact.usable) < 1 - UNUSABLE_SHARE:
+            return None  # before a continued contact there is no zero
         stamps, vectors = np.array(self._stamps_ns), np.array(self._vectors)
         begins = contact.stamps_ns[0]
         before = (stamps >= begins - BEFORE_S[0] * NS_PER_S) & (stamps <= begins - BEFORE_S[1] * NS_PER_S)

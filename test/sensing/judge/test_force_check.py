@@ -61,6 +61,20 @@ def test_a_delay_of_a_frame_is_no_drift() -> None:
     assert abs(math.log(ratio.ratio)) < 0.01
 
 
+def test_an_object_that_is_held_for_minutes_is_compared_from_before_it_was_touched() -> None:
+    """The wrist sensor's zero is -10 N. After 30 s of a hold its mean is that of the load, which is no zero."""
+    comparison, splitter, ratios = ForceComparison(), ContactSplitter(), []
+    for step in range(6 * 100 * 20):
+        time_s = step / 20
+        force = 5.0 + math.sin(time_s) if time_s % 100 > 2 else 0.0  # held for 98 of 100 s
+        stamp = step * S // 20
+        comparison.independent(stamp, (0.0, 0.0, -10.0 - force))
+        ended = splitter.feed(stamp, force, 0.1, in_contact=force > 0, usable=True)
+        if ended is not None and (found := comparison.contact(ended)) is not None:
+            ratios.append(found.ratio)
+    assert ratios == pytest.approx([1.0, 1.0])  # from the fifth hold on
+
+
 def test_four_contacts_are_not_enough() -> None:
     assert compared(0.5, 4) is None
     assert compared(0.5, 5) is not None
