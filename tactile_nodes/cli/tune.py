@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.learning.tasks import on_cluster
-    from tactile_nodes.learning.tuning.profile import said_of, table_of, write_profile
+    from tactile_nodes.learning.tuning.profile import files_of, said_of, table_of, write_profile
     from tactile_nodes.learning.tuning.search import RecordedSource, Wish, candidates, tune
     from tactile_nodes.paths import check_output
 
@@ -79,7 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not among:
         names = ', '.join(each.name for each in candidates())
         raise ConfigurationError(f'no configuration name contains {arguments.only!r}; available: {names}')
-    check_output(arguments.output)
+    gel = Path(arguments.gel) if arguments.gel else None
+    for file in files_of(arguments.output, recorded=bool(arguments.bags)):
+        check_output(file, *arguments.bags, arguments.train, gel)
     command, progress = shlex.join(['tactile', *sys.argv[1:]]), TerminalProgress()
     source = _source(arguments)
     with on_cluster(arguments.on):

@@ -47,3 +47,19 @@ def test_a_configuration_that_does_not_exist_names_those_that_do(
 ) -> None:
     assert main(['tune', '--only', 'magic', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]) == 1
     assert 'DIS medium, 20x20, 64' in capsys.readouterr().err
+
+
+def test_a_name_that_is_not_of_a_model_is_refused_before_the_hours_of_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['tune', str(tmp_path / 'no_bag'), '--max-ms', '1', '-o', str(tmp_path / 'mine.onnx')]) == 1
+    assert 'must end in .safetensors' in capsys.readouterr().err
+
+
+def test_the_training_run_that_is_read_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The profile's own run has the name of the model, with .yaml."""
+    run = tmp_path / 'mine.yaml'
+    run.write_text('seed: 3\n')
+    words = ['tune', str(tmp_path / 'no_bag'), '--train', str(run), '--max-ms', '1']
+    assert main([*words, '-o', str(tmp_path / 'mine.safetensors')]) == 1
+    assert 'mine.yaml is read for it; choose another file' in capsys.readouterr().err

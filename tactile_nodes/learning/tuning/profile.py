@@ -15,19 +15,27 @@ from tactile_nodes.learning.tuning.search import METRICS, Tried, Tuned
 from tactile_nodes.model_file import save_model
 
 
+def files_of(output: Path, *, recorded: bool) -> list[Path]:
+    """The files of a profile: the model, its training run and, if the presses are recorded, their data set.
+
+    Raises:
+        ConfigurationError: the name is not that of a model file.
+    """
+    if output.suffix != '.safetensors':
+        raise ConfigurationError(f'the name of a model file must end in .safetensors, got {output}')
+    return [output, output.with_suffix('.yaml'), *([output.with_suffix('.npz')] if recorded else [])]
+
+
 def write_profile(chosen: Tried, output: Path, command: str, presses: RecordedPresses | None = None) -> list[Path]:
     """Write the model and a training run that reproduces it; for recorded presses, also their data set.
 
     Raises:
-        ConfigurationError: a file cannot be written.
+        ConfigurationError: a file cannot be written, or as `files_of`.
         DatasetError: the data set cannot be written.
     """
-    if output.suffix != '.safetensors':
-        raise ConfigurationError(f'the name of a model file must end in .safetensors, got {output}')
+    files = files_of(output, recorded=presses is not None)
     config = replace(chosen.config, output=output)
-    files = [output, output.with_suffix('.yaml')]
     if presses is not None:
-        files.append(output.with_suffix('.npz'))
         save_dataset(files[-1], presses)
         config = replace(config, data=replace(config.data, file=str(files[-1])))
     run = yaml.safe_dump(config.resolved(), sort_keys=False)
