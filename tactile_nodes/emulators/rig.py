@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +18,7 @@ from tactile_nodes.emulators.rig_sensor import BoxOnTheNetwork, RigSensor, Senso
 from tactile_nodes.emulators.rig_trace import RigTrace
 from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import World, WorldSettings
-from tactile_nodes.errors import AddressInUseError
+from tactile_nodes.errors import AddressInUseError, ConfigurationError
 from tactile_nodes.params import parameter
 
 LOOK_S = 0.01
@@ -67,6 +68,7 @@ class EmulatedRig:
 
     Raises:
         AddressInUseError: a port is in use.
+        ConfigurationError: a file cannot be used.
     """
 
     def __init__(self, settings: EmulatedRigSettings, clock: Clock) -> None:
@@ -74,16 +76,19 @@ class EmulatedRig:
         self.world = World(settings.world)
         self._grbl = Grbl(self.world, clock, settings.grbl)
         self._opened = ExitStack()
-        link = _link(settings.cnc_port, paths.run_directory() / 'emulated_cnc')
         try:
-            self._port = self._opened.enter_context(PtyPort(self._grbl, clock, link))
-            self.sensor = self._opened.enter_context(_sensor(settings, self.world, clock, link))
+            link = _link(settings.cnc_port, paths.run_directory() / 'emulated_cnc')
+            # First what a second rig cannot have, so that it does not replace the links of the first.
             self.camera = self._opened.enter_context(
                 CameraStream(self.world, clock, settings.fps, settings.camera_port)
             )
+            self.sensor = self._opened.enter_context(_sensor(settings, self.world, clock, link))
+            self._port = self._opened.enter_context(PtyPort(self._grbl, clock, link))
             self._trace = self._opened.enter_context(RigTrace(self.world, clock, settings.trace))
         except OSError as error:
             self._opened.close()
+            if file := error.filename2 or error.filename:
+                raise ConfigurationError(f'cannot use {file} ({error.strerror}); choose another path') from error
             raise AddressInUseError(
                 f'cannot listen at UDP {settings.rdt_port}, TCP {settings.http_port} and {settings.camera_port}: '
                 f'{error.strerror}; is another emulated rig running?'
@@ -149,4 +154,6 @@ def _sensor(settings: EmulatedRigSettings, world: World, clock: Clock, cnc_link:
 def _link(wanted: str, otherwise: Path) -> Path:
     link = Path(wanted) if wanted else otherwise
     link.parent.mkdir(parents=True, exist_ok=True)
+    if link.exists() and not link.is_symlink():
+        raise FileExistsError(errno.EEXIST, 'it is no link to a port', str(link))
     return link

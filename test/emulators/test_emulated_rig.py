@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import socket
@@ -93,6 +94,33 @@ def test_port_that_is_taken_is_reported(tmp_path: Path) -> None:
         ports = {**PORTS, 'rdt_port': taken.getsockname()[1]}
         with pytest.raises(AddressInUseError, match='another emulated rig'):
             EmulatedRig(EmulatedRigSettings(cnc_port=str(tmp_path / 'cnc'), **ports), SystemClock())
+
+
+def test_second_rig_leaves_the_first_its_serial_port(tmp_path: Path) -> None:
+    settings = EmulatedRigSettings(cnc_port=str(tmp_path / 'cnc'), **PORTS)
+    first = EmulatedRig(settings, SystemClock())
+    try:
+        port = (tmp_path / 'cnc').readlink()
+        with pytest.raises(AddressInUseError):
+            EmulatedRig(dataclasses.replace(settings, camera_port=first.camera.port), SystemClock())
+        assert (tmp_path / 'cnc').readlink() == port
+    finally:
+        first.close()
+
+
+@pytest.mark.parametrize('entry', ['cnc_port', 'sensor_port'])
+def test_file_that_is_no_link_is_kept_and_named(tmp_path: Path, entry: str) -> None:
+    (tmp_path / 'notes').write_text('mine')
+    ports = {'cnc_port': str(tmp_path / 'cnc'), entry: str(tmp_path / 'notes')}
+    with pytest.raises(ConfigurationError, match='notes'):
+        EmulatedRig(EmulatedRigSettings(sensor='bota', **ports, **PORTS), SystemClock())
+    assert (tmp_path / 'notes').read_text() == 'mine'
+
+
+def test_trace_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    trace = str(tmp_path / 'nowhere' / 'trace')
+    with pytest.raises(ConfigurationError, match='nowhere/trace'):
+        EmulatedRig(EmulatedRigSettings(cnc_port=str(tmp_path / 'cnc'), trace=trace, **PORTS), SystemClock())
 
 
 def test_clock_that_is_altered_goes_on_counting_and_reads_a_jump() -> None:
