@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
@@ -16,6 +17,17 @@ CHOICES = {
     'camera': ('fisheye', 'pinhole'),
     'pattern': ('spheres', 'dots'),
 }
+
+BOUNDS = {
+    'seed': (0, math.inf), 'size_mm': (0.1, 1000), 'height_mm': (0, 1000), 'soft_mm': (0, 100), 'skin_mm': (0, 100),
+    'layer_mm': (0.1, 100), 'shear_modulus_mpa': (1e-6, 1000), 'poisson_ratio': (0, 0.5), 'marker_count': (1, 1e6),
+    'marker_diameter_mm': (1e-3, 100), 'tip_radius_mm': (0.01, 100), 'focal_px_per_rad': (1, 1e6),
+    'image_width': (1, 10_000), 'image_height': (1, 10_000), 'blur_px': (0, 100), 'vignetting': (0, 0.99),
+    'read_noise_grey': (0, 1000), 'shot_noise_grey': (0, 1000), 'settling_share': (0, 100), 'settling_s': (1e-3, 1e4),
+    'exposure_s': (0, 10), 'jpeg_quality': (0, 100), 'light_gain': (0, 1000), 'focal_ratio': (0.01, 100),
+    'pitch_mm': (0.05, 1000), 'markers_thickness_mm': (0, 100),
+}  # fmt: skip
+"""The least and the greatest value of a property; `layer_mm` is the sum of soft gel and skin."""
 
 LATER = (
     'height_mm', 'camera', 'distortion', 'focal_ratio', 'centre_shift_px', 'pattern', 'pitch_mm',
@@ -101,6 +113,10 @@ class Gel:
                 raise ConfigurationError(
                     f'a gel has {name!r} {getattr(self, name)!r}, but it must be one of: {", ".join(choices)}'
                 )
+        for name, (low, high) in BOUNDS.items():
+            value = getattr(self, name)
+            if not all(low <= each <= high for each in (value if isinstance(value, tuple) else (value,))):
+                raise ConfigurationError(f'a gel has {name!r} {value!r}, but it must be from {low:g} to {high:g}')
         try:
             self.dome.require_shallow(self.rim.farthest_mm)
         except ValueError as error:
@@ -174,5 +190,6 @@ def _same_kind(value: object, default: object) -> bool:
     if isinstance(value, bool):
         return False
     if isinstance(default, tuple):
-        return isinstance(value, (list, tuple)) and len(value) == len(default)
+        numbers = isinstance(value, (list, tuple)) and all(_same_kind(each, 0.0) for each in value)
+        return numbers and len(value) == len(default)  # type: ignore[arg-type]
     return isinstance(value, (int, float) if isinstance(default, float) else type(default))

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from tactile_nodes.errors import ConfigurationError
@@ -55,3 +57,18 @@ def test_cards_of_a_flat_rectangle_name_no_rim_and_no_dome() -> None:
 def test_a_gel_of_no_shape_is_refused(properties: dict[str, object], said: str) -> None:
     with pytest.raises(ConfigurationError, match=said):
         Gel.from_mapping(properties)
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [('size_mm', -1.0), ('marker_count', 0), ('shear_modulus_mpa', -0.1), ('poisson_ratio', 0.6), ('vignetting', 1.0),
+     ('settling_s', 0.0), ('image_width', 0), ('marker_diameter_mm', ['a', 'b']), ('blur_px', math.nan)],
+)  # fmt: skip
+def test_property_that_no_gel_has_is_refused_by_its_name(name: str, value: object) -> None:
+    with pytest.raises(ConfigurationError, match=name):
+        Gel.from_mapping({name: value})
+
+
+def test_gel_without_thickness_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match='layer_mm'):
+        Gel(soft_mm=0.0, skin_mm=0.0)
