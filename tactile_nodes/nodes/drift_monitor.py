@@ -61,7 +61,7 @@ class DriftMonitorNode(Node):
         self._calibrated = Calibrated(self.params.model, simulated=self.params.source == 'simulated')
         self._monitor = DriftMonitor(self._calibrated.limits)
         self._states, self._stamps = self.create_publisher(topics.CALIBRATION_STATE), VerdictStamps()
-        self._reference_id = ''
+        self._reference_id, self._compared_ids = '', ('', '')
         self._gels, self._kept, self._kept_ns = GelList(), ('', 0, 0), 0
         self._rest_shape: tuple[int, ...] = ()
         self._taken_out: PictureMotion | None = None
@@ -84,8 +84,9 @@ class DriftMonitorNode(Node):
         self._compare()
 
     def _compare(self) -> None:
-        if self._calibrated.complete:
+        if self._calibrated.complete and self._calibrated.ids != self._compared_ids:  # else an estimator started again
             self._monitor.use_calibration(self._calibrated.picture(), calibrated=self._calibrated.is_calibrated)
+            self._compared_ids = self._calibrated.ids
 
     def _on_reference(self, received: Received) -> None:
         picture = conversions.image_array(received.message)

@@ -16,7 +16,7 @@ from tactile_nodes.sensing.geometry import centre_crop
 from tactile_nodes.sensing.judge.drift import Limits
 from tactile_nodes.sensing.judge.drift_alarm import Level
 from tactile_nodes.sensing.judge.drift_verdict import Verdict
-from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.sensing.rest.reference import average, content_id
 from tactile_nodes.shapes import UInt8
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Optics
@@ -69,6 +69,11 @@ class Calibrated:
     def complete(self) -> bool:
         """Whether model and rest image are known and belong together."""
         return self._shown is not None and self._shown[0] == self.model_id
+
+    @property
+    def ids(self) -> tuple[str, str]:
+        """The ids of model and rest image; the second is empty if none came yet."""
+        return self.model_id, content_id(self._shown[1]) if self._shown is not None else ''
 
     @property
     def is_calibrated(self) -> bool:

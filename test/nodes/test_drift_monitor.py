@@ -140,6 +140,19 @@ def test_another_model_that_takes_over_brings_its_own_rest_image(bench: Callable
     assert tested.published()[-1].level == STATE.LEVEL_VALID
 
 
+def test_an_estimator_that_starts_again_leaves_the_evidence_against_its_calibration(
+    bench: Callable[..., Bench],
+) -> None:
+    tested = bench()
+    tested.model()
+    tested.rest(REST)
+    tested.rest(KNOCKED)
+    tested.model()
+    tested.pictures(KNOCKED, seconds=1)
+    state = tested.published()[-1]
+    assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_MOVED_SINCE_CALIBRATION)
+
+
 def test_without_one_the_first_rest_image_stands_in(bench: Callable[..., Bench]) -> None:
     tested = bench()
     tested.model()
