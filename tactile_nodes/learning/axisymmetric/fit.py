@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse
 
+from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric.calibration import Judged, calibrated, with_correction
 from tactile_nodes.learning.axisymmetric.regions import (
     FIRST_DOUBT,
@@ -57,6 +58,7 @@ def fit_axisymmetric(
 
     Raises:
         TooFewPressesError: too few presses or images of the untouched gel.
+        DatasetError: all presses are at one place.
     """
     touched = dataset.presses[:, 2] > 0
     untouched = np.flatnonzero(~held_out & ~touched)
@@ -64,6 +66,8 @@ def fit_axisymmetric(
     require_enough('an axisymmetric response', len(untouched), len(used), LEAST_PRESSES)
     scaling = noise_scaling(dataset, untouched, config)
     inner = inner_held_out(dataset, used, config.seed)
+    if inner.all():
+        raise DatasetError('an axisymmetric response needs presses at many places, so that some can be held out')
     presses, judges = (Presses.of(dataset, used[chosen], scaling) for chosen in (~inner, inner))
     with progress.bar('measuring the response', config.turns + 2) as bar:
         response = measured(scaling, bins, presses, config, bar.advance)

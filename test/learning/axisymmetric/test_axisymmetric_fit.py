@@ -98,6 +98,14 @@ def test_too_few_presses_are_refused() -> None:
         fit_axisymmetric(presses(60, seed=1), np.zeros(60, bool), AXISYMMETRIC, BinGrid(), Progress())
 
 
+def test_presses_at_one_place_are_refused() -> None:
+    dataset = presses(200, seed=1)
+    there = dataset.presses.copy()
+    there[there[:, 2] > 0, :2] = 1.0, -2.0
+    with pytest.raises(DatasetError, match='at many places'):
+        fit_axisymmetric(replace(dataset, presses=there), np.zeros(200, bool), AXISYMMETRIC, BinGrid(), Progress())
+
+
 def test_a_run_file_that_asks_for_it_gets_an_axisymmetric_model(tmp_path: Path) -> None:
     """From the configuration to a file that the live node reads; 130 rendered presses, of regions that are large."""
     run = tmp_path / 'run.yaml'
