@@ -104,7 +104,9 @@ class ForceComparison:
         self._ratios: deque[float] = deque(maxlen=CONTACTS)
 
     def independent(self, stamp_ns: int, force_n: tuple[float, float, float]) -> None:
-        """Take a sample of the independent sensor, tared or not, in any axes."""
+        """Take a sample of the independent sensor, tared or not, in any axes; NaN for axes that are not measured."""
+        if all(map(math.isnan, force_n)):
+            return
         if self._stamps_ns and stamp_ns < self._stamps_ns[-1]:
             self._stamps_ns.clear()
             self._vectors.clear()
@@ -135,7 +137,7 @@ class ForceComparison:
     def _ratio_of(self, contact: ContactFrames) -> float | None:
         if contact.continued or not self._stamps_ns or np.mean(contact.usable) < 1 - UNUSABLE_SHARE:
             return None  # before a continued contact there is no zero
-        stamps, vectors = np.array(self._stamps_ns), np.array(self._vectors)
+        stamps, vectors = _measured(np.array(self._stamps_ns), np.array(self._vectors))
         begins = contact.stamps_ns[0]
         before = (stamps >= begins - BEFORE_S[0] * NS_PER_S) & (stamps <= begins - BEFORE_S[1] * NS_PER_S)
         if before.sum() < LEAST_SAMPLES or stamps[-1] < contact.stamps_ns[-1]:
@@ -150,7 +152,18 @@ class ForceComparison:
         return float((gel[chosen] * beside[chosen]).sum() / np.square(beside[chosen]).sum())
 
 
-def _at(wanted_ns: np.ndarray, stamps_ns: np.ndarray, vectors: Float[np.ndarray, 'n 3']) -> Float[np.ndarray, 'm 3']:
+def _measured(
+    stamps_ns: np.ndarray, vectors: Float[np.ndarray, 'n 3']
+) -> tuple[np.ndarray, Float[np.ndarray, 'm axes']]:
+    """The axes that are measured, in the samples in which none of them is NaN."""
+    vectors = vectors[:, ~np.isnan(vectors).all(axis=0)]
+    whole = ~np.isnan(vectors).any(axis=1)
+    return stamps_ns[whole], vectors[whole]
+
+
+def _at(
+    wanted_ns: np.ndarray, stamps_ns: np.ndarray, vectors: Float[np.ndarray, 'n axes']
+) -> Float[np.ndarray, 'm axes']:
     first = stamps_ns[0]
     wanted, known = (wanted_ns - first).astype(float), (stamps_ns - first).astype(float)
     return np.column_stack([np.interp(wanted, known, column) for column in vectors.T])

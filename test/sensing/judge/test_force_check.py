@@ -75,6 +75,19 @@ def test_an_object_that_is_held_for_minutes_is_compared_from_before_it_was_touch
     assert ratios == pytest.approx([1.0, 1.0])  # from the fifth hold on
 
 
+def test_a_load_cell_that_measures_one_axis_is_compared_too() -> None:
+    """An axis that is not measured is NaN; so is all of a sample now and then."""
+    comparison, splitter, ratios = ForceComparison(), ContactSplitter(), []
+    for step in range(6 * 2 * 60):
+        force = max(0.0, math.sin(math.pi * step / 60))  # a contact of one second, every two seconds
+        stamp = step * S // 60
+        comparison.independent(stamp, (math.nan, math.nan, 3.0 - force if step % 7 else math.nan))
+        ended = splitter.feed(stamp, 0.8 * force, 0.1, in_contact=force > 0.03, usable=True)
+        if ended is not None and (found := comparison.contact(ended)) is not None:
+            ratios.append(found.ratio)
+    assert ratios == pytest.approx([0.8], rel=0.01)  # of five contacts: nothing came before the first
+
+
 def test_four_contacts_are_not_enough() -> None:
     assert compared(0.5, 4) is None
     assert compared(0.5, 5) is not None
