@@ -141,7 +141,7 @@ class CameraNode(Node):
             surface = conversions.header(frame.stamp_ns, self._surface_frame())
             self._truth.publish(types.ForceDistribution(header=surface, **fields))
         if self._frames % 60 == 1:
-            self._report_picture(picture, crop)
+            self._report_picture(picture, crop, self._light.complaint(width, height))
         if self._edge is not None:
             self._tell_edges(self._edge, frame)
 
@@ -165,14 +165,16 @@ class CameraNode(Node):
             message = types.SyncEdge(header=head, line=LINE, level=bool(level), count=count, uncertainty=float(half_s))
             edge.publish(message)
 
-    def _report_picture(self, picture: np.ndarray, crop: Crop) -> None:
+    def _report_picture(self, picture: np.ndarray, crop: Crop, complaint: str) -> None:
         try:
             require_picture(picture)
         except TactileError as error:
             self.report('picture', Level.WARN, str(error))
             return
         taken = f'{crop.width}x{crop.height}'
-        if self._sensor is None and crop.width < self.params.crop:
+        if complaint:
+            self.report('picture', Level.WARN, complaint)
+        elif self._sensor is None and crop.width < self.params.crop:
             warning = f'the image is too small for a crop of {self.params.crop}; using {crop.width}'
             self.report('picture', Level.WARN, warning)
         else:

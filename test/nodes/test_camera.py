@@ -240,6 +240,14 @@ def test_picture_of_another_size_than_asked_names_both(start: Callable[..., Came
         start(f'source:={tmp_path}', 'width:=640', 'height:=480')
 
 
+def test_a_light_outside_the_picture_is_reported(start: Callable[..., CameraNode], tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / '0.png'), PATTERN)
+    region = 'light.x:=200', 'light.y:=10', 'light.width:=20', 'light.height:=20'
+    level, text = picture_status(start(f'source:={tmp_path}', 'crop:=160', *region))
+    assert level == Level.WARN
+    assert 'outside the image of 160x160' in text
+
+
 def test_black_pictures_are_reported(start: Callable[..., CameraNode], tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / '0.png'), np.zeros((440, 440), np.uint8))
     level, text = picture_status(start(f'source:={tmp_path}'))

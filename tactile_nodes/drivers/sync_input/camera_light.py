@@ -42,6 +42,12 @@ class CameraLight:
         """Whether there is a light."""
         return self._settings.width > 0 and self._settings.height > 0
 
+    def complaint(self, width: int, height: int) -> str:
+        """A message if the light is watched outside pictures of this size, where it has no edges; else empty."""
+        if not self.watched or (self._settings.x < width and self._settings.y < height):
+            return ''
+        return f'the region of the light is outside the image of {width}x{height}; set light.x and light.y'
+
     def take(self, image: np.ndarray, stamp_ns: int) -> LightEdges:
         """The edges that are certain after this frame, on the clock that stamped it."""
         s = self._settings
