@@ -29,7 +29,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
 
 DOMAIN = 71
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 ALONE = 'page:=false', 'monitor:=false', 'compiled:=false'
 """What fails without page, drift monitor and compiled loops fails with them."""
 

@@ -148,6 +148,7 @@ class EmulatedDevice:
     unreadable: bool = False  # OpenCV knows no way to make a picture of its format
     stalled: threading.Event = field(default_factory=threading.Event)
     spoil: Callable[[int, bytes], bytes] = lambda number, data: data
+    grabbed: int = 0
     opened: int = 0
     released: int = 0
     calls: list[tuple[str, float]] = field(default_factory=list)
@@ -230,6 +231,7 @@ class EmulatedCapture:
             time.sleep(0.01)
         time.sleep(self._device.slower / self._rate)
         self._number += 1
+        self._device.grabbed += 1
         self._stamp_ms = time.monotonic() * 1000 + self._device.stamp_offset_ms
         return True
 

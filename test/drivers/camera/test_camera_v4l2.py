@@ -192,14 +192,15 @@ def test_a_control_that_the_kernel_refuses_to_change_is_no_error(
     assert exposure.complaint
 
 
-def test_a_late_reader_gets_the_newest_frame_and_the_overtaken_are_counted(start, clock: SystemClock) -> None:
+def test_a_late_reader_gets_the_newest_frame_and_the_overtaken_are_counted(device, start) -> None:
     camera = start()
     first = camera.read(2.0)
     time.sleep(0.3)  # a reader that is busy: this is the behaviour under test
+    grabbed = device.grabbed
     frame = camera.read(2.0)
     assert frame.sequence - first.sequence > 10
     assert frame.dropped - first.dropped == frame.sequence - first.sequence - 1
-    assert clock.now_ns() - frame.stamp_ns < 0.1e9
+    assert frame.sequence + 1 >= grabbed - 1  # the last one may have been under way
 
 
 def test_pictures_that_are_cut_short_are_dropped_and_counted(device, start) -> None:
