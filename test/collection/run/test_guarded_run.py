@@ -103,9 +103,9 @@ def test_a_force_that_is_reached_and_not_held_is_reported() -> None:
 
 
 def test_the_force_sensor_tells_of_the_whole_hold_however_long_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Readings keep some seconds only; here a tenth of one."""
-    monkeypatch.setattr(readings, 'KEPT_NS', NS_PER_S // 10)
-    guard = dataclasses.replace(SETTINGS.guard, hold_s=0.6)
+    """Readings keep some seconds only; here half a one."""
+    monkeypatch.setattr(readings, 'KEPT_NS', NS_PER_S // 2)
+    guard = dataclasses.replace(SETTINGS.guard, hold_s=1.2)
     with opened(truth, dataclasses.replace(SETTINGS, guard=guard)) as run:
         outcome = run.run()
     assert outcome is not None
