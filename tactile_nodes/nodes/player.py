@@ -139,6 +139,9 @@ class PlayerNode(Node):
             raise BagError(f'{self.reader.path} holds no {", ".join(sorted(unknown))}{self._others(unknown)}')
         wanted = self._wanted | self._named(self.params.topics_if_there) if self._wanted else self._wanted
         played = [topic for topic in self.reader.topics.values() if self._plays(topic, wanted)]
+        for topic in played:
+            if topics.in_table(topic.name) is topics.IMAGE:  # else the forces of two sensors would mix
+                self.bus.graph().require_unpublished(names.resolve(topic.name))
         return {topic.name: self._publisher(topic, names.resolve(topic.name)) for topic in played}
 
     def _named(self, names: tuple[str, ...]) -> set[str]:

@@ -81,6 +81,17 @@ def taken(subscription: Subscription) -> list[str]:
 NUMBERS = [str(number) for number in range(COUNT)]
 
 
+def test_pictures_are_not_played_among_those_of_a_camera(bus: InProcessBus, play: Callable[..., PlayerNode]) -> None:
+    bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/camera')
+    with pytest.raises(ConfigurationError, match=r'^/image_raw is already published by /camera, '):
+        play(bag=str(EARLIER))
+
+
+def test_a_remapped_picture_is_played_beside_a_camera(bus: InProcessBus, play: Callable[..., PlayerNode]) -> None:
+    bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos, '/camera')
+    play(bag=str(EARLIER), remap=['/image_raw:=/left/image_raw'])
+
+
 def test_plays_everything_and_ends(bus, play) -> None:
     chatter = listen(bus, '/chatter')
     node = play()
