@@ -72,6 +72,11 @@ class Playback:
         """Make `run` return soon."""
         self._running = False
 
+    @property
+    def stopped(self) -> bool:
+        """Whether `stop` was called."""
+        return not self._running
+
     def wait(self, seconds: float) -> None:
         """Wait, unless stopped."""
         end_ns = self._clock.now_ns() + round(seconds * NS_PER_S)

@@ -47,7 +47,9 @@ class PlayerParams(NodeParams):
     loop: bool = parameter(False, 'start again at the end', read_only=True)
     start_offset: float = parameter(0.0, 'start this many seconds into the bag', minimum=0.0, read_only=True)
     wait_for: str = parameter(
-        '', 'node that must subscribe to all topics before playing starts; waits 30 s at most', read_only=True
+        '',
+        'node that must subscribe before playing starts; of several sensors, at least one within 30 s',
+        read_only=True,
     )
     delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
     clock_hz: float = parameter(
@@ -195,7 +197,7 @@ class PlayerNode(Node):
     def _play(self) -> None:
         try:
             self.playback.announce(self.params.start_offset)  # a rest image must arrive before the first picture
-            self._wait_until(self._is_heard, _LISTENS_AT_MOST_S)
+            self._wait_until_heard()
             self.playback.wait(MEET_S)
             self._wait_until(self._has_met_all, _MEET_AT_MOST_S)
             self.playback.wait(self.params.delay)
@@ -239,14 +241,32 @@ class PlayerNode(Node):
                 return
             self.playback.wait(MEET_S)
 
-    def _is_heard(self) -> bool:
-        """Whether the node that is waited for subscribes, if there is one; with several sensors, that of each."""
+    def _wait_until_heard(self) -> None:
+        """Wait for the node `wait_for`; with several sensors, for that of each.
+
+        Raises:
+            BagError: it does not subscribe, of no sensor: the bag would be played to nobody.
+        """
+        self._wait_until(lambda: not self._unheard(), _LISTENS_AT_MOST_S)
+        unheard = self._unheard()
+        if not unheard or self.playback.stopped:
+            return
+        nodes = ', '.join(f'{sensor}/{self.params.wait_for}' for sensor in sorted(unheard))
+        text = f'{nodes} did not subscribe within {_LISTENS_AT_MOST_S:g} s'
+        if unheard == self._sensors():
+            raise BagError(text)
+        self.log.warn(f'{text}; the images of the others are played')
+
+    def _sensors(self) -> set[str]:
+        return {topic.rpartition('/')[0] for topic in self._wanted or self._publishers}
+
+    def _unheard(self) -> set[str]:
+        """The sensors whose node `wait_for` does not subscribe."""
         if not self.params.wait_for:
-            return True
+            return set()
         ends = [end for peer in self.bus.graph().participants for end in peer.subscriptions]
         subscribed = {end.name for end in ends if end.node.rpartition('/')[2] == self.params.wait_for}
-        sensors = {topic.rpartition('/')[0] for topic in self._wanted or self._publishers}
-        return all(any(topic.startswith(f'{sensor}/') for topic in subscribed) for sensor in sensors)
+        return {each for each in self._sensors() if not any(topic.startswith(f'{each}/') for topic in subscribed)}
 
     def _has_met_all(self) -> bool:
         """Whether all running subscribers are connected, so that they receive the first message."""

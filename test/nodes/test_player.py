@@ -210,6 +210,60 @@ def test_a_player_waits_for_the_node_that_has_to_listen(bus: InProcessBus, bag: 
     assert taken(clock.chatter) == NUMBERS
 
 
+def test_a_player_that_nobody_hears_says_so_instead_of_playing(
+    bus: InProcessBus, play: Callable[..., PlayerNode]
+) -> None:
+    chatter = listen(bus, '/chatter')
+    node = play(wait_for='flow_features')
+    node.spin()
+    assert str(node.failure).endswith('/flow_features did not subscribe within 30 s')
+    assert taken(chatter) == []
+
+
+class EndedEarly(JumpingClock):
+    """The player is asked to end while it waits for the first time."""
+
+    def __init__(self) -> None:
+        super().__init__(2 * START_NS)
+        self.made = threading.Event()
+        self.node: PlayerNode | None = None
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        self.made.wait()
+        assert self.node is not None
+        self.node.playback.stop()
+        super().sleep_until(deadline_ns)
+
+
+def test_a_player_that_is_ended_while_it_waits_has_not_failed(bus: InProcessBus, bag: Path) -> None:
+    located = {'bag': Located(str(bag), 'test'), 'wait_for': Located('flow_features', 'test')}
+    clock = EndedEarly()
+    clock.node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
+    clock.made.set()
+    clock.node.spin()
+    clock.node.close()
+    assert clock.node.failure is None
+
+
+def test_one_sensor_of_a_hand_that_cannot_start_leaves_the_others_their_images(
+    bus: InProcessBus, play: Callable[..., PlayerNode], tmp_path: Path
+) -> None:
+    writer = BagWriter(tmp_path / 'hand')
+    for name in ('/left/chatter', '/right/chatter'):
+        writer.add_topic(BagTopic.of_type(name, STRING))
+        writer.write(name, text('seen'), START_NS, START_NS)
+    writer.close()
+    left = bus.subscribe('/left/chatter', STRING, Qos('queue', 100), '/left/flow_features')
+    logged = listen(bus, topics.ROSOUT.name, topics.ROSOUT.type_name)
+    node = play(bag=str(tmp_path / 'hand'), wait_for='flow_features')
+    node.spin()
+    assert node.failure is None
+    assert taken(left) == ['seen']
+    received = logged.take()
+    assert received is not None
+    assert received.message.msg.startswith('/right/flow_features did not subscribe within 30 s')
+
+
 def test_an_answer_of_no_known_topic_is_refused(play) -> None:
     with pytest.raises(ConfigurationError, match='answer: /chatter is not a topic'):
         play(answer='/chatter')
