@@ -216,7 +216,7 @@ class PlayerNode(Node):
         while silent_s < (_PATIENCE_S if self._unanswered() else _QUIET_S):
             silent_s = 0.0 if self._take_answers() else silent_s + _QUIET_S
             self.playback.wait(_QUIET_S)
-        if (missing := self._unanswered()) and not self._stopping:
+        if (missing := self._unanswered()) and not self.playback.stopped:
             self.log.warn(f'{", ".join(missing)}: nothing came for the last images within {_PATIENCE_S:g} s')
 
     def _take_answers(self) -> bool:

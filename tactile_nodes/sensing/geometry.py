@@ -252,7 +252,8 @@ class Crop:
         if width > image_width or height > image_height:
             raise ImageError(
                 f'cannot cut {width}x{height} pixels from an image of {image_width}x{image_height}; '
-                'set the camera to a larger size or the crop to a smaller one'
+                'set the camera to a larger size or the crop to a smaller one; with a model of a described sensor, '
+                'give its description too (sensor:=…)'
             )
         return cls((image_width - width) // 2, (image_height - height) // 2, width, height)
 
