@@ -49,7 +49,7 @@ class Entry:
     - `rejected`: not usable, for the `reason`;
     - `missing`: not found in the bag, or made before the plan was started anew; to be done again;
     - `suspect`: a later anchor was displaced from the one before it; to be done again;
-    - `aside`: set aside because the force was too large; not tried again until a run has ended normally;
+    - `aside`: set aside because the force was too large; not tried again until a run has ended normally, or `anew`;
     - `broken_off`: rejected because a device became silent; tried again.
 
     Press 0 stands for the run itself. `pattern`: an irregular pattern of the digital line begins. `anchored`:
@@ -121,10 +121,10 @@ class Journal:
 
     def begin_anew(self, stamp_ns: int) -> int:
         """Mark every press to be done again, with new attempt numbers; returns how many were already done."""
-        done = [entry for entry in self._last.values() if entry.step in DONE]
-        for entry in done:
+        done = self.done
+        for entry in [entry for entry in self._last.values() if entry.step in (*DONE, ASIDE)]:
             self.note(entry.press, entry.attempt, MISSING, stamp_ns, 'the plan was started anew')
-        return len(done)
+        return done
 
     def is_done(self, press: int) -> bool:
         """Whether a press needs no further attempt."""
@@ -246,6 +246,8 @@ class Journal:
         self._attempts[entry.press] = max(entry.attempt, self._attempts.get(entry.press, 0))
         if entry.step == ASIDE:
             self._aside.add(entry.press)
+        if entry.step == MISSING:
+            self._aside.discard(entry.press)
         if entry.step in {REJECTED, ASIDE, BROKEN_OFF}:
             self._reasons.append(entry)
         if entry.step in {REJECTED, ASIDE}:

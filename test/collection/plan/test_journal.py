@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_nodes.collection.plan.journal import RECORDED, REJECTED, STARTED, VERIFIED, Journal
+from tactile_nodes.collection.plan.journal import ASIDE, RECORDED, REJECTED, STARTED, VERIFIED, Journal
 from tactile_nodes.collection.plan.plan import numbered
 from tactile_nodes.errors import ConfigurationError, TactileError
 
@@ -52,6 +52,19 @@ def test_a_plan_that_is_begun_anew_is_done_whole_again_under_other_numbers(file:
         assert [journal.next_attempt(press) for press in (1, 2, 3, 4)] == [2, 2, 2, 1]
     with Journal(file, PLAN) as journal:
         assert journal.done == 0
+
+
+def test_a_plan_that_is_begun_anew_leaves_out_nothing_that_a_killed_run_had_set_aside(file: Path) -> None:
+    with Journal(file, PLAN) as journal:
+        for step in (STARTED, ASIDE):
+            journal.note(2, 1, step, 10)
+    with Journal(file, PLAN) as journal:
+        assert numbers(journal) == [1, 3, 4, 5]
+        assert journal.begin_anew(30) == 0
+        assert numbers(journal) == [1, 2, 3, 4, 5]
+        assert journal.aside == []
+    with Journal(file, PLAN) as journal:
+        assert numbers(journal) == [1, 2, 3, 4, 5]
 
 
 def test_press_is_given_up_after_so_many_rejections_until_the_next_run(file: Path) -> None:
