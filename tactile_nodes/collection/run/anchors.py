@@ -54,7 +54,7 @@ class Anchors:
 
     Args:
         settings: its place, and the largest allowed displacement.
-        press: makes a press, with images, or raises.
+        press: makes a press, with images.
     """
 
     def __init__(self, settings: AnchorSettings, press: Callable[[Point], Record]) -> None:
@@ -67,7 +67,8 @@ class Anchors:
         """Press the anchor, beside it, and again; returns the displacement of the second from the first.
 
         Raises:
-            DeviceFaultError: the image does not follow an axis, or the same place gives another image.
+            DeviceFaultError: it cannot be pressed, the image does not follow an axis, or the same place gives another
+                image.
         """
         step = self._settings.step_mm
         first = self._first = self._press_anchor(0.0, 0.0)
@@ -82,7 +83,11 @@ class Anchors:
         return shift
 
     def look(self) -> Shift:
-        """Press the anchor; returns its displacement from the first."""
+        """Press the anchor; returns its displacement from the first.
+
+        Raises:
+            DeviceFaultError: it cannot be pressed.
+        """
         assert self._first is not None
         return self.between(self._first, self._press_anchor(0.0, 0.0))
 
@@ -97,15 +102,17 @@ class Anchors:
 
     def _press_anchor(self, x_mm: float, y_mm: float) -> Record:
         s = self._settings
-        return self._press(Point(NO_PRESS, s.x_mm + x_mm, s.y_mm + y_mm, s.depth_mm))
+        record = self._press(Point(NO_PRESS, s.x_mm + x_mm, s.y_mm + y_mm, s.depth_mm))
+        if record.reason:
+            raise DeviceFaultError(
+                f'the anchor at x {record.point.x_mm:g}, y {record.point.y_mm:g} mm could not be pressed, because '
+                f'{record.reason}; does an axis stick or lose steps?'
+            )
+        return record
 
 
 def anchor_press(point: Point, ground: Ground, settings: CollectionSettings) -> Procedure[Record]:
-    """A press like any other, repeated until one can be used.
-
-    Raises:
-        DeviceFaultError: none of `limits.attempts` attempts can be used.
-    """
+    """A press like any other, repeated until one can be used, or `limits.attempts` times; returns the last."""
     record = Record(point, 0)
     frames = max(FRAMES, settings.press.frames)
     patient = dataclasses.replace(settings.press, rest_frames=FRAMES, frames=frames)
@@ -113,11 +120,8 @@ def anchor_press(point: Point, ground: Ground, settings: CollectionSettings) -> 
         record = Record(point, attempt)
         yield from press_cycle(record, ground, dataclasses.replace(settings, press=patient))
         if not record.reason:
-            return record
-    raise DeviceFaultError(
-        f'the anchor at x {point.x_mm:g}, y {point.y_mm:g} mm could not be pressed, because {record.reason}; '
-        'does an axis stick or lose steps?'
-    )
+            break
+    return record
 
 
 def follows(px_per_mm: npt.NDArray[Any], step_mm: float, side_px: int) -> npt.NDArray[Any]:

@@ -273,16 +273,17 @@ class Campaign:
         assert ground is not None
         return self._recovery.patiently(lambda: anchor_press(point, ground, self._settings))
 
-    def _press_again(self, point: Point) -> Record | None:
-        """A press of the plan, to compare it with an earlier attempt; None: its force is above the limit."""
+    def _press_again(self, point: Point) -> Record:
+        """A press of the plan, to compare it with an earlier attempt; `reason` says why it cannot be, if so."""
+        again = point._replace(press=NO_PRESS)
         try:
-            return self._anchor_press(point._replace(press=NO_PRESS))
+            return self._anchor_press(again)
         except TrippedError as tripped:
             if tripped.trip.kind != FORCE:
                 raise
             self._recovery.up()
             self._recovery.go_on_after(tripped)
-            return None
+            return Record(again, 0, reason=tripped.trip.reason, aside=True)
 
     def _leave(self) -> str:
         """Bring the tip up, unless nothing has moved; empty, or why it is not up. Homing takes it no further down."""

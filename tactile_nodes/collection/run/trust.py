@@ -30,8 +30,8 @@ class Trust:
         journal: of the plan.
         clock: for the journal.
         outlet: receives suspect presses, and returns recorded presses of earlier runs.
-        press: makes a press.
-        again: makes a press of the plan again; None: its force is too great.
+        press: makes a press, or gives it up for a `reason`.
+        again: likewise, a press of the plan.
 
     Raises:
         ConfigurationError: the anchor is deeper than the limit.
@@ -45,7 +45,7 @@ class Trust:
         clock: Clock,
         outlet: Outlet,
         press: Callable[[Point], Record],
-        again: Callable[[Point], Record | None],
+        again: Callable[[Point], Record],
     ) -> None:
         every, depth_mm, deepest_mm = settings.anchor.every, settings.anchor.depth_mm, settings.limits.depth_mm
         if every and depth_mm > deepest_mm:
@@ -116,10 +116,11 @@ class Trust:
             return
         last = deep[-1]
         later = self._again(points[last.press])
-        if later is None:
-            reason = f'the force of press {last.press} is too great now'
+        if later.reason:
+            reason = f'press {last.press} cannot be made now: {later.reason}'
             self._doubt(unconfirmed, f'the run was cut off before an anchor, and {reason}')
-            self._journal.note(last.press, last.attempt, ASIDE, self._clock.now_ns(), reason)
+            if later.aside:
+                self._journal.note(last.press, last.attempt, ASIDE, self._clock.now_ns(), reason)
             return
         try:
             shift = self._anchors.between(earlier, later)

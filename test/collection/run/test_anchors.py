@@ -6,11 +6,14 @@ import dataclasses
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from rehearsing import TABLE, Dots, Run, changed
 
+from tactile_nodes.collection.press import cycle
+from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.readings import frame_of
 from tactile_nodes.collection.run.anchors import follows
 from tactile_nodes.collection.run.shift import imprint, shift_px
@@ -203,6 +206,27 @@ def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_is_too_s
     assert last.press in second.journal.aside
     assert last.press not in {each.point.press for each in second.published}
     assert not any(each.reason for each in second.published if each.point.depth_mm < 1)
+
+
+def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_can_no_longer_be_made(
+    tmp_path: Path, dots: Dots, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There is a bubble in the gel at that place now. The other places are pressed all the same."""
+    first = interrupted(tmp_path, dots, stick=False)
+    last = next(each.point for each in reversed(first.published) if each.point.depth_mm > 1)
+    judge = cycle._judge
+
+    def strict(record: Record, *others: Any) -> None:
+        judge(record, *others)
+        if record.point[1:] == last[1:]:
+            raise cycle.RejectedError('not steady')
+
+    monkeypatch.setattr(cycle, '_judge', strict)
+    second = Run(tmp_path, SETTINGS, dots=dots)
+    second.earlier = first.published
+    assert second.campaign.run().startswith('the plan is done except for presses that were set aside or rejected')
+    assert len(second.suspects) == 3
+    assert sorted(first.recorded[:EVERY] + second.recorded) == [press for press in ALL if press != last.press]
 
 
 def test_anchor_deeper_than_the_limit_is_refused(tmp_path: Path) -> None:
