@@ -45,6 +45,7 @@ from tactile_nodes.collection.press.surface import (
 )
 from tactile_nodes.collection.press.sync_pattern import pattern_gaps, sync_pattern
 from tactile_nodes.collection.press.workspace import check_depths, check_workspace, forceful, named
+from tactile_nodes.collection.readings import Frame
 from tactile_nodes.collection.run.anchors import anchor_press
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.recovery import TOO_GREAT, Recovery
@@ -249,15 +250,18 @@ class Campaign:
 
     def _reference(self) -> None:
         """Take and publish a new rest image."""
-        frames = self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm))
+        frames = self._rest_frames()
         self._outlet.rest_image(average([frame.image for frame in frames]), frames[-1].stamp_ns)
         self._since_reference = 0
+
+    def _rest_frames(self) -> Sequence[Frame]:
+        return self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm), tip_is_up=True)
 
     def _pattern(self) -> None:
         """Make edges at irregular times, to which the clocks of other recorders are fitted."""
         gaps = list(pattern_gaps(self._plan_id, self._journal.patterns, 2 * self._settings.sync.pulses))
         self._journal.note_run(PATTERN, self._hands.clock.now_ns())
-        self._recovery.patiently(lambda: sync_pattern(gaps, self._settings, self._safe_z_mm))
+        self._recovery.patiently(lambda: sync_pattern(gaps, self._settings, self._safe_z_mm), tip_is_up=True)
         self._patterns += 1
         self._since_pattern = 0
 
@@ -298,11 +302,11 @@ class Campaign:
         if self.paused:
             self._outlet.say('paused; nothing moves until it is resumed')
         while self.paused:
-            self._recovery.patiently(breath)
+            self._recovery.patiently(breath, tip_is_up=True)
 
     def _await_recorder(self) -> None:
         while not self._outlet.require_recorder():
-            self._recovery.patiently(breath)
+            self._recovery.patiently(breath, tip_is_up=True)
 
     # Before the first press.
 
@@ -319,7 +323,7 @@ class Campaign:
         self._home()
         zero = self._recovery.tare = self._recovery.patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))
         self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, zero, 0.0)
-        noise = image_noise(self._recovery.patiently(lambda: rest_frames(self._settings, self._safe_z_mm)))
+        noise = image_noise(self._rest_frames())
         self._reference()
         self._outlet.say('searching for the surface of the gel')
         self.surface = surface = self._feel_for_surface()

@@ -111,16 +111,23 @@ class Recovery:
                 self._await_well(again.trip.reason)
         return self._require_free(trip)
 
-    def patiently(self, procedure: Callable[[], Procedure[Result]]) -> Result:
-        """Run a procedure; restart it if a device became silent, or after a person has checked."""
+    def patiently(self, procedure: Callable[[], Procedure[Result]], tip_is_up: bool = False) -> Result:
+        """Run a procedure; restart it if a device became silent, or after a person has checked.
+
+        If it leaves the tip up, a force above its limit is none of the gel, and is waited for until it is over.
+        """
         for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
                 return self._hands.run(procedure())
             except TrippedError as tripped:
                 self.write_down(tripped)
-                self.up()
-                if self._worst(tripped).kind not in {*PASSING, OVERLOAD}:
-                    raise
+                if tip_is_up and self._worst(tripped).kind == FORCE:
+                    self._hands.retreat()
+                    self._await_well(tripped.trip.reason)
+                else:
+                    self.up()
+                    if self._worst(tripped).kind not in {*PASSING, OVERLOAD}:
+                        raise
                 self.go_on_after(tripped)
         return self._hands.run(procedure())
 

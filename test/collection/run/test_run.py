@@ -368,6 +368,29 @@ def test_a_device_that_falls_silent_while_the_run_waits_with_the_tip_up_is_waite
     assert ('sensor' if silent == 'silent_sensor' else 'camera') in line
 
 
+@pytest.mark.parametrize('waiting', ['paused', 'rest image', 'pattern'])
+def test_a_bearable_force_while_the_tip_is_up_does_not_end_the_run(waiting: str, tmp_path: Path) -> None:
+    """Somebody leans on the tool for two seconds: 4 N, above the limit of 3 N, but bearable."""
+    settings = dataclasses.replace(changed(sync={'every': 3 if waiting == 'pattern' else 0}), reference_every=3)
+    run = Run(tmp_path, settings)
+    felt = run.world.wrench_at
+
+    def lean() -> None:
+        run.world.wrench_at = lambda _: (0.0, 0.0, 4.0, 0.0, 0.0, 0.0)  # type: ignore[method-assign]
+        run.after(2.0, lambda: setattr(run.world, 'wrench_at', felt))
+
+    def begin() -> None:
+        if waiting == 'paused':
+            run.campaign.paused = True
+            run.after(10.0, lambda: setattr(run.campaign, 'paused', False))
+        run.after(1.5 if waiting == 'pattern' else 0.6, lean)
+
+    run.at(3, begin)
+    assert run.campaign.run().startswith('the plan is done: 12 of 12')
+    assert all(not record.reason for record in run.published)
+    assert run.rig.hands.safety.greatest_n == pytest.approx(4.0, abs=0.1)  # it was felt
+
+
 def test_an_unbearable_force_during_a_pause_halts_the_run(tmp_path: Path) -> None:
     """Somebody leans on the tool and stays: 6 N, more than the bearable 5."""
     run = Run(tmp_path)
