@@ -13,6 +13,8 @@ import pytest
 from feeding import run
 
 from tactile_nodes import conversions, messages, params
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -22,8 +24,9 @@ from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock, SystemClock, monotonic_s
+from tactile_nodes.collection.hands import InterruptedRunError
 from tactile_nodes.collection.machine_record import BEGUN, MachineRecord, record_file
-from tactile_nodes.collection.plan.journal import STARTED, VERIFIED, Journal
+from tactile_nodes.collection.plan.journal import STARTED, VERIFIED, Entry, Journal
 from tactile_nodes.collection.run.session import Session
 from tactile_nodes.collection.safety import SENSOR
 from tactile_nodes.drivers.cnc.contract import SIMULATED
@@ -293,6 +296,37 @@ def test_a_rig_that_waits_for_a_device_ends_when_it_is_asked_to(bus: InProcessBu
     begin = dataclasses.replace(arguments(tmp_path, f'cnc.source: {tmp_path}/not_plugged_in'), ending=asked)
     with pytest.raises(AskedToEndError):
         RigNode(bus, begin, SystemClock())
+
+
+def with_a_bag(folder: Path) -> Path:
+    writer = BagWriter(folder / 'bag')
+    writer.add_topic(BagTopic.of_type('/press', topics.PRESS.type_name))
+    writer.write('/press', messages.encode(types.Press()), 1, 1)
+    writer.close()
+    return folder
+
+
+def test_a_rig_that_searches_large_bags_ends_when_it_is_asked_to(bus: InProcessBus, tmp_path: Path) -> None:
+    first = RigNode(bus, arguments(with_a_bag(tmp_path)), SystemClock())
+    plan, file = first._session.plan, tmp_path / f'{first._session.plan.plan_id}.jsonl'
+    first.close()
+    with Journal(file, plan) as journal:
+        journal.note(1, 1, STARTED, 10)
+    asked = threading.Event()
+    asked.set()
+    with pytest.raises(AskedToEndError):
+        RigNode(bus, dataclasses.replace(arguments(tmp_path), ending=asked), SystemClock())
+
+
+def test_a_run_that_searches_large_bags_ends_when_it_is_asked_to(bus: InProcessBus, tmp_path: Path) -> None:
+    node = RigNode(bus, arguments(with_a_bag(tmp_path), 'require_recorder: true'), SystemClock())
+    outlet = node._session.campaign._outlet
+    node._session.stop()
+    with pytest.raises(InterruptedRunError):
+        outlet.missing()
+    with pytest.raises(InterruptedRunError):
+        outlet.recall(Entry(1, 1, VERIFIED, 10))
+    node.close()
 
 
 def test_stop_ends_the_run_with_the_tip_up_and_without_a_failure(bus: InProcessBus, start: Callable[..., Rig]) -> None:

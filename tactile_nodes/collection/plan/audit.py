@@ -10,7 +10,7 @@ check runs after the last press of a plan: presses that fell between a killed re
 from __future__ import annotations
 
 import bisect
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from tactile_nodes import messages
@@ -24,11 +24,17 @@ from tactile_nodes.messages import types
 
 SETTLE_S = 3.0  # a recorder writes within half a second, if the disk is fast enough
 Attempt = tuple[int, int]
+Wanted = Callable[[], None]
+"""Called while a bag, which may be large, is read; raises if the search is to end."""
 
 
-def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int) -> tuple[int, int]:
+def always() -> None:
+    """`Wanted` that lets a search go on to its end."""
+
+
+def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int, still_wanted: Wanted = always) -> tuple[int, int]:
     """Resolve open entries of the journal; returns how many presses were found in the bags, and how many were not."""
-    return settle(journal, attempts_below(folder, plan_id), now_ns) if journal.unverified() else (0, 0)
+    return settle(journal, attempts_below(folder, plan_id, still_wanted), now_ns) if journal.unverified() else (0, 0)
 
 
 def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]:
@@ -46,13 +52,15 @@ def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]
     return found, missing
 
 
-def await_recorded(journal: Journal, plan_id: str, folder: Path, clock: Clock) -> set[Attempt]:
+def await_recorded(
+    journal: Journal, plan_id: str, folder: Path, clock: Clock, still_wanted: Wanted = always
+) -> set[Attempt]:
     """The attempts of the plan in the bags, after a recorder had time to write the last ones."""
     recorded = {(entry.press, entry.attempt) for entry in journal.unverified() if entry.step == RECORDED}
-    held, deadline_ns = attempts_below(folder, plan_id), clock.now_ns() + round(SETTLE_S * NS_PER_S)
+    held, deadline_ns = attempts_below(folder, plan_id, still_wanted), clock.now_ns() + round(SETTLE_S * NS_PER_S)
     while not recorded <= held and clock.now_ns() < deadline_ns:
         clock.sleep_until(clock.now_ns() + NS_PER_S // 4)
-        held = attempts_below(folder, plan_id)
+        held = attempts_below(folder, plan_id, still_wanted)
     return held
 
 
@@ -61,18 +69,18 @@ def bags_below(folder: Path) -> list[Path]:
     return sorted({file.parent for file in folder.glob('*/*.mcap')})
 
 
-def attempts_below(folder: Path, plan_id: str) -> set[Attempt]:
+def attempts_below(folder: Path, plan_id: str, still_wanted: Wanted = always) -> set[Attempt]:
     """(press, attempt) of each press in the bags of a folder that was recorded with its images."""
-    found = [presses_in(bag, plan_id) for bag in bags_below(folder)]
+    found = [presses_in(bag, plan_id, still_wanted) for bag in bags_below(folder)]
     suspects = set().union(*(suspect for _, suspect in found), set())
     return set().union(*(complete for complete, _ in found), set()) - suspects
 
 
-def presses_in(bag: Path, plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
+def presses_in(bag: Path, plan_id: str, still_wanted: Wanted = always) -> tuple[set[Attempt], set[Attempt]]:
     """(press, attempt) of the presses in a bag that are complete, and of those that it marks as suspect."""
     try:
         with BagReader(bag) as reader:
-            return _complete_presses(reader, topics_of(reader), plan_id)
+            return _complete_presses(reader, plan_id, still_wanted)
     except BagError:  # a recording that has just started, or was cut off at its start
         return set(), set()
 
@@ -82,11 +90,18 @@ def topics_of(reader: BagReader) -> list[str]:
     return [name for name in reader.metadata.topics if is_topic(name, PRESS) or is_topic(name, PRESS_IMAGE)]
 
 
-def _complete_presses(reader: BagReader, topics: list[str], plan_id: str) -> tuple[set[Attempt], set[Attempt]]:
+def messages_of(reader: BagReader, topics: list[str], still_wanted: Wanted) -> Iterator[BagMessage]:
+    """The messages on these topics, as long as the search is wanted."""
+    for found in reader.messages(topics):
+        still_wanted()
+        yield found
+
+
+def _complete_presses(reader: BagReader, plan_id: str, still_wanted: Wanted) -> tuple[set[Attempt], set[Attempt]]:
     """Images and messages have separate queues, so the last image of a press may be received after its message."""
     presses: list[types.Press] = []
     images: list[int] = []
-    for found in reader.messages(topics):
+    for found in messages_of(reader, topics_of(reader), still_wanted):
         if is_topic(found.topic, PRESS_IMAGE):
             images.append(found.publish_ns)
         elif (press := decoded(reader, found)) is not None and press.plan_id == plan_id:

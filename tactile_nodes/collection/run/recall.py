@@ -8,7 +8,7 @@ from pathlib import Path
 from tactile_nodes import conversions, messages
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE
-from tactile_nodes.collection.plan.audit import bags_below, decoded, is_topic, topics_of
+from tactile_nodes.collection.plan.audit import Wanted, always, bags_below, decoded, is_topic, messages_of, topics_of
 from tactile_nodes.collection.plan.journal import Entry
 from tactile_nodes.collection.plan.plan import Point
 from tactile_nodes.collection.press.cycle import Record
@@ -19,13 +19,13 @@ from tactile_nodes.messages import types
 REST_FRAMES = 5
 
 
-def recalled(folder: Path, plan_id: str, entry: Entry) -> Record | None:
+def recalled(folder: Path, plan_id: str, entry: Entry, still_wanted: Wanted = always) -> Record | None:
     """The attempt of an entry; None if no bag of the folder holds it with images at rest and pressed."""
     for bag in bags_below(folder):
         try:
             with BagReader(bag) as reader:
-                found = _press(reader, plan_id, entry)
-                record = _record(reader, *found) if found is not None else None
+                found = _press(reader, plan_id, entry, still_wanted)
+                record = _record(reader, *found, still_wanted) if found is not None else None
         except BagError:  # it holds no readable data
             continue
         if record is not None:
@@ -33,11 +33,11 @@ def recalled(folder: Path, plan_id: str, entry: Entry) -> Record | None:
     return None
 
 
-def _press(reader: BagReader, plan_id: str, entry: Entry) -> tuple[types.Press, int] | None:
+def _press(reader: BagReader, plan_id: str, entry: Entry, still_wanted: Wanted) -> tuple[types.Press, int] | None:
     """The press, and the end time of the one before it."""
     wanted = (plan_id, entry.press, entry.attempt, types.Press.STATUS_RECORDED)
     before_ns = 0
-    for found in reader.messages([name for name in topics_of(reader) if is_topic(name, PRESS)]):
+    for found in messages_of(reader, [name for name in topics_of(reader) if is_topic(name, PRESS)], still_wanted):
         press = decoded(reader, found)
         if press is None:
             continue
@@ -47,9 +47,9 @@ def _press(reader: BagReader, plan_id: str, entry: Entry) -> tuple[types.Press, 
     return None
 
 
-def _record(reader: BagReader, press: types.Press, before_ns: int) -> Record | None:
+def _record(reader: BagReader, press: types.Press, before_ns: int, still_wanted: Wanted) -> Record | None:
     start_ns, end_ns = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
-    frames = _frames(reader, before_ns + 1, end_ns)
+    frames = _frames(reader, before_ns + 1, end_ns, still_wanted)
     within = bisect.bisect_left([frame.stamp_ns for frame in frames], start_ns)
     rest, window = frames[:within][-REST_FRAMES:], frames[within:]
     if not rest or not window:
@@ -61,9 +61,10 @@ def _record(reader: BagReader, press: types.Press, before_ns: int) -> Record | N
     return Record(point, press.attempt, rest=rest, frames=window, wrench=wrench)
 
 
-def _frames(reader: BagReader, start_ns: int, end_ns: int) -> list[Frame]:
+def _frames(reader: BagReader, start_ns: int, end_ns: int, still_wanted: Wanted) -> list[Frame]:
     """Images by their stamps, which are the times of publishing in a bag; in order."""
     topics = [name for name in topics_of(reader) if is_topic(name, PRESS_IMAGE)]
-    kept = [reader.decode(found) for found in reader.messages(topics) if start_ns <= found.publish_ns <= end_ns]
+    found = messages_of(reader, topics, still_wanted)
+    kept = [reader.decode(each) for each in found if start_ns <= each.publish_ns <= end_ns]
     frames = [frame_of(messages.stamp_ns(image.header.stamp), conversions.image_array(image)) for image in kept]
     return sorted(frames, key=lambda frame: frame.stamp_ns)

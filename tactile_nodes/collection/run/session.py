@@ -12,6 +12,7 @@ from tactile_nodes.bus.node.log import Log
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.collection.hands import InterruptedRunError
 from tactile_nodes.collection.machine_record import MachineRecord, record_file
 from tactile_nodes.collection.plan.audit import audit, await_recorded, settle
 from tactile_nodes.collection.plan.journal import Journal
@@ -86,7 +87,7 @@ class Session:
         clock: the host's.
         log: for a person.
         answer: the command with which a person answers a question of the run.
-        still_wanted: called while a device is waited for; raises if the process is to end.
+        still_wanted: called while a bag is read or a device is waited for; raises if the process is to end.
 
     Raises:
         ConfigurationError: an invalid plan, journal or limit.
@@ -123,7 +124,7 @@ class Session:
             )
             outlet = Outlet(
                 self._record, voice.rest_image, log.info, self._require_recorder, voice.suspect,
-                lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry), self._missing,
+                lambda entry: recalled(Path(s.folder), self.plan.plan_id, entry, self._run_wanted), self._missing,
                 self.person,
             )  # fmt: skip
             machine = MachineRecord(record_file(s.cnc.source, Path(s.folder)))  # no other process has its port now
@@ -209,8 +210,13 @@ class Session:
         """See `Outlet.missing`. 0 if no bag of the folder holds any press: then all are recorded elsewhere."""
         if not self._settings.require_recorder:
             return 0
-        held = await_recorded(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock)
+        folder = Path(self._settings.folder)
+        held = await_recorded(self._journal, self.plan.plan_id, folder, self._clock, self._run_wanted)
         return settle(self._journal, held, self._clock.now_ns())[1] if held else 0
+
+    def _run_wanted(self) -> None:
+        if self.station.hands.asked_to_stop:
+            raise InterruptedRunError
 
     def _audit(self) -> None:
         if self._journal.repaired:
@@ -221,7 +227,8 @@ class Session:
                     f'starting plan {self.plan.plan_id} anew; presses of earlier runs that remain in their bags: {done}'
                 )
             return
-        found, missing = audit(self._journal, self.plan.plan_id, Path(self._settings.folder), self._clock.now_ns())
+        folder, now_ns = Path(self._settings.folder), self._clock.now_ns()
+        found, missing = audit(self._journal, self.plan.plan_id, folder, now_ns, self._still_wanted)
         if self._journal.done or missing:
             self._log.info(
                 f'resuming plan {self.plan.plan_id}: {self._journal.done} of {len(self.plan.points)} presses are '
