@@ -10,6 +10,7 @@ check runs after the last press of a plan: presses that fell between a killed re
 from __future__ import annotations
 
 import bisect
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -99,16 +100,18 @@ def messages_of(reader: BagReader, topics: list[str], still_wanted: Wanted) -> I
 
 def _complete_presses(reader: BagReader, plan_id: str, still_wanted: Wanted) -> tuple[set[Attempt], set[Attempt]]:
     """Images and messages have separate queues, so the last image of a press may be received after its message."""
-    presses: list[types.Press] = []
-    images: list[int] = []
+    presses: list[tuple[types.Press, str]] = []
+    images: defaultdict[str, list[int]] = defaultdict(list)  # by namespace: a bag may hold several rigs
     for found in messages_of(reader, topics_of(reader), still_wanted):
+        rig = found.topic.rpartition('/')[0]
         if is_topic(found.topic, PRESS_IMAGE):
-            images.append(found.publish_ns)
+            images[rig].append(found.publish_ns)
         elif (press := decoded(reader, found)) is not None and press.plan_id == plan_id:
-            presses.append(press)
-    images.sort()
-    suspects = {(press.press, press.attempt) for press in presses if press.status == types.Press.STATUS_SUSPECT}
-    return {(press.press, press.attempt) for press in presses if _is_complete(press, images)}, suspects
+            presses.append((press, rig))
+    for stamps_ns in images.values():
+        stamps_ns.sort()
+    suspects = {(press.press, press.attempt) for press, _ in presses if press.status == types.Press.STATUS_SUSPECT}
+    return {(press.press, press.attempt) for press, rig in presses if _is_complete(press, images[rig])}, suspects
 
 
 def decoded(reader: BagReader, found: BagMessage) -> types.Press | None:

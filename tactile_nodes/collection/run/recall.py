@@ -24,20 +24,23 @@ def recalled(folder: Path, plan_id: str, entry: Entry, still_wanted: Wanted = al
     for bag in bags_below(folder):
         try:
             with BagReader(bag) as reader:
-                found = _press(reader, plan_id, entry, still_wanted)
-                record = _record(reader, *found, still_wanted) if found is not None else None
+                for topic in [name for name in topics_of(reader) if is_topic(name, PRESS)]:
+                    found = _press(reader, topic, plan_id, entry, still_wanted)
+                    record = _record(reader, topic, *found, still_wanted) if found is not None else None
+                    if record is not None:
+                        return record
         except BagError:  # it holds no readable data
             continue
-        if record is not None:
-            return record
     return None
 
 
-def _press(reader: BagReader, plan_id: str, entry: Entry, still_wanted: Wanted) -> tuple[types.Press, int] | None:
+def _press(
+    reader: BagReader, topic: str, plan_id: str, entry: Entry, still_wanted: Wanted
+) -> tuple[types.Press, int] | None:
     """The press, and the end time of the one before it."""
     wanted = (plan_id, entry.press, entry.attempt, types.Press.STATUS_RECORDED)
     before_ns = 0
-    for found in messages_of(reader, [name for name in topics_of(reader) if is_topic(name, PRESS)], still_wanted):
+    for found in messages_of(reader, [topic], still_wanted):
         press = decoded(reader, found)
         if press is None:
             continue
@@ -47,9 +50,10 @@ def _press(reader: BagReader, plan_id: str, entry: Entry, still_wanted: Wanted) 
     return None
 
 
-def _record(reader: BagReader, press: types.Press, before_ns: int, still_wanted: Wanted) -> Record | None:
+def _record(reader: BagReader, topic: str, press: types.Press, before_ns: int, still_wanted: Wanted) -> Record | None:
     start_ns, end_ns = messages.stamp_ns(press.window_start), messages.stamp_ns(press.window_end)
-    frames = _frames(reader, before_ns + 1, end_ns, still_wanted)
+    images = f'{topic.rpartition("/")[0]}/{PRESS_IMAGE.name}'  # of the same rig
+    frames = _frames(reader, images, before_ns + 1, end_ns, still_wanted)
     within = bisect.bisect_left([frame.stamp_ns for frame in frames], start_ns)
     rest, window = frames[:within][-REST_FRAMES:], frames[within:]
     if not rest or not window:
@@ -61,10 +65,9 @@ def _record(reader: BagReader, press: types.Press, before_ns: int, still_wanted:
     return Record(point, press.attempt, rest=rest, frames=window, wrench=wrench)
 
 
-def _frames(reader: BagReader, start_ns: int, end_ns: int, still_wanted: Wanted) -> list[Frame]:
+def _frames(reader: BagReader, topic: str, start_ns: int, end_ns: int, still_wanted: Wanted) -> list[Frame]:
     """Images by their stamps, which are the times of publishing in a bag; in order."""
-    topics = [name for name in topics_of(reader) if is_topic(name, PRESS_IMAGE)]
-    found = messages_of(reader, topics, still_wanted)
+    found = messages_of(reader, [topic], still_wanted)
     kept = [reader.decode(each) for each in found if start_ns <= each.publish_ns <= end_ns]
     frames = [frame_of(messages.stamp_ns(image.header.stamp), conversions.image_array(image)) for image in kept]
     return sorted(frames, key=lambda frame: frame.stamp_ns)

@@ -9,10 +9,11 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rehearsing import PLAN, TABLE
 
-from tactile_nodes import messages
+from tactile_nodes import conversions, messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.collection.plan.audit import attempts_below, audit, bags_below, presses_in
@@ -20,6 +21,7 @@ from tactile_nodes.collection.plan.journal import Entry, Journal
 from tactile_nodes.collection.plan.plan import make_plan
 from tactile_nodes.collection.run.recall import recalled
 from tactile_nodes.collection.run.run_messages import suspect_message
+from tactile_nodes.messages import types
 
 PROGRAM = Path(__file__).with_name('collecting.py')
 ONCE = dict.fromkeys(range(1, 13), 1)
@@ -76,6 +78,41 @@ def test_press_that_the_bag_calls_suspect_later_is_not_held(folder: Path, tmp_pa
     for bag in bags_below(folder):
         (tmp_path / bag.name).symlink_to(bag)
     assert held - attempts_below(tmp_path, plan.plan_id) == {max(held)}
+
+
+def two_rigs_in_a_bag(folder: Path, left_ns: list[int]) -> None:
+    """A press of two images each. The left window is from 20 to 30 ns; left images are 1 grey, right ones 2."""
+    writer = BagWriter(folder / 'bag')
+    for side in ('left', 'right'):
+        writer.add_topic(BagTopic.of_type(f'/{side}/press', 'tactile_nodes/msg/Press'))
+        writer.add_topic(BagTopic.of_type(f'/{side}/press_image', 'sensor_msgs/msg/Image'))
+    for side, stamps_ns, grey in (('left', left_ns, 1), ('right', [12, 22, 24], 2)):
+        for stamp_ns in stamps_ns:
+            image = conversions.image_message(np.full((16, 16), grey, np.uint8), conversions.header(stamp_ns, 'camera'))
+            writer.write(f'/{side}/press_image', messages.encode(image), stamp_ns, stamp_ns)
+    for side, plan_id, start_ns in (('left', 'a', 20), ('right', 'b', 15)):
+        start, end = messages.time_from_ns(start_ns), messages.time_from_ns(30)
+        press = types.Press(
+            plan_id=plan_id, press=1, attempt=1, frames=2, window_start=start, window_end=end,
+            status=types.Press.STATUS_RECORDED,
+        )  # fmt: skip
+        writer.write(f'/{side}/press', messages.encode(press), start_ns, start_ns)
+    writer.close()
+
+
+def test_a_press_whose_images_were_lost_is_not_complete_with_those_of_another_rig(tmp_path: Path) -> None:
+    two_rigs_in_a_bag(tmp_path, [10, 21])
+    assert attempts_below(tmp_path, 'a') == set()
+    assert attempts_below(tmp_path, 'b') == {(1, 1)}
+
+
+def test_a_press_is_found_again_with_the_images_of_its_own_rig(tmp_path: Path) -> None:
+    two_rigs_in_a_bag(tmp_path, [10, 21, 23])
+    record = recalled(tmp_path, 'a', Entry(1, 1, 'verified', 0))
+    assert record is not None
+    assert [(frame.stamp_ns, frame.image.max()) for frame in (*record.rest, *record.frames)] == [
+        (10, 1), (21, 1), (23, 1),
+    ]  # fmt: skip
 
 
 def test_the_bag_decides_what_is_done(folder: Path, tmp_path: Path) -> None:
