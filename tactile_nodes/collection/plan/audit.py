@@ -88,7 +88,7 @@ def presses_in(bag: Path, plan_id: str, still_wanted: Wanted = always) -> tuple[
 
 def topics_of(reader: BagReader) -> list[str]:
     """Topics of presses and their images, in any namespace."""
-    return [name for name in reader.metadata.topics if is_topic(name, PRESS) or is_topic(name, PRESS_IMAGE)]
+    return [name for name in reader.topics if is_topic(name, PRESS) or is_topic(name, PRESS_IMAGE)]
 
 
 def messages_of(reader: BagReader, topics: list[str], still_wanted: Wanted) -> Iterator[BagMessage]:

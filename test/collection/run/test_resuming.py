@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 from rehearsing import PLAN, TABLE
 
 from tactile_nodes import conversions, messages
-from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.metadata import FILE_NAME, BagTopic
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.collection.plan.audit import attempts_below, audit, bags_below, presses_in
 from tactile_nodes.collection.plan.journal import Entry, Journal
@@ -78,6 +79,20 @@ def test_press_that_the_bag_calls_suspect_later_is_not_held(folder: Path, tmp_pa
     for bag in bags_below(folder):
         (tmp_path / bag.name).symlink_to(bag)
     assert held - attempts_below(tmp_path, plan.plan_id) == {max(held)}
+
+
+@pytest.mark.parametrize('left', [None, '', '\0' * 400])
+def test_presses_of_a_bag_whose_metadata_a_power_cut_took_are_held(
+    folder: Path, tmp_path: Path, left: str | None
+) -> None:
+    plan_id = make_plan(PLAN).plan_id
+    shutil.copytree(folder / 'last', tmp_path / 'last')
+    held = presses_in(tmp_path / 'last', plan_id)
+    (tmp_path / 'last' / FILE_NAME).unlink()
+    if left is not None:
+        (tmp_path / 'last' / FILE_NAME).write_text(left, encoding='utf-8')
+    assert presses_in(tmp_path / 'last', plan_id) == held
+    assert held[0]
 
 
 def two_rigs_in_a_bag(folder: Path, left_ns: list[int]) -> None:
