@@ -32,7 +32,7 @@ from tactile_nodes.collection.plan.journal import (
 from tactile_nodes.collection.plan.plan import Plan, Point
 from tactile_nodes.collection.plan.progress import Progress
 from tactile_nodes.collection.press.cycle import Ground, Record, press_cycle
-from tactile_nodes.collection.press.rest import await_recovery, breath, go_to_gel, image_noise, rest_frames
+from tactile_nodes.collection.press.rest import await_recovery, breath, go_to_gel, image_noise, rest_frames, zero
 from tactile_nodes.collection.press.speed import check_speeds
 from tactile_nodes.collection.press.surface import (
     Corner,
@@ -301,8 +301,9 @@ class Campaign:
     def _wait_while_paused(self) -> None:
         if self.paused:
             self._outlet.say('paused; nothing moves until it is resumed')
-        while self.paused:
-            self._recovery.patiently(breath, tip_is_up=True)
+        while self.paused:  # a sensor drifts in a long pause, so what is no force is measured again and again
+            still = breath if self._recovery.tare is None else partial(zero, self._settings)
+            self._recovery.tare = self._recovery.patiently(still, tip_is_up=True)
 
     def _await_recorder(self) -> None:
         while not self._outlet.require_recorder():
@@ -321,15 +322,15 @@ class Campaign:
         self._begun = True
         self._outlet.say('homing')
         self._home()
-        zero = self._recovery.tare = self._recovery.patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))
-        self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, zero, 0.0)
+        tare = self._recovery.tare = self._recovery.patiently(lambda: go_to_gel(self._settings, self._safe_z_mm))
+        self._ground = Ground(Surface(self._safe_z_mm), self._safe_z_mm, tare, 0.0)
         noise = image_noise(self._rest_frames())
         self._reference()
         self._outlet.say('searching for the surface of the gel')
         self.surface = surface = self._feel_for_surface()
         self._check_safe_height(surface)
         check_workspace(self._order, self._settings, hands.cnc.limits, surface)
-        self._ground = Ground(surface, self._safe_z_mm, zero, noise)
+        self._ground = Ground(surface, self._safe_z_mm, tare, noise)
         self._outlet.say(
             f'the surface is at z {surface.z_mm:.3f} mm, with a slope of {surface.slope_x:.4f} along x '
             f'and {surface.slope_y:.4f} along y'

@@ -16,7 +16,7 @@ from tactile_nodes.collection.plan.journal import Journal
 from tactile_nodes.collection.plan.plan import PlanSettings
 from tactile_nodes.collection.press import cycle
 from tactile_nodes.collection.press.cycle import Record
-from tactile_nodes.emulators.world import WorldSettings
+from tactile_nodes.emulators.world import WorldSettings, Wrench
 from tactile_nodes.errors import BusError, ConfigurationError, DeviceError, DeviceFaultError, TactileError
 
 ALL = list(range(1, 13))
@@ -366,6 +366,31 @@ def test_a_device_that_falls_silent_while_the_run_waits_with_the_tip_up_is_waite
     assert all(not record.reason for record in run.published)
     (line,) = [line for line in run.printed if 'waiting until it has recovered' in line]
     assert ('sensor' if silent == 'silent_sensor' else 'camera') in line
+
+
+def test_a_sensor_that_drifts_during_a_long_pause_does_not_end_the_run(tmp_path: Path) -> None:
+    """By 0.2 N in ten minutes. Then the camera is silent for a moment, after which nothing may touch: 0.05 N."""
+    run = Run(tmp_path)
+    felt = run.world.wrench_at
+
+    def drifted(time_ns: int) -> Wrench:
+        fx, fy, fz, *torque = felt(time_ns)
+        minutes = min((time_ns - begun_ns[0]) / 60e9, 10.0)
+        return (fx, fy, fz + 0.02 * minutes, *torque)  # type: ignore[return-value]
+
+    begun_ns: list[int] = []
+
+    def pause() -> None:
+        run.campaign.paused = True
+        begun_ns.append(run.rig.clock.now_ns())
+        run.world.wrench_at = drifted  # type: ignore[method-assign]
+        run.after(600.0, lambda: setattr(run.rig, 'silent_camera', True))
+        run.after(601.0, lambda: setattr(run.rig, 'silent_camera', False))
+        run.after(610.0, lambda: setattr(run.campaign, 'paused', False))
+
+    run.at(3, pause)
+    assert run.campaign.run().startswith('the plan is done: 12 of 12')
+    assert all(not record.reason for record in run.published)
 
 
 @pytest.mark.parametrize('waiting', ['paused', 'rest image', 'pattern'])
