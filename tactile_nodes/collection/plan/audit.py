@@ -19,7 +19,7 @@ from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, Topic
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.collection.plan.journal import MISSING, RECORDED, STARTED, VERIFIED, Journal
+from tactile_nodes.collection.plan.journal import MISSING, RECORDED, STARTED, VERIFIED, Entry, Journal
 from tactile_nodes.errors import BagError, MessageError
 from tactile_nodes.messages import types
 
@@ -40,17 +40,17 @@ def audit(journal: Journal, plan_id: str, folder: Path, now_ns: int, still_wante
 
 def settle(journal: Journal, held: set[Attempt], now_ns: int) -> tuple[int, int]:
     """As `audit`; `held` are the attempts that the bags hold."""
-    found = missing = 0
+    found: list[Entry] = []
+    missing: list[Entry] = []
     for entry in journal.unverified():
         if (entry.press, entry.attempt) in held:
-            journal.note(entry.press, entry.attempt, VERIFIED, now_ns, 'found in the bag')
-            found += 1
+            found.append(Entry(entry.press, entry.attempt, VERIFIED, now_ns, 'found in the bag'))
         elif entry.step == RECORDED:
-            journal.note(entry.press, entry.attempt, MISSING, now_ns, 'not found in any bag of the folder')
-            missing += 1
+            missing.append(Entry(entry.press, entry.attempt, MISSING, now_ns, 'not found in any bag of the folder'))
         else:
             assert entry.step == STARTED
-    return found, missing
+    journal.note_all([*found, *missing])
+    return len(found), len(missing)
 
 
 def await_recorded(

@@ -18,8 +18,8 @@ import contextlib
 import fcntl
 import json
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -111,9 +111,13 @@ class Journal:
         Raises:
             TactileError: it cannot be written to disk.
         """
-        entry = Entry(press, attempt, step, stamp_ns, reason)
-        self._write(entry.__dict__)
-        self._take(entry)
+        self.note_all([Entry(press, attempt, step, stamp_ns, reason)])
+
+    def note_all(self, entries: Sequence[Entry]) -> None:
+        """Write entries, in this order; the disk is waited for once. Raises as `note`."""
+        self._write(*(entry.__dict__ for entry in entries))
+        for entry in entries:
+            self._take(entry)
 
     def note_run(self, step: str, stamp_ns: int, reason: str = '') -> None:
         """Write a step of the run itself. Raises as `note`."""
@@ -122,8 +126,9 @@ class Journal:
     def begin_anew(self, stamp_ns: int) -> int:
         """Mark every press to be done again, with new attempt numbers; returns how many were already done."""
         done = self.done
-        for entry in [entry for entry in self._last.values() if entry.step in (*DONE, ASIDE)]:
-            self.note(entry.press, entry.attempt, MISSING, stamp_ns, 'the plan was started anew')
+        again = [entry for entry in self._last.values() if entry.step in (*DONE, ASIDE)]
+        why = 'the plan was started anew'
+        self.note_all([replace(entry, step=MISSING, stamp_ns=stamp_ns, reason=why) for entry in again])
         return done
 
     def is_done(self, press: int) -> bool:
@@ -253,12 +258,13 @@ class Journal:
         if entry.step in {REJECTED, ASIDE}:
             self._rejects[entry.press] = self._rejects.get(entry.press, 0) + 1
 
-    def _write(self, values: dict[str, Any]) -> None:
-        line, size = json.dumps(values).encode('ascii') + b'\n', os.fstat(self._file).st_size
+    def _write(self, *lines: dict[str, Any]) -> None:
+        text = b''.join(json.dumps(values).encode('ascii') + b'\n' for values in lines)
+        size = os.fstat(self._file).st_size
         try:
             written = 0
-            while written < len(line):  # a disk that becomes full accepts a part before it refuses
-                written += os.write(self._file, line[written:])
+            while written < len(text):  # a disk that becomes full accepts a part before it refuses
+                written += os.write(self._file, text[written:])
             os.fsync(self._file)
         except OSError as error:
             with contextlib.suppress(OSError):  # if this fails, the next start removes the incomplete line

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import signal
 from pathlib import Path
 
 import pytest
 
-from tactile_nodes.collection.plan.journal import ASIDE, RECORDED, REJECTED, STARTED, VERIFIED, Journal
+from tactile_nodes.collection.plan.audit import settle
+from tactile_nodes.collection.plan.journal import (
+    ASIDE,
+    MISSING,
+    RECORDED,
+    REJECTED,
+    STARTED,
+    VERIFIED,
+    Entry,
+    Journal,
+)
 from tactile_nodes.collection.plan.plan import numbered
 from tactile_nodes.errors import ConfigurationError, TactileError
 
@@ -65,6 +76,26 @@ def test_a_plan_that_is_begun_anew_leaves_out_nothing_that_a_killed_run_had_set_
         assert journal.aside == []
     with Journal(file, PLAN) as journal:
         assert numbers(journal) == [1, 2, 3, 4, 5]
+
+
+def test_what_a_search_of_the_bags_finds_waits_for_the_disk_once(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk takes some milliseconds each time: minutes for the presses of a large plan."""
+    with Journal(file, PLAN) as journal:
+        for press in (1, 2, 3):
+            journal.note(press, 1, STARTED, 10)
+            journal.note(press, 1, RECORDED, 20)
+        waits, fsync = [], os.fsync
+        monkeypatch.setattr(os, 'fsync', lambda opened: waits.append(fsync(opened)))
+        assert settle(journal, {(1, 1), (3, 1)}, 30) == (2, 1)
+        assert len(waits) == 1
+        assert journal.begin_anew(40) == 2
+        assert len(waits) == 2
+    with Journal(file, PLAN) as journal:
+        assert [journal.last(press) for press in (1, 2, 3)] == [
+            Entry(1, 1, MISSING, 40, 'the plan was started anew'),
+            Entry(2, 1, MISSING, 30, 'not found in any bag of the folder'),
+            Entry(3, 1, MISSING, 40, 'the plan was started anew'),
+        ]
 
 
 def test_press_is_given_up_after_so_many_rejections_until_the_next_run(file: Path) -> None:
