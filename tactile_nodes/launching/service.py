@@ -223,4 +223,7 @@ class LaunchService:
 
 
 def _ended(code: int) -> str:
-    return f'exit code {code}' if code > 0 else f'it was killed by {signal.Signals(-code).name}'
+    if code > 0:
+        return f'exit code {code}'
+    named = {each.value: each.name for each in signal.Signals}  # of the real-time signals, only the first and the last
+    return f'it was killed by {named.get(-code, f"signal {-code}")}'

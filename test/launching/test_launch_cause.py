@@ -19,6 +19,7 @@ import pytest
         ('raise ValueError("a bug")', 'ValueError: a bug'),
         ('raise SystemExit(3)', 'exit code 3'),
         ('import os; os.kill(os.getpid(), 9)', 'it was killed by SIGKILL'),
+        ('import os; os.kill(os.getpid(), 40)', 'it was killed by signal 40'),
         (
             'import os, sys; print("camera: a damaged picture", file=sys.stderr); os.kill(os.getpid(), 9)',
             'it was killed by SIGKILL; its last error: camera: a damaged picture',
@@ -86,3 +87,17 @@ def test_a_launch_that_is_reported_to_end_blames_nobody(launch, program):
     )
     assert status == 0
     assert not any('failed:' in line for line in shown)
+
+
+def test_a_process_that_fails_silently_is_not_blamed_with_what_it_said_before_its_restart(launch, program, tmp_path):
+    code = f"""\
+        import os, sys
+        if os.path.exists('{tmp_path}/again'): sys.exit(3)
+        open('{tmp_path}/again', 'x')
+        print('camera: a damaged picture', file=sys.stderr)
+        os.kill(os.getpid(), 9)
+        """
+    options = "output: screen, on_exit: shutdown, respawn: 'true'"
+    status, shown, _ = launch(f'- executable: {{cmd: {program(code)}, {options}}}\n')
+    assert status == 1
+    assert shown[-1] == '[ERROR] [launch]: program-1 failed: exit code 3'

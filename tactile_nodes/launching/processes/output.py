@@ -127,9 +127,14 @@ class LaunchLog:
                 self._write(f'{line.source}.log', str(line))
 
     def last_complaint(self, source: str) -> str:
-        """The last error that a process reported; empty if none."""
+        """The last error that a process reported since its start; empty if none."""
         with self._lock:
             return self._complaints.get(source, '')
+
+    def forget_complaint(self, source: str) -> None:
+        """A process starts again: what it reported before is not why this run ends."""
+        with self._lock:
+            self._complaints.pop(source, None)
 
     def close(self) -> None:
         """Close the files; later output of a process that could not be stopped is lost."""

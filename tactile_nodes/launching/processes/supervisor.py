@@ -52,6 +52,7 @@ class Supervisor:
 
     def start(self) -> None:
         self._say('DEBUG', f"process details: cmd='{self.plan.command_line}', cwd='{self.plan.cwd}'")
+        self._log.forget_complaint(self.plan.name)
         try:
             child = Child(self.plan, self._mark, self._log, self._report)
         except OSError as error:
