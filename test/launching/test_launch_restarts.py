@@ -111,3 +111,23 @@ def test_processes_of_a_launch_are_reported_where_to_keep_what_they_decide(tmp_p
     (line,) = (text for text in shown if 'kept in' in text)
     assert line.endswith('/kept')
     assert Path(line.partition('kept in ')[2]).parent.parent == tmp_path / 'logs'
+
+
+@pytest.mark.parametrize('needed', ['', ', on_exit: shutdown'])
+def test_a_process_whose_program_is_missing_at_a_restart_is_tried_again(tmp_path: Path, needed: str) -> None:
+    """An upgrade of the package removes the programs, and writes them again a moment later."""
+    action(f'mv {tmp_path}/program {tmp_path}/away; kill -9 $$', tmp_path)
+    file = tmp_path / 'test.launch.yaml'
+    options = f"respawn: 'true', respawn_delay: 0.01{needed}"
+    file.write_text(f'launch:\n  - executable: {{cmd: {tmp_path}/program, {options}}}\n', encoding='utf-8')
+    shown: list[str] = []
+
+    def screen(line: Line) -> None:
+        shown.append(str(line))
+        if 'could not be started' in shown[-1]:
+            action('exec sleep 60', tmp_path)
+        if starts(shown) == 2:
+            service.shutdown('the test is over')
+
+    service = LaunchService(file, screen=screen, environment=os.environ, log_base=tmp_path / 'logs')
+    assert (service.run(), starts(shown)) == (0, 2)

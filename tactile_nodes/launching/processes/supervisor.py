@@ -58,7 +58,10 @@ class Supervisor:
         except OSError as error:
             self.refusal = f'{error.strerror or error}: {error.filename or self.plan.command[0]}'
             self._say('ERROR', f'process could not be started: {self.refusal}')
-            self._over(self, None)
+            if self._respawns and self._has_tries:  # a package that is being upgraded has no programs for a while
+                self._start_later(quick=True)
+            else:
+                self._over(self, None)
             return
         self._child = child
         self._started_s = clock.monotonic_s()
@@ -117,11 +120,14 @@ class Supervisor:
             self._say('ERROR', f'process has died [pid {pid}, exit code {code}].')
         quick = clock.monotonic_s() - self._started_s < SETTLED_S
         if self._may_respawn(code, quick):
-            self._respawns += 1
-            self._quick = self._quick + 1 if quick else 0
-            self._appointments.append(self._agenda.after(self._delay_s, self.start))
+            self._start_later(quick=quick)
         else:
             self._over(self, code)
+
+    def _start_later(self, *, quick: bool) -> None:
+        self._respawns += 1
+        self._quick = self._quick + 1 if quick else 0
+        self._appointments = [self._agenda.after(self._delay_s, self.start)]
 
     @property
     def _delay_s(self) -> float:
@@ -136,8 +142,11 @@ class Supervisor:
         plan = self.plan
         if plan.required and (code in {0, NOT_AGAIN} or (code > 0 and quick)):
             return False
-        left = plan.respawn_max_retries < 0 or self._respawns < plan.respawn_max_retries
-        return plan.respawn and left and not self._stopping
+        return plan.respawn and self._has_tries and not self._stopping
+
+    @property
+    def _has_tries(self) -> bool:
+        return self.plan.respawn_max_retries < 0 or self._respawns < self.plan.respawn_max_retries
 
     def _cancel(self) -> None:
         for appointment in self._appointments:
