@@ -174,6 +174,18 @@ def test_of_a_simulated_camera_the_gel_on_the_card_is_known(bench: Callable[...,
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_OTHER_GEL)
 
 
+def test_of_a_calibration_without_rest_image_the_first_of_another_size_stands_in(bench: Callable[..., Bench]) -> None:
+    """The camera was started with another crop, and then with the right one."""
+    tested = bench()
+    tested.model()
+    tested.rest(OTHER[:160, :160])
+    tested.rest(REST)
+    assert len(states := tested.published()) == 2
+    assert (states[-1].calibration, states[-1].level) == (FIRST, STATE.LEVEL_VALID)
+    tested.rest(KNOCKED)
+    assert tested.published()[-1].reasons == STATE.REASON_MOVED_SINCE_CALIBRATION
+
+
 def test_a_weight_on_the_gel_is_compared_when_asked(bench: Callable[..., Bench]) -> None:
     tested = bench('weight_g:=100.0')
     tested.rest(REST)

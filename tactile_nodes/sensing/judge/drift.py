@@ -99,6 +99,7 @@ class DriftMonitor:
         self._rest: PictureComparison | None = None
         self._calibration: PictureComparison | None = None
         self._last_rest: np.ndarray | None = None
+        self._first_stands_in = True
         self._bands: RollingBands | None = None
         self._dead = DeadPixels(looks=1, seldom=1)
         self._since_rest: PictureChange | None = None
@@ -113,8 +114,8 @@ class DriftMonitor:
     def use_calibration(self, picture: UInt8[np.ndarray, 'h w'] | None, *, calibrated: bool = True) -> None:
         """Take the rest image of the calibration, and forget what was measured with another calibration.
 
-        If it is None, the next rest image is used instead. If not `calibrated`, the model follows from a description
-        alone, and the verdict says so while nothing is wrong.
+        If it is None, the next rest image is used instead, and again the first one of another size. If not
+        `calibrated`, the model follows from a description alone, and the verdict says so while nothing is wrong.
         """
         self._is_calibrated = calibrated
         for alarm in (self._calibrated, self._dented, self._other_since_calibration, self._unlike, self._force):
@@ -122,6 +123,7 @@ class DriftMonitor:
         self._comparison.clear()
         self._unlike_contacts.clear()
         self._ratio = self._since_calibration = None
+        self._first_stands_in = picture is None
         self._calibration = None if picture is None else PictureComparison(picture)
         if self._last_rest is not None:
             self._compare_rest(self._last_rest)
@@ -137,6 +139,8 @@ class DriftMonitor:
         self._since_rest = self._quiet_ns = None
         self._rest = None
         self._rest = PictureComparison(picture)
+        if self._first_stands_in and self._last_rest is not None and self._last_rest.shape != picture.shape:
+            self._calibration = None
         self._last_rest = np.array(picture)
         self._bands = RollingBands(self._last_rest)
         self._dead.beside(self._last_rest)
