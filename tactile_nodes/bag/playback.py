@@ -99,23 +99,24 @@ class Playback:
         self._announced = {_key(message) for message in latched_early}
 
     def run(self, start_offset_s: float = 0.0, loop: bool = False) -> None:
-        """Play from `start_offset_s` to the end; with `loop`, repeatedly."""
-        self._run_once(start_offset_s)
-        while loop and self._running and self.published:
+        """Play from `start_offset_s` to the end; with `loop`, repeatedly, unless only latched messages are left."""
+        while self._run_once(start_offset_s) and loop:
             self._announced = None
-            self._run_once(start_offset_s)
 
-    def _run_once(self, start_offset_s: float) -> None:
+    def _run_once(self, start_offset_s: float) -> bool:
+        """Returns whether anything was played after the announcement, and to the end."""
         start_ns = self._start_ns(start_offset_s)
         if self._announced is None:
             self.announce(start_offset_s)
         self.timeline.start(self._clock.now_ns(), start_ns)
+        announced = self.published
         for message in self._reader.messages(self._topics, start_ns):
             if self._announced and _key(message) in self._announced:
                 continue
             if not self._wait_until_due(message.log_ns):
-                return
+                return False
             self._publish(message)
+        return self._running and self.published > announced
 
     def _start_ns(self, offset_s: float) -> int:
         return self._reader.extent.start_ns + round(offset_s * NS_PER_S)

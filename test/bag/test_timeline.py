@@ -190,3 +190,18 @@ def test_what_several_publishers_of_a_latched_topic_said_is_all_played_first(tmp
         writer.write('/tf_static', text(number), START_NS + number, START_NS - 1000)
     writer.close()
     assert [data for _, _, data in played(tmp_path / 'bag', clock)] == [text(1), text(2), force(0, START_NS)]
+
+
+def test_a_loop_that_has_only_latched_messages_left_ends(bag: Path, clock: JumpingClock) -> None:
+    """They would be published again and again without a pause."""
+    found: list[bytes] = []
+    with BagReader(bag) as reader:
+
+        def publish(message) -> None:
+            found.append(message.data)
+            if len(found) == 12:
+                playback.stop()
+
+        playback = Playback(reader, ['/text'], publish, clock)
+        playback.run(0.095, loop=True)
+    assert found == [[sample.data for sample in samples(10) if sample.topic == '/text'][-1]]
