@@ -61,8 +61,9 @@ Screen = Callable[[Line], None]
 
 
 def print_line(line: Line) -> None:
-    """The default screen."""
-    sys.stdout.write(f'{line}\n')
+    """The default screen; a letter that the terminal lacks is shown as its code."""
+    encoding = sys.stdout.encoding
+    sys.stdout.write(f'{line}\n'.encode(encoding, 'backslashreplace').decode(encoding))
     sys.stdout.flush()
 
 

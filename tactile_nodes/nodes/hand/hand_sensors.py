@@ -22,7 +22,7 @@ from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.clock import Clock
 from tactile_nodes.launching.again import LaunchedAgain
 from tactile_nodes.launching.hand import arguments_of, parameter_text
-from tactile_nodes.launching.processes.output import Line, Screen
+from tactile_nodes.launching.processes.output import Line, Screen, print_line
 from tactile_nodes.launching.service import LaunchService
 from tactile_nodes.params import parameter
 from tactile_nodes.paths import log_directory, share_directory
@@ -92,8 +92,7 @@ class HandSensorsNode(Node):
 
     def _launched(self, sensor: HandSensor) -> LaunchedAgain:
         def show(line: Line) -> None:
-            sys.stdout.write(f'[{sensor.name}] {line}\n')
-            sys.stdout.flush()
+            print_line(Line(sensor.name, str(line)))
 
         return LaunchedAgain(lambda screen, number: self._service(sensor, screen, number), show)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import ClassVar
@@ -11,7 +13,7 @@ import pytest
 
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
-from tactile_nodes.launching.processes.output import Screen
+from tactile_nodes.launching.processes.output import Line, Screen
 from tactile_nodes.launching.service import LaunchService
 from tactile_nodes.nodes.hand import hand_sensors
 from tactile_nodes.nodes.hand.hand_sensors import HandSensorsNode
@@ -23,10 +25,12 @@ class NeverLaunched:
     """A `LaunchedAgain` that only remembers how its launches are made."""
 
     made: ClassVar[list[Make]] = []
+    screens: ClassVar[list[Screen]] = []
     trouble = ''
 
     def __init__(self, make: Make, screen: Screen) -> None:
         self.made.append(make)
+        self.screens.append(screen)
 
     def start(self) -> None:
         pass
@@ -43,6 +47,7 @@ def makes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Make
     """One for each sensor of a hand, whose logs are below the folder of the test."""
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
     monkeypatch.setattr(NeverLaunched, 'made', [])
+    monkeypatch.setattr(NeverLaunched, 'screens', [])
     monkeypatch.setattr(hand_sensors, 'LaunchedAgain', NeverLaunched)
     (tmp_path / 'hand.yaml').write_text('sensors: [{name: left, model: fast}]\n')
     words = ['--ros-args', '-p', f'hand:={tmp_path}/hand.yaml']
@@ -58,3 +63,11 @@ def test_a_sensor_is_launched_again_after_somebody_has_cleared_the_logs(tmp_path
     shutil.rmtree(tmp_path / 'log')
     make(lambda _: None, 1)
     assert [file.name for file in tmp_path.glob('log/hand/parameters_*/*')] == ['left.yaml']
+
+
+@pytest.mark.usefixtures('makes')
+def test_a_letter_that_the_terminal_lacks_is_shown_as_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, 'stdout', io.TextIOWrapper(written := io.BytesIO(), encoding='latin-1'))
+    (screen,) = NeverLaunched.screens
+    screen(Line('camera_node-1', 'Kamera geht nicht → prüfen'))
+    assert written.getvalue() == b'[left] [camera_node-1] Kamera geht nicht \\u2192 pr\xfcfen\n'
