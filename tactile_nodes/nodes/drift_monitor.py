@@ -65,6 +65,7 @@ class DriftMonitorNode(Node):
         self._gels, self._kept, self._kept_ns = GelList(), ('', 0, 0), 0
         self._rest_shape: tuple[int, ...] = ()
         self._taken_out: PictureMotion | None = None
+        self._last_force: Received | None = None
         self.create_subscription(topics.MODEL_IN_USE, self._on_model)
         self.create_subscription(topics.CALIBRATION_IMAGE, self._on_calibration)
         self.create_subscription(topics.REFERENCE_IMAGE, self._on_reference)
@@ -112,6 +113,7 @@ class DriftMonitorNode(Node):
 
     def _on_force(self, received: Received) -> None:
         force: types.ForceDistribution = received.message
+        self._last_force = received
         self._monitor.force(
             stamp_ns(force.header.stamp), force.total, force.unlikeness,
             in_contact=force.in_contact, usable=usable(force),
@@ -122,7 +124,8 @@ class DriftMonitorNode(Node):
         self._monitor.independent_force(stamp_ns(received.message.header.stamp), (force.x, force.y, force.z))
 
     def _check_weight(self) -> str:
-        return self._monitor.weigh(self.params.weight_g)
+        silent_s = self.age_s(self._last_force) if self._last_force is not None else 0.0
+        return self._monitor.weigh(self.params.weight_g, silent_s)
 
     def _tell(self, at_ns: int, *, of_rest: bool = False) -> None:
         verdict = self._monitor.verdict

@@ -19,6 +19,7 @@ from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SteppedClock
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.gel_list import Calibration, GelList
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.nodes.drift_monitor import DriftMonitorNode, DriftMonitorParams
@@ -197,6 +198,20 @@ def test_a_weight_on_the_gel_is_compared_when_asked(bench: Callable[..., Bench])
     state = tested.published()[-1]
     assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_FORCE_RATIO)
     assert state.force_ratio == pytest.approx(0.9 / 0.980665, rel=1e-5)
+
+
+def test_a_weight_is_not_compared_with_forces_that_ceased_to_come(
+    bench: Callable[..., Bench], clock: SteppedClock
+) -> None:
+    """The estimator died while 100 g lay on the gel; 200 g lie there now."""
+    tested = bench('weight_g:=200.0')
+    tested.rest(REST)
+    for number in range(180):
+        head = conversions.header(START_NS + number * S // 60, 'gel_surface')
+        tested.say(topics.FORCE_DISTRIBUTION, types.ForceDistribution(header=head, total=0.98, in_contact=True))
+    clock.advance(30.0)
+    with pytest.raises(ConfigurationError, match='the last force came 30 s ago'):
+        tested.node._check_weight()
 
 
 def test_an_independent_sensor_is_listened_to_where_one_is_named(bench: Callable[..., Bench]) -> None:

@@ -36,6 +36,8 @@ SOONER = 0.25
 """While something seems wrong, the time between two checks is multiplied by this."""
 STRAIGHT_PX = 0.1
 """Dead pixels are searched only while the corrected motion is below this. So small a motion is mostly chance."""
+WEIGHED_WITHIN_S = 1.0
+"""A weight is compared only while forces come: the last one is no older than this."""
 PLAIN_CONTRAST = 0.3
 """Below this share of its contrast, a picture is dim or covered. Above it, an unmatched picture shows another gel."""
 
@@ -208,12 +210,18 @@ class DriftMonitor:
         """Take the force of another sensor in the same contacts, in any axes, tared or not."""
         self._comparison.independent(stamp_ns, force_n)
 
-    def weigh(self, weight_g: float) -> str:
+    def weigh(self, weight_g: float, silent_s: float = 0.0) -> str:
         """Compare the force of the last seconds with a known weight on the gel, and return the result as text.
 
+        `silent_s` is the time since the last force came.
+
         Raises:
-            ConfigurationError: the load is not steady.
+            ConfigurationError: the load is not steady, or no forces come.
         """
+        if silent_s > WEIGHED_WITHIN_S:
+            raise ConfigurationError(
+                f'the last force came {silent_s:.0f} s ago; check the camera and the force estimator, and try again'
+            )
         if (steady := self._scale.steady_n) is None:
             raise ConfigurationError(
                 'the load on the gel was not steady for the last second, or the frames were not ok; put the '
