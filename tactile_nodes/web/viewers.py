@@ -48,7 +48,9 @@ class Viewer:
         return message
 
     def acknowledge(self, now_s: float) -> None:
-        """It has drawn a message."""
+        """It has drawn a message. A packet that waited while it was hidden may be hours old, and is not sent."""
+        if not self.is_watching(now_s):
+            self._body = None
         self._in_flight = max(0, self._in_flight - 1)
         self._acknowledged_s = now_s
 

@@ -117,3 +117,15 @@ def test_the_course_of_the_force_goes_on_while_nobody_can_be_shown_anything() ->
     late = audience.join(1.0)
     audience.offer(packet(2))
     assert watching.take() == late.take() == b'body2|0|1|2'
+
+
+def test_a_page_that_was_hidden_gets_no_packet_of_that_time_but_its_samples() -> None:
+    """Another page was watched meanwhile, and closed hours ago: nothing newer was offered since."""
+    viewer = newcomer()
+    for number in range(IN_FLIGHT + 1):
+        viewer.offer(packet(number))
+        viewer.take()
+    viewer.acknowledge(3600.0)
+    assert viewer.take() is None
+    viewer.offer(packet(9))
+    assert viewer.take() == b'body9|2|9'
