@@ -180,14 +180,18 @@ class ViewState:
     def snapshot(self, now_ns: int) -> Snapshot:
         """What to show now; rates and latencies are those of the last `WINDOW_S` seconds."""
         self._recent.forget(now_ns)
-        sensors = tuple(each.snapshot(now_ns) for each in self.sensors.values())
+        sensors = tuple(each.snapshot(now_ns) for each in self._hand())
         return self._picture(now_ns, self._recent.rates_hz(), self._recent.percentiles(), sensors)
 
     def summary(self, now_ns: int) -> Snapshot:
         """As `snapshot`, with rates and latencies of the whole time; latencies are accurate to half a percent."""
         latencies = {stage: found.percentiles() for stage, found in zip(STAGES, self._overall, strict=True)}
-        sensors = tuple(each.summary(now_ns) for each in self.sensors.values())
+        sensors = tuple(each.summary(now_ns) for each in self._hand())
         return self._picture(now_ns, self._overall_hz(), latencies, sensors)
+
+    def _hand(self) -> Iterable[ViewState]:
+        """The sensors to show together: none once a force of the namespace itself has come."""
+        return () if self.frames else self.sensors.values()
 
     def _picture(
         self,

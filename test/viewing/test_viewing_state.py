@@ -299,3 +299,13 @@ def test_reasons_have_names() -> None:
     kind = types.ForceDistribution
     assert reason_names(kind.REASON_DARK_IMAGE | kind.REASON_STALE) == ['dark image', 'stale']
     assert reason_names(0) == []
+
+
+def test_a_force_of_the_namespace_itself_ends_the_view_of_other_sensors() -> None:
+    """A launch with its view, beside a hand that runs: the hand is found first, as the launch is still starting."""
+    state = ViewState()
+    for name in ('/left', '/right'):
+        state.add_sensor(name, 0).add_force(received(force(0)))
+    assert len(state.snapshot(0).sensors) == 2
+    state.add_force(received(force(0)))
+    assert state.snapshot(0).sensors == state.summary(0).sensors == ()

@@ -186,14 +186,15 @@ class Watch:
         self._feeds.close()
 
     def _look_elsewhere(self, published: set[str], now_ns: int) -> None:
-        """Suggest the command that shows the sensor of another namespace; several sensors are shown together."""
+        """Suggest the command that shows the sensor of another namespace; several in this one are shown together."""
         ending = f'/{self._force_topic.rpartition("/")[2]}'
         there = sorted(name.removesuffix(ending) for name in published if name.endswith(ending))
-        if len(there) > 1:
-            for namespace in there:
+        inside = [name for name in there if name.startswith(self._full(''))]
+        if len(inside) > 1:
+            for namespace in inside:
                 self._add_sensor(namespace, now_ns)
         elif there:
-            self._state.advice = f'sensors are at {there[0]}: tactile view --namespace {there[0]}'
+            self._state.advice = f'sensors are at {", ".join(there)}: tactile view --namespace {(inside or there)[0]}'
 
     def _add_sensor(self, namespace: str, now_ns: int) -> None:
         from tactile_nodes.bus import topics

@@ -76,6 +76,16 @@ def test_all_sensors_of_a_hand_are_seen_together(other: ZmqBus, tactile: Tactile
     assert min(rows['left'], rows['right']) > 0
 
 
+def test_a_view_of_a_sensor_that_is_missing_does_not_show_others_in_its_place(
+    other: ZmqBus, tactile: Tactile, repeating: Repeating
+) -> None:
+    for namespace in ('/left', '/right'):
+        publish_forces(other, repeating, namespace)
+    ended = tactile('view', '--plain', '--duration', '2.1', '--namespace', '/middle')
+    assert 'sensors are at /left, /right: tactile view --namespace /left' in ended.out
+    assert '0.000 N' not in ended.out
+
+
 def test_the_drawn_view_stops_when_told(other: ZmqBus, repeating: Repeating, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv('TERM', 'xterm-256color')  # where it is dumb nothing can be drawn
     publish_forces(other, repeating)
