@@ -64,7 +64,8 @@ class LaunchedAgain:
 
     @property
     def _lasts_s(self) -> float:
-        return 0.0 if self._began_s is None else monotonic_s() - self._began_s
+        began_s = self._began_s  # read once: the thread of the launch sets it
+        return 0.0 if began_s is None else monotonic_s() - began_s
 
     def _run(self) -> None:
         while not self._stopped.is_set():
@@ -98,7 +99,8 @@ class LaunchedAgain:
             if self._stopped.is_set():
                 return
             self._service = service
-        service.run()
+        if service.run() == 0:
+            self._complaint = ''  # it went on after what it complained of, maybe for days
 
     def _take_line(self, line: Line) -> None:
         if line.level == 'ERROR':

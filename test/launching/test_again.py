@@ -55,6 +55,28 @@ def test_one_that_fails_is_reported_and_started_again_until_it_lasts(tmp_path: P
     assert monotonic_s() - began_s < 5.0
 
 
+def test_one_that_ends_cleanly_is_not_blamed_with_what_it_had_survived(tmp_path: Path) -> None:
+    """A node that nobody needs dies, and then the recorded pictures end."""
+    (tmp_path / 'fails').write_text('exit 1')
+    gate = tmp_path / 'gate'
+    waits = f'until test -e {gate}; do sleep 0.01; done'
+    tested, lines = launched(
+        tmp_path,
+        f"""launch:
+  - executable: {{cmd: "sh {tmp_path}/fails"}}
+  - executable: {{cmd: "sh -c '{waits}'", on_exit: shutdown}}
+""",
+        LASTS,
+    )
+    tested.start()
+    until(lambda: any('has died' in line.text for line in lines))
+    gate.touch()
+    until(lambda: bool(tested.trouble))
+    assert tested.trouble.removeprefix('restarted, not stable yet; last failure: ') == 'it ended'
+    tested.stop()
+    tested.join(10.0)
+
+
 def test_what_cannot_even_be_launched_is_reported(tmp_path: Path) -> None:
     tested, _ = launched(tmp_path, '')
     tested.start()
