@@ -29,6 +29,7 @@ from tactile_nodes.sensing.explain.reading import Contact
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.viewing.reasons import sentences
 from tactile_nodes.web import accounts
+from tactile_nodes.web.viewers import IN_FLIGHT
 
 pytestmark = IN_CHROMIUM
 BINS = BinGrid(9, 9, 32.0, 32.0)
@@ -284,6 +285,22 @@ def test_the_page_follows_the_force(page: Any, sensor: Sensor) -> None:
     sensor.total_n = 0.0
     text(page, '#contacts tr:first-child').to_contain_text('nothing touches')
     text(page, '#total').to_have_text('0.000')
+
+
+def test_after_packets_that_could_not_be_drawn_the_page_goes_on(own_page: Any, own_sensor: Sensor) -> None:
+    text(own_page, '#total').to_have_text('0.730')
+    own_page.evaluate(
+        """() => {
+          const context = CanvasRenderingContext2D.prototype, works = context.clearRect;
+          context.clearRect = () => { throw new Error('no canvas'); };
+          window.mend = () => { context.clearRect = works; };
+        }"""
+    )
+    while len(own_page.faults) < IN_FLIGHT:
+        own_page.wait_for_timeout(20)
+    own_page.evaluate('() => window.mend()')
+    own_sensor.total_n = 0.25
+    text(own_page, '#total').to_have_text('0.250')
 
 
 def test_an_invalid_force_is_no_number_and_the_reason_is_a_sentence(page: Any, sensor: Sensor) -> None:

@@ -40,9 +40,12 @@ class Tile {
     const bitmap = await pictureOf(packet);
     Object.assign(this, { fields: packet.fields, at: performance.now() });
     requestAnimationFrame(() => {
-      this.draw(packet, bitmap);
-      this.watch();
-      this.link.drawn();
+      try {
+        this.draw(packet, bitmap);
+        this.watch();
+      } finally {
+        this.link.drawn(); // else one packet that cannot be drawn would be the last
+      }
     });
   }
 

@@ -33,8 +33,11 @@ async function take(buffer) {
   const bitmap = isNew ? await pictureOf(packet) : null;
   if (number > page.number) show(packet, bitmap, number); // picture and numbers of the same frame, or neither
   requestAnimationFrame(() => {
-    draw();
-    link.drawn();
+    try {
+      draw();
+    } finally {
+      link.drawn(); // else one packet that cannot be drawn would be the last
+    }
   });
 }
 
