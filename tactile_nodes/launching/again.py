@@ -76,6 +76,8 @@ class LaunchedAgain:
                 self._complaint = str(error)
             except OSError as error:  # a full disk, no more processes: it may pass
                 self._complaint = f'it could not be started: {error.strerror or error} ({error.filename})'
+            except RuntimeError as error:  # no more threads: likewise
+                self._complaint = f'it could not be started: {error}'
             settled, cause = self._lasts_s > SETTLED_S, self._complaint or 'it ended'
             delay_s = FIRST_DELAY_S if settled else self._delay_s
             self._clear_logs(again=cause == self._cause and not settled)

@@ -85,21 +85,24 @@ def test_what_cannot_even_be_launched_is_reported(tmp_path: Path) -> None:
     tested.join(10.0)
 
 
-def test_one_that_cannot_be_written_to_the_disk_is_reported_and_tried_again(tmp_path: Path) -> None:
-    """A disk that is full for a while, or a folder that somebody has cleared, must not end the attempts."""
+@pytest.mark.parametrize(
+    'error', [OSError(28, 'No space left on device', 'left.yaml'), RuntimeError("can't start new thread")]
+)
+def test_one_that_finds_no_room_is_reported_and_tried_again(tmp_path: Path, error: Exception) -> None:
+    """A full disk, a folder that somebody has cleared, or a container that allows no more threads."""
     full, numbers = [True], list[int]()
 
     def make(screen: Screen, number: int) -> LaunchService:
         numbers.append(number)
         if full[0]:
-            raise OSError(28, 'No space left on device', 'left.yaml')
+            raise error
         (file := tmp_path / 'lasts.launch.yaml').write_text(LASTS)
         return LaunchService(file, screen=screen, log_base=tmp_path)
 
     lines: list[Line] = []
     tested = LaunchedAgain(make, lines.append)
     tested.start()
-    until(lambda: 'No space left on device' in tested.trouble)
+    until(lambda: str(error.args[-1]) in tested.trouble)
     full[0] = False
     until(lambda: any('sleep-1' in line.source for line in lines))
     tested.stop()
