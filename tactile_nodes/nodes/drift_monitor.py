@@ -93,8 +93,10 @@ class DriftMonitorNode(Node):
         picture = conversions.image_array(received.message)
         self._rest_shape = picture.shape
         self._reference_id = content_id(picture)
-        self._monitor.rest(picture)
-        self._tell(stamp_ns(received.message.header.stamp), of_rest=True)
+        try:
+            self._monitor.rest(picture)
+        finally:  # also if it cannot be compared: the verdict on the rest image before no longer holds
+            self._tell(stamp_ns(received.message.header.stamp), of_rest=True)
 
     def _on_image(self, received: Received) -> None:
         at_ns = stamp_ns(received.message.header.stamp)

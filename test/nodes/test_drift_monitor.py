@@ -187,6 +187,17 @@ def test_of_a_calibration_without_rest_image_the_first_of_another_size_stands_in
     assert tested.published()[-1].reasons == STATE.REASON_MOVED_SINCE_CALIBRATION
 
 
+def test_after_a_rest_image_that_cannot_be_judged_the_verdict_on_the_one_before_is_withdrawn(
+    bench: Callable[..., Bench],
+) -> None:
+    tested = bench()
+    tested.rest(REST)
+    tested.pictures(KNOCKED)
+    assert tested.published()[-1].level == STATE.LEVEL_INVALID
+    tested.rest(np.full_like(REST, 90))
+    assert tested.published()[-1].level == STATE.LEVEL_UNKNOWN
+
+
 def test_a_weight_on_the_gel_is_compared_when_asked(bench: Callable[..., Bench]) -> None:
     tested = bench('weight_g:=100.0')
     tested.rest(REST)
