@@ -114,7 +114,7 @@ def test_list_value_is_set_over_the_wire(ask: Callable[[str, Any], Any]) -> None
     ('name', 'value', 'reason'),
     [
         ('rate', 241.0, "'rate' must be from 1.0 to 240.0, got 241.0"),
-        ('rate', math.nan, "'rate' must be from"),
+        ('rate', math.nan, "'rate' must be a number, got nan"),
         ('rate', 30, "'rate' must be a float, got 30 (int); write 30.0"),
         ('rate', 13.0, '13 brings bad luck'),
         ('preset', 'slow', "'preset' must be one of 'fast', 'medium', got 'slow'"),
