@@ -280,7 +280,7 @@ def run(command: str, folder: Path, environment: dict[str, str]) -> None:
     """As a reader would; what it says must hold no traceback."""
     command = command.removesuffix(' &').replace('…', 'a')
     prepare(command, folder, environment)
-    if 'tactile launch' in command:  # a reader would have ended the one before: both would publish pictures
+    if re.search('tactile (launch|bag play)', command):  # a reader would have ended the one before: pictures of both
         environment = {**environment, 'ROS_DOMAIN_ID': '24'}
     around: dict[str, Any] = {'cwd': folder, 'env': environment, 'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE}
     if UNTIL_ENDED.search(command):

@@ -2,8 +2,7 @@
 
 The format is RFC 2046, 5.1: ``--boundary``, header lines, an empty line, the body. Many servers deviate: boundaries
 with extra dashes, bare line feeds, no Content-Length or a wrong one. The delimiter decides where a part ends; the
-length only allows returning it before the next delimiter has arrived. After a length that was too small, which cost
-its part, lengths are ignored.
+length only allows returning it before the next delimiter has arrived.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from dataclasses import dataclass
 
 LONGEST_HEADER = 8 * 1024
 LONGEST_BODY = 32 * 1024 * 1024
-_BETWEEN = b'\r\n-'  # may stand between a part and its delimiter
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,6 @@ class MultipartParser:
         self._now_ns = 0
         self._arrival_ns: int | None = None
         self._length: int | None = None
-        self._lengths_hold = True
         self._parts: list[Part] = []
 
     def feed(self, data: bytes, now_ns: int) -> list[Part]:
@@ -53,14 +50,10 @@ class MultipartParser:
     def _seek(self) -> bool:
         """Drop everything up to the next delimiter."""
         start = self._buffer.find(self._delimiter)
-        dropped = self._buffer[: start if start >= 0 else -len(self._delimiter)]
-        if self._length and dropped.strip(_BETWEEN):
-            self._lengths_hold = False  # what follows the part is more of it
         if start < 0:
-            del self._buffer[: len(dropped)]
+            del self._buffer[: -len(self._delimiter)]
             return False
         del self._buffer[: start + len(self._delimiter)]
-        self._length = None
         self._state = self._header
         return True
 
@@ -72,7 +65,7 @@ class MultipartParser:
             self._state = self._seek
             return True
         length = re.search(rb'(?im)^content-length:[ \t]*(\d{1,9})[ \t]*\r?$', self._buffer[: end.start()])
-        self._length = int(length.group(1)) if length is not None and self._lengths_hold else None
+        self._length = int(length.group(1)) if length is not None else None
         del self._buffer[: end.end()]
         self._arrival_ns = None
         self._state = self._body

@@ -90,15 +90,3 @@ def test_no_bytes_break_it(pieces: list[bytes]) -> None:
     for piece in pieces:
         parser.feed(piece, 0)
     assert bodies(parser, b'\r\n\r\n\r\n--c\r\n\r\n\r\n--c\r\nContent-Length: 4\r\n\r\nabcd')[-1] == b'abcd'
-
-
-@pytest.mark.parametrize('piece', [1, 7, 1000])
-def test_lengths_that_are_always_too_small_cost_the_first_part_alone(piece: int) -> None:
-    text = b''.join(b'--cut\r\nContent-Length: 4\r\n\r\n' + body + b'\r\n' for body in BODIES) + b'--cut\r\n'
-    pieces = [text[start : start + piece] for start in range(0, len(text), piece)]
-    assert bodies(MultipartParser('cut'), *pieces) == [BODIES[0][:4], *BODIES[1:]]
-
-
-def test_lengths_that_hold_are_used_whatever_newlines_stand_before_the_delimiter() -> None:
-    text = b''.join(b'\r\n\r\n----cut\r\nContent-Length: %d\r\n\r\n%b' % (len(body), body) for body in BODIES)
-    assert bodies(MultipartParser('cut'), text) == BODIES
