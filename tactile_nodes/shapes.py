@@ -1,7 +1,7 @@
 """Shapes and types of arrays in annotations: ``Float32[np.ndarray, 'rows cols 2']``.
 
-They are those of jaxtyping, which the tests check and type checkers read. A program does without: importing jaxtyping
-takes each of its processes a tenth of a second.
+They are those of jaxtyping. Type checkers read them, and the tests check them. Programs do not import jaxtyping, since
+that would delay the start of every process.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING or 'jaxtyping' in sys.modules:
         Int32,
         Int64,
         UInt8,
-    )  # fmt: skip
+    )
 else:
 
     class Float:

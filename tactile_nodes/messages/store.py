@@ -1,9 +1,9 @@
 """The store of message types: the standard ones of ROS 2, and ours as in ``msg/*.msg``.
 
-The fields of all types are in `definitions.json`, which ``python -m reference.stubs`` writes: to read them out of
-rosbags' classes and our texts takes each process a fifth of a second. Codec and hashes come from rosbags. The classes
-are made here, because nodes share messages without copies, so a message must not change. They are frozen, and every
-field that is not given is zero, empty or a message of zeros, as in ROS 2.
+The fields of all types are in `definitions.json`, which ``python -m reference.stubs`` writes. To read them from the
+classes of rosbags and from our texts would delay the start of every process. Codec and hashes come from rosbags. The
+classes are made here, because nodes share messages without copies, so a message must not change. They are frozen, and
+every field that is not given is zero, empty or a message of zeros, as in ROS 2.
 """
 
 from __future__ import annotations

@@ -42,7 +42,6 @@ class CalibratorNode(Node):
 
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
-        self._closing = False
         self._session = CalibrationSession(self.params, self._tell)
         self._rig = RigPresses(self._stop_rig)
         estimator = self.params.estimator
@@ -59,7 +58,6 @@ class CalibratorNode(Node):
         self.post(self._begin)  # after latched messages that have already arrived
 
     def on_close(self) -> None:
-        self._closing = True
         self._session.end()
         self._rig.end()
         if self._thread is not None:
@@ -74,7 +72,7 @@ class CalibratorNode(Node):
             presses = BagPresses([Path(bag)], tell=self._tell) if bag else self._rig
             self._session.run(presses, self._live)
         except TactileError as error:
-            if not self._closing:  # else the presses ended because this node was asked to end
+            if not self._session.ended:  # else the presses ended because this node was asked to end
                 raise
             self.log.info(f'ended before the calibration was finished: {error}')
             return

@@ -32,8 +32,8 @@ from tactile_nodes.params import parameter
 MEET_S = 0.3  # time in which a running subscriber connects, if it is not busy
 _MEET_AT_MOST_S, _LISTENS_AT_MOST_S = 2.1, 30.0
 _REST_S = 0.5  # time for others to process the last message, before a launch ends with this node
-_QUIET_S = 1.0  # a topic computed from the bag is complete after this time without a message,
-_PATIENCE_S = 30.0  # and after this time if the last picture has not been answered: the machine may be busy
+_QUIET_S = 1.0  # a topic computed from the bag is complete after this time without a message
+_PATIENCE_S = 30.0  # the same while the message for the last image is missing: the machine may be busy
 _HEALTH_PERIOD_S = 0.5
 _SHORTEST_QUEUE = 100  # a replay must lose nothing, even at ten times the rate
 
@@ -282,9 +282,8 @@ class PlayerNode(Node):
         earlier = self.reader.types.is_completed(message.type_name)
         data = encode(self.reader.decode(message)) if earlier else message.data
         self._publishers[message.topic].publish_bytes(data)
-        sensor, _, name = message.topic.rpartition('/')
-        if name == topics.IMAGE.name:
-            self._last_images[sensor] = message
+        if topics.in_table(message.topic) is topics.IMAGE:
+            self._last_images[message.topic.rpartition('/')[0]] = message
 
     def _tell_time(self, bag_ns: int) -> None:
         if self._clock_publisher is not None:

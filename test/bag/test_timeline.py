@@ -107,7 +107,8 @@ def test_start_offset_skips_but_gives_the_last_latched_message(bag: Path, clock:
     assert [at_ns for at_ns, _, _ in found[1:]] == [number * STEP_NS for number in range(4)]
 
 
-def test_loop_begins_again_at_the_end(bag: Path, clock: JumpingClock) -> None:
+def looped(bag: Path, clock: JumpingClock, topic: str, offset_s: float = 0.0) -> list[bytes]:
+    """What is played in a loop until it ends, but no more than twelve messages."""
     found: list[bytes] = []
     with BagReader(bag) as reader:
 
@@ -116,8 +117,13 @@ def test_loop_begins_again_at_the_end(bag: Path, clock: JumpingClock) -> None:
             if len(found) == 12:
                 playback.stop()
 
-        playback = Playback(reader, ['/force'], publish, clock)
-        playback.run(loop=True)
+        playback = Playback(reader, [topic], publish, clock)
+        playback.run(offset_s, loop=True)
+    return found
+
+
+def test_loop_begins_again_at_the_end(bag: Path, clock: JumpingClock) -> None:
+    found = looped(bag, clock, '/force')
     once = [sample.data for sample in samples(10) if sample.topic == '/force']
     assert found == (once * 3)[:12]
 
@@ -194,14 +200,5 @@ def test_what_several_publishers_of_a_latched_topic_said_is_all_played_first(tmp
 
 def test_a_loop_that_has_only_latched_messages_left_ends(bag: Path, clock: JumpingClock) -> None:
     """They would be published again and again without a pause."""
-    found: list[bytes] = []
-    with BagReader(bag) as reader:
-
-        def publish(message) -> None:
-            found.append(message.data)
-            if len(found) == 12:
-                playback.stop()
-
-        playback = Playback(reader, ['/text'], publish, clock)
-        playback.run(0.095, loop=True)
+    found = looped(bag, clock, '/text', 0.095)
     assert found == [[sample.data for sample in samples(10) if sample.topic == '/text'][-1]]

@@ -49,13 +49,15 @@ class CalibrationSession:
         settings: as above.
         tell: receives the text for a person, a line at a time.
 
+    `ended`: whether `end` was called.
+
     Raises:
         ModelError, ConfigurationError: there is no such model, gel or body, the model cannot be calibrated, or the file
             cannot be written. This is checked before anything is pressed.
     """
 
     def __init__(self, settings: CalibrationSettings, tell: Callable[[str], None]) -> None:
-        self._settings, self._tell, self._ended = settings, tell, False
+        self._settings, self._tell, self.ended = settings, tell, False
         self._source = Source.find(settings.model)
         check_output(self._file(), self._source.file)
         pressed = pressed_by(self._source.loaded, body=settings.body)
@@ -96,7 +98,7 @@ class CalibrationSession:
 
     def end(self) -> None:
         """`run` is to end, from any thread: after the press or the fit under way, unless the model is written."""
-        self._ended = True
+        self.ended = True
 
     @property
     def values(self) -> dict[str, object]:
@@ -126,7 +128,7 @@ class CalibrationSession:
         self._tell(text)
 
     def _require_wanted(self) -> None:
-        if self._ended:
+        if self.ended:
             raise AskedToEndError(f'asked to end after {self.calibrator.presses} presses; no model was written')
 
     def _replaced(self, live: LiveModel | None, file: Path) -> dict[str, str] | None:
