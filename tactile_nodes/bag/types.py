@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 from rosbags.typesys import TypesysError, get_types_from_msg
@@ -33,7 +35,7 @@ class BagTypes:
         if topic.definition_format != 'ros2msg' or not topic.definition or not _TYPE_NAME.fullmatch(topic.type_name):
             return
         try:
-            parsed = get_types_from_msg(topic.definition, topic.type_name)
+            parsed = _parsed(topic.definition, topic.type_name)
         except (TypesysError, RecursionError):
             return
         if all(_is_plain(name, content) for name, content in parsed.items()) and _differs(parsed):
@@ -65,6 +67,11 @@ class BagTypes:
         except Exception as error:  # an untrusted definition can fail in any way
             raise MessageError(f'{len(data)} bytes are not a {type_name} as defined in this bag: {error}') from error
         return completed(found, type_name) if type_name in self._earlier else found
+
+
+@lru_cache(maxsize=64)  # it takes milliseconds, and the bags of a session have the same types
+def _parsed(definition: str, type_name: str) -> Mapping[str, Any]:
+    return get_types_from_msg(definition, type_name)
 
 
 def _is_plain(name: str, content: Any) -> bool:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -196,9 +197,16 @@ def _terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def moved_image(image: Float32[np.ndarray, 'h w'], dx_px: float, dy_px: float) -> Float32[np.ndarray, 'h w']:
     """The image with its content moved right and down by any part of a pixel: a sinc under a Kaiser window."""
-    kernels = windowed_sinc(dx_px), windowed_sinc(dy_px)
+    kernels = _known_sinc(dx_px), _known_sinc(dy_px)
     moved: np.ndarray = cv2.sepFilter2D(image, cv2.CV_32F, *kernels, borderType=cv2.BORDER_REFLECT_101)
     return moved
+
+
+@lru_cache(maxsize=64)  # each rest image is moved by the same parts of a pixel
+def _known_sinc(shift_px: float) -> Float[np.ndarray, ' taps']:
+    kernel: np.ndarray = windowed_sinc(shift_px)
+    kernel.flags.writeable = False
+    return kernel
 
 
 def windowed_sinc(shift_px: float, beta: float = 8.0) -> Float[np.ndarray, ' taps']:
