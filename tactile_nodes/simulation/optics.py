@@ -195,18 +195,20 @@ class Optics:
     ) -> np.ndarray:
         """Radiance of markers at positions: of all markers, or of those given, optionally with another brightness."""
         height, width = self._shade.shape
+        rim = len(TAPS) - 1  # beyond the image, for the parts of markers at its border that are not seen
+        high, wide = height + 2 * rim, width + 2 * rim
         corner = np.floor(pixels)
         part = pixels - corner
         across, down = (self._weights(part[:, axis], self._exponent[which]) for axis in (0, 1))
         down *= (self._light if light is None else light)[:, None]
         spread = (down[:, :, None] * across[:, None, :]).reshape(len(pixels), -1)
-        first = corner[:, 1].astype(np.intp) * width + corner[:, 0].astype(np.intp)
-        place = first[:, None] + (TAPS[:, None] * width + TAPS).ravel()
-        inside = (corner > 3).all(axis=1) & (corner[:, 0] < width - 5) & (corner[:, 1] < height - 5)
+        first = (corner[:, 1].astype(np.intp) + rim) * wide + corner[:, 0].astype(np.intp) + rim
+        place = first[:, None] + (TAPS[:, None] * wide + TAPS).ravel()
+        inside = ((corner >= -TAPS[-1]) & (corner < (width - TAPS[0], height - TAPS[0]))).all(axis=1)
         if not inside.all():
             place, spread = place[inside], spread[inside]
-        sums = np.bincount(place.ravel(), weights=spread.ravel(), minlength=height * width)
-        drawn: np.ndarray = sums.astype(np.float32).reshape(height, width)
+        sums = np.bincount(place.ravel(), weights=spread.ravel(), minlength=high * wide)
+        drawn: np.ndarray = sums.reshape(high, wide)[rim:-rim, rim:-rim].astype(np.float32)
         drawn += np.float32(self._gel.background_grey)
         drawn *= self._shade
         if self._gel.marker_grey < 0:  # overlapping dark markers cannot make the light negative

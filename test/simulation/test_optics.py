@@ -37,8 +37,15 @@ def test_a_dot_keeps_its_light_wherever_it_lies_on_the_pixels(table: ContactTabl
 
 def test_markers_far_outside_the_image_are_not_drawn(table: ContactTable):
     optics = Optics(Gel(marker_count=2, background_grey=0.0), table)
-    outside = np.array([[-50.0, 100.0], [639.0, 479.0]], np.float32)
+    outside = np.array([[-50.0, 100.0], [647.0, 487.0]], np.float32)
     assert optics._draw(outside).sum() == 0
+
+
+@pytest.mark.parametrize(('x', 'y', 'seen'), [(-0.5, 240.5, 1 / 2), (639.5, 240.5, 1 / 2), (639.5, 479.5, 1 / 4)])
+def test_a_marker_at_the_border_of_the_image_is_cut_by_it(table: ContactTable, x: float, y: float, seen: float):
+    optics = Optics(Gel(marker_count=1, background_grey=0.0, vignetting=0.0), table)
+    whole, cut = (optics._draw(np.array([each], np.float32)).sum() for each in ([300.5, 240.5], [x, y]))
+    assert cut == pytest.approx(seen * whole, rel=1e-3)
 
 
 def test_markers_fill_88_percent_of_the_crops_regions(scene: Scene):
