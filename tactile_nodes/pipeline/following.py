@@ -33,6 +33,7 @@ from tactile_nodes.pipeline.rest_images import RestMemory, due, given, keep, off
 from tactile_nodes.pipeline.tell import no_motion, tell
 from tactile_nodes.sensing.flow.overlay import overlay
 from tactile_nodes.sensing.judge.freshness import Freshness
+from tactile_nodes.sensing.picture.moved_dots import MovedDots
 from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.rest.in_use import RestInUse
 from tactile_nodes.sensing.rest.renewal import RenewalOptions
@@ -88,7 +89,10 @@ class Following:
         options = RegistrationOptions(registration.most_px, registration.most_turn_deg, registration.follow_s)
         self.memory = Memory(
             Freshness(params.stale_after_s),
-            MeasureMemory(Registration(options) if measuring.registers else None),
+            MeasureMemory(
+                Registration(options) if measuring.registers else None,
+                MovedDots(registration.most_px) if measuring.follows_dots and registration.check else None,
+            ),
             RestMemory(measuring, params.reference_frames, renewal),
         )
         self._compiled = compiled

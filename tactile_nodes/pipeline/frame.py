@@ -9,6 +9,7 @@ import numpy as np
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.features import Features
 from tactile_nodes.sensing.flow.methods import DisplacementField
+from tactile_nodes.sensing.picture.moved_dots import MovedDots
 from tactile_nodes.sensing.picture.registration import Registration
 from tactile_nodes.sensing.picture.stillness import Stillness
 from tactile_nodes.shapes import UInt8
@@ -19,7 +20,8 @@ class Frame:
     """The received image, and what each stage has found so far.
 
     `image` has its dead pixels filled in from `mend` on. `level` is its mean grey value. `reasons` are the reasons to
-    doubt its force, as in a `ForceDistribution`. `registration` is the motion of the whole image.
+    doubt its force, as in a `ForceDistribution`. `registration` is the motion of the whole image; with
+    printed dots, `dots` is.
 
     Set by `measure`: `straight` is the image registered to the rest image. `stillness` is the result of the stillness
     check, if it ran. `still` says that the frame was not measured because nothing moved. `banded` says that bands were
@@ -39,6 +41,7 @@ class Frame:
     stillness: Stillness | None = None
     banded: bool = False
     registration: Registration | None = None
+    dots: MovedDots | None = None
     motion: DisplacementField | None = None
     found_ns: int = 0
     features: Features | None = None

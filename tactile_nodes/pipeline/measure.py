@@ -5,6 +5,7 @@ from __future__ import annotations
 from tactile_nodes.clock import perf_ns
 from tactile_nodes.pipeline.frame import Frame
 from tactile_nodes.sensing.flow.methods import DisplacementField
+from tactile_nodes.sensing.picture.moved_dots import MovedDots
 from tactile_nodes.sensing.picture.registration import Registration
 from tactile_nodes.sensing.rest.in_use import RestInUse
 from tactile_nodes.sensing.rest.prepared import PreparedRest
@@ -16,11 +17,11 @@ KNOCK_ROUNDS = 3
 class MeasureMemory:
     """The state of `measure`: how the whole image moved, and whether bands roll over it.
 
-    `registration` is None if the motion of the whole image is not removed.
+    `registration` is None if the motion of the whole image is not removed, or, with printed dots, by `dots`.
     """
 
-    def __init__(self, registration: Registration | None) -> None:
-        self.registration = registration
+    def __init__(self, registration: Registration | None, dots: MovedDots | None = None) -> None:
+        self.registration, self.dots = registration, dots
         self.banded = False
 
     def begin(self, rest: RestInUse) -> None:
@@ -28,6 +29,8 @@ class MeasureMemory:
         self.banded = False
         if self.registration and rest.prepared.registering:
             self.registration.set_reference(rest.prepared.registering, rest.offset, rest.motion)
+        if self.dots:
+            self.dots.at_rest()
 
 
 def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
@@ -39,11 +42,16 @@ def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
     if frame.still:
         if registration:
             registration.at_rest(frame.at_ns)
+        if memory.dots:
+            memory.dots.at_rest()
         frame.motion = rest.still
     elif registration:
         frame.motion = _beside_whole(memory, registration, rest, frame)
     else:
         frame.motion = rest.flow.displacement(frame.image)
+        if memory.dots:
+            frame.motion = memory.dots.without(frame.motion, frame.image.shape, compiled=rest.compiled)
+    frame.dots = memory.dots
     frame.banded, frame.untouched, frame.found_ns = memory.banded, frame.motion is rest.still, perf_ns()
     frame.features = rest.still_features if frame.untouched else rest.encoding.encode(frame.motion)
 

@@ -23,6 +23,7 @@ from tactile_nodes.sensing.judge.freshness import Freshness
 from tactile_nodes.sensing.picture.dead_pixels import DeadPixels, Filling
 from tactile_nodes.sensing.picture.dented_rest import DentedRest
 from tactile_nodes.sensing.picture.motion import PictureMotion, Shift, Straightening
+from tactile_nodes.sensing.picture.moved_dots import MovedDots
 from tactile_nodes.sensing.picture.quality import PictureLikeness
 from tactile_nodes.sensing.picture.registration import Registration, RegistrationOptions
 from tactile_nodes.sensing.picture.stillness import StillnessCheck
@@ -111,9 +112,9 @@ class Memory:
 CLASSES: Mapping[str, type] = {
     each.__name__: each
     for each in (
-        Coming, DeadPixels, DentedRest, Filling, Freshness, JudgeMemory, MeasureMemory, Memory, PictureLikeness,
-        PictureMotion, Registration, RegistrationOptions, Renewal, RenewalOptions, RestAccumulator, RestCapture,
-        RestInUse, RestMemory, Shift, Straightening,
+        Coming, DeadPixels, DentedRest, Filling, Freshness, JudgeMemory, MeasureMemory, Memory, MovedDots,
+        PictureLikeness, PictureMotion, Registration, RegistrationOptions, Renewal, RenewalOptions, RestAccumulator,
+        RestCapture, RestInUse, RestMemory, Shift, Straightening,
     )
 }  # fmt: skip
 """Classes that may be part of the state."""

@@ -63,8 +63,8 @@ def make_measuring(
 ) -> Measuring:
     """The method that a model (name or file) was trained with; `compiled` selects compiled loops.
 
-    Patches of texture follow the motion of the whole image. Between printed dots there is no texture, and a touch on a
-    few dozen dots moves most of them, so the motion of the whole image is not removed for dots (`registers`).
+    Patches of texture follow the motion of the whole image (`registers`). Between printed dots there is no texture; the
+    motion of the whole image follows from the dots.
 
     Raises:
         ConfigurationError: no such method or option.
@@ -72,8 +72,7 @@ def make_measuring(
     """
     loaded = load_model(find_model(model))
     flow, encoding = make_flow(*loaded.flow, compiled=compiled), make_encoding(*loaded.encoding)
-    registers = registers and not isinstance(flow, DotsFlow)
-    return Measuring(flow, encoding, compiled, check, registers, marked_share)
+    return Measuring(flow, encoding, compiled, check, registers and not isinstance(flow, DotsFlow), marked_share)
 
 
 def image_size(model: str) -> tuple[int, int] | None:

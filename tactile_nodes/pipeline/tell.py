@@ -11,14 +11,18 @@ from tactile_nodes.pipeline.judge_force import JudgedForce
 from tactile_nodes.sensing.explain.model import ForceMap
 from tactile_nodes.sensing.features import FeatureEncoding, Features
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensing.picture.motion import PictureMotion
 
 
 def tell(
     frame: Frame, method: str, reference_id: str, nothing: Features, stages: types.StageTimes
 ) -> types.FlowFeatures:
     """The features of a frame against the rest image of that id; `nothing` for a frame that was not measured."""
-    moved = frame.registration
-    moved_px = moved.size_px if moved else 0.0
+    moved_px, motion = 0.0, PictureMotion()
+    if frame.registration:
+        moved_px, motion = frame.registration.size_px, frame.registration.since_rest
+    elif frame.dots:
+        moved_px, motion = frame.dots.size_px, frame.dots.motion
     return types.FlowFeatures(
         header=frame.head,
         image_width=frame.image.shape[1],
@@ -28,7 +32,7 @@ def tell(
         reference_id=reference_id,
         untouched=frame.untouched,
         moved=moved_px,
-        picture_motion=np.array(moved.since_rest.terms if moved and moved_px else (), np.float32),
+        picture_motion=np.array(motion.terms if moved_px else (), np.float32),
         reasons=frame.reasons,
         stages=stages,
         **conversions.feature_fields(frame.features or nothing),

@@ -213,11 +213,11 @@ class PinholeCamera:
 Camera = FisheyeCamera | PinholeCamera
 
 
-def camera_motions(rows: int, cols: int) -> Float[np.ndarray, 'cells 2 ways']:
+def camera_motions(rows: int, cols: int, aspect: float = 1.0) -> Float[np.ndarray, 'cells 2 ways']:
     """Motion of the cells of a picture along x and y, row by row, as the camera moves right, moves down, rolls, or
-    comes nearer. Each motion is 1 at the edge of the picture."""
+    comes nearer. Each motion is 1 at the far edges of the picture; `aspect` is its width over its height."""
     row, col = np.divmod(np.arange(rows * cols), cols)
-    x, y = (2 * col + 1) / cols - 1, (2 * row + 1) / rows - 1
+    x, y = ((2 * col + 1) / cols - 1) * min(1.0, aspect), ((2 * row + 1) / rows - 1) / max(1.0, aspect)
     one, none = np.ones_like(x), np.zeros_like(x)
     ways: np.ndarray = np.array([[one, none], [none, one], [-y, x], [x, y]]).transpose(2, 1, 0)
     return ways

@@ -6,7 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensing.geometry import BinGrid, Crop, FisheyeCamera, PinholeCamera, centre_crop, grey, middle_part
+from tactile_nodes.sensing.geometry import (
+    BinGrid,
+    Crop,
+    FisheyeCamera,
+    PinholeCamera,
+    camera_motions,
+    centre_crop,
+    grey,
+    middle_part,
+)
 
 
 def test_the_middle_bin_lies_at_the_origin():
@@ -134,3 +143,15 @@ def test_a_grey_image_stays_as_it_is():
 def test_an_image_of_floats_is_refused():
     with pytest.raises(ImageError, match='8 bit'):
         grey(np.zeros((2, 2, 3), np.float32))
+
+
+@pytest.mark.parametrize(('rows', 'cols', 'aspect'), [(3, 4, 4 / 3), (4, 3, 3 / 4), (5, 2, 4 / 3)])
+def test_as_a_camera_rolls_every_point_moves_across_its_way_from_the_middle(rows: int, cols: int, aspect: float):
+    """By as much as it is away, in pixels, also in a picture that is not square."""
+    width_px, height_px = 240.0 * aspect, 240.0
+    row, col = np.mgrid[:rows, :cols].reshape(2, -1)
+    away_px = np.array([(col + 0.5) * width_px / cols - width_px / 2, (row + 0.5) * height_px / rows - height_px / 2])
+    half_px = max(width_px, height_px) / 2
+    _, _, rolled, nearer = camera_motions(rows, cols, aspect).transpose(2, 1, 0)
+    assert rolled * half_px == pytest.approx(np.array([-away_px[1], away_px[0]]))
+    assert nearer * half_px == pytest.approx(away_px)

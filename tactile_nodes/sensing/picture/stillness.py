@@ -150,7 +150,8 @@ class StillnessCheck:
         # The sign of an axis is arbitrary, but neighbours are compared, so it must be the same everywhere.
         basis *= np.where(size < 0, -1.0, 1.0)[:, None]
         self._places = TouchPlaces(self.options.blocks, np.abs(size[:, 2:]))
-        motions = camera_motions(self.options.blocks, self.options.blocks) * np.abs(size[:, 2:, None])
+        blocks, (height, width) = self.options.blocks, image.shape
+        motions = camera_motions(blocks, blocks, width / height) * np.abs(size[:, 2:, None])
         self._camera = np.linalg.qr(motions.reshape(-1, motions.shape[-1]))[0]
         self._parts = np.ascontiguousarray(basis.transpose(0, 2, 1), np.float32)
         self._rounded = rounded(np.ascontiguousarray(basis.transpose(0, 2, 1)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_nodes.sensing.features import FeatureEncoding, Features, make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
+from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.flow.methods import DisplacementField, FlowMethod, require_like
 from tactile_nodes.sensing.picture.quality import MARKED_SHARE, require_rest_image
 from tactile_nodes.sensing.picture.registration import Registered
@@ -88,6 +89,11 @@ class Measuring:
     check: StillnessOptions | None = None
     registers: bool = False
     marked_share: float = MARKED_SHARE
+
+    @property
+    def follows_dots(self) -> bool:
+        """Whether motion is that of printed dots."""
+        return isinstance(self.flow, DotsFlow)
 
     def beside(self, image: UInt8[np.ndarray, 'h w']) -> PreparedRest:
         """Prepare a rest image. It takes some 0.1 s and can run in any thread.

@@ -53,8 +53,9 @@ def region_weights(
 
 def camera_ways(shape: tuple[int, int], known: Int[np.ndarray, ' known']) -> Float[np.ndarray, 'rows 4']:
     """Motion [px] of some of rows x cols regions, along x and along y, when the camera moves right, moves down, rolls,
-    and comes nearer, each by its usual amount at the edge of the image."""
-    ways: np.ndarray = CAMERA_PX * camera_motions(*shape)[known]
+    and comes nearer, each by its usual amount at the edge of the image. Regions are taken to be square."""
+    rows, cols = shape
+    ways: np.ndarray = CAMERA_PX * camera_motions(rows, cols, cols / rows)[known]
     return ways.reshape(-1, ways.shape[-1])
 
 
