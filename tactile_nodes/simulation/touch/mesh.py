@@ -32,6 +32,8 @@ def body_of_mesh(
     if len(faces) > MOST_FACES:
         raise ConfigurationError(f'the mesh {name!r} has {len(faces)} faces, more than {MOST_FACES}; simplify it')
     mesh = trimesh.Trimesh(vertices_mm @ Rotation.from_euler('xy', tilt_deg, degrees=True).as_matrix().T, faces)
+    one, two, three = mesh.faces.T
+    mesh.update_faces((one != two) & (two != three) & (three != one))  # else triangles that are lines open the mesh
     _require_closed(name, mesh.edges_sorted)
     low, high = mesh.bounds
     wide_mm = float((high - low)[:2].max())

@@ -53,3 +53,12 @@ def test_two_boxes_that_share_an_edge_are_told_apart_from_one_with_a_hole():
     both.merge_vertices()
     with pytest.raises(ConfigurationError, match='1 of its edges do not join two triangles; fill its holes'):
         body_of_mesh('boxes', both.vertices, both.faces)
+
+
+def test_triangles_that_have_collapsed_to_a_line_do_not_open_a_mesh():
+    """As exports round them: two corners of such a triangle are at the same place."""
+    box = trimesh.creation.box((6.0, 4.0, 2.0))
+    vertices, (one, other) = np.vstack([box.vertices, box.vertices[box.edges[0, 1]]]), box.edges[0]
+    faces = np.vstack([box.faces, [one, other, len(box.vertices)]])
+    expected = body_of_mesh('box', box.vertices, box.faces)
+    assert np.array_equal(body_of_mesh('box', vertices, faces).height_mm, expected.height_mm)
