@@ -171,15 +171,10 @@ class Following:
         if memory.rest.capture:
             self._begin(offered(memory.rest, frame), head)
         if rest is None or frame.reasons & UNMEASURED:
-            return tell(frame, self._method, self.reference_id, self._nothing, types.StageTimes())
+            return tell(frame, self._method, self.reference_id, self._nothing, _times(acquire_s, waited_s))
         measure(memory.measure, rest.prepared, frame)
-        stages = types.StageTimes(
-            acquire=acquire_s,
-            flow=(frame.found_ns - start_ns) * 1e-9,
-            features=(perf_ns() - frame.found_ns) * 1e-9,
-            predict=math.nan,
-            transport=max(0.0, waited_s),
-        )
+        flow_s, features_s = (frame.found_ns - start_ns) * 1e-9, (perf_ns() - frame.found_ns) * 1e-9
+        stages = _times(acquire_s, waited_s, flow_s, features_s)
         judge(memory.judge, rest, frame, memory.rest.dead.count)
         self._begin(keep(memory.rest, frame, memory.judge.noise_grey), head)
         memory.judge.odd, self._last = frame.odd, frame
@@ -200,6 +195,15 @@ class Following:
         if rest is not None:
             self.memory.begin(rest)
             self._announced = conversions.image_message(rest.prepared.image, head)
+
+
+def _times(
+    acquire_s: float, waited_s: float, flow_s: float = math.nan, features_s: float = math.nan
+) -> types.StageTimes:
+    """The times of the stages up to the features."""
+    return types.StageTimes(
+        acquire=acquire_s, flow=flow_s, features=features_s, predict=math.nan, transport=max(0.0, waited_s)
+    )
 
 
 def _other_size(frame: Frame, rest: RestInUse) -> str:

@@ -66,6 +66,15 @@ def test_why_a_rest_image_cannot_be_used_is_said_until_one_can() -> None:
         assert ('10x10 regions do not divide' in following.trouble) == (number >= 4), number
 
 
+def test_times_of_a_frame_that_was_not_measured_are_unknown() -> None:
+    """A frame of the capture is received, but nothing moves in it yet: only those times were measured."""
+    stream = Stream()
+    stages = stream.feed(1, age_s=0.25).stages
+    assert (stages.acquire, stages.transport) == (0.0, 0.25)
+    assert np.isnan([stages.flow, stages.features, stages.predict]).all()
+    assert stream.feed(5).stages.flow > 0
+
+
 def test_nothing_is_said_of_frames_as_they_were_and_the_rest_image_stays() -> None:
     stream = Stream()
     stream.feed(4)
