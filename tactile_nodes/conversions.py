@@ -317,13 +317,14 @@ def truth_fields(truth: Truth, bins: BinGrid) -> dict[str, Any]:
     along_x, along_y = truth.shear_n
     torque = -y * truth.total_n, x * truth.total_n, truth.torsion_n_mm + x * along_y - y * along_x
     acting = Acting(
-        explanation='field' if truth.in_contact else 'nothing',
+        explanation=truth.explanation,
         shear_n=truth.shear_force_n,
         normal_sigma_n=np.zeros_like(truth.normal_force_n),
         wrench=np.array([along_x, along_y, -truth.total_n, *torque]),
         wrench_covariance=np.zeros((6, 6)),
     )
-    return force_fields(truth.normal_force_n, bins, contacts, total_sigma_n=0.0, acting=acting)
+    fields = force_fields(truth.normal_force_n, bins, contacts, total_sigma_n=0.0, acting=acting)
+    return {**fields, 'stages': types.StageTimes(*5 * (math.nan,))}
 
 
 def calibration_fields(verdict: Verdict) -> dict[str, Any]:

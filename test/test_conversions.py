@@ -12,6 +12,7 @@ from tactile_nodes.errors import ImageError, MessageError
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.explain.reading import Contact
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.simulation.scene import Truth
 
 HEAD = types.Header(stamp=types.Time(sec=5, nanosec=6), frame_id='camera')
 
@@ -93,3 +94,12 @@ def test_wrench_pushes_against_z_and_turns_about_the_middle() -> None:
     assert wrench.torque.x == pytest.approx(0.0, abs=1e-12)
     # r x F = (x, 0, 0) x (0, 0, -2) = (0, 2 x, 0), x = 14.222 mm
     assert wrench.torque.y == pytest.approx(2 * 0.032 * 4 / 9)
+
+
+@pytest.mark.parametrize(('by_place', 'explained'), [(False, 'EXPLANATION_TIPS'), (True, 'EXPLANATION_FIELD')])
+def test_the_truth_says_where_its_forces_are_and_that_it_took_no_time(by_place: bool, explained: str) -> None:
+    """All in the bin of its centre for a tip; no camera, flow or model was at work."""
+    truth = Truth(np.ones((1, 1), np.float32), 1.0, (0.0, 0.0), True, np.zeros((1, 1, 2), np.float32), 0.0, by_place)
+    force = types.ForceDistribution(**conversions.truth_fields(truth, BinGrid(1, 1)))
+    assert force.explanation == getattr(force, explained)
+    assert all(math.isnan(getattr(force.stages, name)) for name in ('acquire', 'flow', 'features', 'predict'))

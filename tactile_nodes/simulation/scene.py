@@ -32,9 +32,9 @@ GAUSS_POINT = 0.5 / 3**0.5
 class Truth:
     """The ground truth. Bins are those of the surface at rest; all values are zero without contact.
 
-    For a round tip the whole force is in the bin of its centre, as the paper labels it. For other bodies each bin has
-    the force that acts on it. `shear_force_n` is the force along x and y, `position_mm` the centre of the normal force,
-    and `torsion_n_mm` the moment about z there.
+    For a round tip (`by_place` is false) the whole force is in the bin of its centre, as the paper labels it. For other
+    bodies each bin has the force that acts on it. `shear_force_n` is the force along x and y, `position_mm` the centre
+    of the normal force, and `torsion_n_mm` the moment about z there.
     """
 
     normal_force_n: Float32[np.ndarray, 'rows cols']
@@ -43,6 +43,12 @@ class Truth:
     in_contact: bool
     shear_force_n: Float32[np.ndarray, 'rows cols 2']
     torsion_n_mm: float = 0.0
+    by_place: bool = False
+
+    @property
+    def explanation(self) -> str:
+        """The simplest explanation, as in `Acting`."""
+        return ('field' if self.by_place else 'tips') if self.in_contact else 'nothing'
 
     @property
     def shear_n(self) -> tuple[float, float]:
@@ -263,4 +269,4 @@ def truth_of_touch(touch: Touch, table: TouchTable, shear_modulus_mpa: float, bi
     centre = (place_mm * force[:, 2:]).sum(axis=0) / max(total_n, 1e-12)
     away = place_mm - centre
     torsion = float((away[:, 0] * force[:, 1] - away[:, 1] * force[:, 0]).sum())
-    return Truth(forces[..., 2], total_n, (float(centre[0]), float(centre[1])), True, forces[..., :2], torsion)
+    return Truth(forces[..., 2], total_n, (float(centre[0]), float(centre[1])), True, forces[..., :2], torsion, True)

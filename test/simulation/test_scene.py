@@ -132,6 +132,7 @@ def test_bodies_touch_in_turn_with_the_tip_and_their_truth_has_shear():
     assert isinstance(schedule.press_at(3 * SECOND), Touch)
     assert not isinstance(schedule.press_at(5 * SECOND), Touch)
     assert pressed.in_contact
+    assert (scene.truth(DWELL).explanation, held.explanation) == ('tips', 'field')
     assert held.total_n == pytest.approx(2.0, rel=0.01)
     assert held.normal_force_n.sum() == pytest.approx(held.total_n, rel=1e-5)
     assert np.count_nonzero(held.normal_force_n > 0.01) > 4
