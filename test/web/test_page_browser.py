@@ -262,10 +262,10 @@ def test_a_smooth_map_runs_through_its_cells_and_its_lines_lie_where_it_has_thei
             const { contour, finer } = await import('/static/js/smooth.js');
             const ramp = finer(Float32Array.of(0, 1, 2, 3, 0, 1, 2, 3), 2, 4, 3);
             const cone = Float32Array.from({ length: 81 }, (_, at) => Math.hypot(at % 9 - 4, Math.floor(at / 9) - 4));
-            const path = contour({ values: cone, rows: 9, cols: 9 }, 3, 0, 0, 10); // about (45, 45), 30 wide
+            const path = contour({ values: cone, rows: 9, cols: 9 }, 3, 0, 0, 10, 20); // about (45, 90)
             const context = document.createElement('canvas').getContext('2d');
             const angles = Array.from({ length: 16 }, (_, step) => step * Math.PI / 8);
-            const at = (away, angle) => [45 + away * Math.cos(angle), 45 + away * Math.sin(angle)];
+            const at = (away, angle) => [45 + away * Math.cos(angle), 90 + 2 * away * Math.sin(angle)];
             const on = (away) => angles.filter((angle) => context.isPointInStroke(path, ...at(away, angle))).length;
             context.lineWidth = 4;
             return { middles: [1, 4, 7, 10].map((at) => ramp.values[12 + at]), between: ramp.values[12 + 5],

@@ -36,8 +36,8 @@ function cubic(away) {
   return { first: away < 0 ? -2 : -1, weights };
 }
 
-/** The contour of a grid at `level`, as a path on a canvas; cells are `step` apart, starting at `left` and `top`. */
-export function contour({ values, rows, cols }, level, left, top, step) {
+/** The contour of a grid at `level`, as a path on a canvas, for cells of `across` by `down` from `left`, `top`. */
+export function contour({ values, rows, cols }, level, left, top, across, down) {
   const path = new Path2D();
   const crossing = (here, there) => (level - values[here]) / (values[there] - values[here]);
   for (let row = 0; row + 1 < rows; row += 1) {
@@ -52,8 +52,8 @@ export function contour({ values, rows, cols }, level, left, top, step) {
       if (((inside >> 3) ^ (inside >> 2)) & 1) sides.push([col + crossing(d, c), row + 1]);
       if (((inside >> 3) ^ inside) & 1) sides.push([col, row + crossing(a, d)]);
       for (let end = 0; end + 1 < sides.length; end += 2) {
-        path.moveTo(left + (sides[end][0] + 0.5) * step, top + (sides[end][1] + 0.5) * step);
-        path.lineTo(left + (sides[end + 1][0] + 0.5) * step, top + (sides[end + 1][1] + 0.5) * step);
+        path.moveTo(left + (sides[end][0] + 0.5) * across, top + (sides[end][1] + 0.5) * down);
+        path.lineTo(left + (sides[end + 1][0] + 0.5) * across, top + (sides[end + 1][1] + 0.5) * down);
       }
     }
   }

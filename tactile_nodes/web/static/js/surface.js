@@ -84,9 +84,9 @@ function drawGrid(context, { left, top, across, down, scale }, [fromX, fromY]) {
   for (const mm of ticks(fromY, fromY + down / scale)) context.fillRect(left, Math.round(top + (mm - fromY) * scale), across, 1);
 }
 
-function drawOutlines(context, { outline, rows, cols }, { left, top, across }) {
+function drawOutlines(context, { outline, rows, cols }, { left, top, across, down }) {
   const fine = finer(outline, rows, cols, OUTLINE_FINER);
-  stroked(context, contour(fine, 1, left, top, across / fine.cols), 3.2, 1.4, MARK);
+  stroked(context, contour(fine, 1, left, top, across / fine.cols, down / fine.rows), 3.2, 1.4, MARK);
 }
 
 function drawShear(context, { spacing, found }, { left, top, scale }, [fromX, fromY], fullScale) {
