@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,26 +45,27 @@ def pressed(stamp_ns: int, normal_n: float, shear_n: float) -> types.ForceDistri
 
 
 @pytest.fixture
-def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Of the page of a hand: 1 N presses the left finger and 0.1 N drag it, 1.5 N and 0.6 N the right one.
+def loads_n() -> dict[str, tuple[float, float]]:
+    """How hard each finger is pressed and dragged."""
+    return {'left': (1.0, 0.1), 'right': (1.5, 0.6)}
 
-    It is seen from a machine that calls itself lab.
-    """
+
+@pytest.fixture
+def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loads_n: dict[str, tuple[float, float]]) -> Iterator[str]:
+    """Of the page of a hand, seen from a machine that calls itself lab."""
     monkeypatch.setattr('platform.node', lambda: 'lab')
     (tmp_path / 'hand.yaml').write_text(HAND)
     bus, done = InProcessBus(), threading.Event()
     arguments = parse_arguments(['--ros-args', '-p', f'hand:={tmp_path}/hand.yaml', '-p', 'port:=0'])
     nodes = [HandWrenchNode(bus, arguments), LiveViewNode(bus, arguments)]
-    ends = [
-        bus.advertise(f'/{name}/force_distribution', topics.FORCE_DISTRIBUTION.type_name, topics.FORCE_DISTRIBUTION.qos)
-        for name in ('left', 'right')
-    ]
+    topic = topics.FORCE_DISTRIBUTION
+    ends = {name: bus.advertise(f'/{name}/{topic.name}', topic.type_name, topic.qos) for name in loads_n}
 
     def publish() -> None:
         while not done.wait(1 / 60):
             stamp_ns = bus.clock.now_ns()
-            for end, (normal_n, shear_n) in zip(ends, ((1.0, 0.1), (1.5, 0.6)), strict=True):
-                end.publish(pressed(stamp_ns, normal_n, shear_n))
+            for name, load_n in loads_n.items():
+                ends[name].publish(pressed(stamp_ns, *load_n))
 
     threads = [threading.Thread(target=publish), threading.Thread(target=run_until, args=(nodes, done))]
     for thread in threads:
@@ -101,3 +103,12 @@ def test_all_sensors_are_seen_together_and_one_alone_when_it_is_chosen(page: Any
     page.locator('#all').click()
     expect(tiles).to_have_count(3)
     assert page.request.get(f'{page.url}?sensor=fourth').status == 404
+
+
+def test_a_force_that_is_no_number_leaves_the_rest_of_the_page_as_it_is(page: Any, loads_n: dict[str, Any]) -> None:
+    tiles = page.locator('.tile')
+    expect(tiles.nth(1)).to_contain_text('1.500 N')
+    loads_n |= {'left': (math.nan, math.nan), 'right': (1.75, 0.0)}
+    expect(tiles.nth(0)).to_contain_text('– N')
+    expect(tiles.nth(1)).to_contain_text('1.750 N')
+    expect(page.locator('#force')).to_have_text('x – ± 0.014   y – ± 0.014   z – ± 0.014')

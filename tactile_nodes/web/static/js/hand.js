@@ -4,6 +4,7 @@ import { drawCamera } from './camera.js';
 import { Link } from './link.js';
 import { drawMap } from './map.js';
 import { pictureOf, takeApart } from './packet.js';
+import { newtons } from './panels.js';
 import { Scales } from './scale.js';
 import { OLD_S, hostOf, statusOf } from './status.js';
 import { drawSurface, takeCells } from './surface.js';
@@ -77,7 +78,7 @@ class Tile {
     this.find('host').textContent = hostOf(this.fields);
     this.find('word').textContent = word;
     this.find('reason').textContent = reason;
-    this.find('total').textContent = trusted ? `${this.fields.force.total_n.toFixed(3)} N` : '– N';
+    this.find('total').textContent = `${newtons(trusted ? this.fields.force.total_n : null)} N`;
   }
 }
 
@@ -86,7 +87,7 @@ function showHand(tiles) {
   const live = tiles.filter((tile) => tile.isLive);
   const latest = live.map(({ fields }) => fields).sort((a, b) => (b.hand?.stamp_s ?? 0) - (a.hand?.stamp_s ?? 0))[0];
   const hand = latest?.hand && latest.force.stamp_s - latest.hand.stamp_s < OLD_S ? latest.hand : null;
-  const parts = hand?.force_n.map((each, axis) => `${'xyz'[axis]} ${signed(each, 3)}${hand.force_sigma_n ? ` ± ${hand.force_sigma_n[axis].toFixed(3)}` : ''}`);
+  const parts = hand?.force_n.map((each, axis) => `${'xyz'[axis]} ${signed(each, 3)}${hand.force_sigma_n ? ` ± ${newtons(hand.force_sigma_n[axis])}` : ''}`);
   $('frame').textContent = hand?.frame ?? 'the hand';
   $('force').textContent = parts?.join('   ') ?? '–';
   $('moment').textContent = hand?.moment_n_mm.map((each, axis) => `${'xyz'[axis]} ${signed(each, 1)}`).join('   ') ?? '–';
