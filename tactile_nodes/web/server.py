@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.web import guard
@@ -29,6 +29,7 @@ from tactile_nodes.web.viewers import Audience, Viewer
 STATIC = Path(__file__).parent / 'static'
 STATIC_FILES = {each.relative_to(STATIC).as_posix(): each for each in STATIC.rglob('*') if each.is_file()}
 HEARTBEAT_S = 10.0
+_FULL = b'Too many pages are open already. Close one.'
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
     "connect-src 'self' ws://{host}; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
@@ -156,11 +157,13 @@ class PageServer:
     async def _live(self, request: web.Request) -> web.StreamResponse:
         self._check_page(request)
         audience = self._audiences[self._sensor_of(request)]
-        if audience.is_full:
-            raise web.HTTPServiceUnavailable(text='Too many pages are open already. Close one.')
         channel = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_WORD)
         may_act = self._may_act(request)
         await self._serving.open_channel(request, channel)
+        if audience.is_full:  # a browser shows its page why a channel was closed, but not why none was opened
+            self._serving.forget_channel(channel)
+            await channel.close(code=WSCloseCode.TRY_AGAIN_LATER, message=_FULL)
+            return channel
         viewer = audience.join(monotonic_s())
         self._news[viewer] = asyncio.Event()
         self._changed()

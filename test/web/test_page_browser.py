@@ -475,6 +475,17 @@ def test_the_course_of_the_force_begins_before_the_page_was_opened(
 
 
 @pytest.mark.usefixtures('own_sensor')
+def test_one_page_too_many_says_so_and_watches_once_another_is_closed(chromium: Any, running: Running) -> None:
+    url = running.start(LiveViewNode, port=0, viewers=1).server.url
+    with opened(chromium, url) as one, opened(chromium, url) as other:
+        text(one, '#total').to_have_text('0.730')
+        text(other, '#reason').to_have_text('Too many pages are open already. Close one.')
+        one.close()
+        text(other, '#total').to_have_text('0.730')
+        assert other.faults == []
+
+
+@pytest.mark.usefixtures('own_sensor')
 def test_a_guest_watches_and_finds_the_buttons_closed(
     chromium: Any, running: Running, monkeypatch: pytest.MonkeyPatch
 ) -> None:

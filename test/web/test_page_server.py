@@ -166,20 +166,21 @@ def test_coming_and_going_is_reported(served: Served) -> None:
     assert served.server.watching == 0
 
 
-def test_one_page_too_many_is_reported_so(served: Served) -> None:
-    async def talk() -> int:
+def test_one_page_too_many_is_told_so(served: Served) -> None:
+    async def talk() -> tuple[aiohttp.WSMsgType, int, str]:
         async with (
             aiohttp.ClientSession() as session,
             session.ws_connect(served.socket_url, origin=served.url) as one,
             session.ws_connect(served.socket_url, origin=served.url) as two,
+            session.ws_connect(served.socket_url, origin=served.url) as three,
         ):
             await one.receive_str()
             await two.receive_str()
-            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
-                await session.ws_connect(served.socket_url, origin=served.url)
-            return refused.value.status
+            told = await three.receive()
+            return told.type, told.data, told.extra
 
-    assert run(talk()) == 503
+    sentence = 'Too many pages are open already. Close one.'
+    assert run(talk()) == (aiohttp.WSMsgType.CLOSE, aiohttp.WSCloseCode.TRY_AGAIN_LATER, sentence)
 
 
 def test_an_action_must_come_from_a_page_of_ours(served: Served) -> None:

@@ -19,7 +19,7 @@ SENTENCES = {
 
 def test_an_error_is_named_before_a_warning() -> None:
     module = f'data:text/javascript,{quote(STATIC_FILES["js/status.js"].read_text())}'
-    call = 'async ([module, fields]) => (await import(module)).statusOf(fields, 5, false, true)'
+    call = 'async ([module, fields]) => (await import(module)).statusOf(fields, 5, false, { open: true })'
     with started() as browser:
         page = browser.new_page()
         for levels, sentence in SENTENCES.items():

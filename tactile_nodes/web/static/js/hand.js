@@ -71,7 +71,7 @@ class Tile {
 
   watch() {
     if (!this.link) return; // not connected yet
-    const [status, word, reason] = statusOf(this.fields, this.age, this.isLive, this.link.open);
+    const [status, word, reason] = statusOf(this.fields, this.age, this.isLive, this.link);
     const trusted = this.isLive && this.fields.force.status !== 'invalid';
     this.place.dataset.status = status;
     this.place.classList.toggle('stale', !this.isLive);

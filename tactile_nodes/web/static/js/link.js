@@ -2,12 +2,14 @@
 // than this page can show.
 
 const RETRY_MS = [200, 500, 1000, 2000];
+const TRY_AGAIN_LATER = 1013; // code with which the node closes a connection of one page too many
 
 export class Link {
   /** `sensor` is the name of a sensor, if the node shows several. */
   constructor(onPacket, onChange, sensor = null) {
     this.query = sensor === null ? {} : { sensor };
     this.open = false;
+    this.refusal = ''; // why the node closed the last connection at once
     this.onPacket = onPacket;
     this.onChange = onChange;
     this.mayAct = undefined; // until the node has sent it
@@ -18,9 +20,8 @@ export class Link {
   connect() {
     const socket = new WebSocket(`ws://${location.host}/live?${new URLSearchParams(this.query)}`);
     socket.binaryType = 'arraybuffer';
-    socket.onopen = () => this.become(true);
     socket.onmessage = (event) => this.take(event.data);
-    socket.onclose = () => this.comeBack();
+    socket.onclose = ({ code, reason }) => this.comeBack(code === TRY_AGAIN_LATER ? reason : '');
     this.socket = socket;
   }
 
@@ -28,12 +29,14 @@ export class Link {
     if (typeof data === 'string') {
       this.mayAct = JSON.parse(data).may_act;
       this.failures = 0;
+      this.become(true);
     } else {
       this.onPacket(data);
     }
   }
 
-  comeBack() {
+  comeBack(refusal) {
+    this.refusal = refusal;
     this.become(false);
     const wait = RETRY_MS[Math.min(this.failures, RETRY_MS.length - 1)];
     this.failures += 1;

@@ -88,7 +88,7 @@ function watch() {
   const since = (performance.now() - page.at) / 1000;
   const age = fields?.force ? fields.age_s + since : Infinity;
   const isLive = link.open && age < OLD_S;
-  showStatus(...statusOf(fields, age, isLive, link.open), !isLive);
+  showStatus(...statusOf(fields, age, isLive, link), !isLive);
   showTotal(fields?.force ?? null, fields?.truth ?? null, isLive, age);
   showNet(fields?.force?.net ?? null, isLive);
   showMap(fields?.force ?? null, page.field, isLive, page.field ? pressureScale() : fullScale());

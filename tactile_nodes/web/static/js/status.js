@@ -3,9 +3,10 @@
 export const OLD_S = 0.6; // a force older than this is not shown as current
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 
-/** A status, its word, and a sentence about it, for received data of this age in seconds. */
-export function statusOf(fields, age, isLive, isOpen) {
-  if (!isOpen) {
+/** A status, its word, and a sentence about it, for data of this age in seconds that came through a link. */
+export function statusOf(fields, age, isLive, link) {
+  if (!link.open) {
+    if (link.refusal) return ['nodata', 'NO CONNECTION', link.refusal];
     const since = fields?.force ? `, no data for ${age.toFixed(0)} s` : '';
     return ['nodata', 'NO CONNECTION', `The live view does not respond${since}. Reconnecting.`];
   }
