@@ -22,6 +22,7 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors import mounting_of
 from tactile_nodes.viewing import force_shapes
+from tactile_nodes.viewing.state import checked
 
 REPORT_PERIOD_S = 1.0
 LOOK_PERIOD_S = 0.5
@@ -82,8 +83,9 @@ class ForceViewsNode(Node):
         return [*(publisher for publisher, _ in self._views), self._pressure]
 
     def _on_force(self, received: Received) -> None:
+        force = checked(received.message)
         for publisher, shape in self._views:
-            if publisher.listeners and (view := shape(received.message)) is not None:
+            if publisher.listeners and (view := shape(force)) is not None:
                 publisher.publish(view)
                 self._published[publisher.topic] += 1
 

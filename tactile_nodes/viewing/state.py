@@ -110,7 +110,7 @@ class ViewState:
         Raises:
             MessageError: its bins do not fill its grid.
         """
-        message = _checked(received.message)
+        message = checked(received.message)
         captured_ns = stamp_ns(message.header.stamp)
         times = stage_times(message.stages, (received.received_ns - captured_ns) / NS_PER_S)
         self.frames += 1
@@ -132,7 +132,7 @@ class ViewState:
         Raises:
             MessageError: its bins do not fill its grid.
         """
-        message = _checked(received.message)
+        message = checked(received.message)
         self._truth_ns = received.received_ns
         self._comparison.add_truth(stamp_ns(message.header.stamp), message)
 
@@ -294,7 +294,8 @@ def silent(health: Iterable[NodeHealth]) -> list[NodeHealth]:
     return [entry for entry in health if entry.age_s > SILENT_AFTER_S]
 
 
-def _checked(message: Any) -> Any:
+def checked(message: Any) -> Any:
+    """The ForceDistribution. Raises MessageError: its bins do not fill its grid."""
     bins = message.normal_force.size
     if not bins or bins != message.rows * message.cols:
         raise MessageError(f'a force distribution has {bins} bins, but a grid of {message.rows} x {message.cols}')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -56,6 +57,20 @@ def test_whoever_listens_gets_each_view_with_the_stamp_of_its_image(
     view_message = received.message
     head = view_message.markers[-1].header if view is topics.CONTACT_MARKERS else view_message.header
     assert (stamp_ns(head.stamp), head.frame_id) == (START_NS, 'gel_surface')
+
+
+def test_a_force_whose_bins_do_not_fill_its_grid_is_reported_and_the_next_one_shown(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tested, points, source = node(bus, clock), listen(topics.FORCE_POINTS), publisher(topics.FORCE_DISTRIBUTION)
+    source.publish(dataclasses.replace(force(), rows=2))
+    run(tested)
+    assert 'errors: a force distribution has 2 bins, but a grid of 2 x 2' in capsys.readouterr().err
+    source.publish(force())
+    run(tested)
+    received = points.take()
+    assert received is not None
+    assert (received.message.height, received.message.width) == (1, 2)
 
 
 def test_only_what_somebody_listens_to_is_made(
