@@ -63,7 +63,7 @@ CAMERA_INFO = Topic(
     _LATEST,
     60.0,
     frame=_CAMERA,
-    holds='px: size of the whole image, and the square cut from it',
+    holds='px: size of the whole image, and the rectangle cut from it; intrinsics of a described sensor',
 )
 REFERENCE_IMAGE = Topic(
     'reference_image',
