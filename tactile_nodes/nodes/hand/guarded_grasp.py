@@ -23,7 +23,7 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import Clock
-from tactile_nodes.collection.press.guarded import INVALID, Felt
+from tactile_nodes.collection.press.guarded import INVALID, NS_PER_MS, Felt
 from tactile_nodes.collection.press.guarded_grasp import FeltByHand, Grasp, GraspSettings, Opening
 from tactile_nodes.errors import DeviceError
 from tactile_nodes.messages import types
@@ -98,7 +98,9 @@ class GuardedGraspNode(Node):
         felt, opening = self._felt(), self._opening
         if opening is None or felt is None:
             return
-        if self._grasp is None:  # both have arrived: start
+        if self._grasp is None:
+            if not self._may_begin(felt):
+                return
             self._grasp = Grasp(self.params.grasp, self.clock.now_ns())
             self._opened_mm = opening.mm
             self.log.info(f'closing from {opening.mm:.1f} mm')
@@ -118,6 +120,11 @@ class GuardedGraspNode(Node):
             return None
         return FeltByHand.of(self._wrench, self._fingers)
 
+    def _may_begin(self, felt: FeltByHand) -> bool:
+        """Whether all forces are valid and fresh: at first there is no rest image, and a busy machine is late."""
+        late_ms = (self.clock.now_ns() - felt.stamp_ns) / NS_PER_MS
+        return felt.status != INVALID and bool(late_ms <= self.params.grasp.stale_ms)
+
     def _go(self, opening_mm: float) -> None:
         self._command.publish(types.Float64(data=opening_mm * conversions.MILLI))
 
@@ -129,7 +136,8 @@ class GuardedGraspNode(Node):
                 f'no force of {" and ".join(missing)}' if missing else '',
                 'no hand_wrench' if self._wrench is None else '',
             ]))  # fmt: skip
-            self.report('grasp', Level.WARN, f'waiting: {lacks}')
+            unusable = f'a force is invalid, or older than {self.params.grasp.stale_ms:g} ms'
+            self.report('grasp', Level.WARN, f'waiting: {lacks or unusable}')
         else:
             self._report_grasp(self._grasp)
 
