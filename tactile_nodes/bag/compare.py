@@ -85,7 +85,9 @@ def find_topic(bag: BagReader, topic: str) -> str:
         return topic
     if len(found) != 1:
         matches = (
-            f'several: {", ".join(found)}; give the full name' if found else f'none; it has {", ".join(bag.topics)}'
+            f'several: {", ".join(found)}; give the full name'
+            if found
+            else f'none; it has {", ".join(bag.topics) or "no topics"}'
         )
         raise BagError(f'{bag.path}: topics that match {topic!r}: {matches}')
     return found[0]

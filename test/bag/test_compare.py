@@ -11,6 +11,7 @@ from bagging import START_NS, STEP_NS, Sample, force, samples, write
 
 from tactile_nodes.bag.compare import Comparison, compare
 from tactile_nodes.bag.reader import BagReader
+from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.errors import BagError
 from tactile_nodes.messages import types
 
@@ -74,6 +75,12 @@ def test_nothing_in_common_is_not_the_same(tmp_path: Path) -> None:
 def test_topic_that_is_not_there_is_an_error_that_names_those_that_are(bag: Path) -> None:
     with BagReader(bag) as reader, pytest.raises(BagError, match='/force, /text'):
         compare(reader, reader, 'wrench')
+
+
+def test_a_bag_without_topics_is_an_error_that_says_so(tmp_path: Path) -> None:
+    BagWriter(tmp_path / 'empty').close()
+    with BagReader(tmp_path / 'empty') as reader, pytest.raises(BagError, match=r'none; it has no topics$'):
+        compare(reader, reader, 'force')
 
 
 def test_topic_without_stamps_is_an_error(tmp_path: Path) -> None:
