@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_nodes.learning.agreement.objections import ALIKE
+from tactile_nodes.learning.agreement.objections import ALIKE, force_objection, from_centre, strength_of
 from tactile_nodes.learning.field.calibration import sensor_of
 from tactile_nodes.learning.field.fit import described, scaling_of
 from tactile_nodes.learning.tables.pictures import OneSize
@@ -75,17 +75,20 @@ class Known:
         motion: Float32[np.ndarray, 'n rows cols 2'],
         confidence: Float32[np.ndarray, 'n rows cols'],
     ) -> str:
-        """What is wrong with the given forces, compared with those expected from the images.
+        """What is wrong with the given forces, compared with what the images show. Empty if nothing is wrong.
 
-        Empty if nothing is wrong, or if the sensor is not described.
+        That is the expected forces if the sensor is described, else the motion.
 
         Raises:
             ConfigurationError: by the description hardly any region sees the gel.
         """
         if self.sensor is None:
-            return ''
+            strength = strength_of(motion, confidence)
+            return force_objection(force_n, strength.sum(axis=(1, 2)), from_centre(strength))
         few = slice(None, None, max(1, len(force_n) // JUDGES))
         given, expected = force_n[few], self.forces_n(motion[few], confidence[few])
+        if objection := force_objection(given, expected):
+            return objection
         given, expected = given[expected > 0], expected[expected > 0]
         if not len(given):
             return ''

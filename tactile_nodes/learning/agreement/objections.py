@@ -11,7 +11,7 @@ import numpy as np
 
 from tactile_nodes.sensing.elasticity.view import View
 from tactile_nodes.sensors import Sensor
-from tactile_nodes.shapes import Float
+from tactile_nodes.shapes import Float, Float32
 
 SPANNED_MM = 4.0
 """Places closer than this along x or y do not determine the axes."""
@@ -29,6 +29,18 @@ ALIKE = 1.2
 """Forces whose largest is at most this times the smallest count as one force, which motion cannot follow."""
 SCALE = 1.5
 """Largest ratio of pixels for a mm to those of a description; correct descriptions differ by 1.2 at most."""
+
+
+def strength_of(
+    motion: Float32[np.ndarray, 'n rows cols 2'], confidence: Float32[np.ndarray, 'n rows cols']
+) -> Float[np.ndarray, 'n rows cols']:
+    """The squared motion of the regions (px²), weighted by confidence."""
+    return np.asarray(np.square(motion).sum(axis=-1) * confidence)
+
+
+def from_centre(strength: Float[np.ndarray, 'n rows cols']) -> Float[np.ndarray, ' n']:
+    """The squared distance of motion from the image centre, as shares of its sides: a wide lens shows it smaller."""
+    return np.asarray(np.square(middles(strength) - 0.5).sum(axis=1))
 
 
 def middles(strength: Float[np.ndarray, 'n rows cols']) -> Float[np.ndarray, 'n 2']:
@@ -77,13 +89,24 @@ def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.nda
     return ''
 
 
-def force_objection(force_n: Float[np.ndarray, ' n'], strength: Float[np.ndarray, 'n rows cols']) -> str:
-    """What is wrong with the given forces, compared with the motion; empty if nothing is, or if all are alike."""
+def force_objection(
+    force_n: Float[np.ndarray, ' n'], shown: Float[np.ndarray, ' n'], beside: Float[np.ndarray, ' n'] | None = None
+) -> str:
+    """What is wrong with the given forces, compared with what the images show; empty if nothing is, or all are alike.
+
+    Args:
+        force_n: the given forces.
+        shown: what grows with the force: the motion in each image, or an estimate of the force.
+        beside: what else `shown` depends on, which is removed before.
+    """
     if force_n.max() <= ALIKE * force_n.min():
         return ''
     chance = 1 / math.sqrt(max(len(force_n) - 1, 1))
     limit = min(max(FOLLOWS_FORCE, 2 * chance), FOLLOWS)
-    if _correlation(_ranks(force_n), _ranks(strength.sum(axis=(1, 2)))) >= limit:
+    given, follows = _ranks(force_n), _ranks(shown)
+    if beside is not None:
+        given, follows = _without(beside, given), _without(beside, follows)
+    if _correlation(given, follows) >= limit:
         return ''
     return (
         'the images do not move more when the given force is larger: rows or columns are mixed up, or the presses are '
@@ -104,6 +127,12 @@ def _ranks(values: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
     _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
     middle: np.ndarray = (np.cumsum(counts) - (counts - 1) / 2)[which.reshape(-1)]
     return middle
+
+
+def _without(one: Float[np.ndarray, ' n'], other: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
+    """The part of `other` that does not follow `one` linearly."""
+    from_one = np.column_stack([one, np.ones(len(one))])
+    return np.asarray(other - from_one @ np.linalg.lstsq(from_one, other, rcond=None)[0])
 
 
 def _correlation(one: Float[np.ndarray, ' n'], other: Float[np.ndarray, ' n']) -> float:

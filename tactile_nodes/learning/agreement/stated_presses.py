@@ -13,9 +13,9 @@ from tactile_nodes.learning.agreement.known import Known
 from tactile_nodes.learning.agreement.objections import (
     aside,
     description_objection,
-    force_objection,
     middles,
     places_objection,
+    strength_of,
 )
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tables.faults import SHOWN_ROWS
@@ -52,8 +52,7 @@ class StatedPresses:
 
     @property
     def strength(self) -> Float[np.ndarray, 'n rows cols']:
-        """The squared motion of the regions, weighted by confidence."""
-        return np.asarray(np.square(self.motion).sum(axis=-1) * self.confidence)
+        return strength_of(self.motion, self.confidence)
 
 
 def require_agreement(
@@ -82,7 +81,6 @@ def _objection(table: StatedPresses, known: Known) -> str:
     seen = middles(table.strength)
     objection = places_objection(table.place_mm, seen)
     objection = objection or (description_objection(table.place_mm, seen, known.sensor) if known.sensor else '')
-    objection = objection or force_objection(table.force_n, table.strength)
     return objection or known.force_objection(table.force_n, table.motion, table.confidence)
 
 

@@ -220,20 +220,47 @@ def test_a_calibration_that_makes_the_camera_another_one_is_no_calibration(
 
 
 def test_motion_cannot_follow_forces_that_are_all_alike() -> None:
-    strength = np.random.default_rng(1).uniform(0, 1, (20, 3, 3))
-    assert force_objection(np.full(20, 0.49), strength) == ''
-    assert 'do not move more' in force_objection(strength.sum(axis=(1, 2)).max() - strength.sum(axis=(1, 2)), strength)
+    motion = np.random.default_rng(1).uniform(0, 1, 20)
+    assert force_objection(np.full(20, 0.49), motion) == ''
+    assert 'do not move more' in force_objection(motion.max() - motion, motion)
 
 
 def test_motion_that_also_depends_on_the_place_still_follows_forces() -> None:
     """As between a few printed dots: of 30 presses with 12 to 26 g some move the dots three times as much as others."""
     random = np.random.default_rng(0)
     force_n = np.tile([0.14, 0.19, 0.23], 10) * random.uniform(0.85, 1.15, 30)
-    strength = (force_n * random.uniform(0.5, 1.5, 30))[:, None, None] * np.ones((30, 3, 3))
-    correlation = float(spearmanr(force_n, strength.sum(axis=(1, 2))).statistic)
+    motion = force_n * random.uniform(0.5, 1.5, 30)
+    correlation = float(spearmanr(force_n, motion).statistic)
     assert 2 / math.sqrt(29) < correlation < 0.5
-    assert force_objection(force_n, strength) == ''
-    assert 'rows or columns are mixed up' in force_objection(random.permutation(force_n), strength)
+    assert force_objection(force_n, motion) == ''
+    assert 'rows or columns are mixed up' in force_objection(random.permutation(force_n), motion)
+
+
+@pytest.mark.parametrize('described', [['--sensor', 'simulated'], []])
+def test_presses_that_a_wide_lens_shows_smaller_near_the_rim_are_imported(
+    described: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Eight presses, harder from the middle to the rim by 1.4 times; at the rim a press moves fewer pixels."""
+    sensor = load_sensor('simulated')
+    gel = dataclasses.replace(gel_of(sensor), mechanics='linear')
+    table = linear_table(gel)
+    optics, rows = Optics(gel, table), []
+    cv2.imwrite(str(tmp_path / 'rest.png'), optics.render((), 0))
+    for number in range(8):
+        x, y = (1.6 * (number + 1) * side(0.9 * number * math.pi) for side in (math.cos, math.sin))
+        force_n = 0.15 * 1.4 ** (number / 7)
+        press = Press(x, y, table.depth_at(force_n))
+        cv2.imwrite(str(tmp_path / f'press{number}.png'), optics.render((press,), 1 + number))
+        rows.append([f'press{number}.png', f'{x:.3f}', f'{y:.3f}', f'{force_n / NEWTON_PER_GRAM:.3f}', 'ball:0.6'])
+    made = written(tmp_path / 'presses.csv', [['rest.png', '', '', '0', ''], *rows])
+    words = ['dataset', 'import', str(made), *described]
+    assert main([*words, '-o', str(tmp_path / 'made.npz')]) == 0
+    given = [row[3] for row in rows]
+    for row, force in zip(rows, reversed(given), strict=True):
+        row[3] = force
+    written(made, [['rest.png', '', '', '0', ''], *rows])
+    assert main([*words, '-o', str(tmp_path / 'mixed.npz')]) == 1
+    assert 'do not move more when the given force is larger' in capsys.readouterr().err
 
 
 def appended(*rows: Row) -> Change:
