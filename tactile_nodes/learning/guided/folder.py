@@ -6,6 +6,7 @@ An image is written before its row, and each row is written at once, so no press
 from __future__ import annotations
 
 import codecs
+import math
 import os
 from pathlib import Path
 
@@ -35,7 +36,8 @@ class PressFolder:
         reach_mm: from the centre of the gel to the rims of its bins.
 
     Raises:
-        DatasetError: the existing table cannot be read, or has another unit; or a name that would break it.
+        DatasetError: the existing table cannot be read, has another unit, or is of another sensor; or a name that would
+            break it.
     """
 
     def __init__(self, folder: Path, unit: str, indenter: str, reach_mm: tuple[float, float]) -> None:
@@ -48,7 +50,7 @@ class PressFolder:
             )
         self._header = f'picture,x_mm,y_mm,force_{unit.lower()},indenter\n'
         self.left_out = self._leave_out_incomplete_line() if self.table.exists() else ''
-        self.rows = list(read_table(self.table, reach_mm).rows) if self.table.exists() else list[TablePress]()
+        self.rows = self._read() if self.table.exists() else list[TablePress]()
 
     def _leave_out_incomplete_line(self) -> str:
         try:
@@ -131,4 +133,14 @@ class PressFolder:
                 os.fsync(opened.fileno())
         except OSError as error:
             raise DatasetError(f'cannot write {self.table} ({error.strerror}); make room, and start again') from error
-        self.rows = list(read_table(self.table, self._reach_mm).rows)
+        self.rows = self._read()
+
+    def _read(self) -> list[TablePress]:
+        rows = list(read_table(self.table, (math.inf, math.inf)).rows)
+        for row in rows:
+            if abs(row.x_mm) > self._reach_mm[0] + 1e-9 or abs(row.y_mm) > self._reach_mm[1] + 1e-9:
+                raise DatasetError(
+                    f'{self.table}, line {row.line}: {row.x_mm:g}, {row.y_mm:g} mm lies beyond the bins of this '
+                    'sensor; give the --sensor of the other presses, correct the line, or use another folder'
+                )
+        return rows

@@ -69,6 +69,12 @@ def test_the_table_of_another_program_is_not_changed(content: bytes, tmp_path: P
     assert table.read_bytes() == content
 
 
+def test_a_folder_that_was_begun_with_a_larger_sensor_asks_for_that_sensor(tmp_path: Path) -> None:
+    folder_of(tmp_path).add_press(PICTURE, (1.0, 12.0), 20.0)
+    with pytest.raises(DatasetError, match='line 2: 1, 12 mm lies beyond the bins of this sensor; give the --sensor'):
+        PressFolder(tmp_path, 'g', 'ball:0.6', (12.5, 9.5))
+
+
 def test_presses_with_another_indenter_are_kept_but_do_not_count_as_done(tmp_path: Path) -> None:
     """Else a second indenter in the same folder would be told at once that all presses are done."""
     folder_of(tmp_path).add_press(PICTURE, (1.0, 2.0), 20.0)

@@ -82,7 +82,7 @@ def test_nobody_is_asked_to_press_beside_the_bins(tmp_path: Path, capsys: pytest
     (tmp_path / 'by_hand').mkdir()
     (tmp_path / 'by_hand' / 'presses.csv').write_text('picture,x_mm,y_mm,force_g,indenter\na.png,7,0,20,ball:0.6\n')
     assert main(words) == 1
-    assert 'x_mm is read as 7 mm: places must be within 6 mm of the middle' in capsys.readouterr().err
+    assert 'line 2: 7, 0 mm lies beyond the bins of this sensor' in capsys.readouterr().err
 
 
 def test_nobody_is_asked_to_press_under_a_mask() -> None:
