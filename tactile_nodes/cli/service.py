@@ -90,11 +90,11 @@ def call(arguments: argparse.Namespace) -> int:
     from tactile_nodes.messages.services import request_type
 
     service, type_name = absolute(arguments.service), full_type(arguments.type, 'srv')
-    request = messages.from_dict(request_type(type_name), read_values(arguments.values))
     with joined() as bus:
         served = type_of_service(bus.graph(), service)
         if served != type_name:
             raise ServiceError(f'{service} is a {served}, not a {type_name}')
+        request = messages.from_dict(request_type(type_name), read_values(arguments.values))
         _call_once(bus, service, type_name, request, arguments.timeout)
         next_ns = bus.clock.now_ns()
         while arguments.rate:

@@ -195,7 +195,7 @@ def test_a_service_is_called(lamp: LampNode, tactile: Tactile) -> None:
     [
         (('/nothing', 'std_srvs/srv/Trigger'), 'no node offers the service /nothing'),
         (('/lamp/blink', 'std_srvs/srv/SetBool'), '/lamp/blink is a std_srvs/srv/Trigger, not a std_srvs/srv/SetBool'),
-        (('/lamp/blink', 'std_srvs/srv/Tricker'), "there is no message type 'std_srvs/srv/Tricker_Request'"),
+        (('/lamp/blink', 'std_srvs/srv/Tricker'), '/lamp/blink is a std_srvs/srv/Trigger, not a std_srvs/srv/Tricker'),
         (('/lamp/blink', 'std_srvs/srv/Trigger', '{data: 1}'), "has no field 'data'"),
     ],
 )
