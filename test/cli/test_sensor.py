@@ -154,11 +154,22 @@ def test_what_no_description_follows_from_is_refused_and_nothing_written(
     assert not Path('mine.yaml').exists()
 
 
-def test_a_description_that_is_there_is_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Path('mine.yaml').write_text('name: precious\n')
+@pytest.mark.parametrize('name', ['mine.yaml', 'mine.png'])
+def test_a_description_or_picture_that_is_there_is_kept(
+    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path(name).write_text('name: precious\n')
     assert main(['sensor', 'new', 'rest', '-o', 'mine.yaml', '--width', '18', '--yes']) == 1
-    assert 'mine.yaml exists; choose another name, or replace it with --force' in capsys.readouterr().err
-    assert Path('mine.yaml').read_text() == 'name: precious\n'
+    assert f'{name} exists; choose another name, or replace it with --force' in capsys.readouterr().err
+    assert Path(name).read_text() == 'name: precious\n'
+
+
+def test_the_picture_of_the_mask_is_not_drawn_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path('mine.png').write_bytes(mask := Path('rest/0.png').read_bytes())
+    words = ['rest', '-o', 'mine.yaml', '--width', '18', '--mask', 'mine.png', '--force', '--yes']
+    assert main(['sensor', 'new', *words]) == 1
+    assert 'mine.png is read for it; choose another file' in capsys.readouterr().err
+    assert Path('mine.png').read_bytes() == mask
 
 
 @pytest.mark.parametrize('words', [['-o', 'rest/0.yaml'], ['-o', 'mine.yaml', '--figure', 'rest/1.png']])

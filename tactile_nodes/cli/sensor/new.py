@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--crop', type=size, metavar='WxH', help='size of the central part of the picture to use')
     parser.add_argument('--mask', metavar='FILE', help="picture that is black where the gel is covered, or 'none'")
     parser.add_argument('--yes', action='store_true', help='ask nothing: use the usual values for what is not given')
-    parser.add_argument('--force', action='store_true', help='replace an existing description')
+    parser.add_argument('--force', action='store_true', help='replace an existing description and figure')
     pictures.add_arguments(parser)
 
 
@@ -72,10 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.sensors.writing import text_of
 
     output, drawn = arguments.output, arguments.figure or arguments.output.with_suffix('.png')
-    if output.exists() and not arguments.force:
-        raise ConfigurationError(f'{output} exists; choose another name, or replace it with --force')
     for each in (output, drawn):
-        check_output(each, *map(Path, arguments.pictures), arguments.camera_info)
+        check_output(each, *map(Path, [*arguments.pictures, arguments.mask or 'none']), arguments.camera_info)
+        if each.exists() and not arguments.force:
+            raise ConfigurationError(f'{each} exists; choose another name, or replace it with --force')
     shown = pictures.read_pictures(arguments.pictures, arguments)
     size_px = _one_size(shown)
     seen = _seen(shown, arguments, size_px)
@@ -86,7 +86,10 @@ def run(arguments: argparse.Namespace) -> int:
     tell(inspection)
     print(f'wrote {write_png(drawn, figure(inspection))}')
     if not inspection.usable:
-        print(f'{output} was not written: fix the findings marked bad first', file=sys.stderr)
+        print(
+            f'{output} was not written: fix the findings marked bad first, then add --force, which replaces {drawn}',
+            file=sys.stderr,
+        )
         return 1
     write_whole(output, text_of(sensor, sources).encode())
     print(f'wrote {output}; make a model of it with: tactile calibrate --sensor {output} --model field -o …')
