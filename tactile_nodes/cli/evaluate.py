@@ -71,7 +71,7 @@ def _check(arguments: argparse.Namespace) -> None:
     from tactile_nodes.paths import check_output
 
     for output in filter(None, (arguments.json, arguments.table, arguments.picture)):
-        check_output(output)
+        check_output(output, arguments.dataset, *map(Path, arguments.model))
     if not 1 <= arguments.presses <= MOST_PRESSES:
         raise ConfigurationError(f'--presses must be from 1 to {MOST_PRESSES}')
     if arguments.dataset and arguments.put_aside is not None:

@@ -58,9 +58,11 @@ def _export(arguments: argparse.Namespace) -> int:
     """Write the file, print what it holds, and check it if asked."""
     from tactile_nodes.learning.onnx_files.export import export_onnx
     from tactile_nodes.model_file import find_model, load_model
+    from tactile_nodes.paths import check_output
 
     found = find_model(arguments.model)
     loaded, file = load_model(found), arguments.output or Path(f'{found.stem}.onnx')
+    check_output(file, found)
     size = export_onnx(loaded, file)
     print(f'{file}: {loaded.model.readout.kind} readout of model {loaded.model_id}, {size / 1e6:.1f} MB')
     if getattr(loaded.model.readout, 'most_contacts', 1) > 1:

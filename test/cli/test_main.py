@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -140,6 +141,27 @@ def test_a_name_that_cannot_be_is_one_sentence(
     assert command.main(words) == 1
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert sorted(each.name for each in tmp_path.iterdir()) == ['folder', 'loop']
+
+
+@pytest.mark.parametrize(
+    'words',
+    [
+        ('train', '--dataset', 'presses.npz', '-o', 'presses.npz'),
+        ('evaluate', 'gel.safetensors', '--dataset', 'presses.npz', '--json', 'presses.npz'),
+        ('evaluate', 'gel.safetensors', '--dataset', 'presses.npz', '--picture', 'gel.safetensors'),
+        ('model', 'export', 'gel.safetensors', '-o', 'gel.safetensors'),
+    ],
+)
+def test_what_a_command_reads_is_not_written_over(
+    words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(shipped := ROOT / 'models' / 'fast.safetensors', 'gel.safetensors')
+    Path('presses.npz').touch()
+    assert command.main(words) == 1
+    assert capsys.readouterr().err == f'cannot write {words[-1]}: {words[-1]} is read for it; choose another file\n'
+    assert Path('presses.npz').read_bytes() == b''
+    assert Path('gel.safetensors').read_bytes() == shipped.read_bytes()
 
 
 @pytest.mark.parametrize(

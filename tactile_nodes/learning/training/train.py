@@ -69,7 +69,7 @@ def train(
     """
     if config.readout == 'network':
         import_torch()  # before any press is rendered
-    check_output(config.output)
+    check_output(config.output, Path(config.data.file) if config.data.file else None)
     progress = progress or Progress()
     with calibration_named(config):
         data = training_data(config, progress)

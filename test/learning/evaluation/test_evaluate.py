@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_nodes.errors import ModelError
+from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.evaluation import picture
 from tactile_nodes.learning.evaluation.estimates import write_estimates
@@ -179,3 +179,14 @@ def test_each_sample_is_reported_beside_the_truth(scores: Evaluation, tmp_path: 
     assert [row['sample'] for row in rows] == ['1', '2', '3']
     assert [row['status'] for row in rows] == ['ok', 'degraded', 'invalid']
     assert (rows[1]['x_mm'], rows[1]['told_x_mm'], rows[2]['told_sigma_n']) == ('', '', '')
+
+
+def test_estimates_replace_earlier_ones_but_no_other_table(scores: Evaluation, tmp_path: Path) -> None:
+    """A lab may take `tactile evaluate --table` for the table of its presses."""
+    write_estimates(scores.answers[:3], tmp_path / 'estimates.csv')
+    write_estimates(scores.answers[:1], tmp_path / 'estimates.csv')
+    assert len((tmp_path / 'estimates.csv').read_text().splitlines()) == 2
+    (tmp_path / 'presses.csv').write_text('picture,x_mm,y_mm,force_g\n')
+    with pytest.raises(DatasetError, match=r'presses.csv is not a table of estimates and is not replaced'):
+        write_estimates(scores.answers[:1], tmp_path / 'presses.csv')
+    assert (tmp_path / 'presses.csv').read_text() == 'picture,x_mm,y_mm,force_g\n'
