@@ -17,6 +17,7 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.files import PICTURE_BYTES, check_size
 from tactile_nodes.learning.tables.faults import RowFaults
 from tactile_nodes.learning.tables.presses import PressTable, TablePress
+from tactile_nodes.paths import is_file
 from tactile_nodes.sensing.geometry import grey
 from tactile_nodes.sensors import Sensor
 
@@ -116,9 +117,9 @@ def folder_of(table: PressTable) -> Path:
     """The folder of a table's images: the table's own, or the only folder beside it that has the first image."""
     parent = table.file.parent
     first = next((row.picture for row in table.rows if row.picture), '')
-    if not first or (parent / first).exists():
+    if not first or is_file(parent / first):
         return parent
-    having = [each for each in parent.iterdir() if each.is_dir() and (each / first).is_file()]
+    having = [each for each in parent.iterdir() if is_file(each / first)]  # a folder may be closed to this user
     return having[0] if len(having) == 1 else parent
 
 

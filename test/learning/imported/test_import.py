@@ -214,6 +214,16 @@ def test_pictures_of_two_sizes_are_refused_with_their_line(
     assert 'line 9: image small.png has 640x400 pixels, but the description' in capsys.readouterr().err
 
 
+def test_a_picture_that_cannot_be_looked_for_is_named_with_its_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The system refuses the name, as it refuses a folder beside the table that is closed to this user."""
+    rows = rows_of(folder)
+    rows[0][0] = name = 'x' * 300
+    assert imported(written(folder / 'long.csv', rows), tmp_path / 'presses.npz') == 1
+    assert f'line 2: cannot read the image {folder / name} (File name too long)' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ('sensor', 'said'), [('printed_dots', '320x240'), ('speckle_membrane', 'of another camera or gel')]
 )
