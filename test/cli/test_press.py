@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from coarse_table import linear_table
 from jumping_clock import JumpingClock
 
 from tactile_nodes.cli.main import main
@@ -23,7 +24,7 @@ from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.guided.drawing import marked, sketch
 from tactile_nodes.learning.guided.folder import PressFolder
-from tactile_nodes.learning.guided.guide import NO_PLACE, RESTS, Guide
+from tactile_nodes.learning.guided.guide import NO_PLACE, RESTS, UNUSABLE, Guide
 from tactile_nodes.learning.guided.simulated import AWAY, SimulatedPerson
 from tactile_nodes.learning.guided.targets import Done, Target, Wish
 from tactile_nodes.learning.guided.watching import HELD, MOVING, STEADY, UNTOUCHED, Watch
@@ -244,6 +245,30 @@ def test_a_recording_that_ends_is_reported(tmp_path: Path) -> None:
     person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
     with pytest.raises(DeviceError, match='the recording has ended'):
         Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Sensor()), Sensor()).run()
+
+
+def test_dark_pictures_with_which_a_camera_begins_are_passed_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As with a GelSight Mini, whose first ten pictures are dark. A recording has no press, and then ends."""
+    gel = replace(gel_of(load_sensor('printed_dots')), mechanics='linear')
+    optics = Optics(gel, linear_table(gel))
+    (tmp_path / 'pictures').mkdir()
+    for number in range(40):
+        picture = np.zeros((240, 320), np.uint8) if number < 10 else optics.render((), number)
+        cv2.imwrite(str(tmp_path / 'pictures' / f'{number:02}.png'), picture)
+    words = ['press', str(tmp_path / 'by_hand'), '--source', str(tmp_path / 'pictures'), '--sensor', 'printed_dots']
+    assert main([*words, '--indenter', 'ball:5']) == 1
+    assert 'the recording has ended' in capsys.readouterr().err
+    assert len(read_table(tmp_path / 'by_hand' / 'presses.csv').rows) == RESTS
+
+
+def test_a_camera_that_stays_dark_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for number in range(UNUSABLE):
+        cv2.imwrite(str(tmp_path / f'{number:02}.png'), np.zeros((240, 320), np.uint8))
+    words = ['press', str(tmp_path / 'by_hand'), '--source', str(tmp_path), '--sensor', 'printed_dots']
+    assert main([*words, '--indenter', 'ball:5']) == 1
+    assert 'the camera image is black' in capsys.readouterr().err
 
 
 def test_another_unit_than_the_folder_has_is_refused(tmp_path: Path) -> None:

@@ -26,6 +26,8 @@ RESTS = 20
 MOVED_PX = 1.0
 """Motion from which the camera counts as displaced."""
 PATIENCE_S = 5.0
+UNUSABLE = 60
+"""So many images in a row may be dark or damaged: many cameras begin with dark ones."""
 NO_PLACE = (math.nan, math.nan)
 
 ASIDE_MM = 5.0
@@ -81,7 +83,7 @@ class Guide:
         Raises:
             DatasetError: the gel or its camera differs from the folder's, or nothing can be written.
             DeviceError: the camera is lost, or its images end.
-            ImageError: images of another size than described, or without markers.
+            ImageError: images that are dark, of another size than described, or without markers.
         """
         watch = Watch(self._sensor, self._rest())
         while (target := self._wish.next(self._folder.done, self._skipped)) is not None:
@@ -163,9 +165,8 @@ class Guide:
                 return picture
 
     def _picture(self) -> Picture:
-        """The newest image of the camera, in grey, as described."""
-        picture = grey(_frame(self._camera).image)
-        require_picture(picture)
+        """The newest usable image of the camera, in grey, as described."""
+        picture = _usable(self._camera)
         image = self._sensor.image
         if picture.shape != (image.height, image.width):
             height, width = picture.shape
@@ -174,6 +175,20 @@ class Guide:
                 f'{image.width}x{image.height}; set the camera, or correct the description'
             )
         return picture
+
+
+def _usable(camera: Camera) -> Picture:
+    """The next image that is neither dark, overexposed nor damaged. Raises ImageError: none of `UNUSABLE` is."""
+    for left in reversed(range(UNUSABLE)):
+        try:
+            picture = grey(_frame(camera).image)
+            require_picture(picture)
+        except ImageError:
+            if not left:
+                raise
+        else:
+            break
+    return picture
 
 
 def _frame(camera: Camera) -> Frame:
