@@ -247,6 +247,25 @@ def test_a_recording_that_ends_is_reported(tmp_path: Path) -> None:
         Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Sensor()), Sensor()).run()
 
 
+def test_a_camera_that_moved_a_little_since_the_last_session_shows_no_press(tmp_path: Path) -> None:
+    """By 0.015 mm, a third of a pixel, as overnight: with the rest images of the first day all of the gel moves."""
+    gel = replace(Gel(), mechanics='linear')
+    table, folder = linear_table(gel), folder_of(tmp_path / 'out')
+    for number in range(RESTS):
+        folder.add_rest(Optics(gel, table).render((), number))
+    moved = Optics(replace(gel, camera_shift_mm=(0.015, 0.0)), table)
+    (tmp_path / 'pictures').mkdir()
+    for number in range(50):
+        cv2.imwrite(str(tmp_path / 'pictures' / f'{number}.png'), moved.render((), 100 + number))
+    lines: list[str] = []
+    camera = open_camera(CameraSettings(source=str(tmp_path / 'pictures'), rate=0.0), JumpingClock())
+    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, lines.append, world='none')
+    with pytest.raises(DeviceError, match='the recording has ended'):
+        Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Sensor()), Sensor()).run()
+    assert len(folder_of(tmp_path / 'out').rows) == RESTS
+    assert lines == ['pressing at x 0, y 0 mm']
+
+
 def test_dark_pictures_with_which_a_camera_begins_are_passed_over(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

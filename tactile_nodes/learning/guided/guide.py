@@ -99,7 +99,7 @@ class Guide:
         return f'{len(done)} of {self._wish.presses} presses ({forces}){gap}'
 
     def _rest(self) -> list[Picture]:
-        """Images of the untouched gel; those of an earlier session are checked first."""
+        """Images of the untouched gel as it is now, which must be that of an earlier session."""
         kept = self._folder.rests
         self._person.leave_untouched()
         capture = RestCapture(8)
@@ -108,10 +108,10 @@ class Guide:
                 self._person.sees('moving', NO_PLACE)
         if kept:
             self._require_same(average(kept), picture)
-        while len(kept) < RESTS:
-            kept.append(self._picture())
-            self._folder.add_rest(kept[-1])
-        return kept
+        now = [self._picture() for _ in range(RESTS)]
+        for each in now[len(kept) :]:
+            self._folder.add_rest(each)
+        return now
 
     def _require_same(self, before: Picture, now: Picture) -> None:
         if before.shape != now.shape:
