@@ -197,8 +197,8 @@ def dated_name() -> Path:
 
 
 def folder_of(bag: str) -> Path:
-    """The folder to write: as given; a dated one in it if it is empty or ends with a slash."""
-    return Path(bag) / dated_name() if bag.endswith('/') or not bag else Path(bag)
+    """The folder to write: as given; a new dated one in it if it is empty or ends with a slash."""
+    return free_folder(Path(bag) / dated_name()) if bag.endswith('/') or not bag else Path(bag)
 
 
 def free_folder(folder: Path) -> Path:

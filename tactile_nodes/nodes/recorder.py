@@ -38,6 +38,8 @@ AWAITED_HZ = 5.0
 HELD = 0.5
 """Share of the buffer for a slow disk that messages may fill before recording starts: then they fit into it."""
 _RECORDING = 'recording'
+_STOPPED = b''
+"""What is kept as `_RECORDING` after ``~/stop``; while recording it is the folder."""
 _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 
 
@@ -81,13 +83,16 @@ class RecorderNode(Node):
         self._subscriptions: dict[str, Subscription] = {}
         self._since_ns: dict[str, int] = {}
         self._woken = False
-        if (before := self.kept.get(_RECORDING)) is not None:
+        before = self.kept.get(_RECORDING)
+        if before == _STOPPED:
+            self.log.info('restarted after ~/stop: records nothing before ~/start')
+        elif before is not None:
             folder = self._begin(free_folder(folder_of(self.params.bag)), begins_with='')
             self.log.warn(f'restarted while recording into {before.decode(errors="replace")}: continues in {folder}')
         elif self.params.autostart:
             self.start_recording()
         self.create_trigger('~/start', self.start_recording)
-        self.create_trigger('~/stop', self.stop_recording)
+        self.create_trigger('~/stop', self._stop_until_started)
         self.create_timer(LOOK_EVERY_S, self._look)
         self.create_timer(HEALTH_PERIOD_S, self._report_health)
 
@@ -105,10 +110,18 @@ class RecorderNode(Node):
         self.writer = BagWriter(folder, compression=params.compression, limits=limits)
         self.failure, self.tally, self._begun_ns, self._ended = None, Tally(), self.clock.now_ns(), {}
         self.tally.begin_ns = self._begun_ns
-        self.post(lambda: self.kept.put(_RECORDING, os.fsencode(folder)))
+        self.post(self._keep_folder)
         self._opening = Opening(self._begun_ns, begins_with, HELD * params.queue_mb * MB)
         self._look()
         return folder
+
+    def _keep_folder(self) -> None:
+        if self.writer is not None:
+            self.kept.put(_RECORDING, os.fsencode(self.writer.folder))
+
+    def _stop_until_started(self) -> str:
+        self.post(lambda: self.kept.put(_RECORDING, _STOPPED))  # else `autostart` records after a restart
+        return self.stop_recording()
 
     @property
     def _begins_with(self) -> str:

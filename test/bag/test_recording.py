@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
-from tactile_nodes.bag.recording import GapCounter, Tally, TopicFilter
+from tactile_nodes.bag import recording
+from tactile_nodes.bag.recording import GapCounter, Tally, TopicFilter, folder_of
 from tactile_nodes.errors import ConfigurationError
 
 TOPICS = ['/image_raw', '/left/image_raw', '/force', '/rosout', '/chatter']
@@ -101,3 +103,11 @@ def test_losses_are_reported_by_topics_with_what_they_mean() -> None:
 
 def test_a_recording_without_losses_says_nothing_of_them() -> None:
     assert tally_of('/image', range(1, 30), 0, 20 * MS).losses(Counter(), str) == ''
+
+
+def test_two_dated_bags_of_the_same_second_have_two_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after ``~/stop`` and ``~/start`` at once, or after the clock was set back."""
+    monkeypatch.setattr(recording, 'wall_ns', lambda: 1_900_000_000_000_000_000)
+    first = folder_of(f'{tmp_path}/')
+    first.mkdir()
+    assert folder_of(f'{tmp_path}/') == first.with_name(f'{first.name}_2')

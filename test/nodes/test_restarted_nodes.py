@@ -262,6 +262,41 @@ def test_a_recording_that_was_stopped_is_not_begun_again(launch: Path, born: Bor
     assert again.writer is None
 
 
+@pytest.mark.parametrize('calls', [['stop'], ['stop', 'start', 'stop']])
+@pytest.mark.parametrize('autostart', ['true', 'false'])
+def test_a_recording_that_was_stopped_by_its_service_is_not_begun_again(
+    launch: Path, born: Born, tmp_path: Path, autostart: str, calls: list[str]
+) -> None:
+    """The calls of a list arrive while the node is busy, so it answers them one after another."""
+    words = f'bag:={tmp_path}/bags/', f'autostart:={autostart}'
+    node, bus = born(RecorderNode, *words)
+    if autostart == 'false':
+        node.start_recording()
+    answers: list[Any] = []
+    for name in calls:
+        bus._services[f'/recorder/{name}'].handler(types.Trigger_Request(), answers.append)
+    run(node)
+    assert len(answers) == len(calls)
+    assert node.writer is None
+    again, _ = born(RecorderNode, *words)
+    assert again.writer is None
+
+
+def test_a_recorder_that_was_started_again_by_its_service_records_after_a_restart(
+    launch: Path, born: Born, tmp_path: Path
+) -> None:
+    words = f'bag:={tmp_path}/bags/', 'autostart:=true'
+    node, bus = born(RecorderNode, *words)
+    for name in ('stop', 'start'):
+        bus._services[f'/recorder/{name}'].handler(types.Trigger_Request(), lambda _: None)
+    run(node)
+    again, _ = born(RecorderNode, *words)
+    assert node.writer is not None
+    assert again.writer is not None
+    for each in (node, again):  # the killed one, too, so that its thread does not outlive the test
+        each.writer.close()
+
+
 def test_a_disk_that_has_become_read_only_keeps_no_bag_from_its_end(
     launch: Path, born: Born, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
