@@ -8,7 +8,7 @@ from typing import TypeVar
 from tactile_nodes.collection.actions import Procedure
 from tactile_nodes.collection.hands import Hands, TrippedError
 from tactile_nodes.collection.machine_record import BEGUN, ENDED, MachineRecord
-from tactile_nodes.collection.press.rest import await_recovery
+from tactile_nodes.collection.press.rest import await_recovery, zero
 from tactile_nodes.collection.press.up import bring_up, check_free, not_up
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import require_looked
@@ -46,6 +46,7 @@ class Recovery:
         self._outlet = outlet
         self._shaken = shaken
         self.tare: Tare | None = None
+        self._tare_is_old = False
 
     def begin(self, run_name: str) -> None:
         """Note that the machine moves from now on, for a run of this name."""
@@ -139,6 +140,7 @@ class Recovery:
         """Note that a person must check, and wait for that."""
         self._write_down(trip)
         self._ask(trip.reason)
+        self._tare_is_old = True  # a sensor drifts while a person is awaited
         self._hands.safety.reset(self._hands.clock.now_ns(), trip)
 
     def _await_well(self, reason: str) -> None:
@@ -154,9 +156,12 @@ class Recovery:
                 self._halt(tripped.trip)
 
     def _require_free(self, handled: Trip) -> None:
-        """Check for faults again, and for contact."""
+        """Check for faults again, and for contact. After an answer the force is the new zero, as nothing has moved."""
         self._hands.safety.reset(self._hands.clock.now_ns(), handled)
-        if self.tare is not None:
+        if self.tare is not None and self._tare_is_old:
+            self.tare = self._hands.run(zero(self._settings))
+            self._tare_is_old = False
+        elif self.tare is not None:
             self._hands.safety.tare(self.tare.wrench)
             self._hands.run(check_free(self.tare, self._settings))
 
