@@ -134,6 +134,8 @@ class Campaign:
             if self._since_pattern:
                 self._pattern()
             self._wait_while_paused()
+            if self._fails:
+                raise DeviceFaultError(ended)
         except InterruptedRunError:
             ended = 'stopped on request'
         except TrippedError as tripped:
@@ -184,12 +186,16 @@ class Campaign:
             self._trust.pressed()
             self._since_reference += 1
             self._since_pattern += 1
-            if self._in_a_row >= self._settings.limits.rejects_in_a_row:
-                raise DeviceFaultError(
+            if self._fails:
+                return (
                     f'{self._in_a_row} presses in a row were rejected, the last because {self.progress.last_reason}; '
                     'check gel, tip and sensors, then start again: recorded presses are kept'
                 )
         return ''
+
+    @property
+    def _fails(self) -> bool:
+        return self._in_a_row >= self._settings.limits.rejects_in_a_row
 
     def _press(self, point: Point) -> None:
         """One attempt, reported and written down."""

@@ -229,6 +229,28 @@ def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_can_no_l
     assert sorted(first.recorded[:EVERY] + second.recorded) == [press for press in ALL if press != last.press]
 
 
+def test_a_run_that_ends_with_presses_that_fail_each_time_is_anchored_to_its_end(
+    tmp_path: Path, dots: Dots, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Five places lie beyond the rim of the gel: they are left at the end, and fail one after another."""
+    first = Run(tmp_path, SETTINGS, dots=dots)
+    bad = {point.press for point in first.campaign._order[1::2][:5]}
+    judge = cycle._judge
+
+    def strict(record: Record, *others: Any) -> None:
+        judge(record, *others)
+        if record.point.press in bad:
+            raise cycle.RejectedError('not steady')
+
+    monkeypatch.setattr(cycle, '_judge', strict)
+    with pytest.raises(DeviceFaultError, match='5 presses in a row were rejected, the last because not steady'):
+        first.campaign.run()
+    assert sorted(first.recorded) == [press for press in ALL if press not in bad]
+    assert not first.journal.unconfirmed()
+    assert first.journal.patterns == 2  # at the start and at the end
+    assert first.height_mm == pytest.approx(-26.0, abs=0.01)
+
+
 def test_anchor_deeper_than_the_limit_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r'anchor\.depth_mm'):
         Run(tmp_path, changed(anchor={'every': 5, 'depth_mm': 2.5}))
