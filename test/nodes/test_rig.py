@@ -26,7 +26,7 @@ from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, SteppedClock, SystemClock, monotonic_s
 from tactile_nodes.collection.hands import InterruptedRunError
 from tactile_nodes.collection.machine_record import BEGUN, MachineRecord, record_file
-from tactile_nodes.collection.plan.journal import STARTED, VERIFIED, Entry, Journal
+from tactile_nodes.collection.plan.journal import RECORDED, STARTED, VERIFIED, Entry, Journal
 from tactile_nodes.collection.run.session import Session
 from tactile_nodes.collection.safety import SENSOR
 from tactile_nodes.drivers.cnc.contract import SIMULATED
@@ -359,6 +359,21 @@ def test_a_rig_goes_on_with_its_plan_unless_it_is_to_begin_anew(
             journal.note(1, 1, step, 10)
     again = RigNode(bus, arguments(tmp_path, f'anew: {anew}'), SystemClock())
     assert again._session.campaign.progress.done == done
+    again.close()
+
+
+def test_presses_that_are_recorded_elsewhere_are_not_looked_for_in_the_folder(
+    bus: InProcessBus, tmp_path: Path
+) -> None:
+    """With `require_recorder: false`, for example on another computer."""
+    first = RigNode(bus, arguments(tmp_path, 'require_recorder: false'), SystemClock())
+    plan, file = first._session.plan, tmp_path / f'{first._session.plan.plan_id}.jsonl'
+    first.close()
+    with Journal(file, plan) as journal:
+        for step in (STARTED, RECORDED):
+            journal.note(1, 1, step, 10)
+    again = RigNode(bus, arguments(tmp_path, 'require_recorder: false'), SystemClock())
+    assert again._session.campaign.progress.done == 1
     again.close()
 
 

@@ -228,7 +228,9 @@ class Session:
                 )
             return
         folder, now_ns = Path(self._settings.folder), self._clock.now_ns()
-        found, missing = audit(self._journal, self.plan.plan_id, folder, now_ns, self._still_wanted)
+        found = missing = 0
+        if self._settings.require_recorder:  # else they are recorded elsewhere
+            found, missing = audit(self._journal, self.plan.plan_id, folder, now_ns, self._still_wanted)
         if self._journal.done or missing:
             self._log.info(
                 f'resuming plan {self.plan.plan_id}: {self._journal.done} of {len(self.plan.points)} presses are '
