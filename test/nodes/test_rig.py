@@ -377,6 +377,19 @@ def test_presses_that_are_recorded_elsewhere_are_not_looked_for_in_the_folder(
     again.close()
 
 
+def test_a_plan_is_not_gone_on_with_by_another_indenter(bus: InProcessBus, tmp_path: Path) -> None:
+    first = RigNode(bus, arguments(tmp_path), SystemClock())
+    plan, file = first._session.plan, tmp_path / f'{first._session.plan.plan_id}.jsonl'
+    first.close()
+    with Journal(file, plan) as journal:
+        for step in (STARTED, VERIFIED):
+            journal.note(1, 1, step, 10)
+    with pytest.raises(ConfigurationError, match=r'made with sphere 1\.2 mm, but the indenter is flat punch 3 mm'):
+        RigNode(InProcessBus(SystemClock()), arguments(tmp_path, 'world.indenter: punch'), SystemClock())
+    for more in ('world.indenter: punch\n    anew: true', 'world.indenter: punch'):  # now it is the punch's
+        RigNode(bus, arguments(tmp_path, more), SystemClock()).close()
+
+
 def test_a_rig_that_was_killed_says_what_to_type_and_moves_when_that_was_typed(
     bus: InProcessBus, start: Callable[..., Rig], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,6 +4,7 @@ A file of JSON lines: first the plan, then an entry for each step of each press,
 run continues. A line that was cut off by a power cut is the last one, and is removed when the journal is opened.
 
     {"plan": "0f3a…", "presses": 10952, "version": 1}
+    {"press": 0, "attempt": 0, "step": "indenter", "stamp_ns": …, "reason": "sphere 1.2 mm"}
     {"press": 17, "attempt": 1, "step": "started", "stamp_ns": …}
     {"press": 17, "attempt": 1, "step": "recorded", "stamp_ns": …}
     {"press": 17, "attempt": 1, "step": "verified", "stamp_ns": …, "reason": "found in the bag"}
@@ -31,8 +32,8 @@ VERSION = 1
 _LARGEST_BYTES = 256 << 20  # a million presses
 STARTED, RECORDED, VERIFIED, REJECTED, MISSING = 'started', 'recorded', 'verified', 'rejected', 'missing'
 SUSPECT, ANCHORED, ASIDE, BROKEN_OFF = 'suspect', 'anchored', 'aside', 'broken_off'
-PATTERN, ENDED = 'pattern', 'ended'
-OF_THE_RUN = (PATTERN, ANCHORED, ENDED)
+PATTERN, ENDED, INDENTER = 'pattern', 'ended', 'indenter'
+OF_THE_RUN = (PATTERN, ANCHORED, ENDED, INDENTER)
 _OF_THE_MACHINE = ('begun', 'halted', 'acknowledged')  # in journals from before each machine had its own record
 NO_PRESS = 0
 STEPS = (STARTED, RECORDED, VERIFIED, REJECTED, MISSING, SUSPECT, ASIDE, BROKEN_OFF, *OF_THE_RUN, *_OF_THE_MACHINE)
@@ -53,7 +54,8 @@ class Entry:
     - `broken_off`: rejected because a device became silent; tried again.
 
     Press 0 stands for the run itself. `pattern`: an irregular pattern of the digital line begins. `anchored`:
-    everything recorded so far was at its place. `ended`: the run has ended, with the tip up."""
+    everything recorded so far was at its place. `ended`: the run has ended, with the tip up. `indenter`: what
+    presses from now on."""
 
     press: int
     attempt: int
@@ -81,6 +83,8 @@ class Journal:
         self._aside: set[int] = set()
         self.patterns = 0
         """How many patterns the runs of this plan have begun."""
+        self.indenter = ''
+        """What has made the presses; empty: unknown."""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
@@ -239,6 +243,9 @@ class Journal:
             return
         if entry.step == PATTERN:
             self.patterns += 1
+            return
+        if entry.step == INDENTER:
+            self.indenter = entry.reason
             return
         if entry.step == ENDED:
             self._aside.clear()  # after the next start by a person, presses that were set aside are tried again

@@ -15,7 +15,7 @@ from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.collection.hands import InterruptedRunError
 from tactile_nodes.collection.machine_record import MachineRecord, record_file
 from tactile_nodes.collection.plan.audit import audit, await_recorded, settle
-from tactile_nodes.collection.plan.journal import Journal
+from tactile_nodes.collection.plan.journal import INDENTER, Journal
 from tactile_nodes.collection.plan.order import ordered
 from tactile_nodes.collection.plan.plan import PlanSettings, load_plan_settings, make_plan, plan_path
 from tactile_nodes.collection.press.cycle import Record
@@ -33,7 +33,14 @@ from tactile_nodes.drivers.cnc.contract import SIMULATED, CncSettings, CncStatus
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings
 from tactile_nodes.drivers.waiting import opened_within
 from tactile_nodes.emulators.world import WorldSettings
-from tactile_nodes.errors import BusError, DeviceBusyError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.errors import (
+    BusError,
+    ConfigurationError,
+    DeviceBusyError,
+    DeviceError,
+    DeviceNotFoundError,
+    DeviceTimeoutError,
+)
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.indenter import indenter_name
 
@@ -221,11 +228,12 @@ class Session:
     def _audit(self) -> None:
         if self._journal.repaired:
             self._log.warn(self._journal.repaired)
+        if self._settings.anew and (done := self._journal.begin_anew(self._clock.now_ns())):
+            self._log.info(
+                f'starting plan {self.plan.plan_id} anew; presses of earlier runs that remain in their bags: {done}'
+            )
+        self._check_indenter()
         if self._settings.anew:
-            if done := self._journal.begin_anew(self._clock.now_ns()):
-                self._log.info(
-                    f'starting plan {self.plan.plan_id} anew; presses of earlier runs that remain in their bags: {done}'
-                )
             return
         folder, now_ns = Path(self._settings.folder), self._clock.now_ns()
         found = missing = 0
@@ -238,3 +246,14 @@ class Session:
             )
         if aside := self._journal.aside:
             self._log.info(f'presses set aside because the force was too large: {len(aside)}; see the journal')
+
+    def _check_indenter(self) -> None:
+        """Refuse to mix presses of two indenters in one plan. Raises ConfigurationError."""
+        ours, theirs = self._settings.press.indenter, self._journal.indenter
+        if theirs not in {'', ours} and self._journal.done:
+            raise ConfigurationError(
+                f'the presses of this plan in {self._settings.folder} were made with {theirs}, but the indenter is '
+                f'{ours}; choose another folder, or set anew: true'
+            )
+        if theirs != ours:
+            self._journal.note_run(INDENTER, self._clock.now_ns(), ours)
