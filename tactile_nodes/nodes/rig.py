@@ -84,7 +84,7 @@ class RigNode(Node):
     def _report(self) -> None:
         campaign, station = self._session.campaign, self._session.station
         progress = campaign.progress
-        text = self._session.person.question or progress.line(campaign.now)
+        text = self._session.person.question or self._paused() + progress.line(campaign.now)
         waits = campaign.paused or bool(self._session.person.question)
         level = Level.WARN if waits or station.safety.trip is not None else Level.OK
         self.report(
@@ -95,6 +95,10 @@ class RigNode(Node):
             self.report(part, Level(health.level), health.message)
         if sys.stderr.isatty() or math.fmod(self.clock.now_ns() / NS_PER_S, SELDOM_S) < STATUS_S:
             self.log.info(text)
+
+    def _paused(self) -> str:
+        campaign = self._session.campaign
+        return ('paused, ' if campaign.stands else 'pausing, ') if campaign.paused else ''
 
     def _on_camera_info(self, received: Received) -> None:
         cut = received.message.roi

@@ -270,6 +270,23 @@ def test_rig_that_is_started_again_while_it_pauses_goes_on_pausing(
     assert paused == [False, True, False]
 
 
+def test_progress_says_whether_the_rig_is_still_about_to_pause(bus: InProcessBus, tmp_path: Path) -> None:
+    node = RigNode(bus, arguments(tmp_path), SystemClock())
+
+    def said() -> str:
+        node._report()
+        (message,) = [each.message for each in node.diagnostics.message(0).status if each.name.endswith('collection')]
+        return message
+
+    node._session.campaign.paused = True
+    assert said().startswith('pausing, [')
+    node._session.campaign.stands = True
+    assert said().startswith('paused, [')
+    node._session.campaign.paused = False
+    assert said().startswith('[')
+    node.close()
+
+
 def test_run_waits_with_the_tip_up_for_a_recorder_that_comes_back_and_loses_no_press(
     bus: InProcessBus, start: Callable[..., Rig], tmp_path: Path
 ) -> None:

@@ -110,7 +110,8 @@ class Campaign:
         self._repairs = 0
         self._trust = Trust(settings, order, journal, hands.clock, outlet, self._anchor_press, self._press_again)
         self._recovery = Recovery(hands, settings, record, outlet, self._trust.shaken)
-        self.paused = False
+        self.paused = self.stands = False
+        """`paused`: whether it is asked to pause; `stands`: whether it does, so that nothing moves."""
         self.surface: Surface | None = None
         self.now: Point | None = None
         self.progress = Progress(len(plan.points), journal.done)
@@ -307,9 +308,13 @@ class Campaign:
     def _wait_while_paused(self) -> None:
         if self.paused:
             self._outlet.say('paused; nothing moves until it is resumed')
-        while self.paused:  # a sensor drifts in a long pause, so what is no force is measured again and again
-            still = breath if self._recovery.tare is None else partial(zero, self._settings)
-            self._recovery.tare = self._recovery.patiently(still, tip_is_up=True)
+        try:
+            while self.paused:  # a sensor drifts in a long pause, so what is no force is measured again and again
+                self.stands = True
+                still = breath if self._recovery.tare is None else partial(zero, self._settings)
+                self._recovery.tare = self._recovery.patiently(still, tip_is_up=True)
+        finally:
+            self.stands = False
 
     def _await_recorder(self) -> None:
         while not self._outlet.require_recorder():

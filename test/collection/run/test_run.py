@@ -245,6 +245,26 @@ def test_paused_run_waits_at_the_safe_height(tmp_path: Path) -> None:
     assert sorted(run.recorded) == ALL
 
 
+def test_a_run_counts_as_paused_only_while_nothing_moves(tmp_path: Path) -> None:
+    """Who sees that the rig is paused may reach into it."""
+    run = Run(tmp_path)
+    places: set[tuple[float, float, float]] = set()
+
+    def look() -> None:
+        if run.campaign.stands:
+            places.add(run.world.tip_at(run.rig.clock.now_ns()))
+
+    def pause() -> None:
+        run.campaign.paused = True
+        run.after(20.0, lambda: setattr(run.campaign, 'paused', False))
+
+    run.at(5, run.in_the_gel(pause))
+    run.rig.clock.every(0.1, look)
+    run.campaign.run()
+    assert len(places) == 1
+    assert not run.campaign.stands
+
+
 def test_a_run_that_begins_paused_moves_nothing_until_it_may_go_on(tmp_path: Path) -> None:
     """Somebody works at the rig; its node was killed meanwhile, and `after_kill` lets the next one go on."""
     run = Run(tmp_path)
