@@ -36,7 +36,7 @@ class MjpegCamera(LiveCamera):
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
         self._clock = clock
-        self._url = _parse(settings.source)
+        self._url = parse_address(settings.source)
         super().__init__(without_password(self._url))
         self._socket: socket.socket | None = None
         self._size = ''
@@ -140,14 +140,20 @@ def without_password(url: urllib.parse.SplitResult) -> str:
     return url._replace(netloc=url.netloc.rpartition('@')[2]).geturl()
 
 
-def _parse(source: str) -> urllib.parse.SplitResult:
+def parse_address(source: str) -> urllib.parse.SplitResult:
+    """The parts of an address.
+
+    Raises:
+        ConfigurationError: it is no address of a camera.
+    """
+    shown = re.sub('//[^/]*@', '//', source)  # without a password
     try:
         url = urllib.parse.urlsplit(source.strip())
-        usable = bool(url.hostname) and url.port != 0
-    except ValueError as error:
-        raise ConfigurationError(f'{source!r} is not a camera address ({error})') from error
+        usable = bool((url.hostname or '').encode('idna')) and url.port != 0
+    except ValueError as error:  # UnicodeError, too: 'http://192.168.1..5/' has an empty part
+        raise ConfigurationError(f'{shown!r} is not a camera address ({error})') from error
     if not usable:
-        raise ConfigurationError(f'{source!r} is not a camera address; use http://host:port/path')
+        raise ConfigurationError(f'{shown!r} is not a camera address; use {url.scheme}://host:port/path')
     return url
 
 

@@ -8,7 +8,6 @@ matters, use the MJPEG address of the camera instead.
 from __future__ import annotations
 
 import socket
-import urllib.parse
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,7 +17,7 @@ from tactile_nodes import opencv
 from tactile_nodes.clock import Clock
 from tactile_nodes.decoding import open_video
 from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
-from tactile_nodes.drivers.camera.mjpeg import without_password
+from tactile_nodes.drivers.camera.mjpeg import parse_address, without_password
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError
@@ -33,7 +32,7 @@ class RtspCamera(LiveCamera):
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
         self._clock = clock
-        self._url = urllib.parse.urlsplit(settings.source.strip())
+        self._url = parse_address(settings.source)
         super().__init__(without_password(self._url))
         self._size = ''
         self._last_ns = 0
@@ -62,10 +61,9 @@ class RtspCamera(LiveCamera):
         try:
             address = (self._url.hostname or '', self._url.port or PORTS[self._url.scheme.lower()])
             socket.create_connection(address, timeout=CONNECT_S).close()
-        except (OSError, ValueError) as error:
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        except OSError as error:
             raise DeviceNotFoundError(
-                f'cannot connect to {self.name} ({reason}); check the address, and that the camera is on'
+                f'cannot connect to {self.name} ({error.strerror or error}); check the address, and that it is on'
             ) from error
 
     def _start(self) -> Any:

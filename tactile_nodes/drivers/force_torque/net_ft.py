@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 import socket
 from collections.abc import Mapping
 
@@ -246,9 +247,9 @@ def net_ft_sensor(settings: ForceTorqueSettings, clock: Clock, host: str) -> Str
     """The box at an address, not open yet.
 
     Raises:
-        ConfigurationError: the address has a port in it.
+        ConfigurationError: it is no name or IPv4 address, or has a port in it.
     """
-    if not host or '/' in host or ':' in host:
+    if not re.fullmatch(r'[\w-]{1,63}(\.[\w-]{1,63})*', host):
         raise ConfigurationError(
             f'{host!r} is not an address of a Net F/T box; use netft://192.168.1.1, and for ports net_ft.rdt_port and '
             'net_ft.http_port'

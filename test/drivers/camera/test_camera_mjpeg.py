@@ -14,7 +14,13 @@ from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
 from tactile_nodes.drivers.camera.mjpeg import MjpegCamera
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.errors import (
+    ConfigurationError,
+    DeviceError,
+    DeviceLostError,
+    DeviceNotFoundError,
+    DeviceTimeoutError,
+)
 
 Serve = Callable[..., str]
 Jpeg = Callable[..., bytes]
@@ -204,6 +210,14 @@ def test_an_answer_that_is_no_stream_is_refused(
     url = serve(lambda peer: peer.head(kind, status))
     with pytest.raises(DeviceNotFoundError, match=text):
         connected(url, clock)
+
+
+@pytest.mark.parametrize('scheme', ['http', 'rtsp'])
+@pytest.mark.parametrize('host', ['192.168.1..5', '[::1', ':80', '127.0.0.1:99999'])
+def test_an_address_with_a_typing_error_is_refused_in_a_sentence(scheme: str, host: str, clock: SystemClock) -> None:
+    with pytest.raises(ConfigurationError, match='is not a camera address') as raised:
+        open_camera(CameraSettings(source=f'{scheme}://me:secret@{host}/gel'), clock)
+    assert 'secret' not in str(raised.value)
 
 
 def test_user_and_password_are_sent_and_never_shown(serve: Serve, clock: SystemClock) -> None:

@@ -21,7 +21,7 @@ from tactile_nodes.drivers.force_torque.contract import Flag, ForceTorqueSetting
 from tactile_nodes.drivers.force_torque.opening import open_force_torque
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig, Threshold
-from tactile_nodes.errors import DeviceError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
 
 Make = Callable[..., Rig]
 
@@ -95,6 +95,12 @@ def test_nobody_at_the_address_is_a_sentence_not_a_hang() -> None:
         settings = ForceTorqueSettings('netft://127.0.0.1', net_ft=NetFtSettings(http_port=port))
         with pytest.raises(DeviceNotFoundError, match='check its address, power and cable'):
             open_force_torque(settings, SystemClock())
+
+
+@pytest.mark.parametrize('host', ['192.168.1..1', '192.168.1.1 1', '192.168.1.1:49152', 'box/1'])
+def test_an_address_with_a_typing_error_is_refused_in_a_sentence(host: str) -> None:
+    with pytest.raises(ConfigurationError, match='is not an address of a Net F/T box'):
+        open_force_torque(ForceTorqueSettings(f'netft://{host}'), SystemClock())
 
 
 def test_a_box_with_rdt_switched_off_is_refused(rig_with: Make) -> None:
