@@ -6,6 +6,7 @@ import argparse
 import io
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -68,6 +69,14 @@ def test_the_versions_of_the_packages_are_reported() -> None:
     import numpy
 
     assert f'numpy {numpy.__version__}' in checks.packages().found
+
+
+def test_every_package_that_an_install_needs_is_looked_for() -> None:
+    """colcon installs none of them."""
+    setup = (Path(__file__).parents[2] / 'setup.py').read_text(encoding='utf-8')
+    needed = re.findall(r"'([\w-]+)>=", setup.partition('install_requires=[')[2].partition(']')[0])
+    assert 'numpy' in needed
+    assert set(needed) <= {name for names in checks.PACKAGES.values() for name in names}
 
 
 def test_a_domain_out_of_range_is_a_problem() -> None:

@@ -36,6 +36,8 @@ NARROWEST_TERMINAL = 80
 # Module and distribution; OpenCV comes in several distributions.
 PACKAGES = {
     'numpy': ('numpy',),
+    'scipy': ('scipy',),
+    'numba': ('numba',),
     'cv2': (
         'opencv-contrib-python-headless',
         'opencv-contrib-python',
