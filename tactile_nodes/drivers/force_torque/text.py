@@ -1,6 +1,6 @@
 """Sensors that send lines of text, ``t_us,ch0[,ch1..5]``: an HX711 on an Arduino, or any script.
 
-A line is the sensor's own time in microseconds (unsigned, may wrap at 2³²), then one to six numbers, integer or
+A line is the sensor's own time in microseconds (unsigned, may wrap at 2³² or 2⁶⁴), then one to six numbers, integer or
 decimal, separated by commas, ended by LF or CR LF. ``nan`` and ``inf``, as printed by an Arduino, are faults. Lines
 that begin with ``#`` are comments. ``docs/force_torque.md`` has a sketch for an Arduino.
 """
@@ -28,7 +28,7 @@ MOST_DRIFT = 0.01  # an Arduino Uno counts microseconds with a ceramic resonator
 LONGEST_LINE = 200
 GARBAGE_S = 2.0
 NUMBER = rb'-?(?:\d{1,12}(?:\.\d{0,12})?(?:[eE][+-]?\d{1,2})?|(?i:nan|inf))'
-LINE = re.compile(rb'(\d{1,10})((?:\s*,\s*' + NUMBER + rb'){1,6})\s*')
+LINE = re.compile(rb'(\d{1,20})((?:\s*,\s*' + NUMBER + rb'){1,6})\s*')
 
 
 class Line(NamedTuple):

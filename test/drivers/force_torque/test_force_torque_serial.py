@@ -128,6 +128,7 @@ def test_a_device_that_does_not_answer_is_a_timeout(monkeypatch: pytest.MonkeyPa
     [
         (b'1200,-351', (1200, (-351.0,))),
         (b'4294967295,8388607\r', (2**32 - 1, (8388607.0,))),
+        (b'12345678901,7', (12345678901 - 2 * 2**32, (7.0,))),  # of a 64-bit clock, three hours after its start
         (b'5, 1.5, -2e3, 0, 1, 2, 3', (5, (1.5, -2000.0, 0, 1, 2, 3))),
     ],
 )
