@@ -2,7 +2,8 @@
 
 The machine's output, converted to the adapter's level (24 V needs an optocoupler), goes to CTS, DSR, RI or CD of a
 USB-serial adapter. If its driver can wait for a change (TIOCMIWAIT, on Linux with most adapters), the thread uses that;
-otherwise it polls every millisecond. Every edge carries the uncertainty of its time.
+otherwise it polls every millisecond. Every edge carries the uncertainty of its time. A thread that waits cannot know
+how late it has woken up, so on a loaded computer polls (`wait: false`) state their uncertainty more truly.
 
 A light in the camera's view is the alternative: `sync.light` finds its edges.
 """
@@ -152,11 +153,11 @@ class WatchedLine:
     def open(self) -> None:
         """Start watching."""
         try:
-            level, now_ns = self._line.level(), self._clock.now_ns()
+            looked_ns, level = self._clock.now_ns(), self._line.level()
         except OSError as error:
             raise DeviceError(f'{self._name} cannot be read ({error}); use an adapter with control lines') from error
         self._thread = threading.Thread(
-            target=self._run, args=(level, now_ns), name=f'sync input {self._name}', daemon=True
+            target=self._run, args=(level, looked_ns), name=f'sync input {self._name}', daemon=True
         )
         self._thread.start()
 
@@ -190,10 +191,11 @@ class WatchedLine:
         try:
             while not self._stopping.is_set():
                 waited = self._pause()
-                now_level, now_ns = self._line.level(), self._clock.now_ns()
-                if now_level != level and not self._stopping.is_set():
-                    self._put(now_level, now_ns if waited else looked_ns, now_ns)
-                level, looked_ns = now_level, now_ns
+                before_ns, looked_ns = looked_ns, self._clock.now_ns()
+                before, level = level, self._line.level()
+                if level != before and not self._stopping.is_set():
+                    earliest_ns, latest_ns = (looked_ns, looked_ns) if waited else (before_ns, self._clock.now_ns())
+                    self._put(level, earliest_ns, latest_ns)
         except (OSError, TypeError) as error:  # TypeError: pyserial, closed by another thread
             lost = DeviceLostError(f'{self._name} is gone ({error}); check its cable and reopen it')
             with self._changed:
@@ -209,7 +211,7 @@ class WatchedLine:
         return self._waits
 
     def _put(self, level: bool, old_ns: int, new_ns: int) -> None:
-        """Store an edge: it happened between the last poll with the old level and the first one with the new level."""
+        """Store an edge: it happened after the last poll with the old level began, and before the next had ended."""
         self._count += 1
         half_s = max((new_ns - old_ns) / 2 / NS_PER_S, 1e-4)
         stamp_ns = (old_ns + new_ns) // 2 - round(self._settings.delay_ms * 1e6)

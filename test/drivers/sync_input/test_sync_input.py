@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import serial
 
-from tactile_nodes.clock import SystemClock
+from tactile_nodes.clock import SteppedClock, SystemClock
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.drivers.sync_input.control_line import (
     Edge,
@@ -86,6 +86,35 @@ def test_each_edge_happened_within_its_stated_uncertainty(watched: WatchedLine, 
     for edge, true_ns in zip(read(watched, 6), times_ns, strict=True):
         assert abs(edge.stamp_ns - true_ns) <= edge.uncertainty_s * 1e9 + 0.2 * MS
         assert edge.uncertainty_s < 0.1
+
+
+@pytest.mark.parametrize('can_wait', [False, True])
+def test_an_edge_after_the_adapter_has_looked_lies_within_its_stated_uncertainty(can_wait: bool) -> None:
+    """The adapter answers 5 ms after it has looked, as does a thread that gets no processor for as long."""
+    clock, edge_ns = SteppedClock(0), 12 * MS
+
+    class Slow:
+        def level(self) -> bool:
+            level = clock.now_ns() >= edge_ns
+            clock.advance(0.005)
+            return level
+
+        def wait(self) -> bool:
+            if not can_wait:
+                return False
+            if clock.now_ns() > edge_ns:
+                raise OSError(errno.EIO, 'gone')
+            clock.advance((edge_ns - clock.now_ns()) / 1e9)
+            return True
+
+        def close(self) -> None:
+            """Nothing."""
+
+    line = WatchedLine('a slow line', Slow(), SyncInputSettings(), clock)
+    line.open()
+    edge = read(line, 1)[0]
+    line.close()
+    assert abs(edge.stamp_ns - edge_ns) <= edge.uncertainty_s * 1e9
 
 
 def test_a_constant_delay_is_taken_off(wire: EmulatedControlLine, times_ns: list[int]) -> None:
