@@ -12,7 +12,7 @@ from tactile_nodes.collection.press.rest import await_recovery, zero
 from tactile_nodes.collection.press.up import bring_up, check_free, not_up
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import require_looked
-from tactile_nodes.collection.safety import FORCE, MACHINE, OVERLOAD, PASSING, SILENT_MACHINE, Trip
+from tactile_nodes.collection.safety import CAMERA, FORCE, MACHINE, OVERLOAD, PASSING, SENSOR, SILENT_MACHINE, Trip
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import Tare
 from tactile_nodes.errors import DeviceError, DeviceFaultError
@@ -46,7 +46,7 @@ class Recovery:
         self._outlet = outlet
         self._shaken = shaken
         self.tare: Tare | None = None
-        self._tare_is_old = False
+        self._nothing_moved = False  # since the tip was found free: a force is none of the gel
 
     def begin(self, run_name: str) -> None:
         """Note that the machine moves from now on, for a run of this name."""
@@ -115,16 +115,19 @@ class Recovery:
     def patiently(self, procedure: Callable[[], Procedure[Result]], tip_is_up: bool = False) -> Result:
         """Run a procedure; restart it if a device became silent, or after a person has checked.
 
-        If it leaves the tip up, a force above its limit is none of the gel, and is waited for until it is over.
+        If it leaves the tip up, a force is none of the gel; one above its limit is waited for until it is over.
         """
         for _ in range(self._settings.limits.rejects_in_a_row - 1):
             try:
                 return self._hands.run(procedure())
             except TrippedError as tripped:
                 self.write_down(tripped)
-                if tip_is_up and self._worst(tripped).kind == FORCE:
+                kind = self._worst(tripped).kind
+                if tip_is_up and kind in {FORCE, SENSOR, CAMERA}:
                     self._hands.retreat()
-                    self._await_well(tripped.trip.reason)
+                    if kind == FORCE:
+                        self._await_well(tripped.trip.reason)
+                    self._nothing_moved = True  # a hand may stay on the tool, with less than the limit
                 else:
                     self.up()
                     if self._worst(tripped).kind not in {*PASSING, OVERLOAD}:
@@ -140,7 +143,7 @@ class Recovery:
         """Note that a person must check, and wait for that."""
         self._write_down(trip)
         self._ask(trip.reason)
-        self._tare_is_old = True  # a sensor drifts while a person is awaited
+        self._nothing_moved = True  # but a sensor drifts while a person is awaited
         self._hands.safety.reset(self._hands.clock.now_ns(), trip)
 
     def _await_well(self, reason: str) -> None:
@@ -156,14 +159,14 @@ class Recovery:
                 self._halt(tripped.trip)
 
     def _require_free(self, handled: Trip) -> None:
-        """Check for faults again, and for contact. After an answer the force is the new zero, as nothing has moved."""
+        """Check for faults again, and for contact; if nothing has moved, the force is the new zero instead."""
         self._hands.safety.reset(self._hands.clock.now_ns(), handled)
-        if self.tare is not None and self._tare_is_old:
+        if self.tare is not None and self._nothing_moved:
             self.tare = self._hands.run(zero(self._settings))
-            self._tare_is_old = False
         elif self.tare is not None:
             self._hands.safety.tare(self.tare.wrench)
             self._hands.run(check_free(self.tare, self._settings))
+        self._nothing_moved = False
 
     def _worst(self, tripped: TrippedError) -> Trip:
         """The current trip, which may be worse than `tripped`: the force still grows while the machine stops."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -434,6 +435,34 @@ def test_a_bearable_force_while_the_tip_is_up_does_not_end_the_run(waiting: str,
     assert run.campaign.run().startswith('the plan is done: 12 of 12')
     assert all(not record.reason for record in run.published)
     assert run.rig.hands.safety.greatest_n == pytest.approx(4.0, abs=0.1)  # it was felt
+
+
+@pytest.mark.parametrize('also', ['', 'silent_camera', 'silent_sensor'])
+def test_a_hand_that_stays_on_the_tool_during_a_pause_does_not_end_the_run(also: str, tmp_path: Path) -> None:
+    """It leans with 4 N, above the limit of 3 N, for two seconds, and then cleans the tip with 1 N for ten.
+
+    Or a cable is pulled, the hand comes, and the cable is plugged in again.
+    """
+    run = Run(tmp_path)
+    felt = run.world.wrench_at
+
+    def lean(newton: float) -> Callable[[], None]:
+        return lambda: setattr(run.world, 'wrench_at', lambda _: (0.0, 0.0, newton, 0.0, 0.0, 0.0))
+
+    def pause() -> None:
+        run.campaign.paused = True
+        for after_s, act in (
+            (2.0, lean(4.0) if not also else lambda: setattr(run.rig, also, True)),
+            (4.0, lean(1.0)),
+            (5.0, lambda: setattr(run.rig, also, False) if also else None),
+            (14.0, lambda: setattr(run.world, 'wrench_at', felt)),
+            (20.0, lambda: setattr(run.campaign, 'paused', False)),
+        ):
+            run.after(after_s, act)
+
+    run.at(3, pause)
+    assert run.campaign.run().startswith('the plan is done: 12 of 12')
+    assert all(not record.reason for record in run.published)
 
 
 def test_an_unbearable_force_during_a_pause_halts_the_run(tmp_path: Path) -> None:
