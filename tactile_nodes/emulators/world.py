@@ -82,6 +82,12 @@ class WorldSettings:
     gel: str = parameter('', "YAML file of the gel, or the name of one in config/gels; empty: the paper's gel")
     indenter: str = parameter('tip', "what presses: the gel's own tip, or another", choices=('tip', *INDENTERS))
 
+    def __post_init__(self) -> None:
+        if len(self.start_mm) != 3:
+            raise ValueError(f'start_mm must be three numbers, got {len(self.start_mm)}')
+        if len(self.room_mm) != 3 or min(self.room_mm) <= 0:
+            raise ValueError(f'room_mm must be three numbers above 0, got {self.room_mm}')
+
 
 class World:
     """One machine, one tip, one gel, one digital line. Any thread may query it; one controller moves it.

@@ -26,6 +26,14 @@ def pressed(depth_mm: float, x: float = -60.0, y: float = -60.0, **settings: obj
     return world(start_mm=(x, y, -30.0 - depth_mm), **settings)
 
 
+@pytest.mark.parametrize(
+    ('setting', 'values'), [('start_mm', (1.0, 2.0)), ('room_mm', (1.0, 2.0, 3.0, 4.0)), ('room_mm', (9.0, 0.0, 9.0))]
+)
+def test_settings_that_are_no_place_or_no_room_are_refused(setting: str, values: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match=f'{setting} must be three numbers'):
+        WorldSettings(**{setting: values})
+
+
 def test_a_trapezoid_takes_the_time_of_the_school_book() -> None:
     """10 mm at 10 mm/s with 100 mm/s²: ramps of 0.1 s and 0.5 mm each, 9 mm between."""
     shape = Trapezoid(10.0, 10.0, 100.0)
