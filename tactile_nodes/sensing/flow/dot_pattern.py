@@ -136,9 +136,13 @@ def _edge_px(above: Float32[np.ndarray, 'h w'], centres: Float[np.ndarray, 'n 2'
     """Blur of the edges. A step of height a, blurred by s, has a maximum slope of a / (s sqrt(2 pi))."""
     smooth = cv2.GaussianBlur(above, (0, 0), 1.0)
     steep = np.hypot(*(cv2.Sobel(smooth, cv2.CV_32F, *order, scale=0.125) for order in ((1, 0), (0, 1))))
-    reach, blurs = round(0.9 * diameter_px), []
-    for x, y in np.rint(centres).astype(int).tolist():
-        cut = slice(max(y - reach, 0), y + reach + 1), slice(max(x - reach, 0), x + reach + 1)
-        height = float(np.percentile(smooth[cut], 95) - np.percentile(smooth[cut], 5))
-        blurs.append(height / (math.sqrt(2 * math.pi) * max(float(np.percentile(steep[cut], 98)), 1e-3)))
-    return math.sqrt(max(float(np.median(blurs)) ** 2 - 1, 0.0))
+    reach = round(0.9 * diameter_px)
+    cols, rows = (
+        np.clip(np.rint(along).astype(int)[:, None] + np.arange(-reach, reach + 1), 0, side - 1)
+        for along, side in zip(centres.T, above.shape[::-1], strict=True)
+    )
+    about = rows[:, :, None], cols[:, None, :]
+    high, low = np.percentile(smooth[about], (95, 5), axis=(1, 2))
+    slope = np.maximum(np.percentile(steep[about], 98, axis=(1, 2)), 1e-3)
+    blur = float(np.median((high - low) / (math.sqrt(2 * math.pi) * slope)))
+    return math.sqrt(max(blur**2 - 1, 0.0))
