@@ -77,7 +77,8 @@ def _of_motion(rest: RestInUse, frame: Frame) -> int:
     """Reasons that follow from the motion of the whole image, for the frame and the rest image."""
     moved = frame.registration
     if moved is None:
-        return rest.unsteady * FORCE.REASON_REST_DOUBTFUL
+        lost = frame.dots is not None and frame.dots.lost
+        return rest.unsteady * FORCE.REASON_REST_DOUBTFUL | lost * FORCE.REASON_PICTURE_LOST
     reasons = {
         FORCE.REASON_PICTURE_LOST: moved.lost,
         FORCE.REASON_FOREIGN_MOTION: not moved.settled or apart(rest, moved) or moved.grown_px > GROWN_PX,

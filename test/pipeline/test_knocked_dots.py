@@ -95,6 +95,13 @@ def test_a_knocked_camera_is_no_force_and_changes_none(stream: Stream, moved: Ca
     assert stream.read(stream.gel).total < 0.02
 
 
+def test_a_camera_that_was_knocked_too_far_has_no_force(stream: Stream) -> None:
+    far = stream.read(knocked(knocked(knocked(knocked(knocked(stream.gel))))))
+    assert far.status == far.STATUS_INVALID
+    assert far.reasons & far.REASON_PICTURE_LOST
+    assert stream.read(stream.gel).status == far.STATUS_OK
+
+
 def test_what_was_removed_is_published(stream: Stream) -> None:
     features = stream.moved(knocked(stream.gel))
     assert features.moved == pytest.approx(2.0, rel=0.1)

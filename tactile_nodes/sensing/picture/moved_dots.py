@@ -41,8 +41,8 @@ SETTLE_FRAMES = 8
 class MovedDots:
     """The motion of the whole picture since the rest image, which is removed from that of dots.
 
-    `motion` is its common part, and `size_px` the root mean square of that over the picture. More than `most_px` is not
-    removed.
+    `motion` is its common part, and `size_px` the root mean square of that over the picture. `lost`: it is more than
+    `most_px`, and is not removed.
     """
 
     def __init__(self, most_px: float = 8.0) -> None:
@@ -51,48 +51,54 @@ class MovedDots:
 
     def at_rest(self) -> None:
         """The picture is where it was in the rest image."""
-        self.motion, self.size_px = PictureMotion(), 0.0
-        self._moved: Float32[np.ndarray, 'rows cols 2'] | None = None
+        self.motion, self.size_px, self.lost = PictureMotion(), 0.0, False
+        self._moved = np.zeros((1, 1, 2), np.float32)
         self._settled = SETTLE_FRAMES
 
     def without(self, field: DisplacementField, shape: tuple[int, ...], *, compiled: bool = False) -> DisplacementField:
         """The motion of dots since the rest image, in a picture of `shape`, without that of the whole picture."""
         assert field.confidence is not None
         motion, found = field.displacement_px, field.confidence >= FOUND
-        beside = motion if self._moved is None else motion - self._moved
-        fit = _fit(shape, *found.shape, compiled)
-        terms = self._untouched(beside, found, fit)
-        knocked = terms is not None and fit.size_px(terms) >= KNOCK_PX
-        self._settled = 0 if knocked else self._settled + 1
-        if terms is None or not (knocked or self._settled <= SETTLE_FRAMES):
-            return DisplacementField(beside, field.confidence)
-        share = np.float32(1 / max(self._settled, 1))
-        self._moved = (motion - beside) + share * np.where(found[:, :, None], beside, _carried(terms, fit, found.shape))
-        self.motion = self.motion + PictureMotion.of(float(share) * terms)
-        self.size_px = fit.size_px(np.array(self.motion.terms))
+        beside = motion - self._moved
+        self._settled += 1
+        if found.mean() >= LEAST_FOUND and np.isfinite(motion[found]).all():
+            fit = _fit(shape, *found.shape, compiled)
+            terms = _common(fit, beside, found)
+            carried = fit.carried(terms).reshape(beside.shape).astype(np.float32)
+            self.lost = fit.size_px(terms + np.array(self.motion.terms)) > self._most_px
+            if not self.lost and self._knocked(fit, terms, (beside - carried)[found]):
+                self._take(fit, terms, np.where(found[:, :, None], beside, carried))
         return DisplacementField(motion - self._moved, field.confidence)
 
-    def _untouched(
-        self, motion: Float32[np.ndarray, 'rows cols 2'], found: Bool[np.ndarray, 'rows cols'], fit: MotionFit
-    ) -> Float[np.ndarray, ' terms'] | None:
-        """The motion of the whole picture, if it explains that of all dots."""
-        if found.mean() < LEAST_FOUND or not np.isfinite(motion[found]).all():
-            return None
-        terms = fit.common(
-            np.where(found[:, :, None], motion, 0).reshape(-1, 2).astype(float), found.ravel().astype(float)
-        )
-        size_px, left = fit.size_px(terms), (motion - _carried(terms, fit, found.shape))[found]
+    def _knocked(
+        self, fit: MotionFit, terms: Float[np.ndarray, ' terms'], left: Float32[np.ndarray, 'found 2']
+    ) -> bool:
+        """Whether a motion of the whole picture that leaves so much is a knock, or the camera settles after one."""
+        size_px = fit.size_px(terms)
         if math.sqrt(float(np.square(left).sum(axis=1).mean())) > LEFT_PX + LEFT_PART * size_px:
-            return None
-        if size_px >= KNOCK_PX and fit.bent(terms) > MOST_BENT:
-            return None
-        return terms if fit.size_px(terms + np.array(self.motion.terms)) <= self._most_px else None
+            return False
+        if size_px < KNOCK_PX:
+            return self._settled <= SETTLE_FRAMES
+        if fit.bent(terms) > MOST_BENT:
+            return False
+        self._settled = 0
+        return True
+
+    def _take(
+        self, fit: MotionFit, terms: Float[np.ndarray, ' terms'], moved: Float32[np.ndarray, 'rows cols 2']
+    ) -> None:
+        """Remove this motion, or the mean of it and of that since the knock."""
+        share = np.float32(1 / max(self._settled, 1))
+        self._moved = self._moved + share * moved
+        self.motion = self.motion + PictureMotion.of(float(share) * terms)
+        self.size_px = fit.size_px(np.array(self.motion.terms))
 
 
-def _carried(
-    terms: Float[np.ndarray, ' terms'], fit: MotionFit, shape: tuple[int, ...]
-) -> Float32[np.ndarray, 'rows cols 2']:
-    return fit.carried(terms).reshape(*shape, 2).astype(np.float32)
+def _common(
+    fit: MotionFit, motion: Float32[np.ndarray, 'rows cols 2'], found: Bool[np.ndarray, 'rows cols']
+) -> Float[np.ndarray, ' terms']:
+    known = np.where(found[:, :, None], motion, 0).reshape(-1, 2).astype(float)
+    return fit.common(known, found.ravel().astype(float))
 
 
 @lru_cache(maxsize=8)

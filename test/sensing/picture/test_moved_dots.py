@@ -78,6 +78,21 @@ def test_motion_that_is_too_large_and_dots_that_are_not_found_are_left_alone() -
         assert seen(dots, motion, confidence=confidence) == pytest.approx(motion, abs=0.06)
 
 
+def test_a_picture_that_moved_too_far_is_lost_until_it_is_back() -> None:
+    dots = MovedDots()
+    seen(dots, 6 * SHIFT)
+    assert dots.lost
+    seen(dots, SHIFT)
+    assert not dots.lost
+
+
+@pytest.mark.parametrize('most_px', [1.0, 15.0])
+def test_no_touch_loses_the_picture(most_px: float) -> None:
+    dots = MovedDots()
+    seen(dots, touch(most_px))
+    assert not dots.lost
+
+
 def test_at_rest_all_is_forgotten() -> None:
     dots = MovedDots()
     seen(dots, SHIFT)
