@@ -138,7 +138,12 @@ def open_port(path: str, baud: int, dtr: str, clock: Clock) -> SerialPort:
 
 
 def lasting_name(path: str) -> str:
-    """The persistent name of a port: below /dev/serial/by-id, if there is one; else the path."""
+    """The persistent name of a port: below /dev/serial/by-id, if there is one; else the path.
+
+    A path below by-path stays: it is used where adapters without a serial number share a name below by-id.
+    """
+    if Path(path).parent.name == 'by-path':
+        return path
     device = os.path.realpath(path)
     found = (each for each in _by_id() if os.path.realpath(each) == device)
     return next(found, str(Path(path).absolute()))

@@ -89,6 +89,22 @@ def test_one_machine_has_one_record_by_whatever_name_its_port_is_called(
     assert names[0] is not None and names[0].name.startswith('usb-FTDI_A900-if00-port0-')
 
 
+def test_a_port_named_by_its_place_keeps_that_name_though_two_adapters_share_a_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A CH340 has no serial number: the name of two of them leads to the one that the system found last."""
+    place, shared = tmp_path / 'by-path' / 'pci-usb-0:2:1.0-port0', tmp_path / 'usb-1a86_USB_Serial-if00-port0'
+    place.parent.mkdir()
+    place.symlink_to('../ttyUSB0')
+    monkeypatch.setattr(serial_port, '_by_id', lambda: [str(shared)])
+    names = []
+    for found_last in ('ttyUSB0', 'ttyUSB1'):
+        shared.symlink_to(found_last)
+        names.append(record_file(str(place), None))
+        shared.unlink()
+    assert names[0] == names[1]
+
+
 def test_a_port_that_is_a_link_keeps_its_name_when_it_leads_elsewhere(tmp_path: Path) -> None:
     """As a pseudo terminal of an emulator has another number each time."""
     (tmp_path / 'cnc').symlink_to('/dev/null')
