@@ -65,6 +65,18 @@ def test_a_missing_package_is_a_problem_with_the_command_that_installs_it() -> N
     assert finding.remedy.endswith('-m pip install no-such-module')
 
 
+def test_a_package_that_is_there_but_cannot_be_imported_is_a_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as an OpenCV for screens on a computer without one, or one that was built for another NumPy."""
+    text = 'libGL.so.1: cannot open shared object file: No such file or directory'
+    (tmp_path / 'an_opencv.py').write_text(f'raise ImportError({text!r})', encoding='ascii')
+    monkeypatch.syspath_prepend(tmp_path)
+    finding = checks.packages({'an_opencv': ('an-opencv',)})
+    assert (finding.level, finding.found) == ('problem', f'cannot be imported: an_opencv ({text})')
+    assert finding.remedy.endswith('-m pip install --force-reinstall an-opencv')
+
+
 def test_the_versions_of_the_packages_are_reported() -> None:
     import numpy
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import grp
+import importlib
 import importlib.metadata
 import importlib.util
 import os
@@ -111,12 +112,12 @@ def packages(known: Mapping[str, tuple[str, ...]] = PACKAGES) -> Finding:
     """The packages that the live path needs, with their versions."""
     missing = [names[0] for module, names in known.items() if not _importable(module)]
     if missing:
-        return Finding(
-            'packages',
-            'problem',
-            f'missing: {", ".join(missing)}',
-            f'{sys.executable} -m pip install {" ".join(missing)}',
-        )
+        return Finding('packages', 'problem', f'missing: {", ".join(missing)}', _pip('install', missing))
+    broken = {module: why for module in known if (why := _import_error(module))}
+    if broken:
+        listed = ', '.join(f'{module} ({why})' for module, why in broken.items())
+        again = _pip('install --force-reinstall', [known[module][0] for module in broken])
+        return Finding('packages', 'problem', f'cannot be imported: {listed}', again)
     return Finding('packages', 'ok', ', '.join(f'{module} {_version(names)}' for module, names in known.items()))
 
 
@@ -302,6 +303,19 @@ def _importable(module: str) -> bool:
         return importlib.util.find_spec(module) is not None
     except (ImportError, ValueError):
         return False
+
+
+def _import_error(module: str) -> str:
+    """Why a package that is there cannot be imported; empty: it can."""
+    try:
+        importlib.import_module(module)
+    except Exception as error:  # noqa: BLE001 - a broken package may raise anything
+        return str(error).partition('\n')[0] or type(error).__name__
+    return ''
+
+
+def _pip(action: str, names: Sequence[str]) -> str:
+    return f'{sys.executable} -m pip {action} {" ".join(names)}'
 
 
 def _version(distributions: Sequence[str]) -> str:
