@@ -10,7 +10,7 @@ from tactile_nodes.drivers.cnc.contract import CncSettings, Envelope, Place
 from tactile_nodes.errors import ConfigurationError
 
 TOLERANCE_MM = 0.002  # positions are reported to 0.001 mm
-ROUNDING_MM = 0.02  # half a step of a coarse machine
+ROUNDING_MM = 0.02  # half a step of a coarse machine, and half of the 0.01 mm to which a Marlin reports
 AXES = 'xyz'
 
 
@@ -33,7 +33,7 @@ class Guard:
         self._check_box(start, target)
         lateral = max(abs(target[0] - start[0]), abs(target[1] - start[1]))
         low = min(start[2], target[2])
-        if lateral > TOLERANCE_MM and low < self.safe_z_mm - TOLERANCE_MM and not self.lateral_when_low:
+        if lateral > TOLERANCE_MM and low < self.safe_z_mm - ROUNDING_MM and not self.lateral_when_low:
             raise ConfigurationError(
                 f'refused to move sideways by {lateral:g} mm at z {low:g} mm, below the safe height of '
                 f'{self.safe_z_mm:g} mm; move up first, or set lateral_when_low'
