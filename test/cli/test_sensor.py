@@ -111,7 +111,7 @@ def test_of_dots_their_pitch_is_asked_for_first(
     assert load_sensor('mine.yaml').pattern.pitch_mm == 2.5
     assert load_sensor('mine.yaml').camera.focal_px[0] == pytest.approx(340, rel=0.01)
     assert 'the pitch given' in Path('mine.yaml').read_text()
-    assert 'How wide is the gel' not in capsys.readouterr().out
+    assert 'How wide is the whole picture' not in capsys.readouterr().out
 
 
 def test_questions_that_end_early_name_the_flag(

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--figure', type=Path, metavar='FILE.png', help='figure to draw (default: beside the description)'
     )
     parser.add_argument(
-        '--width', type=positive_float, metavar='MM', help='width of the gel in the picture, from left to right'
+        '--width', type=positive_float, metavar='MM', help='width of the whole picture at the surface of the gel'
     )
     parser.add_argument('--pitch', type=positive_float, metavar='MM', help='distance from one printed dot to the next')
     parser.add_argument('--thickness', type=positive_float, metavar='MM', help='thickness of the gel, down to its base')

@@ -69,8 +69,8 @@ def size(text: str) -> tuple[int, int]:
 
 
 WIDTH = Question(
-    'width', 'How wide is the gel in the picture, from left to right [mm]?', positive_float, 0.0,
-    ('gel.width_mm', 'gel.height_mm'),
+    'width', 'How wide is the whole picture at the surface of the gel, from its left to its right edge [mm]?',
+    positive_float, 0.0, ('gel.width_mm', 'gel.height_mm'),
 )  # fmt: skip
 PITCH = Question(
     'pitch', 'How far is it from one dot to the next [mm] (empty: you are asked for the visible width)?',

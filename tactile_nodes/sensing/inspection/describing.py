@@ -47,7 +47,7 @@ class Answers:
 
     Attributes:
         name: name of the sensor.
-        width_mm: width of the gel visible in the cropped picture.
+        width_mm: width of the camera's whole picture at the surface of the gel, also if the gel ends within it.
         pitch_mm: pitch of printed dots, an alternative to the width.
         thickness_mm: thickness of the gel.
         modulus_mpa: shear modulus of the gel.
@@ -121,10 +121,10 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
     """
     if seen.covered.all():
         raise ConfigurationError('the mask covers the whole image; black parts mark what to leave out')
-    px_per_mm = _scale(seen, answers)
+    px_per_mm = _scale(seen, answers, size_px[0])
     middle_mm = sum(answers.markers_mm) / 2
     (height, width), camera = seen.picture.shape, answers.camera
-    away_mm = _distance(answers, px_per_mm, middle_mm, width)
+    away_mm = _distance(answers, px_per_mm, middle_mm, size_px[0])
     if camera is None:
         focal = px_per_mm * (away_mm - middle_mm)
         camera = CameraDescription('pinhole', focal_px=(focal, focal), centre_px=tuple((n - 1) / 2 for n in size_px))
@@ -154,9 +154,9 @@ def describe(seen: Understood, answers: Answers, size_px: tuple[int, int]) -> Se
     return replace(sensor, pattern=replace(sensor.pattern, dot_mm=tuple(round(each, 2) + 0.0 for each in at)))
 
 
-def _scale(seen: Understood, answers: Answers) -> float:
-    """Pixels per millimetre at the pattern."""
-    by_width = seen.picture.shape[1] / answers.width_mm if answers.width_mm else 0.0
+def _scale(seen: Understood, answers: Answers, width_px: int) -> float:
+    """Pixels per millimetre at the pattern; `width_px` is the width of the camera's whole picture."""
+    by_width = width_px / answers.width_mm if answers.width_mm else 0.0
     by_pitch = seen.dots.pitch_px / answers.pitch_mm if seen.dots and answers.pitch_mm else 0.0
     if answers.pitch_mm and not by_pitch:
         raise ConfigurationError('a pitch was given, but the image shows no dots in rows and columns; leave it out')

@@ -162,6 +162,13 @@ def grid(across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:
     return np.rint(cv2.GaussianBlur(np.where(away < 10, 40.0, 180.0), (0, 0), 1.0)).astype(np.uint8)
 
 
+def test_the_width_is_that_of_the_whole_picture_though_only_its_middle_is_used(membrane: np.ndarray) -> None:
+    """640 px at 26 px a millimetre, 19.65 mm away: a focal length of 511 px."""
+    middle = understood(np.ascontiguousarray(membrane[:, 80:560]))
+    sensor = describe(middle, Answers('mine', 640 / 26), (640, 480))
+    assert sensor.camera.focal_px[0] == pytest.approx(26 * 19.65)
+
+
 @pytest.mark.parametrize(
     ('across', 'down', 'fault'),
     [
