@@ -12,6 +12,7 @@ from typing import Any
 
 from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
 from tactile_nodes.exporting.episodes import BAG, Limit, count_outside, find_end, find_episodes, find_start
 from tactile_nodes.exporting.features import EVENTS, Feature, features_of, png
 from tactile_nodes.exporting.lerobot_files import EpisodeFile, Meta
@@ -91,6 +92,7 @@ def _export_bag(
 ) -> tuple[Limit, Limit, dict[str, int]]:
     if not plan.topics:
         _leave_out_events(source)
+    _leave_out_maps(source)
     plan = _with_full_names(source, plan)
     features = features_of(list(source.layouts.values()), plan.state, plan.action)
     start = find_start(source, {feature.topic for feature in features})
@@ -165,6 +167,18 @@ def _leave_out_events(source: Source) -> None:
         if topic.rpartition('/')[2] in EVENTS:
             del source.layouts[topic]
             source.left_out[topic] = 'not an observation; add it with --topics'
+
+
+def _leave_out_maps(source: Source) -> None:
+    """Leave out pictures that a data set cannot hold, such as a `force_map` in newtons."""
+    for topic, layout in list(source.layouts.items()):
+        if layout.type_name == IMAGE_TYPE and (kind := _kind(layout)) != 'uint8':
+            del source.layouts[topic]
+            source.left_out[topic] = f'pictures of {kind} do not fit into the 8 bits of a data set; zarr holds them'
+
+
+def _kind(layout: Layout) -> str:
+    return next(column.dtype for column in layout.columns if column.name == 'pixels')
 
 
 def _with_full_names(source: Source, plan: Plan) -> Plan:

@@ -20,6 +20,7 @@ from tactile_nodes.exporting import libraries
 from tactile_nodes.exporting.output import FACTS
 from tactile_nodes.exporting.parquet import ParquetSink
 from tactile_nodes.messages import types
+from tactile_nodes.viewing.force_shapes import force_map
 
 pytest.importorskip('pyarrow')
 pq = pytest.importorskip('pyarrow.parquet')
@@ -176,3 +177,21 @@ def test_a_picture_of_no_size_is_left_out_with_its_reason(tmp_path: Path) -> Non
     assert main(['export', 'zarr', str(tmp_path / 'bag'), '-o', str(tmp_path / 'out'), '--images']) == 0
     description = json.loads((tmp_path / 'out' / 'tactile.json').read_text())
     assert description['topics_left_out'] == {'/picture': 'empty in every message'}
+
+
+def test_a_force_map_in_newtons_is_left_out_of_a_data_set_of_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A viewer may have subscribed to it while the bag was recorded, as for the bag of the examples."""
+    writer = BagWriter(tmp_path / 'bag')
+    writer.add_topic(BagTopic.of_type('/force_map', 'sensor_msgs/msg/Image'))
+    writer.add_topic(BagTopic.of_type('/force_distribution', 'tactile_nodes/msg/ForceDistribution'))
+    made = force(1, START_NS)
+    for number, (topic, message) in enumerate((('/force_map', force_map(made)), ('/force_distribution', made))):
+        writer.write(topic, messages.encode(message), START_NS + number, START_NS)
+    writer.close()
+    words = ['export', 'lerobot', str(tmp_path / 'bag'), '--images']
+    assert main([*words, '-o', str(tmp_path / 'out')]) == 0
+    assert 'left out: /force_map (pictures of float32 do not fit into the 8 bits' in capsys.readouterr().out
+    features = json.loads((tmp_path / 'out' / 'meta' / 'info.json').read_text())['features']
+    assert not [name for name in features if 'images' in name]
