@@ -262,7 +262,7 @@ def test_a_network_of_other_features_is_refused(
 ) -> None:
     output = tmp_path / 'none.safetensors'
     assert main(['calibrate', '--model', 'paper', '--dataset', str(presses), '-o', str(output)]) == 1
-    assert 'build the data set with the options of the model' in capsys.readouterr().err
+    assert 'build the data set with the options of the model (--model FILE)' in capsys.readouterr().err
     assert not output.exists()
 
 
@@ -389,6 +389,20 @@ def test_a_calibration_is_on_the_list_of_gels_with_its_presses_and_errors(
     (line,) = [each for each in capsys.readouterr().out.splitlines() if each.startswith(loaded.model_id)]
     assert 'second' in line
     assert 'not known' in line  # no drift monitor has seen it
+
+
+def test_a_model_trained_on_recorded_presses_is_listed_with_their_number(
+    calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And not with that of the samples, which include those of the untouched gel."""
+    loaded, file = load_model(calibrated), tmp_path / 'trained.safetensors'
+    data = {'origin': 'recorded', 'samples': 100, 'presses': 60}
+    model_id = save_model(file, loaded.model, {**loaded.card, 'data': data, 'training': {}})
+    assert main(['gels', 'add', str(file)]) == 0
+    capsys.readouterr()
+    main(['gels', '--json'])
+    (found,) = [each for each in json.loads(capsys.readouterr().out) if each['model_id'] == model_id]
+    assert found['presses'] == 60
 
 
 def test_a_calibration_can_be_forgotten_and_added_again(

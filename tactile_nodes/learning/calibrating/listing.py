@@ -24,7 +24,7 @@ def calibration_of(file: Path, *, sensor: str = '', made_ns: int = 0) -> Calibra
         raise ModelError(f'{file} was not calibrated with presses on a gel of this lab; use: tactile calibrate')
     calibration = _mapping(_mapping(loaded.card.get('training')).get('calibration'))
     error_n = _mapping(calibration.get('after')).get('force_rmse_n')
-    presses = calibration.get('presses', loaded.card['data'].get('samples'))
+    presses = calibration.get('presses', loaded.card['data'].get('presses'))
     return Calibration(
         loaded.model_id, loaded.gel, sensor, str(file.resolve()),
         source=str(_mapping(loaded.card.get('source')).get('model', '')),

@@ -156,6 +156,7 @@ def recorded_data(config: TrainConfig, recordings: RecordedPresses, progress: Pr
         'frames': recordings.card['frames'],
         'labels': recordings.card['labels']['reading'],
         'samples': len(recordings),
+        'presses': len(np.unique(recordings.press_number)),
         **_split_entries(config, split),
     }
     held_out = np.isin(chosen, split.validation)
@@ -271,7 +272,7 @@ def require_same_features(loaded: LoadedModel, recordings: RecordedPresses) -> N
         if theirs != ours:
             raise ModelError(
                 f'model {loaded.model_id} was trained with {name} {_unlike(theirs, ours)}, but the data set was made '
-                f'with {_unlike(ours, theirs)}; build the data set with the options of the model'
+                f'with {_unlike(ours, theirs)}; build the data set with the options of the model (--model FILE)'
             )
 
 

@@ -110,6 +110,7 @@ def test_presses_that_a_model_was_trained_on_are_not_scored_from_a_corrected_tab
     assert imported(written(folder / 'corrected.csv', rows_of(folder)[:-1]), corrected) == 0
     presses, config = load_dataset(data_set), load_train_config(Path('config/train/recorded.yaml'))
     data = recorded_data(replace(config, data=replace(config.data, file=str(data_set))), presses, Progress())
+    assert data.origin['samples'] - data.origin['presses'] == RESTS
     model: Any = SimpleNamespace(
         model_id='this', card={'data': {**data.origin, 'fingerprint': presses.fingerprint}}, image_size=(600, 440),
         **{name: tuple(presses.card[name][each] for each in ('name', 'options')) for name in ('flow', 'encoding')},
