@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
+from tactile_nodes.contact_tables.gel_tables import contact_table, is_solved, load_gel
 from tactile_nodes.contact_tables.touch_tables import USUAL, Contact, ready_contacts, solved_contact, usual_contact
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, SceneSettings, check_size
 from tactile_nodes.drivers.health import Health, Level
@@ -81,7 +81,7 @@ class SimulatedCamera:
     def open(self) -> None:
         """Build the scene and render once, so that the first frame comes as fast as later ones.
 
-        A new contact shape is solved first, which takes some ten seconds and is reported.
+        A new gel or contact shape is solved first, which takes some ten seconds and is reported.
         """
         if self._settings.fps <= 0:
             raise ConfigurationError(f'{NAME} needs a frame rate above 0; set fps')
@@ -151,6 +151,8 @@ def build_scene(settings: SceneSettings, on_progress: OnProgress | None = None, 
     gel = _gel(settings, described)
     rows, cols = described.bins.rows, described.bins.cols
     bins = BinGrid(rows, cols, *gel.sides_mm) if settings.gel else BinGrid.of_sensor(described)
+    if on_progress and not is_solved(gel):
+        on_progress('solving the gel deformation under the tip (only once); it takes half a minute or more')
     scene = Scene(gel, bins=bins, table=contact_table(gel), bodies=_bodies(settings.contact, gel, on_progress))
     scene.schedule = _schedule(settings, settings.start_ns, scene)
     return scene

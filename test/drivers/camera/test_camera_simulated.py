@@ -15,6 +15,7 @@ from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.drivers.camera.simulated import build_scene
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.paths import share_directory
 from tactile_nodes.simulation import worlds
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
@@ -149,3 +150,21 @@ def test_camera_of_what_is_held_shows_what_a_gripper_tells_and_knows_its_force(j
     scene = WorldScene(camera.driven_world)
     assert (pressed.image == scene.render(pressed.stamp_ns)).all()
     assert np.mean(pressed.image != untouched.image) > 0.3
+
+
+def test_a_gel_that_is_solved_first_is_reported_before(tmp_path: Path) -> None:
+    """It takes half a minute, in which whoever waits may end it."""
+    shipped = (share_directory() / 'config/sensors/printed_dots.yaml').read_text()
+    (tmp_path / 'thick.yaml').write_text(shipped.replace('layers_mm: [4.0]', 'layers_mm: [4.321]'))
+
+    def end(progress: str) -> None:
+        raise InterruptedError(progress)
+
+    with pytest.raises(InterruptedError, match='solving the gel deformation under the tip'):
+        build_scene(SceneSettings(), end, str(tmp_path / 'thick.yaml'))
+
+
+def test_the_gel_that_ships_is_there_at_once() -> None:
+    told: list[str] = []
+    build_scene(SceneSettings(), told.append)
+    assert told == []
