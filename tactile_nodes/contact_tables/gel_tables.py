@@ -12,7 +12,7 @@ from tactile_nodes.npz_files import read_npz, write_npz
 from tactile_nodes.params import load_mapping
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.mechanics import ContactTable, solve
-from tactile_nodes.simulation.solution import Problem, Solution, problem_of, solve_problem
+from tactile_nodes.simulation.solution import OnStep, Problem, Solution, problem_of, solve_problem
 
 
 def load_gel(name: str) -> Gel:
@@ -49,24 +49,22 @@ def contact_table(gel: Gel, indenter: str = 'tip') -> ContactTable:
     return solve(gel)
 
 
-def is_solved(gel: Gel, indenter: str = 'tip') -> bool:
-    """Whether `contact_table` has this table at once, or within a second."""
-    return gel.mechanics != 'finite_strain' or _known(problem_of(gel, indenter)) is not None
+def tip_table(gel: Gel, on_step: OnStep | None = None) -> ContactTable:
+    """The tip's `contact_table`; if a new table is solved, `on_step` is called as by `solve_problem`."""
+    if gel.mechanics != 'finite_strain':
+        return contact_table(gel)
+    return solution_of(problem_of(gel, 'tip'), on_step).table(gel.shear_modulus_mpa)
 
 
-def solution_of(problem: Problem) -> Solution:
+def solution_of(problem: Problem, on_step: OnStep | None = None) -> Solution:
     """The solution of a problem: shipped with the package, read from the cache, or solved and cached if possible."""
-    if (found := _known(problem)) is not None:
+    shipped = _read(paths.share_directory() / 'config' / 'gels' / 'paper_table.npz', problem.key)
+    if (found := shipped or _cached(problem.key)) is not None:
         return found
-    solution = solve_problem(problem)
+    solution = solve_problem(problem, on_step)
     with suppress(OSError, ConfigurationError):
         write_solution(_in_cache(problem.key), solution)
     return solution
-
-
-def _known(problem: Problem) -> Solution | None:
-    shipped = _read(paths.share_directory() / 'config' / 'gels' / 'paper_table.npz', problem.key)
-    return shipped or _cached(problem.key)
 
 
 def _in_cache(key: str) -> Path:

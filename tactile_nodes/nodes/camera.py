@@ -68,6 +68,7 @@ class CameraNode(Node):
         self._image = self.create_publisher(topics.IMAGE)
         self._info = self.create_publisher(topics.CAMERA_INFO)
         self._wait_for_listener()
+        self._is_slow = False
         self._camera = opened_within(
             self.params.open_within_s,
             lambda: open_camera(self.params, self.clock, self._opening),
@@ -106,7 +107,9 @@ class CameraNode(Node):
         return any((end.name, end.node) == wanted for end in ends)
 
     def _opening(self, progress: str) -> None:
-        self.log.info(progress)
+        say = self.log.info if self._is_slow else self.log.warn  # views show warnings, and wait for the first picture
+        self._is_slow = True
+        say(progress)
         self.still_wanted()
 
     def _waiting(self, error: DeviceError) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
@@ -21,6 +21,9 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.indenter import INDENTERS, PAPER_TIP, Indenter, indenter_of
 from tactile_nodes.simulation.mechanics import ContactTable, solve
 from tactile_nodes.simulation.monotone import monotone_cubic
+
+OnStep = Callable[[int, int], None]
+"""Called with the number of a step, from 1 on, and the number of all."""
 
 RECIPE = 1
 """Raised when the code gives another solution of the same problem."""
@@ -156,15 +159,21 @@ def solve_gel(gel: Gel) -> ContactTable:
     return solve_problem(problem_of(gel)).table(gel.shear_modulus_mpa)
 
 
-def solve_problem(problem: Problem) -> Solution:
-    """Press to all depths in turn; takes ten to thirty seconds with the defaults."""
+def solve_problem(problem: Problem, on_step: OnStep | None = None) -> Solution:
+    """Press to all depths in turn; takes ten to thirty seconds with the defaults.
+
+    `on_step` is called before each depth.
+    """
     from tactile_nodes.simulation.finite_strain import Indentation  # SciPy's solvers, for a new gel
 
     press = Indentation(
         problem.mesh(), problem.indenter, friction=np.inf if problem.sticking else 0.0, lame=problem.lame
     )
     force, contact, moved = [0.0], [0.0], [press.state.u]
-    for depth in problem.depths_mm[1:].tolist():
+    depths = problem.depths_mm[1:].tolist()
+    for number, depth in enumerate(depths, 1):
+        if on_step is not None:
+            on_step(number, len(depths))
         press.advance(Where(0.0, depth), step_mm=0.01 * problem.deepest_mm)
         touch = press.touch
         force.append(float(touch.pushes[1]))

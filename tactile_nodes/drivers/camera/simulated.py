@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.contact_tables.gel_tables import contact_table, is_solved, load_gel
+from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel, tip_table
 from tactile_nodes.contact_tables.touch_tables import USUAL, Contact, ready_contacts, solved_contact, usual_contact
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, SceneSettings, check_size
 from tactile_nodes.drivers.health import Health, Level
@@ -151,9 +151,8 @@ def build_scene(settings: SceneSettings, on_progress: OnProgress | None = None, 
     gel = _gel(settings, described)
     rows, cols = described.bins.rows, described.bins.cols
     bins = BinGrid(rows, cols, *gel.sides_mm) if settings.gel else BinGrid.of_sensor(described)
-    if on_progress and not is_solved(gel):
-        on_progress('solving the gel deformation under the tip (only once); it takes half a minute or more')
-    scene = Scene(gel, bins=bins, table=contact_table(gel), bodies=_bodies(settings.contact, gel, on_progress))
+    table = tip_table(gel, on_progress and _progress('the tip', on_progress))
+    scene = Scene(gel, bins=bins, table=table, bodies=_bodies(settings.contact, gel, on_progress))
     scene.schedule = _schedule(settings, settings.start_ns, scene)
     return scene
 
