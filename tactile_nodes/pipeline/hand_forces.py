@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,8 @@ class HandForces:
         self._frame_ns = round(NS_PER_S / hand.fps)
         self._waiting: dict[str, deque[types.ForceDistribution]] = {name: deque() for name in hand.names}
         self._silent = {name for name in hand.names if self._has_ended(name, 0)}
-        self._newest_ns = 0
+        self._newest_ns = -1
+        self._together: Collection[str] = ()
         self._latest_ns: dict[str, int] = {}
 
     def add(self, name: str, force: types.ForceDistribution) -> list[types.HandWrench]:
@@ -46,12 +47,12 @@ class HandForces:
         at_ns = stamp_ns(force.header.stamp)
         if at_ns < self._latest_ns.get(name, at_ns) - NS_PER_S:  # a recording began again
             self._waiting[name].clear()
-            self._newest_ns = min(self._newest_ns, at_ns)
+            self._newest_ns = min(self._newest_ns, at_ns - 1)
         self._latest_ns[name] = at_ns
         self._silent.discard(name)
         if self._has_ended(name, at_ns):
             self._silent.add(name)
-        if at_ns > self._newest_ns - self._frame_ns:  # else the forces captured with it were summed long ago
+        if at_ns > self._newest_ns - self._frame_ns * (name in self._together):  # else its time was summed without it
             self._waiting[name].append(force)
         due = []
         while self._is_due():
@@ -74,7 +75,7 @@ class HandForces:
         first = {name: stamp_ns(each[0].header.stamp) for name, each in self._waiting.items() if each}
         together = {name: at_ns for name, at_ns in first.items() if at_ns <= min(first.values()) + self._frame_ns}
         forces = {name: self._waiting[name].popleft() for name in together}
-        self._newest_ns = max(together.values())
+        self._newest_ns, self._together = max(together.values()), together
         return summed(self._hand, self._movers, forces, self._newest_ns)
 
 

@@ -98,6 +98,15 @@ def test_a_sensor_that_falls_silent_is_awaited_for_three_frames_and_then_no_more
     assert {tuple(each.missing) for due in made for each in due} == {('right',)}
 
 
+def test_a_sensor_that_returns_is_not_summed_alone_for_a_time_that_was_summed_without_it() -> None:
+    # The right finger is four frames late: what it felt at 59 ms belongs to the left one's 67 ms.
+    order = [('left', 0), ('right', 8), ('left', 17), ('left', 33), ('left', 50), ('left', 67), ('right', 59)]
+    order += [('left', 83), ('right', 75)]
+    made = sums(HandForces(HAND), *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
+    assert [round((stamp_ns(each.header.stamp) - START) / MS) for each in made] == [8, 17, 33, 50, 67, 83]
+    assert [each.missing for each in made] == [[], *4 * [['right']], []]
+
+
 def test_a_force_that_is_late_by_a_frame_or_two_is_in_its_sum() -> None:
     # The second of the right finger comes only after the fourth of the left one.
     forces = HandForces(HAND)
