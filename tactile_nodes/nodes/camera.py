@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -69,15 +69,15 @@ class CameraNode(Node):
         self._info = self.create_publisher(topics.CAMERA_INFO)
         self._wait_for_listener()
         self._is_slow = False
+        self._sensor = load_sensor(self.params.sensor) if self.params.sensor else None
         self._camera = opened_within(
             self.params.open_within_s,
-            lambda: open_camera(self.params, self.clock, self._opening),
+            lambda: open_camera(self._settings(), self.clock, self._opening),
             self.clock,
             self._waiting,
         )
         name = self._camera.description.get('source', self.params.source)
         self.diagnostics.hardware |= dict.fromkeys(('camera', 'picture'), name)
-        self._sensor = load_sensor(self.params.sensor) if self.params.sensor else None
         self._light = CameraLight(self.params.light, self.params.exposure_ms)
         self._edge = self.create_publisher(topics.SYNC_EDGE) if self._light.watched else None
         self._truth = self.create_publisher(topics.TRUE_FORCE) if isinstance(self._camera, KnowsTruth) else None
@@ -92,6 +92,13 @@ class CameraNode(Node):
         self._closing.set()
         self._reader.join(timeout=2 * READ_TIMEOUT_S)
         self._camera.close()
+
+    def _settings(self) -> CameraSettings:
+        """With a description, its size of pictures: a crop of others would show another part of the gel."""
+        settings: CameraSettings = self.params
+        if self._sensor is None:
+            return settings
+        return replace(settings, width=self._sensor.image.width, height=self._sensor.image.height)
 
     def _wait_for_listener(self) -> None:
         deadline_ns = self.clock.now_ns() + round(self.params.wait_s * NS_PER_S)

@@ -110,6 +110,18 @@ def test_pictures_of_a_described_sensor_are_cut_and_reported_as_it_says(
     assert info.p.reshape(3, 4)[:, :3].ravel().tolist() == info.k.tolist()
 
 
+def test_pictures_of_another_size_than_described_are_refused(bus: InProcessBus, tmp_path: Path) -> None:
+    """The middle of a picture twice as large shows a quarter of what the description says."""
+    described, source = tmp_path / 'mine.yaml', tmp_path / 'picture.png'
+    described.write_text(
+        'image: {width: 64, height: 48, crop: 60, crop_height: 44}\n'
+        'camera: {model: pinhole, focal_px: [50.0, 51.0], centre_px: [31.5, 23.5]}\n'
+    )
+    cv2.imwrite(str(source), PATTERN[:96, :128])
+    with pytest.raises(ImageError, match=r'gives pictures of 128x96, but image of .*mine.yaml says 64x48; set the'):
+        CameraNode(bus, parse_arguments(['--ros-args', '-p', f'source:={source}', '-p', f'sensor:={described}']))
+
+
 def test_with_simulated_time_pictures_keep_the_stamp_of_the_host(
     bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
 ) -> None:

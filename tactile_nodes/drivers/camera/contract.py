@@ -56,8 +56,10 @@ class CameraSettings:
         SIMULATED,
         'simulated, a device or its serial:NUMBER, a video file, a folder of images, or an http:// or rtsp:// address',
     )
-    width: int = parameter(0, 'pixels; another size is refused; 0: as the source', minimum=0)
-    height: int = parameter(0, 'pixels; another size is refused; 0: as the source', minimum=0)
+    width: int = parameter(
+        0, 'pixels; another size is refused; 0: as the source; used without `sensor`, whose size is required', minimum=0
+    )
+    height: int = parameter(0, 'as `width`', minimum=0)
     fps: float = parameter(60.0, 'frames per second, if the source does not report it', minimum=0.0)
     fourcc: str = parameter('MJPG', 'pixel format of a V4L2 device; empty: unchanged')
     exposure_ms: float = parameter(0.0, 'exposure time of a V4L2 device; 0: unchanged', minimum=0.0)
@@ -171,6 +173,11 @@ def check_size(image: npt.NDArray[Any], settings: CameraSettings, name: str) -> 
     if settings.width in {0, width} and settings.height in {0, height}:
         return
     requested = f'{settings.width or "any"}x{settings.height or "any"}'
+    if settings.sensor:
+        raise ImageError(
+            f'{name} gives pictures of {width}x{height}, but image of {settings.sensor} says {requested}; set the '
+            'camera to that size, or describe the sensor for its pictures'
+        )
     raise ImageError(
         f'{name} gives pictures of {width}x{height}, but {requested} was requested; '
         f'set width and height of the camera to {width} and {height}, or to 0 to accept any size'
