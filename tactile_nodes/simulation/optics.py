@@ -182,12 +182,11 @@ class Optics:
         pixels = np.stack([self.project(each) for each in moments])
         middle = pixels.mean(axis=0)
         moving = np.flatnonzero((np.abs(pixels - middle) > LEAST_SMEAR_PX).any(axis=(0, 2)))
-        light = self._light.copy()
-        light[moving] = 0
+        still = np.delete(np.arange(len(middle)), moving)
         # Moving markers are drawn at each moment with its share of the light, in addition to all others.
-        which = np.concatenate([np.flatnonzero(light), np.tile(moving, len(moments))])
-        places = np.concatenate([middle[light > 0], pixels[:, moving].reshape(-1, 2)])
-        share = np.where(light[which] > 0, 1, 1 / len(moments)).astype(np.float32)
+        which = np.concatenate([still, np.tile(moving, len(moments))])
+        places = np.concatenate([middle[still], pixels[:, moving].reshape(-1, 2)])
+        share = np.repeat([1, 1 / len(moments)], [len(still), len(which) - len(still)]).astype(np.float32)
         return self._draw(places, which, self._light[which] * share)
 
     def _draw(

@@ -143,6 +143,13 @@ def test_a_smear_is_the_mean_of_its_moments(table: ContactTable, scene: Scene):
     assert np.abs(scene.optics._smeared(moments) - mean).max() < 0.1  # of 150 grey levels
 
 
+def test_a_smear_of_dark_markers_is_the_mean_of_its_moments_too(table: ContactTable):
+    optics = Optics(Gel(marker_count=500, background_grey=140.0, marker_grey=-100.0), table)
+    moments = tuple((Press(0.0, 0.0, depth),) for depth in (1.0, 1.1))
+    mean = (optics.radiance(moments[0]) + optics.radiance(moments[1])) / 2
+    assert np.abs(optics._smeared(moments) - mean).max() < 0.1  # of 140 grey levels
+
+
 def test_an_exposure_in_which_nothing_moves_is_sharp(scene: Scene):
     np.testing.assert_array_equal(scene.optics.expose(((DEEP,), (DEEP,)), 4), scene.optics.render((DEEP,), 4))
 
