@@ -99,7 +99,7 @@ class Reading:
 
 
 def nothing_read(bins: BinGrid) -> Reading:
-    """The result for features that are not finite, or too few."""
+    """The result for features that are not finite, too few, or whose forces cannot be told apart."""
     forces = np.full((bins.rows, bins.cols), UNKNOWN, np.float32)
     return Reading(forces, (Contact(UNKNOWN, UNKNOWN, UNKNOWN),))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,19 @@ def test_a_light_contact_is_no_surer_than_5_mn(readout: FieldReadout) -> None:
     assert reading.total_sigma_n >= 0.005
     assert all(each.sigma_n >= 0.005 for each in reading.contacts)
     assert reading.acting.wrench_covariance[2, 2] == pytest.approx(reading.total_sigma_n**2)
+
+
+@pytest.mark.parametrize('compiled', [False, True])
+def test_forces_that_cannot_be_told_apart_are_unknown(readout: FieldReadout, compiled: bool) -> None:
+    """In a picture that shows a part of the gel only, forces may all cause much the same motion: that is no error."""
+    y, x = np.mgrid[:SIDE, :SIDE] / 2
+    motion = np.stack([np.sin(x), np.sin(y)], axis=-1).astype(np.float32)
+    strength = 1 + 0.3 * np.random.default_rng(6).random(readout.response.shape[1])
+    response = np.outer(motion, strength).astype(np.float32)
+    alike = replace(readout, response=response, doubt=1e-3, compiled=compiled)
+    reading = alike.read(0.5 * motion, np.ones((SIDE, SIDE), np.float32))
+    assert np.isnan(reading.normal_force_n).all()
+    assert reading.acting is None
 
 
 def test_noise_is_explained_by_nothing(readout: FieldReadout) -> None:

@@ -151,7 +151,7 @@ class FieldReadout:
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']
     ) -> Reading:
-        """The simplest explanation of a frame: nothing, tips that only press, or the field.
+        """The simplest explanation of a frame: nothing, tips that only press, or the field; NaN if it is not unique.
 
         Tips are chosen if their residual is no larger than in their training, or if the field does not explain more
         after a penalty of one for each of its forces (Akaike 1974).
@@ -163,7 +163,10 @@ class FieldReadout:
         tips = self._tips(coarse, noise_px / FOUND_NOISE, values, confidence)
         if tips is not None and tips[0].unlikeness <= ALIKE:
             return self._with_acting(tips[0])
-        found = self.solver.field(motion, weights, coarse)
+        try:
+            found = self.solver.field(motion, weights, coarse)
+        except np.linalg.LinAlgError:  # as where the picture shows a part of the gel only
+            return nothing_read(self.bins)
         unlike, count = found.misfit / self.misfit_limit, len(found.active)
         least = max(self.least_gain, float(count))
         if found.gain < least:
