@@ -8,11 +8,12 @@ of the live launch.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.contacts import read
 from benchmarks.contacts.page import share
@@ -21,6 +22,9 @@ from benchmarks.harness.report import opening, shown, table
 from benchmarks.harness.running import Run
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import share_directory
+
+if TYPE_CHECKING:
+    from tactile_nodes.sensors import Sensor
 
 PAPERS = 'simulated'
 AIM = 1.5
@@ -41,29 +45,47 @@ def shipped() -> list[str]:
 
 def measure(arguments: argparse.Namespace, run: Run) -> Result:
     """Measure all sensors, one after another."""
+    return {'seed': arguments.seed, 'each': arguments.each, 'sensors': of_each(arguments, run, _measured)}
+
+
+def of_each(
+    arguments: argparse.Namespace, run: Run, measured: Callable[[str, argparse.Namespace, Run], Any]
+) -> dict[str, Any]:
+    """What is measured of each of the sensors in `arguments.only`, by default all, as a part of the run.
+
+    Raises:
+        ConfigurationError: no such sensor ships.
+    """
     if unknown := [each for each in arguments.only if each not in shipped()]:
         raise ConfigurationError(f'no sensor {unknown[0]!r} ships; there are: {", ".join(shipped())}')
     chosen = [name for name in shipped() if name in (arguments.only or shipped())]
-    found = {name: run.part(name, partial(_measured, name, arguments, run)) for name in chosen}
-    return {'seed': arguments.seed, 'each': arguments.each, 'sensors': found}
+    return {name: run.part(name, partial(measured, name, arguments, run)) for name in chosen}
+
+
+@contextlib.contextmanager
+def model_of(name: str, sensor: Sensor, run: Run) -> Iterator[str]:
+    """The file of the model that follows from a description, until it is no longer used."""
+    from tactile_nodes.learning.field.calibration import described_model
+    from tactile_nodes.model_file import find_model, load_model
+
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder) / f'{name}.safetensors'
+        described_model(load_model(find_model('field')), sensor, name, model, run.progress)
+        yield str(model)
 
 
 def _measured(name: str, arguments: argparse.Namespace, run: Run) -> dict[str, Any]:
     from benchmarks.contacts.cases import solved, wanted
     from benchmarks.contacts.frames import CONDITIONS
     from benchmarks.contacts.scores import by_family, summed
-    from tactile_nodes.learning.field.calibration import described_model
-    from tactile_nodes.model_file import find_model, load_model
     from tactile_nodes.sensors import load_sensor
     from tactile_nodes.simulation.described import gel_of
 
     sensor = load_sensor(name)
     gel = gel_of(sensor)
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder) / f'{name}.safetensors'
-        described_model(load_model(find_model('field')), sensor, name, model, run.progress)
+    with model_of(name, sensor, run) as model:
         touched = run.made(solved, wanted(gel, arguments.seed, arguments.each), 'solving contacts')
-        scores, _ = read({name: str(model)}, gel, touched, CONDITIONS[0], run.progress)
+        scores, _ = read({name: model}, gel, touched, CONDITIONS[0], run.progress)
     width, height = sensor.image.crop_px
     about = f'{sensor.camera.model}, {width}x{height} px of {sensor.gel.width_mm:g}x{sensor.gel.height_mm:g} mm'
     bins = f'{sensor.bins.rows}x{sensor.bins.cols}'

@@ -8,11 +8,8 @@ was taken; half a second later a tip begins to press at random places.
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,10 +20,9 @@ from benchmarks.contacts.scores import COVERED
 from benchmarks.harness.declaration import SENSING, SIMULATED, Aim, Benchmark, Result, argument, reached
 from benchmarks.harness.report import opening, table
 from benchmarks.harness.running import Run
-from benchmarks.sensors import SEED, shipped
+from benchmarks.sensors import SEED, model_of, of_each
 from benchmarks.stability.chain import REST_FRAMES, Chain
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.sensing.geometry import Crop
 from tactile_nodes.simulation.optics import Press
 
@@ -54,7 +50,7 @@ not calibrated with presses."""
 
 @dataclass(frozen=True)
 class Told:
-    """What was told of a frame, and the true force (N)."""
+    """The force message of a frame, and the true force (N)."""
 
     force: types.ForceDistribution
     true_n: float
@@ -62,31 +58,22 @@ class Told:
 
 def measure(arguments: argparse.Namespace, run: Run) -> Result:
     """Measure all sensors, one after another."""
-    if unknown := [each for each in arguments.only if each not in shipped()]:
-        raise ConfigurationError(f'no sensor {unknown[0]!r} ships; there are: {", ".join(shipped())}')
-    chosen = [name for name in shipped() if name in (arguments.only or shipped())]
-    found = {name: run.part(name, partial(_measured, name, arguments, run)) for name in chosen}
-    return {'seed': arguments.seed, 'presses': arguments.presses, 'sensors': found}
+    return {'seed': arguments.seed, 'presses': arguments.presses, 'sensors': of_each(arguments, run, _measured)}
 
 
 def _measured(name: str, arguments: argparse.Namespace, run: Run) -> dict[str, Any]:
-    from tactile_nodes.learning.field.calibration import described_model
-    from tactile_nodes.model_file import find_model, load_model
     from tactile_nodes.sensors import load_sensor
 
     sensor, found = load_sensor(name), {}
-    with tempfile.TemporaryDirectory() as folder:
-        model = Path(folder) / f'{name}.safetensors'
-        described_model(load_model(find_model('field')), sensor, name, model, run.progress)
-        with run.progress.bar(name, len(DISTURBED)) as bar:
-            for condition in DISTURBED:
-                found[condition.name] = _summed(list(_told(sensor, str(model), condition, arguments)))
-                bar.advance(1, condition.name)
+    with model_of(name, sensor, run) as model, run.progress.bar(name, len(DISTURBED)) as bar:
+        for condition in DISTURBED:
+            found[condition.name] = _summed(list(_told(sensor, model, condition, arguments)))
+            bar.advance(1, condition.name)
     return found
 
 
 def _told(sensor: Sensor, model: str, condition: Condition, arguments: argparse.Namespace) -> Iterator[Told]:
-    """The last frame at rest before each press and after the last one, and the last frame of each press."""
+    """The force of the last frame at rest before each press, of its last frame, and of the last frame at rest."""
     from tactile_nodes.contact_tables.gel_tables import contact_table
     from tactile_nodes.simulation.described import gel_of
 
@@ -170,9 +157,9 @@ BENCHMARK = Benchmark(
     name='sensors_disturbed',
     about=__doc__,
     sources=(
-        'benchmarks/sensors_disturbed.py', 'benchmarks/disturbances.py', 'benchmarks/contacts/frames.py',
-        'benchmarks/stability/chain.py', 'tactile_nodes/learning/field/**', 'tactile_nodes/sensors/**',
-        'config/sensors/**', *SENSING, *SIMULATED,
+        'benchmarks/sensors_disturbed.py', 'benchmarks/sensors.py', 'benchmarks/disturbances.py',
+        'benchmarks/contacts/frames.py', 'benchmarks/stability/chain.py', 'tactile_nodes/learning/field/**',
+        'tactile_nodes/sensors/**', 'config/sensors/**', *SENSING, *SIMULATED,
     ),
     page=page,
     measure=measure,
