@@ -135,7 +135,7 @@ def features_array(message: types.FlowFeatures) -> Features:
             f'{len(message.confidence)} confidences'
         )
     values = message.values.reshape(rows, cols, channels)
-    return Features(message.encoding, values, message.confidence.reshape(rows, cols))
+    return Features(message.encoding, values, message.confidence.reshape(rows, cols), message.noise)
 
 
 def picture_motion(message: types.FlowFeatures) -> PictureMotion | None:
@@ -154,6 +154,7 @@ def feature_fields(features: Features) -> dict[str, Any]:
         'encoding': features.encoding,
         'values': features.values.reshape(-1).copy(),
         'confidence': features.confidence.reshape(-1).copy(),
+        'noise': features.noise_px,
     }
 
 

@@ -862,6 +862,7 @@ class FlowFeatures(Message):
     encoding: str
     values: NDArray[Any]
     confidence: NDArray[Any]
+    noise: float
     image_width: int
     image_height: int
     method: str
@@ -872,7 +873,7 @@ class FlowFeatures(Message):
     picture_motion: NDArray[Any]
     reasons: int
     stages: StageTimes
-    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., untouched: bool = ..., moved: float = ..., picture_motion: NDArray[Any] = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
+    def __init__(self, header: Header = ..., rows: int = ..., cols: int = ..., channels: int = ..., encoding: str = ..., values: NDArray[Any] = ..., confidence: NDArray[Any] = ..., noise: float = ..., image_width: int = ..., image_height: int = ..., method: str = ..., reference_id: str = ..., image_level: float = ..., untouched: bool = ..., moved: float = ..., picture_motion: NDArray[Any] = ..., reasons: int = ..., stages: StageTimes = ...) -> None: ...
 
 class ForceDistribution(Message):
     STATUS_OK: ClassVar[int]

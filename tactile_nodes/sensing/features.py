@@ -22,11 +22,13 @@ LEAST_SURE = 1e-6
 
 @dataclass(frozen=True)
 class Features:
-    """Features of a frame: `values[row, col, channel]` and the confidence of each region (0 to 1)."""
+    """Features of a frame: `values[row, col, channel]`, the confidence of each region (0 to 1), and the noise of the
+    motion as the flow method found it, or 0."""
 
     encoding: str
     values: Float32[np.ndarray, 'rows cols channels']
     confidence: Float32[np.ndarray, 'rows cols']
+    noise_px: float = 0.0
 
 
 def fewer_means(
@@ -125,7 +127,7 @@ class PolarMean(RegionMeans):
     def encode(self, field: DisplacementField) -> Features:
         dx, dy = cv2.split(field.displacement_px)
         magnitude, angle = cv2.cartToPolar(dx, dy)
-        return Features(self.name, self._means(magnitude, angle), self._confidence(field))
+        return Features(self.name, self._means(magnitude, angle), self._confidence(field), field.noise_px)
 
 
 class CartesianMean(RegionMeans):
@@ -137,8 +139,8 @@ class CartesianMean(RegionMeans):
     def encode(self, field: DisplacementField) -> Features:
         motion = field.displacement_px
         if motion.shape[:2] == (self._options.rows, self._options.cols):  # one patch a region: its mean is itself
-            return Features(self.name, motion, self._confidence(field))
-        return Features(self.name, self._means(*cv2.split(motion)), self._confidence(field))
+            return Features(self.name, motion, self._confidence(field), field.noise_px)
+        return Features(self.name, self._means(*cv2.split(motion)), self._confidence(field), field.noise_px)
 
 
 def as_motion(

@@ -1,4 +1,4 @@
-"""Sensors with printed dots whose camera is knocked: the force stays what it was."""
+"""Sensors with printed dots whose camera is knocked, or whose pictures are noisy: the force stays what it was."""
 
 from __future__ import annotations
 
@@ -93,6 +93,16 @@ def test_a_knocked_camera_is_no_force_and_changes_none(stream: Stream, moved: Ca
     # As well as both ends are read: dots lie elsewhere in their regions, and without presses a total is 15 % off.
     assert after == pytest.approx(before, rel=0.25)
     assert stream.read(stream.gel).total < 0.02
+
+
+def test_noise_is_no_force_and_hides_none_that_it_does_not_cover(stream: Stream) -> None:
+    """With four times the noise of the described camera; 1.645 standard deviations are an interval of 90 %."""
+    before = [stream.read(stream.gel, [press]).total for press in PRESSES]
+    gel = stream.gel
+    noisy = dataclasses.replace(gel, read_noise_grey=4 * gel.read_noise_grey, shot_noise_grey=16 * gel.shot_noise_grey)
+    assert max(stream.read(noisy).total for _ in range(12)) < 0.02
+    after = [stream.read(noisy, [press]) for press in PRESSES]
+    assert all(abs(each.total - force) < 1.645 * each.total_sigma for each, force in zip(after, before, strict=True))
 
 
 def test_a_camera_that_was_knocked_too_far_has_no_force(stream: Stream) -> None:

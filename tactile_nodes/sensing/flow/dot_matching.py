@@ -19,11 +19,15 @@ ROUNDS = 2
 
 @dataclass(frozen=True)
 class DotImages:
-    """Each dot's image at rest, and the matrix that turns a difference from it into a motion."""
+    """Each dot's image at rest, and the matrix that turns a difference from it into a motion.
+
+    `alike` spans the differences that motion, brightness, contrast and blur cause, in orthonormal images.
+    """
 
     reach: int
     rest: Float32[np.ndarray, 'dots pixels']
     step: Float32[np.ndarray, 'dots 2 pixels']
+    alike: Float32[np.ndarray, 'dots pixels 5']
 
     @classmethod
     def of(
@@ -34,18 +38,25 @@ class DotImages:
         wider = sampled(height, centres_px, reach + 1)
         rest, along_x = wider[:, 1:-1, 1:-1], (wider[:, 1:-1, 2:] - wider[:, 1:-1, :-2]) / 2
         along_y = (wider[:, 2:, 1:-1] - wider[:, :-2, 1:-1]) / 2
-        ways = np.stack([along_x, along_y, rest, np.ones_like(rest)], -1).reshape(len(rest), -1, 4)
-        return cls(reach, rest.reshape(len(rest), -1), np.linalg.pinv(ways)[:, :2])
+        beside = wider[:, 1:-1, 2:] + wider[:, 1:-1, :-2] + wider[:, 2:, 1:-1] + wider[:, :-2, 1:-1]
+        ways = np.stack([along_x, along_y, rest, np.ones_like(rest), beside], -1).reshape(len(rest), -1, 5)
+        step = np.linalg.pinv(ways[..., :4])[:, :2]
+        return cls(reach, rest.reshape(len(rest), -1), step, np.linalg.qr(ways)[0])
 
     def matched(
         self, height: Float32[np.ndarray, 'h w'], centres_px: Float[np.ndarray, 'dots 2']
-    ) -> Float[np.ndarray, 'dots 2']:
-        """The places of the dots, from the centres of their darkness."""
-        places = centres_px
+    ) -> tuple[Float[np.ndarray, 'dots 2'], Float[np.ndarray, ' dots']]:
+        """The places of the dots, from the centres of their darkness, and the standard deviation of each along an axis.
+
+        What is left of a dot's difference from its image at rest is noise of its pixels.
+        """
+        places, off = centres_px, np.zeros_like(self.rest)
         for _ in range(ROUNDS):
-            now = sampled(height, places, self.reach).reshape(self.rest.shape)
-            places = places - np.einsum('dip,dp->di', self.step, now - self.rest)
-        return places
+            off = sampled(height, places, self.reach).reshape(self.rest.shape) - self.rest
+            places = places - np.einsum('dip,dp->di', self.step, off)
+        explained = np.square(np.einsum('dpk,dp->dk', self.alike, off)).sum(axis=1)
+        noise = np.sqrt(np.maximum(np.square(off).sum(axis=1) - explained, 0.0) / off.shape[1])
+        return places, noise * np.sqrt(np.square(self.step).sum(axis=2).mean(axis=1))
 
 
 def sampled(

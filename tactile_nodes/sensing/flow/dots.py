@@ -121,8 +121,8 @@ class _Rest:
 
     def followed(
         self, image: UInt8[np.ndarray, 'h w']
-    ) -> tuple[Float[np.ndarray, 'dots 2'], Bool[np.ndarray, ' dots']]:
-        """Motion of each dot, and whether it was found."""
+    ) -> tuple[Float[np.ndarray, 'dots 2'], Bool[np.ndarray, ' dots'], Float[np.ndarray, ' dots']]:
+        """Motion of each dot, whether it was found, and the standard deviation of its motion along an axis."""
         height = contrast(image, dark=self.dark)
         places, mass = centred(height, self.centres_px, self.reach_px, self.level)
         motion = places - self.centres_px
@@ -131,9 +131,10 @@ class _Rest:
         if strayed.any():
             again, seen = centred(height, (self.centres_px + around)[strayed], self.reach_px, self.level)
             motion[strayed], mass[strayed] = again - self.centres_px[strayed], seen
-        motion = self.images.matched(height, self.centres_px + motion) - self.centres_px
+        places, noise_px = self.images.matched(height, self.centres_px + motion)
+        motion = places - self.centres_px
         strayed = self._strayed(motion, self._around(motion))
-        return motion, ~strayed & (mass >= LEAST_MASS * self.mass)
+        return motion, ~strayed & (mass >= LEAST_MASS * self.mass), noise_px
 
     def _around(self, motion: Float[np.ndarray, 'dots 2']) -> Float[np.ndarray, 'dots 2']:
         """Motion of the neighbours of each dot."""
@@ -146,14 +147,20 @@ class _Rest:
         strayed: np.ndarray = np.hypot(*(motion - around).T) > APART * self.pitch_px
         return strayed
 
-    def displacement(self, motion: Float[np.ndarray, 'dots 2'], found: Bool[np.ndarray, ' dots']) -> DisplacementField:
-        """The motion of each region."""
+    def displacement(
+        self,
+        motion: Float[np.ndarray, 'dots 2'],
+        found: Bool[np.ndarray, ' dots'],
+        noise_px: Float[np.ndarray, ' dots'],
+    ) -> DisplacementField:
+        """The motion of each region, and the noise of the usual one."""
         dot_weights = self.dot_weights if found.all() else self.interpolation.shares(found)
         weights = self.interpolation.weights
         sure = (weights @ found) / np.maximum(weights.sum(axis=1), ALONE)
         return DisplacementField(
             (dot_weights @ motion).reshape(*self.shape, 2).astype(np.float32),
             sure.reshape(self.shape).astype(np.float32),
+            float(np.median(noise_px) * np.sqrt(np.square(dot_weights).sum(axis=1).mean())),
         )
 
 

@@ -22,11 +22,13 @@ class DisplacementField:
 
     A dense method gives one displacement per pixel. A method by patches gives one per patch, evenly spaced over the
     image; then h x w are the rows and columns of the patches. `confidence` is between 0 (no information) and 1, or None
-    if the method does not state it.
+    if the method does not state it. `noise_px` is the standard deviation of the displacement along an axis as the
+    method finds it in the image, or 0.
     """
 
     displacement_px: Float32[np.ndarray, 'h w 2']
     confidence: Float32[np.ndarray, 'h w'] | None = None
+    noise_px: float = 0.0
 
 
 @runtime_checkable

@@ -9,6 +9,7 @@ another one.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -68,7 +69,7 @@ class MovedDots:
             self.lost = fit.size_px(terms + np.array(self.motion.terms)) > self._most_px
             if not self.lost and self._knocked(fit, terms, (beside - carried)[found]):
                 self._take(fit, terms, np.where(found[:, :, None], beside, carried))
-        return DisplacementField(motion - self._moved, field.confidence)
+        return replace(field, displacement_px=motion - self._moved)
 
     def _knocked(
         self, fit: MotionFit, terms: Float[np.ndarray, ' terms'], left: Float32[np.ndarray, 'found 2']

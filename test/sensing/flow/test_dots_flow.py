@@ -57,7 +57,7 @@ def test_noise_moves_dots_hardly_more_than_it_must() -> None:
         shifts = np.random.default_rng(seed).uniform(-0.5, 0.5, PLACES.shape)
         flow = make_flow('dots', {'rows': 6, 'cols': 8})
         flow.set_reference(drawn(PLACES, seed=10 + seed, noise=noise))
-        motion, found = flow._rest.followed(drawn(PLACES + shifts, seed=20 + seed, noise=noise))  # type: ignore[attr-defined]
+        motion, found, _ = flow._rest.followed(drawn(PLACES + shifts, seed=20 + seed, noise=noise))  # type: ignore[attr-defined]
         at = np.argmin(np.hypot(*(flow._rest.centres_px[:, None] - PLACES).transpose(2, 0, 1)), axis=1)  # type: ignore[attr-defined]
         assert found.all()
         errors.append(motion - shifts[at])
@@ -65,6 +65,20 @@ def test_noise_moves_dots_hardly_more_than_it_must() -> None:
     slope = np.gradient(sheet(PLACES)[y - reach : y + reach + 1, x - reach : x + reach + 1], axis=1)
     least_px = np.sqrt(2) * noise / np.sqrt(np.square(slope).sum())
     assert np.sqrt(np.square(errors).mean()) < 1.4 * least_px
+
+
+@pytest.mark.parametrize('noise', [2.0, 8.0])
+@pytest.mark.parametrize('shift', [0.0, 0.4])
+def test_the_noise_of_the_motion_is_found_in_the_picture(noise: float, shift: float) -> None:
+    flow = make_flow('dots', {'rows': 6, 'cols': 8})
+    flow.set_reference(drawn(PLACES))
+    told, errors = [], []
+    for seed in range(1, 5):
+        picture = drawn(PLACES + np.array((shift, 0.0)), seed=seed, noise=noise)
+        field = flow.displacement(picture)
+        told.append(field.noise_px)
+        errors.append(field.displacement_px - (shift, 0.0))
+    assert np.mean(told) == pytest.approx(np.sqrt(np.square(errors).mean()), rel=0.2)
 
 
 def test_a_turn_of_the_camera_is_measured_in_the_middle_of_each_region() -> None:
