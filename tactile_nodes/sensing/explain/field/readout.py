@@ -191,7 +191,7 @@ class FieldReadout:
             left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
             if weights.squared(left) + 2 * numbers <= len(left) * found.misfit**2 + 2 * count:
                 return self._with_acting(tips[0])
-        return self._reading(found, unlike)
+        return self._reading(found, unlike, self.solver.reduced_n(weights, found.total_n))
 
     def _tips(
         self, coarse: Float[np.ndarray, ' bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
@@ -235,10 +235,10 @@ class FieldReadout:
         sides: np.ndarray = boxes[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
         return sides
 
-    def _reading(self, found: Field, unlike: float) -> Reading:
+    def _reading(self, found: Field, unlike: float, reduced_n: float) -> Reading:
         patches, widened = self.solver.patches, max(unlike, 1.0)
         summed = sums(found, self.surface, patches, compiled=self.compiled)
-        spread = self.spread.out_of_sight(self.solver.hidden(found.forces_n[0])).times(widened)
+        spread = self.spread.out_of_sight(self.solver.hidden(found.forces_n[0])).reduced(reduced_n).times(widened)
         covariance = spread.covariance(summed.field, patches, summed.wrench_covariance)
         forces = summed.bins_n.astype(np.float32)
         off = spread.bins_n(summed.bins_n[0], summed.bins_off_n).astype(np.float32)

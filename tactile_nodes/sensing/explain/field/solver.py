@@ -35,6 +35,9 @@ zero everywhere makes forces too small, which the motion of few regions hardly c
 would follow from the motion alone, noise included. Totals of contacts on printed dots are 13 % off in the median, 30 %
 without it; on the gel `digit_like` 15 and 22 % (`tactile bench sensors --each 3 --seed 909`)."""
 
+OF_A_TIP = 16
+"""Patches under a tip: two by two bins."""
+
 WIDE = 20.0
 """Number of patches from which on a contact is wide: the middle of a wide contact causes almost no motion, so the l1
 penalty decreases with the square of the number."""
@@ -244,8 +247,18 @@ class FieldSolver:
         return max(1 / max(shown, LEAST_SHOWN) - 1, 0.0)
 
     def unseen_n(self, weights: Weights, gain: float) -> float:
-        """The force on a usual patch with this gain: smaller forces may hide in the noise."""
-        return math.sqrt(2 * gain / max(float(self._usual_squared @ weights.single), 1e-12))
+        """The force below which a contact may be reported as zero: it has this gain, or the l1 term suppresses it.
+
+        In a contact of n patches with the force F the term is a penalty of about HELD n log F. Where the gain of the
+        motion grows as a F²/2, the best force is F - HELD n / (a F), and there is none for F² < 4 HELD n / a.
+        """
+        needed = max(gain, 2 * HELD * self._regularization * OF_A_TIP)
+        return math.sqrt(2 * needed / max(float(self._usual_squared @ weights.single), 1e-12))
+
+    def reduced_n(self, weights: Weights, total_n: float) -> float:
+        """By how much the l1 term reduces the force of such a contact."""
+        unseen_n = self.unseen_n(weights, 0.0)
+        return min(unseen_n, unseen_n**2 / max(4 * total_n, LEAST_N))
 
     @cached_property
     def _usual_squared(self) -> Float32[np.ndarray, ' rows']:

@@ -11,6 +11,7 @@ import numpy as np
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.explain.field.solver import Field
+from tactile_nodes.sensing.metrics import interval_factor
 from tactile_nodes.shapes import Float
 
 USUAL_RESPONSE = 0.05
@@ -57,6 +58,10 @@ class FieldSpread:
     def out_of_sight(self, hidden: float) -> FieldSpread:
         """The spread of less visible forces; `hidden` is 1 for half the usual visibility."""
         return replace(self, response=math.hypot(self.response, OUT_OF_SIGHT * hidden)) if hidden > 0 else self
+
+    def reduced(self, by_n: float) -> FieldSpread:
+        """The spread of forces that the regularization may have reduced by so much."""
+        return replace(self, floor_n=math.hypot(self.floor_n, by_n / interval_factor()))
 
     def normal_n(self, fitted: float, force_n: float) -> float:
         """Standard deviation of a normal force."""
