@@ -50,6 +50,8 @@ class Stream:
         self._following, self._estimating, self._frames = Following(FollowingParams(model=model)), Estimating(model), 0
 
     def begin(self) -> None:
+        """With the same noise in each test, whichever ran before."""
+        self._frames = 0
         self._following.use_reference(self._picture(self.gel, ()), conversions.header(0, ''))
 
     def restarted(self) -> Stream:
@@ -95,15 +97,17 @@ def test_a_knocked_camera_is_no_force_and_changes_none(stream: Stream, moved: Ca
     assert stream.read(stream.gel).total < 0.02
 
 
-@pytest.mark.parametrize('depth_mm', [0.2, 0.3, 0.4, 1.0])
-def test_noise_is_no_force_and_the_interval_holds_what_it_hides(stream: Stream, depth_mm: float) -> None:
-    """With four times the noise of the described camera; 1.645 standard deviations are an interval of 90 %."""
-    gel = stream.gel
+def test_noise_is_no_force_and_the_intervals_hold_what_it_hides(stream: Stream) -> None:
+    """With four times the noise of the described camera. 1.645 standard deviations are an interval of 90 %, and of 15
+    presses 11 or more lie in such intervals in 99 of 100 cases (binomial distribution)."""
+    gel, held = stream.gel, 0
     noisy = dataclasses.replace(gel, read_noise_grey=4 * gel.read_noise_grey, shot_noise_grey=16 * gel.shot_noise_grey)
-    assert max(stream.read(noisy).total for _ in range(6)) < 0.05
-    true_n = linear_table(gel).force_at(depth_mm)
-    read = [stream.read(noisy, [dataclasses.replace(press, depth_mm=depth_mm)]) for press in PRESSES]
-    assert all(abs(each.total - true_n) < 1.645 * each.total_sigma for each in read)
+    for depth_mm in (0.2, 0.3, 0.4, 0.6, 1.0):
+        assert max(stream.read(noisy).total for _ in range(3)) < 0.05
+        true_n = linear_table(gel).force_at(depth_mm)
+        read = [stream.read(noisy, [dataclasses.replace(press, depth_mm=depth_mm)]) for press in PRESSES]
+        held += sum(abs(each.total - true_n) < 1.645 * each.total_sigma for each in read)
+    assert held >= 11
 
 
 def test_a_camera_that_was_knocked_too_far_has_no_force(stream: Stream) -> None:
