@@ -48,10 +48,11 @@ class Stream:
         self.gel = dataclasses.replace(gel_of(self._sensor), mechanics='linear')
         described_model(load_model(find_model('field')), self._sensor, '', Path(model), Progress())
         self._following, self._estimating, self._frames = Following(FollowingParams(model=model)), Estimating(model), 0
+        self._seed = 0
 
     def begin(self) -> None:
         """With the same noise in each test, whichever ran before."""
-        self._frames = 0
+        self._seed = 0
         self._following.use_reference(self._picture(self.gel, ()), conversions.header(0, ''))
 
     def restarted(self) -> Stream:
@@ -69,9 +70,9 @@ class Stream:
         return self._following.answer(self._picture(gel, ()), conversions.header((self._frames + 1) * 16_666_667, ''))
 
     def _picture(self, gel: Gel, presses: Sequence[Press]) -> np.ndarray:
-        self._frames += 1
+        self._frames, self._seed = self._frames + 1, self._seed + 1
         crop = Crop.centred(gel.image_width, gel.image_height, *self._sensor.image.crop_px)
-        rendered = Optics(gel, linear_table(gel)).render(tuple(presses), self._frames)
+        rendered = Optics(gel, linear_table(gel)).render(tuple(presses), self._seed)
         return np.ascontiguousarray(crop.apply(rendered))
 
 
