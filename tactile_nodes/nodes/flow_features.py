@@ -30,7 +30,8 @@ from tactile_nodes.params import parameter
 from tactile_nodes.pipeline.following import Following, FollowingParams
 from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.pipeline.methods import image_size
-from tactile_nodes.sensing.geometry import middle_part
+from tactile_nodes.sensing.geometry import centre_crop, middle_part
+from tactile_nodes.sensors import load_sensor
 
 _KEPT, _MEMORY = 'rest_image', 'memory'
 KEEP_NS = NS_PER_S
@@ -50,10 +51,15 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
         'capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'), read_only=True
     )
     compiled: bool = parameter(True, 'compute with loops compiled by numba, as force_estimator does', read_only=True)
+    sensor: str = parameter(
+        '',
+        'sensor description (name or file): pictures of its size are cropped as it says, others are not',
+        read_only=True,
+    )
     crop: int = parameter(
         0,
-        'side of the central square crop of each picture [px]; 0: as in the model, and square pictures whole if the '
-        'model reads squares',
+        'side of the central square crop of each picture [px], used without `sensor`; 0: as in the model, and square '
+        'pictures whole if the model reads squares',
         minimum=0,
     )
     most_hz: float = parameter(0.0, 'most pictures per second that are processed; 0: all', minimum=0.0)
@@ -83,8 +89,10 @@ class FlowFeaturesNode(Node):
         self._frames = self._answered_ns = self._kept_ns = 0
         self._learned: tuple[object, ...] = ()
         self._came, self._size = '', image_size(self.params.model)
+        self._described = load_sensor(self.params.sensor).image if self.params.sensor else None
         self._received_ns = self._apart_ns = 0
-        self._about = self._trouble = ''
+        self._about: tuple[Level, str] | None = None
+        self._trouble = ''
         self._rest: tuple[Level, str] | None = None
         self._drawn: tuple[Path | None, int] = None, 0  # the folder of drawings, and the last number before this start
         self._begin(self.params)
@@ -166,31 +174,44 @@ class FlowFeaturesNode(Node):
 
     def _picture(self, message: types.Image) -> np.ndarray:
         """The picture, cropped; pictures of our camera node are cropped already, those of other nodes are not."""
-        picture = middle_part(conversions.image_array(message), self.params.crop, self._size)
+        picture = self._cropped(conversions.image_array(message))
         came = f'{message.width}x{message.height} {message.encoding}'
         if came != self._came:
             self._came = came
             self._tell_picture(came, picture)
         return picture
 
+    def _cropped(self, picture: np.ndarray) -> np.ndarray:
+        image = self._described
+        if image is None:
+            return middle_part(picture, self.params.crop, self._size)
+        if picture.shape != (image.height, image.width):  # a crop of it would show another part of the gel
+            return picture
+        return centre_crop(picture, *image.crop_px)
+
     def _tell_picture(self, came: str, picture: np.ndarray) -> None:
-        taken = f'{picture.shape[1]}x{picture.shape[0]}'
+        taken, image = f'{picture.shape[1]}x{picture.shape[0]}', self._described
         whole = came.startswith(f'{taken} ')
-        how = 'used whole' if whole else f'the central {taken} are used (parameter crop)'
-        text = f'{self.names.resolve(topics.IMAGE.name)} has {came}: {how}'
-        self._about = text
-        self.diagnostics.report('pictures', Level.OK, text)
-        self.log.info(text)
+        how = 'used whole' if whole else f'the central {taken} are used (parameter {"sensor" if image else "crop"})'
+        text, say, level = f'{self.names.resolve(topics.IMAGE.name)} has {came}: {how}', self.log.info, Level.OK
+        if image and picture.shape[::-1] != image.crop_px:
+            text += (
+                f', but sensor {self.params.sensor} is described with {image.width}x{image.height}; set the camera so'
+            )
+            say, level = self.log.warn, Level.WARN
+        self._about = level, text
+        self.diagnostics.report('pictures', level, text)
+        say(text)
 
     def _check_pictures(self) -> None:
         """A camera process or a network that hangs does not report it itself."""
         silent_ns = self.clock.now_ns() - self._received_ns
-        if not self._about:
+        if self._about is None:
             return
         if silent_ns > max(SILENT_NS, 3 * self._apart_ns):
             self.report('pictures', Level.WARN, 'no more pictures; check the camera and its node')
         else:
-            self.report('pictures', Level.OK, self._about)
+            self.report('pictures', *self._about)
 
     def _on_reference(self, received: Received) -> None:
         image = np.array(conversions.image_array(received.message))

@@ -139,6 +139,35 @@ def test_pictures_that_our_camera_node_has_cut_are_measured_whole(
     assert '/image_raw has 480x480 mono8: used whole' in logged(logs)
 
 
+@pytest.mark.parametrize(
+    ('size', 'taken', 'told'),
+    [
+        ((160, 200), (160, 120), 'the central 120x160 are used (parameter sensor)'),
+        ((160, 120), (160, 120), 'used whole'),
+        ((320, 400), (320, 400), 'used whole, but sensor {} is described with 200x160; set the camera so'),
+        ((200, 200), (200, 200), 'used whole, but sensor {} is described with 200x160; set the camera so'),
+    ],
+)
+def test_with_a_description_only_pictures_of_its_size_are_cropped(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, tmp_path: Path,
+    size: tuple[int, int], taken: tuple[int, int], told: str,
+) -> None:  # fmt: skip
+    """The middle of a picture of another size would show another part of the gel, and give wrong forces."""
+    described = tmp_path / 'mine.yaml'
+    described.write_text(
+        'image: {width: 200, height: 160, crop: 120, crop_height: 160}\ncamera: {centre_px: [99.5, 79.5]}\n'
+    )
+    references, logs, camera = listen(topics.REFERENCE_IMAGE), listen(topics.ROSOUT), publisher(topics.IMAGE)
+    tested = node(bus, clock, f'sensor:={described}')
+    camera.publish(image(WHOLE[: size[0], : size[1]]))
+    run(tested)
+    received = references.take()
+    assert received is not None
+    assert (received.message.height, received.message.width) == taken
+    height, width = size
+    assert f'/image_raw has {width}x{height} mono8: {told.format(described)}' in logged(logs)
+
+
 def logged(logs: Subscription) -> list[str]:
     """The lines of the log that came since."""
     found = []
