@@ -85,6 +85,17 @@ def test_a_light_contact_is_no_surer_than_5_mn(readout: FieldReadout) -> None:
     assert reading.acting.wrench_covariance[2, 2] == pytest.approx(reading.total_sigma_n**2)
 
 
+def test_the_torque_of_a_force_that_may_hide_anywhere_is_surer_across_a_narrow_surface(readout: FieldReadout) -> None:
+    """(0, 0, -f) at (x, y) turns by (-y f, x f, 0), shear by x f or -y f about z; the mean of x² over n equal cells of
+    a width W about x0 is x0² + W² (1 - 1 / n²) / 12."""
+    bins = BinGrid(rows=2, cols=5, width_mm=30.0, height_mm=8.0, centre_mm=(1.0, 0.0))
+    narrow = replace(readout, bins=bins, response=np.zeros((len(readout.response), 3 * 4 * 10), np.float32))
+    covariance = narrow.nothing(0.1).wrench_covariance
+    x, y = 1.0 + 30.0**2 * (1 - 1 / 10**2) / 12, 8.0**2 * (1 - 1 / 4**2) / 12
+    assert np.diag(covariance) == pytest.approx(0.01 * np.array([1, 1, 1, y, x, x + y]))
+    assert covariance[2, 4] == pytest.approx(-0.01 * 1.0)
+
+
 @pytest.mark.parametrize('compiled', [False, True])
 def test_forces_that_cannot_be_told_apart_are_unknown(readout: FieldReadout, compiled: bool) -> None:
     """In a picture that shows a part of the gel only, forces may all cause much the same motion: that is no error."""

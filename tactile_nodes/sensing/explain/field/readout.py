@@ -263,12 +263,16 @@ class FieldReadout:
         return SurfaceField(maps[0], np.stack(maps[1:], -1), pressed.astype(np.float32), sheared.astype(np.float32))
 
     def nothing(self, sigma_n: float | None = None) -> Acting:
-        """The result without a detected force; without `sigma_n` with the nominal error."""
+        """The result without a detected force; without `sigma_n` with the nominal error.
+
+        A hidden force may act on any patch, so the torque is the less certain, the larger the surface.
+        """
         patches = self.solver.patches
         still = Field(np.zeros((3, patches.count)), np.zeros(0, int), np.zeros((0, 0)), 0.0, 0.0)
         shape = self.bins.rows, self.bins.cols
         off_n = sigma_n or self.spread.nominal[0]
-        off = np.diag(np.square([off_n] * 3 + [off_n * self.bins.width_mm / 4] * 3))
+        ways = patches.levers.reshape(-1, 6)
+        off = off_n**2 / patches.count * (ways.T @ ways)
         return Acting(
             'nothing', np.zeros((*shape, 2), np.float32), np.full(shape, off_n, np.float32), np.zeros(6), off,
             partial(self._surface, still, off_n / self.spread.nominal[0]),
