@@ -99,8 +99,8 @@ class BinGrid:
         return float(np.abs(np.concatenate([inner_x - x_mm, inner_y - y_mm])).min(initial=np.inf))
 
 
-UNDISTORTING = 20
-"""Steps of Newton's method, which converges in about five for real lenses."""
+TABULATED, UNDISTORTING = 500, 5
+"""Tabulated angles of a fisheye, and steps of Newton's method from the tabulated angle."""
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,12 @@ class FisheyeCamera:
         return 1 + stretch, 1 + slope
 
     def _angle(self, seen: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
-        """The angle whose distorted angle is `seen`, by Newton's method."""
-        theta = seen
+        """The angle whose distorted angle is `seen`: by a table up to the angle at which the lens folds the image over,
+        then by Newton's method."""
+        known = np.linspace(0, np.pi, TABULATED).astype(seen.dtype)
+        stretch, slope = self._stretch(known)
+        unfolded = np.logical_and.accumulate(slope > 0)
+        theta: np.ndarray = np.interp(seen, (known * stretch)[unfolded], known[unfolded]).astype(seen.dtype)
         for _ in range(UNDISTORTING):
             stretch, slope = self._stretch(theta)
             theta = theta - (theta * stretch - seen) / slope

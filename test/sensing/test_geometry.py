@@ -76,6 +76,14 @@ def test_unproject_reverses_project(x: float, y: float, z: float):
     np.testing.assert_allclose(ray, point / np.linalg.norm(point), atol=1e-9)
 
 
+@pytest.mark.parametrize('theta', [1.0, 1.35, 1.4])
+def test_unproject_reverses_a_fisheye_that_widens_its_rim_and_folds_beyond_it(theta: float):
+    """An angle of 1.4 is seen at 1.86, and the distorted angle falls from 1.6 on."""
+    camera = FisheyeCamera(focal_px_per_rad=111.0, distortion=(0.165, 0.073, -0.035, -0.001))
+    point = np.array([[np.sin(theta), 0.0, np.cos(theta)]])
+    np.testing.assert_allclose(camera.unproject(camera.project(point)), point, atol=1e-9)
+
+
 def test_a_pinhole_sees_45_degrees_at_its_focal_length_and_farther_by_what_the_lens_adds():
     """1 + k1 r² of it, at r = 1."""
     right, below = np.array([[2.0, 0, 2]]), np.array([[0.0, 3, 3]])
