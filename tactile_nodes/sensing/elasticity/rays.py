@@ -78,11 +78,15 @@ def of_dots(view: View) -> Rays:
 def described_dots(view: View) -> Float[np.ndarray, 'dots 2']:
     """Positions in the image [px] of the described dots whose whole disc is in it and uncovered."""
     sensor = view.sensor
-    places = view.middle_seen_at(sensor.gel.outline.lattice_mm(sensor.pattern.pitch_mm, sensor.pattern.dot_mm))
+    lattice = sensor.gel.outline.lattice_mm(sensor.pattern.pitch_mm, sensor.pattern.dot_mm)
+    places = view.middle_seen_at(lattice)
     radius, size = view.marker_radius_px, np.array(sensor.image.crop_px)
     inside = ((places > radius) & (places < size - 1 - radius)).all(axis=1)
-    near = np.rint(places[inside]).astype(int)
-    return np.asarray(places[inside][~sensor.covered[near[:, 1], near[:, 0]]])
+    places, lattice = places[inside], lattice[inside]
+    # The distortion of a lens holds within the image only; it may also put dots there that lie far outside its view.
+    off_mm = np.hypot(*(view.met_at(places, view.middle_mm)[:, :2] - lattice).T)
+    near = np.rint(places).astype(int)
+    return np.asarray(places[~sensor.covered[near[:, 1], near[:, 0]] & (off_mm < sensor.pattern.pitch_mm / 2)])
 
 
 def dot_place_mm(view: View, centres_px: Float[np.ndarray, 'dots 2']) -> tuple[float, float]:

@@ -115,6 +115,18 @@ def test_a_region_of_printed_dots_moves_as_its_dots_do(dark_dots: Sensor) -> Non
     assert predicted == pytest.approx(expected, abs=0.03 * float(np.abs(expected).max()))
 
 
+def test_dots_far_outside_the_view_are_not_in_the_picture_though_the_lens_distortion_puts_them_there() -> None:
+    """r (1 - 0.3 r²) is 0.44 at 0.49 times the distance, which is in the picture, and again at 1.5 times."""
+    sensor = load_sensor('printed_dots')
+    camera = dataclasses.replace(sensor.camera, distortion=(-0.3, 0.0, 0.0, 0.0, 0.0))
+    gel = dataclasses.replace(sensor.gel, width_mm=60.0, height_mm=46.0)
+    view = View(dataclasses.replace(sensor, camera=camera, gel=gel))
+    dots = described_dots(view)
+    in_pitches = view.met_at(dots, view.middle_mm)[:, :2] / sensor.pattern.pitch_mm
+    assert np.abs(in_pitches - np.rint(in_pitches)).max() < 1e-3
+    assert len({*map(tuple, np.rint(in_pitches).tolist())}) == len(dots)
+
+
 def test_nominal_shares_count_depths_once_and_slopes_not_at_all(regions: Regions) -> None:
     shares = regions.nominal_shares.reshape(DEPTHS, 3)
     assert shares[:, 0].sum() == pytest.approx(1.0)
