@@ -130,9 +130,11 @@ class CameraDescription:
         across, down = self.focal_lengths_px
         return 2 * across * wide, 2 * down * high
 
-    def shows(self, reach_px: float) -> bool:
-        """Whether the lens maps directions one to one, up to this distance from the optical axis."""
-        angle = [reach_px / min(self.focal_lengths_px) * step / STEPS for step in range(3 * STEPS)]
+    def shows(self, across_px: float, down_px: float) -> bool:
+        """Whether the lens maps directions one to one, up to this distance from the optical axis along u and v."""
+        across, down = self.focal_lengths_px
+        reach = math.hypot(across_px / across, down_px / down)
+        angle = [reach * step / STEPS for step in range(3 * STEPS)]
         powers = self.lens if self.model == 'fisheye' else (self.distortion[0], self.distortion[1], self.distortion[4])
         for each in angle:
             stretch = 1 + sum(k * each ** (2 * n) for n, k in enumerate(powers, 1))
@@ -308,15 +310,14 @@ class Sensor:
                 f'the lowest marker is at {lowest:g} mm'
             )
         u, v = self.camera.centre_px
-        width, height = self.image.crop_px
-        if not self.camera.shows(math.hypot(width / 2, height / 2)):
-            raise ValueError(
-                f'camera.distortion {list(self.camera.distortion)} folds the image over before its corner; check it, '
-                'or calibrate the camera again'
-            )
         if not (0 <= u < self.image.width and 0 <= v < self.image.height):
             raise ValueError(
                 f'camera.centre_px ({u:g}, {v:g}) lies outside the {self.image.width}x{self.image.height} image'
+            )
+        if not self.camera.shows(*map(_farthest, (u, v), (self.image.width, self.image.height), self.image.crop_px)):
+            raise ValueError(
+                f'camera.distortion {list(self.camera.distortion)} folds the image over before its corner; check it '
+                'and camera.centre_px, calibrate the camera again, or use less of the image (image.crop)'
             )
         if self.mask.polygons_px and self.covered.all():
             raise ValueError('mask covers the whole image; black parts and polygons mark what to leave out')
@@ -336,3 +337,9 @@ class Sensor:
             f'{focal} and camera.position_mm make the gel {wide:.0f}x{high:.0f} pixels large, but the crop has '
             f'{width}x{height}; check them, gel.width_mm and gel.height_mm'
         )
+
+
+def _farthest(at_px: float, side_px: int, crop_px: int) -> float:
+    """Distance of the farther end of a centred crop along one side of the image: 379.5 of 640 px about 260."""
+    first = (side_px - crop_px) // 2 - 0.5  # the middle of a pixel is a whole number
+    return max(at_px - first, first + crop_px - at_px)

@@ -140,6 +140,19 @@ def test_a_calibration_that_contradicts_is_refused(tmp_path: Path, calibration: 
         load_sensor(written(tmp_path, calibration, more))
 
 
+def test_a_lens_is_checked_up_to_the_corner_farthest_from_its_axis(tmp_path: Path) -> None:
+    """r (1 - 0.3 r²) is at most 0.703, 422 px of 600, at r = 1.05. From 339.5 px the farthest corner is hypot(340, 240)
+    = 416 px away, from 359.5 px 433 px."""
+    image = 'image: {width: 640, height: 480, crop: 640, crop_height: 480}'
+    camera = 'camera: {model: pinhole, focal_px: [600.0, 600.0], distortion: [-0.3, 0.0, 0.0, 0.0, 0.0]'
+    file = tmp_path / 'mine.yaml'
+    file.write_text(f'{image}\n{camera}, centre_px: [339.5, 239.5]}}\n')
+    assert load_sensor(file).camera.centre_px == (339.5, 239.5)
+    file.write_text(f'{image}\n{camera}, centre_px: [359.5, 239.5]}}\n')
+    with pytest.raises(ConfigurationError, match='folds the image over before its corner'):
+        load_sensor(file)
+
+
 def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"mine.yaml:1: 'image.width' is 640, .* says 800; remove one"):
         load_sensor(written(tmp_path, ROS, image='{width: 640, crop: 440}'))
