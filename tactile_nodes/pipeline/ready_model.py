@@ -116,8 +116,14 @@ class Ready:
         """The force map that explains the motion of one frame; NaN for a frame that was not measured.
 
         Raises:
-            ModelError, MessageError: the model cannot read these features.
+            ModelError, MessageError: the model cannot read these features, or was trained with another flow method.
         """
+        if features.method not in ('', self.inputs.method):
+            needed, other = _differing(self.inputs.method, features.method)
+            raise ModelError(
+                f'model {self.name} needs {needed}, but the features come from {other}; start flow_features and '
+                'force_estimator with the same model'
+            )
         if features.reasons & UNMEASURED:
             return unknown_forces(self.loaded.model.bins)
         seen = conversions.features_array(features)

@@ -158,6 +158,18 @@ def test_the_first_frame_of_a_contact_says_that_it_began() -> None:
     assert forces[1].total_sigma == pytest.approx(math.hypot(forces[2].total_sigma, 0.05), rel=0.01)
 
 
+def test_features_of_another_flow_method_give_no_force_though_their_layout_fits() -> None:
+    """As of flow_features that was started with another model: each method reads other motion of the same gel."""
+    estimating = Estimating('fast')
+    pressed = features(estimating, 0.5)
+    own = dataclasses.replace(pressed, method=estimating.now.inputs.method)  # type: ignore[type-var]
+    assert estimating.answer(own, '', 0.85, 0.0).total == pytest.approx(0.5, abs=2e-3)
+    other = dataclasses.replace(pressed, method='dis(preset=medium)')  # type: ignore[type-var]
+    said = r'fast needs the flow inverse_.*, but the features come from dis\(preset=medium\); start flow_features and'
+    with pytest.raises(ModelError, match=said):
+        estimating.answer(other, '', 0.85, 0.0)
+
+
 def test_a_contact_of_which_nobody_knows_what_was_before_does_not_begin() -> None:
     estimating = Estimating('fast')
     blind = dataclasses.replace(features(estimating, 0.0), reasons=FORCE.REASON_DARK_IMAGE)  # type: ignore[type-var]
