@@ -145,13 +145,13 @@ class LiveViewNode(Node):
         )  # fmt: skip
         graph = self.bus.graph() if watching else Graph()
         for each in self._sensors.values():
-            self._look_at(each, graph.host_of(each.force_topic))
+            self._look_at(each, graph)
 
-    def _look_at(self, each: _Shown, host: str) -> None:
+    def _look_at(self, each: _Shown, graph: Graph) -> None:
         watching = self.server.watching_of(each.name) > 0
         each.health.drain()
         if watching:
-            each.scene.controls = each.controls.available()
+            each.scene.controls, host = each.controls.available(graph), graph.host_of(each.force_topic)
             each.scene.host = host if host != platform.node() else ''
         if watching != each.watched:
             each.watched = watching

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tactile_nodes.bus.protocol import Bus
+from tactile_nodes.bus.protocol import Bus, Graph
 from tactile_nodes.errors import TactileError
 from tactile_nodes.messages import services, types
 from tactile_nodes.web.recording import RECORDER
@@ -34,9 +34,9 @@ class Controls:
         self._bus = bus
         self._services = {action: f'{namespace.rstrip("/")}/{name}' for action, name in _SERVICES.items()}
 
-    def available(self) -> dict[str, bool]:
+    def available(self, graph: Graph) -> dict[str, bool]:
         """The actions whose service exists."""
-        served = {end.name for end in self._bus.graph().services() if end.type_name == services.TRIGGER}
+        served = {end.name for end in graph.services() if end.type_name == services.TRIGGER}
         return {action: name in served for action, name in self._services.items()}
 
     def act(self, action: str, touching_n: float | None = None, *, insist: bool = False) -> Outcome:

@@ -71,4 +71,5 @@ def test_an_action_that_does_not_exist_calls_nothing(bus: InProcessBus) -> None:
 
 def test_only_what_somebody_serves_is_available(bus: InProcessBus) -> None:
     serve(bus, '/recorder/start', [])
-    assert Controls(bus).available() == {controls.REST_IMAGE: False, controls.START: True, controls.STOP: False}
+    found = Controls(bus).available(bus.graph())
+    assert found == {controls.REST_IMAGE: False, controls.START: True, controls.STOP: False}
