@@ -50,7 +50,9 @@ def measure(memory: MeasureMemory, rest: PreparedRest, frame: Frame) -> None:
     else:
         frame.motion = rest.flow.displacement(frame.image)
         if memory.dots:
-            frame.motion = memory.dots.without(frame.motion, frame.image.shape, compiled=rest.compiled)
+            assert rest.own.confidence is not None
+            shape = frame.image.shape
+            frame.motion = memory.dots.without(frame.motion, rest.own.confidence, shape, compiled=rest.compiled)
     frame.dots = memory.dots
     frame.banded, frame.untouched, frame.found_ns = memory.banded, frame.motion is rest.still, perf_ns()
     frame.features = rest.still_features if frame.untouched else rest.encoding.encode(frame.motion)

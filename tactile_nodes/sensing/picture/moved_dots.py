@@ -33,7 +33,7 @@ MOST_BENT = 0.25
 """Largest share of bends in it. A knock that tilts a camera with a view of 60° has 0.13."""
 
 LEAST_FOUND, FOUND = 0.5, 0.4
-"""Least share of the regions with dots, and the confidence from which on a region has some."""
+"""Least share found of the regions with dots at rest, and the confidence from which on a region has some."""
 
 SETTLE_FRAMES = 8
 """Frames after a knock over which the motion of each region is averaged. The knock's own may show it on its way."""
@@ -56,13 +56,23 @@ class MovedDots:
         self._moved = np.zeros((1, 1, 2), np.float32)
         self._settled = SETTLE_FRAMES
 
-    def without(self, field: DisplacementField, shape: tuple[int, ...], *, compiled: bool = False) -> DisplacementField:
-        """The motion of dots since the rest image, in a picture of `shape`, without that of the whole picture."""
+    def without(
+        self,
+        field: DisplacementField,
+        at_rest: Float32[np.ndarray, 'rows cols'],
+        shape: tuple[int, ...],
+        *,
+        compiled: bool = False,
+    ) -> DisplacementField:
+        """The motion of dots since the rest image, in a picture of `shape`, without that of the whole picture.
+
+        `at_rest` is the confidence of the regions in the rest image itself; covered ones have none.
+        """
         assert field.confidence is not None
         motion, found = field.displacement_px, field.confidence >= FOUND
         beside = motion - self._moved
         self._settled += 1
-        if found.mean() >= LEAST_FOUND and np.isfinite(motion[found]).all():
+        if found.sum() >= LEAST_FOUND * (at_rest >= FOUND).sum() and np.isfinite(motion[found]).all():
             fit = _fit(shape, *found.shape, compiled)
             terms = _common(fit, beside, found)
             carried = fit.carried(terms).reshape(beside.shape).astype(np.float32)

@@ -29,7 +29,7 @@ def seen(dots: MovedDots, motion: np.ndarray, seed: int = 0, confidence: float =
     """What is left of a motion that is measured with 0.01 px of noise."""
     noise = np.random.default_rng(seed).normal(0, 0.01, motion.shape)
     field = DisplacementField((motion + noise).astype(np.float32), np.full((ROWS, COLS), confidence, np.float32))
-    return dots.without(field, SHAPE).displacement_px
+    return dots.without(field, np.ones((ROWS, COLS), np.float32), SHAPE).displacement_px
 
 
 @pytest.mark.parametrize('knock', KNOCKS.values(), ids=list(KNOCKS))
@@ -99,3 +99,13 @@ def test_at_rest_all_is_forgotten() -> None:
     dots.at_rest()
     assert dots.size_px == 0.0
     assert seen(dots, touch(1.0)) == pytest.approx(touch(1.0), abs=0.06)
+
+
+def test_under_a_mask_over_most_of_the_picture_a_knock_is_found_in_what_is_left_of_it() -> None:
+    """Of 8 columns 3 show dots, at rest and now; where they show none, motion has no meaning."""
+    dots, confidence = MovedDots(), np.zeros((ROWS, COLS), np.float32)
+    confidence[:, 5:] = 1.0
+    field = DisplacementField(np.where(confidence[..., None] > 0, SHIFT, 0.0).astype(np.float32), confidence)
+    left = dots.without(field, confidence, SHAPE).displacement_px
+    assert left[:, 5:] == pytest.approx(STILL[:, 5:], abs=0.01)
+    assert dots.size_px == pytest.approx(np.hypot(2.0, 1.0), rel=0.01)
