@@ -41,7 +41,10 @@ FEW_FOUND = 0.95
 """Below this share of the patches known at rest, a part of the picture is lost. Presses to 2 mm leave 0.98."""
 
 LEAST_FOUND = 0.3
-"""Share of the patches that must be found for their common motion to be valid."""
+"""Share of the known patches that must be found for their common motion to be valid."""
+
+LEAST_KNOWN = 0.15
+"""Share of the patches that must show a pattern in the rest image for the motion of the whole picture to be known."""
 
 NEGLIGIBLE_PX = 0.004
 """Smaller motion is not removed, as it is the noise of the rest image."""
@@ -223,7 +226,7 @@ class Registration:
             stamp_ns: stamp of the frame.
         """
         self.surely = self.maybe = self.free = False
-        if self._rest.known_count < LEAST_FOUND * PATCHES**2:
+        if self._rest.known_count < LEAST_KNOWN * PATCHES**2:
             return False  # a pattern too sparse to tell
         motion, found = self._patches(straight, field)
         self.found = int(np.count_nonzero(found)) / self._rest.known_count

@@ -66,6 +66,17 @@ def test_a_knock_while_something_presses_is_taken_out_and_stays_in_doubt_until_n
     assert registration.motion.shift_px == pytest.approx((1.2, 0.5), abs=0.05)
 
 
+def test_a_knock_is_taken_out_where_a_quarter_of_the_picture_shows_a_pattern() -> None:
+    """As of a gel beside a wide mask; the other regions cannot be measured."""
+    rest = np.where(np.arange(440) < 365, np.uint8(80), REST)
+    registration = Registration()
+    measure = Measured(rest, 'inverse_compositional', registration=registration)
+    frame = measure(np.roll(rest, (-1, 2), axis=(0, 1)), S)
+    assert registration.motion.shift_px == pytest.approx((2.0, -1.0), abs=0.05)
+    assert frame.motion is not None
+    assert frame.motion.displacement_px[:, -2:] == pytest.approx(np.zeros((10, 2, 2)), abs=0.05)
+
+
 def test_a_camera_that_is_knocked_back_is_measured_as_if_it_had_stayed() -> None:
     measure, registration = following()
     measure(picture(shift(0.09, 0.0), number=1), S)
