@@ -21,7 +21,7 @@ def starts_with_header(type_name: str) -> bool:
 
 
 def header_stamp_ns(data: bytes, type_name: str) -> int | None:
-    """The stamp of the message's header in ns; None if its type has none, it is not set, or the bytes are not CDR.
+    """The stamp of the message's header in ns; None if it has none or it is not set or negative, or if this is no CDR.
 
     >>> header_stamp_ns(bytes.fromhex('00010000 02000000 05000000 01000000 00'), 'std_msgs/msg/Header') is None
     True
@@ -30,4 +30,5 @@ def header_stamp_ns(data: bytes, type_name: str) -> int | None:
         return None
     # Four bytes say how the rest is encoded: 0, then 1 for little endian, 0, 0. Then int32 sec, uint32 nanosec.
     sec, nanosec = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, 4)
-    return sec * NS_PER_S + nanosec if sec > 0 or nanosec > 0 else None
+    stamp_ns: int = sec * NS_PER_S + nanosec
+    return stamp_ns if stamp_ns > 0 else None  # zero: not set; no bag can hold a negative one

@@ -56,6 +56,17 @@ def test_stamp_that_nobody_set_is_no_capture_stamp() -> None:
     assert header_stamp_ns(messages.encode(types.ForceDistribution()), FORCE) is None
 
 
+def test_negative_stamp_is_no_capture_stamp_and_the_recording_goes_on(tmp_path: Path) -> None:
+    # As of a simulator near time zero that subtracts a latency of 10 ms: -1 s and 990 ms.
+    negative = messages.encode(types.ForceDistribution(header=types.Header(stamp=types.Time(-1, 990_000_000))))
+    content = [Sample('/force', START_NS, negative), *samples(3)]
+    write(tmp_path / 'press', content)
+    with BagReader(tmp_path / 'press') as reader:
+        found = list(reader.messages())
+    assert len(found) == 4
+    assert found[0].publish_ns == START_NS - 1_000_000  # when it was sent
+
+
 def test_file_is_mcap_of_profile_ros2_with_commented_definitions(bag: Path) -> None:
     header, summary = summary_of(bag / 'press_0.mcap')
     schema = next(schema for schema in summary.schemas.values() if schema.name == FORCE)
