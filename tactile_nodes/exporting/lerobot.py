@@ -98,7 +98,7 @@ def _export_bag(
     start = find_start(source, {feature.topic for feature in features})
     end = find_end(source)
     episodes = find_episodes(source, plan.cut, start, end)
-    meta.agree(features, source.bag.path)
+    meta.agree(features, _texts(source, features), source.bag.path)
     writing = _Writing(source, meta, episodes, facts)
     with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:
         count = 0
@@ -175,6 +175,13 @@ def _leave_out_maps(source: Source) -> None:
         if layout.type_name == IMAGE_TYPE and (kind := _kind(layout)) != 'uint8':
             del source.layouts[topic]
             source.left_out[topic] = f'pictures of {kind} do not fit into the 8 bits of a data set; zarr holds them'
+
+
+def _texts(source: Source, features: list[Feature]) -> dict[str, list[str]]:
+    """What numbers of the features mean, such as joint names, by field and topic."""
+    topics = sorted({feature.topic for feature in features})
+    fields = [(topic, name, texts) for topic in topics for name, (_, texts) in source.layouts[topic].constant.items()]
+    return {f'{name} of {topic}': texts for topic, name, texts in fields}
 
 
 def _kind(layout: Layout) -> str:

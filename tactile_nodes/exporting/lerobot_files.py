@@ -92,24 +92,31 @@ class Meta:
         self._arrow = require('pyarrow')
         self.folder, self.fps, self._task, self._robot = folder, fps, task, robot
         self.features: list[Feature] = []
+        self._texts: dict[str, list[str]] = {}
         self.frames = 0
         self.episodes: list[dict[str, Any]] = []
         self._statistics: dict[str, list[dict[str, Any] | None]] = {}
 
-    def agree(self, features: list[Feature], bag: Path) -> None:
-        """Check the features of a bag against those of the bags before.
+    def agree(self, features: list[Feature], texts: dict[str, list[str]], bag: Path) -> None:
+        """Check the features of a bag, and the `texts` that say what they mean, against those of the bags before.
 
         Raises:
             DatasetError: they differ.
         """
         if not self.features:
-            self.features = features
+            self.features, self._texts = features, texts
         elif self.features != features:
             first, now = ({feature.key for feature in each} for each in (self.features, features))
             raise DatasetError(
                 f'{bag} has other features than the bags before it ({", ".join(sorted(first ^ now)) or "in shape"}); '
                 'choose common topics with --topics, or export the bags separately'
             )
+        for name, found in texts.items():
+            if found != self._texts.get(name):
+                raise DatasetError(
+                    f'{name} is {found} in {bag} and {self._texts.get(name)} in the bags before it, so its numbers '
+                    'would change their meaning; leave the topic out with --exclude, or export the bags separately'
+                )
 
     def open_episode(self) -> EpisodeFile:
         """The file of the next episode."""

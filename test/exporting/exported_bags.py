@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ def picture(number: int) -> np.ndarray:
     return np.random.default_rng(number).integers(0, 255, (12, 16), dtype=np.uint8)
 
 
-def write_bag(folder: Path, frames: int = 30) -> list[types.ForceDistribution]:
+def write_bag(folder: Path, frames: int = 30, joint_names: Sequence[str] = ('a', 'b')) -> list[types.ForceDistribution]:
     """Forces, wrenches and pictures 60 times a second; joints at a third of that, from the fourth frame on."""
     writer = BagWriter(folder)
     for topic in (FORCE_DISTRIBUTION, WRENCH, IMAGE):
@@ -58,7 +59,7 @@ def write_bag(folder: Path, frames: int = 30) -> list[types.ForceDistribution]:
         _write(writer, f'/{IMAGE.name}', image_message(picture(number), header(stamp_ns, 'camera')), 3_000_000)
         if number >= 3 and number % 3 == 0:
             joints = types.JointState(
-                header=header(stamp_ns - 1_000_000, 'base'), name=['a', 'b'], position=np.array([number / 3, 0.1])
+                header=header(stamp_ns - 1_000_000, 'base'), name=[*joint_names], position=np.array([number / 3, 0.1])
             )
             _write(writer, JOINTS, joints, 2_000_000)
     writer.close()

@@ -237,6 +237,17 @@ def test_bags_of_different_topics_make_no_data_set(tmp_path: Path, capsys: pytes
     assert 'other features than the bags before it' in capsys.readouterr().err
 
 
+def test_bags_whose_joints_have_another_order_make_no_data_set(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_bag(tmp_path / 'one', 8)
+    write_bag(tmp_path / 'two', 8, ('b', 'a'))
+    bags = [str(tmp_path / 'one'), str(tmp_path / 'two')]
+    assert main(['export', 'lerobot', *bags, '-o', str(tmp_path / 'set')]) == 1
+    assert f"name of {JOINTS} is ['b', 'a']" in capsys.readouterr().err
+    assert main(['export', 'lerobot', *bags, '-o', str(tmp_path / 'set'), '--exclude', JOINTS]) == 0
+
+
 # --- resampling ---------------------------------------------------------------------------------------------
 
 SECOND_NS = 1_000_000_000
