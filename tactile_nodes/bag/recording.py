@@ -110,13 +110,15 @@ class Tally:
     """Received and lost messages of a recording, by topic and as text.
 
     `malformed` counts messages that could not be encoded. `foreign` counts messages on a topic that had another type,
-    or another version of it, or an unannounced publisher. `begin_ns` is the start of the recording.
+    or another version of it, or an unannounced publisher. `other_types` names publishers whose messages never come,
+    because the bag has their topic with another type. `begin_ns` is the start of the recording.
     """
 
     def __init__(self) -> None:
         self.missed_of: Counter[str] = Counter()
         self.malformed: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
+        self.other_types: set[str] = set()
         self.begin_ns = 0
         self._gaps = GapCounter()
         self._bytes_before = 0
@@ -152,6 +154,8 @@ class Tally:
             return 'the disk is too slow: messages are dropped'
         if self.foreign.total():
             return 'foreign messages are left out: of another type, or version of it, or of an unknown publisher'
+        if self.other_types:
+            return self._of_other_types()
         return f'lost on the way to the recorder: {_listed(self.missed_of)}' if self.missed else ''
 
     def losses(self, dropped_of: Counter[str], meaning: Callable[[str], str]) -> str:
@@ -172,7 +176,11 @@ class Tally:
             for topic, (count, seconds) in sorted(self._gaps.late(self.begin_ns).items())
         ]
         losses += [f'heard late: {", ".join(late)}'] if late else []
+        losses += [self._of_other_types()] if self.other_types else []
         return '; ' + '; '.join(losses) + _meanings(self.lost_of(dropped_of), meaning) if losses else ''
+
+    def _of_other_types(self) -> str:
+        return f'not recorded, as the bag has the topic with another type: {", ".join(sorted(self.other_types))}'
 
 
 def _listed(counts: Counter[str]) -> str:

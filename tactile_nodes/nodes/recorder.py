@@ -215,9 +215,11 @@ class RecorderNode(Node):
             return
         ends = self.bus.graph().publishers()
         self._own = {end.gid for end in ends if end.node == self.full_name}
-        for end in sorted(ends, key=lambda end: not end.latched):
-            if end.name not in self._subscriptions and self._filter.takes(end.name):
+        for end in sorted(filter(lambda end: self._filter.takes(end.name), ends), key=lambda end: not end.latched):
+            if (recorded := self._subscriptions.get(end.name)) is None:
                 self._subscribe(end, self.writer)
+            elif recorded.type_name != end.type_name:
+                self.tally.other_types.add(f'{end.name} as {end.type_name}')
         self._begin_when_connected()
 
     def _subscribe(self, end: Endpoint, writer: BagWriter) -> None:
