@@ -1,5 +1,6 @@
 """A launch file being run: real processes, started, watched, started again and ended."""
 
+import os
 import re
 import threading
 from pathlib import Path
@@ -318,6 +319,16 @@ def test_launch_log_has_the_time_in_front(launch):
     assert re.search(
         r'^\d+\.\d{7} \[INFO\] \[launch\.user\]: hello$', (service.log_folder / 'launch.log').read_text(), re.M
     )
+
+
+def test_a_path_that_is_not_utf_8_ends_no_launch(launch):
+    path = os.fsdecode(b'/gr\xf6\xdfe.yaml')  # "größe" in Latin-1, as of an archive of another system
+    status, _, service = launch(
+        "- arg: {name: config}\n- log: {message: '$(var config)'}\n", arguments={'config': path}
+    )
+    assert status == 0
+    line = r'[INFO] [launch.user]: /gr\udcf6\udcdfe.yaml'
+    assert line in (service.log_folder / 'launch.log').read_text()
 
 
 def test_latest_leads_to_the_log_folder(launch, tmp_path):

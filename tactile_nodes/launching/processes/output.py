@@ -156,7 +156,9 @@ class LaunchLog:
     def _write(self, name: str, text: str) -> None:
         try:
             if name not in self._files:
-                self._files[name] = (self.folder / name).open('a', encoding='utf-8', buffering=1)
+                # A path that is not UTF-8 has letters that cannot be encoded.
+                opened = (self.folder / name).open('a', encoding='utf-8', errors='backslashreplace', buffering=1)
+                self._files[name] = opened
             if (file := self._files[name]) is not None:
                 file.write(f'{text}\n')
         except OSError as error:
