@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bag.stamps import header_stamp_ns
 from tactile_nodes.shapes import Int
 
 
@@ -65,7 +64,7 @@ def _stamps_ns(bag: BagReader, topics: dict[str, str]) -> dict[str, Int[np.ndarr
     """The stamps of each sensor in rising order."""
     stamps: dict[str, list[int]] = defaultdict(list)
     for message in bag.messages(list(topics)):
-        if (stamp := header_stamp_ns(message.data, message.type_name)) is not None:
+        if (stamp := bag.stamp_ns(message)) is not None:
             stamps[topics[message.topic]].append(stamp)
     return {sensor: np.unique(np.array(stamps[sensor], np.int64)) for sensor in topics.values()}
 

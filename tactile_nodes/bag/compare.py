@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bag.stamps import header_stamp_ns
 from tactile_nodes.errors import BagError
 
 TIMINGS = frozenset({'stages'})
@@ -97,7 +96,7 @@ def _by_stamp(bag: BagReader, topic: str) -> dict[int, Any]:
     name = find_topic(bag, topic)
     found: dict[int, Any] = {}
     for message in bag.messages([name]):
-        stamp_ns = header_stamp_ns(message.data, message.type_name)
+        stamp_ns = bag.stamp_ns(message)
         if stamp_ns is not None:
             found.setdefault(stamp_ns, message)
     if not found:

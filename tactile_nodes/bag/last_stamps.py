@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 from tactile_nodes.bag.content import ALWAYS_NS
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bag.stamps import header_stamp_ns
 from tactile_nodes.clock import NS_PER_S
 
 REACHES_S = 2.0, 20.0, 200.0, math.inf
@@ -20,7 +19,7 @@ def last_stamps_ns(bag: BagReader, topics: Iterable[str]) -> dict[str, int]:
     for reach_s in REACHES_S:
         start_ns = ALWAYS_NS[0] if math.isinf(reach_s) else bag.extent.end_ns - round(reach_s * NS_PER_S)
         for message in bag.messages(left, start_ns) if left else ():
-            if (stamp_ns := header_stamp_ns(message.data, message.type_name)) is not None:
+            if (stamp_ns := bag.stamp_ns(message)) is not None:
                 found[message.topic] = max(stamp_ns, found.get(message.topic, stamp_ns))
         left -= found.keys()
     return found

@@ -19,7 +19,7 @@ from tactile_nodes.bag.mcap_records import LARGEST_BYTES, unpack_zstd
 from tactile_nodes.bag.mcap_storage import McapStorage
 from tactile_nodes.bag.metadata import FILE_NAME, LARGEST_METADATA_BYTES, BagMetadata, BagTopic, Extent
 from tactile_nodes.bag.sqlite_storage import SqliteStorage
-from tactile_nodes.bag.stamps import header_stamp_ns
+from tactile_nodes.bag.stamps import first_stamp_ns, header_stamp_ns
 from tactile_nodes.bag.types import BagTypes
 from tactile_nodes.errors import BagError
 from tactile_nodes.files import open_plain, read_plain
@@ -92,6 +92,10 @@ class BagReader:
             MessageError: the bytes are not such a message, or its type is unknown.
         """
         return self.types.decode(message.data, message.type_name)
+
+    def stamp_ns(self, message: BagMessage) -> int | None:
+        """The stamp of its header, by the definition in the bag; None if it has no header, or no stamp is set."""
+        return first_stamp_ns(message.data) if self.types.starts_with_header(message.type_name) else None
 
     # --- opening --------------------------------------------------------------------------------------------
 

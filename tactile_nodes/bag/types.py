@@ -12,6 +12,7 @@ from rosbags.typesys import TypesysError, get_types_from_msg
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.older import COMPLETED, completed, is_earlier
+from tactile_nodes.bag.stamps import is_headed, starts_with_header
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages.store import MessageStore, store
 
@@ -49,6 +50,12 @@ class BagTypes:
     def is_ours(self, type_name: str) -> bool:
         """Whether the bag's version of this type is the same as ours."""
         return type_name not in self._foreign and type_name in store().fielddefs
+
+    def starts_with_header(self, type_name: str) -> bool:
+        """Whether the first field of the bag's version of a type is a std_msgs/Header."""
+        if self._local is None or type_name not in self._foreign:
+            return starts_with_header(type_name)
+        return is_headed(self._local.fielddefs[type_name][1])
 
     def is_completed(self, type_name: str) -> bool:
         """Whether it is the version of an earlier release, which `decode` completes."""

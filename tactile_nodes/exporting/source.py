@@ -18,7 +18,6 @@ from tactile_nodes import __version__
 from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bag.stamps import header_stamp_ns, starts_with_header
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD, HAND_WRENCH
 from tactile_nodes.errors import BagError, ImageError, MessageError
 from tactile_nodes.exporting.columns import IMAGE_TYPE, Layout
@@ -110,16 +109,20 @@ class Source:
 
     def stamps_ns(self, topic: str) -> list[int]:
         """The stamps of a topic in rising order, read without decoding."""
-        return sorted(_stamp_ns(message) for message in self.bag.messages([topic]))
+        return sorted(self._stamp_ns(message) for message in self.bag.messages([topic]))
 
     def first_stamps_ns(self, topics: Iterable[str]) -> dict[str, int]:
         """The earliest stamp of each topic among its messages that can be read."""
         found: dict[str, int] = {}
         for message in self.bag.messages(topics):
-            stamp_ns = _stamp_ns(message)
+            stamp_ns = self._stamp_ns(message)
             if stamp_ns < found.get(message.topic, stamp_ns + 1) and self._is_readable(message):
                 found[message.topic] = stamp_ns
         return found
+
+    def _stamp_ns(self, message: BagMessage) -> int:
+        found = self.bag.stamp_ns(message)
+        return message.publish_ns if found is None else found
 
     def _is_readable(self, message: BagMessage) -> bool:
         try:
@@ -136,7 +139,7 @@ class Source:
         lasting = [topic for topic in self.layouts if not self.bag.topics[topic].latched]
         received_ns, stamps_ns = array('q'), array('q')
         for message in self.bag.messages(lasting):
-            if (stamp_ns := _stamp_ns(message)) >= start_ns:
+            if (stamp_ns := self._stamp_ns(message)) >= start_ns:
                 received_ns.append(message.log_ns)
                 stamps_ns.append(stamp_ns)
         return Horizon(np.array(received_ns, np.int64), np.array(stamps_ns, np.int64))
@@ -151,7 +154,7 @@ class Source:
                 self.provenance.malformed[message.topic] += 1
                 continue
             self._digest.update(message.topic.encode() + b'\0' + message.data)
-            found = StampedMessage(message.topic, _stamp_ns(message), message.log_ns, decoded)
+            found = StampedMessage(message.topic, self._stamp_ns(message), message.log_ns, decoded)
             self.provenance.take(found, self.layouts[message.topic].is_force)
             yield found
 
@@ -173,7 +176,7 @@ class Source:
         }
 
     def _topic_facts(self, layout: Layout) -> dict[str, Any]:
-        stamped = starts_with_header(layout.type_name)
+        stamped = self.bag.types.starts_with_header(layout.type_name)
         return {
             'type': layout.type_name,
             'rows': self.provenance.rows[layout.topic],
@@ -244,8 +247,3 @@ def _is_empty(message: Any, type_name: str) -> bool:
 def _is_invalid(message: Any, type_name: str) -> bool:
     """Whether a force is marked invalid."""
     return type_name in _FORCES and bool(message.status == types.ForceDistribution.STATUS_INVALID)
-
-
-def _stamp_ns(message: BagMessage) -> int:
-    found = header_stamp_ns(message.data, message.type_name)
-    return message.publish_ns if found is None else found

@@ -10,9 +10,12 @@ import pytest
 from exported_bags import JOINTS, START_NS, STEP_NS, force, picture, write_bag
 
 from tactile_nodes import messages
+from tactile_nodes.bag.metadata import BagTopic
+from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.cli.main import main
-from tactile_nodes.conversions import wrench_message
+from tactile_nodes.conversions import header, wrench_message
 from tactile_nodes.exporting import tables
+from tactile_nodes.messages import types
 
 pq = pytest.importorskip('pyarrow.parquet')
 
@@ -162,3 +165,33 @@ def test_zarr_names_no_fill_value_and_writes_every_chunk(bag: Path, zarr_root) -
     assert json.loads((folder / 'cols' / '.zarray').read_text())['fill_value'] is None
     assert not zarr_root['force_distribution']['provenance.model'][:].any()  # all are the first of the labels
     assert (folder / 'provenance.model' / '0').is_file()
+
+
+ARM_STATE = f"""\
+std_msgs/Header header
+float64 torque
+{'=' * 80}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{'=' * 80}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+
+
+def test_stamps_of_a_type_that_only_the_bag_knows_are_those_of_its_headers(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / 'arm')
+    writer.add_topic(BagTopic('/arm', 'arm_msgs/msg/State', ARM_STATE))
+    for number in range(3):
+        stamp_ns = START_NS + number * STEP_NS
+        # A wrench is a header and six numbers of 8 bytes each: without the last five it has the layout of a state.
+        data = messages.encode(types.WrenchStamped(header=header(stamp_ns, 'base')))[:-40]
+        writer.write('/arm', data, stamp_ns + 45_000_000, stamp_ns + 40_000_000)
+    writer.close()
+    assert main(['export', 'parquet', str(tmp_path / 'arm'), '-o', str(tmp_path / 'tables')]) == 0
+    table = pq.read_table(tmp_path / 'tables/arm.parquet')
+    assert table['stamp_ns'].to_pylist() == [START_NS + number * STEP_NS for number in range(3)]
+    facts = json.loads((tmp_path / 'tables/tactile.json').read_text())
+    assert facts['topics']['/arm']['stamp'] == 'capture, from the header'
