@@ -7,10 +7,12 @@ import struct
 from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
+from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.errors import BagError
 
@@ -61,15 +63,17 @@ def compare(first: BagReader, second: BagReader, topic: str, ignore: Collection[
         BagError: a bag has no such topic, or several; or its messages have no stamps.
         MessageError: bytes that are not a message of their type.
     """
-    by_stamp = _by_stamp(first, topic)
-    found = Comparison(only_first=len(by_stamp))
-    for stamp_ns, message in _by_stamp(second, topic).items():
-        if stamp_ns not in by_stamp:
-            found.only_second += 1
-            continue
-        found.only_first -= 1
-        found.common += 1
-        _compare_one(first.decode(by_stamp[stamp_ns]), second.decode(message), ignore, found)
+    found = Comparison()
+    unmatched: tuple[dict[int, BagMessage], dict[int, BagMessage]] = {}, {}  # few: the bags are read side by side
+    for together in zip_longest(_stamped(first, topic), _stamped(second, topic)):
+        for side, (stamp_ns, message) in [(side, came) for side, came in enumerate(together) if came]:
+            if (other := unmatched[1 - side].pop(stamp_ns, None)) is None:
+                unmatched[side][stamp_ns] = message
+                continue
+            one, two = (other, message) if side else (message, other)
+            _compare_one(first.decode(one), second.decode(two), ignore, found)
+            found.common += 1
+    found.only_first, found.only_second = map(len, unmatched)
     return found
 
 
@@ -92,16 +96,16 @@ def find_topic(bag: BagReader, topic: str) -> str:
     return found[0]
 
 
-def _by_stamp(bag: BagReader, topic: str) -> dict[int, Any]:
-    name = find_topic(bag, topic)
-    found: dict[int, Any] = {}
+def _stamped(bag: BagReader, topic: str) -> Iterator[tuple[int, BagMessage]]:
+    """The first message of each stamp, and the stamp."""
+    name, seen = find_topic(bag, topic), set[int]()
     for message in bag.messages([name]):
         stamp_ns = bag.stamp_ns(message)
-        if stamp_ns is not None:
-            found.setdefault(stamp_ns, message)
-    if not found:
+        if stamp_ns is not None and stamp_ns not in seen:
+            seen.add(stamp_ns)
+            yield stamp_ns, message
+    if not seen:
         raise BagError(f'{bag.path}: {name} has no message with a stamp, so there is nothing to compare')
-    return found
 
 
 def _compare_one(first: Any, second: Any, ignore: Collection[str], found: Comparison) -> None:

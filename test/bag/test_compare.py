@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,19 @@ def test_stamps_of_one_side_only_are_counted(tmp_path: Path) -> None:
     found = compared(tmp_path, forces(6), forces(8)[2:])
     assert (found.common, found.only_first, found.only_second) == (4, 2, 2)
     assert found.same
+
+
+def test_long_recordings_are_compared_without_being_held_in_memory(tmp_path: Path) -> None:
+    values = np.zeros(200_000, np.float32)
+    content = [force(number, START_NS + number * STEP_NS, normal_force=values) for number in range(60)]
+    for name, part in (('a', content[5:]), ('b', content[:-5])):
+        write(tmp_path / name, [Sample('/force', START_NS + number, data) for number, data in enumerate(part)])
+    with BagReader(tmp_path / 'a') as one, BagReader(tmp_path / 'b') as other:
+        tracemalloc.start()
+        assert compare(one, other, 'force').common == 50
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert peak < 55 * values.nbytes  # one bag
 
 
 def test_nothing_in_common_is_not_the_same(tmp_path: Path) -> None:
