@@ -12,9 +12,10 @@ import pytest
 from running_system import Tactile, wait_until
 
 from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.protocol import Qos, Received
+from tactile_nodes.bus.protocol import Endpoint, Qos, Received
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.cli.running.session import interruptible
+from tactile_nodes.cli.topic import _end_text
 from tactile_nodes.cli.topic.echo import awaited_type
 from tactile_nodes.cli.topic.rate import Bandwidth, Delay, Rate
 from tactile_nodes.clock import SteppedClock
@@ -68,6 +69,14 @@ def test_find_and_type_are_each_others_reverse(other: ZmqBus, tactile: Tactile) 
     other.advertise('/b', STRING, QUEUE)
     assert tactile('topic', 'type', '/b').out == f'{STRING}\n'
     assert tactile('topic', 'find', 'std_msgs/String').out == '/b\n'
+
+
+def test_verbose_info_also_names_the_ends_of_types_that_are_not_known_here() -> None:
+    end = Endpoint('/arm/state', 'arm_msgs/msg/State', '/arm/driver')  # as of any other package of a ROS 2 graph
+    assert _end_text(end, 'PUBLISHER').splitlines()[:4] == [
+        'Node name: driver', 'Node namespace: /arm', 'Topic type: arm_msgs/msg/State',
+        'Topic type hash: not known here',
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize('command', ['info', 'type'])

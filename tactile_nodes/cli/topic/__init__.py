@@ -11,7 +11,7 @@ from tactile_nodes.cli.running.session import Verbs, completed, full_type, is_hi
 from tactile_nodes.cli.topic import echo as topic_echo
 from tactile_nodes.cli.topic import pub as topic_pub
 from tactile_nodes.cli.topic import rate as topic_rate
-from tactile_nodes.errors import BusError
+from tactile_nodes.errors import BusError, MessageError
 
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Endpoint, Graph
@@ -140,6 +140,10 @@ def _end_text(end: Endpoint, kind: str) -> str:
     from tactile_nodes.bus.topics import default_qos
 
     namespace, _, name = end.node.rpartition('/')
+    try:
+        type_hash = messages.type_hash(end.type_name)
+    except MessageError:  # of another package of a ROS 2 graph
+        type_hash = 'not known here'
     qos = default_qos(end.name)
     latched = end.latched if kind == 'PUBLISHER' else qos.latched
     return '\n'.join(
@@ -147,7 +151,7 @@ def _end_text(end: Endpoint, kind: str) -> str:
             f'Node name: {name}',
             f'Node namespace: {namespace or "/"}',
             f'Topic type: {end.type_name}',
-            f'Topic type hash: {messages.type_hash(end.type_name)}',
+            f'Topic type hash: {type_hash}',
             f'Endpoint type: {kind}',
             'QoS profile by the topic table:',
             f'  History (Depth): KEEP_LAST ({qos.depth})',
