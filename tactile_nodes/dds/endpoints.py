@@ -31,7 +31,7 @@ def writer_qos(type_name: str, qos: BusQos, lifespan_s: float | None = None) -> 
     policies = [
         _reliability(qos),
         history,
-        Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
+        _durability(qos),
         Policy.DurabilityService(0, history, _UNLIMITED, _UNLIMITED, _UNLIMITED),
         Policy.WriterDataLifecycle(autodispose=False),
         Policy.DataRepresentation(use_cdrv0_representation=True),
@@ -43,11 +43,11 @@ def writer_qos(type_name: str, qos: BusQos, lifespan_s: float | None = None) -> 
 
 
 def reader_qos(type_name: str, qos: BusQos) -> Qos:
-    """Keep last and volatile; a reader that is not reliable matches every writer."""
+    """Keep last; a reader that is neither reliable nor latched matches every writer."""
     return Qos(
         _reliability(qos),
         Policy.History.KeepLast(qos.depth),
-        Policy.Durability.Volatile,
+        _durability(qos),
         Policy.DataRepresentation(use_cdrv0_representation=True),
         Policy.Userdata(endpoint_data(type_name)),
     )
@@ -105,6 +105,10 @@ class CdrReader:
 def listener(on_data: Callable[[], None]) -> Listener:
     """A listener that calls `on_data`, in a thread of Cyclone, whenever data have arrived."""
     return Listener(on_data_available=lambda _: on_data())
+
+
+def _durability(qos: BusQos) -> Any:
+    return Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile
 
 
 def _reliability(qos: BusQos) -> Any:

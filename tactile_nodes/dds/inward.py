@@ -88,7 +88,8 @@ class Inward:
             self.malformed += 1
             return
         stamp_ns = messages.stamp_ns(message.header.stamp) if hasattr(message, 'header') else 0
-        if stamp_ns:  # else its publisher does not stamp, which is no clock that differs
+        # A stamp that is not set, or that of a latched message of before, is no clock that differs.
+        if stamp_ns and not topics.default_qos(publisher.topic).latched:
             self._apart_ns = self._clock.now_ns() - stamp_ns
         publisher.publish_bytes(data)
         self.taken += 1
@@ -110,8 +111,9 @@ class _Flow:
         wish: Wish,
         post: Callable[[Callable[[], None]], None],
     ) -> None:
-        # Not reliable, so that it matches every publisher.
-        qos = Qos('queue', max(topics.default_qos(wish.topic).depth, _KEPT), reliable=False)
+        # Not reliable, so that it matches every publisher. Only latched ones, which are reliable in ROS 2, send again.
+        usual = topics.default_qos(wish.topic)
+        qos = Qos('queue', max(usual.depth, _KEPT), latched=usual.latched, reliable=usual.latched)
         self._inward = inward
         self._type_name = wish.type_name
         self.publisher: Publisher = bus.advertise(wish.topic, wish.type_name, qos, node)

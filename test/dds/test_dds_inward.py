@@ -11,6 +11,7 @@ import pytest
 from tactile_nodes import messages
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos
+from tactile_nodes.bus.topics import REFERENCE_IMAGE, TF_STATIC
 from tactile_nodes.dds.inward import Inward, Wish
 from tactile_nodes.dds.opening import open_participant
 from tactile_nodes.dds.settings import Discovery
@@ -86,3 +87,26 @@ def test_bytes_in_another_encoding_are_counted(participant: Any, work: Work) -> 
     run_until(work, lambda: bool(got))
     assert got == [plain]
     assert reader.malformed == 1
+
+
+def test_a_latched_message_of_before_the_bridge_started_comes_and_waits_for_late_subscribers(
+    participant: Any, bus: InProcessBus, work: Work
+) -> None:
+    latched = Qos('queue', 1, latched=True)
+    writer = participant.writer('/tf_static', TF_STATIC.type_name, latched)  # a robot publishes it once, at its start
+    writer.write(messages.encode(types.TFMessage(transforms=[types.TransformStamped(child_frame_id='wrist')])))
+    tested = Inward(participant, bus, '/dds_bridge', [Wish('/tf_static', TF_STATIC.type_name)], work.put)
+    run_until(work, lambda: tested.taken == 1)
+    received = bus.subscribe('/tf_static', TF_STATIC.type_name, latched).take()
+    assert received is not None
+    assert received.message.transforms[0].child_frame_id == 'wrist'
+
+
+def test_the_age_of_a_latched_message_is_no_clock_that_differs(participant: Any, bus: InProcessBus, work: Work) -> None:
+    stamp = messages.time_from_ns(bus.clock.now_ns() - 3600 * 10**9)
+    writer = participant.writer('/left/reference_image', REFERENCE_IMAGE.type_name, REFERENCE_IMAGE.qos)
+    writer.write(messages.encode(types.Image(header=types.Header(stamp=stamp))))
+    wish = Wish('/left/reference_image', REFERENCE_IMAGE.type_name)
+    tested = Inward(participant, bus, '/dds_bridge', [wish], work.put)
+    run_until(work, lambda: tested.taken == 1)
+    assert (tested.apart_s, tested.complaint) == (0.0, '')
