@@ -10,13 +10,13 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 
 from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.priority import restore_priority, take_priority
-from tactile_nodes.bus.node.signals import handling
+from tactile_nodes.bus.node.signals import handling, that_end
 from tactile_nodes.bus.protocol import Bus, ProcessBus
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import monotonic_s
@@ -57,14 +57,14 @@ def _ros2_bus() -> ProcessBus:
 
 
 def run_node(node: NodeFactory) -> int:
-    """The body of a node's program: run it until SIGINT or SIGTERM. Returns the exit status."""
+    """The body of a node's program: run it until a signal ends it. Returns the exit status."""
     return run_nodes([node], sys.argv[1:])
 
 
 def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
     """Run several nodes in one process, each in a thread of its own; messages between them are not copied.
 
-    The first SIGINT or SIGTERM ends them: 0, within 2 s, or what a class asks for by END_WITHIN_S. One that is
+    The first signal of `that_end` ends them: 0, within 2 s, or what a class asks for by END_WITHIN_S. One that is
     still busy then is given up: 1. A second signal, a second later or more, ends the process at once.
     """
     try:
@@ -89,7 +89,7 @@ def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
     arguments = replace(arguments, ending=ending.done)
     nodes: list[Node] = []
     take_priority()
-    with handling({signal.SIGINT, signal.SIGTERM}, ending.on_signal), ExitStack() as opened:
+    with handling(that_end(), ending.on_signal), ExitStack() as opened:
         opened.callback(ending.over, nodes)
         bus = open_bus()
         opened.callback(bus.close)
@@ -194,8 +194,9 @@ class _Ending:
         self._begun.wait()
         restore_priority()
         if not self._over.wait(self._within_s):
-            sys.stderr.write(f'not ended within {self._within_s} s after the request; giving up\n')
-            sys.stderr.flush()
+            with suppress(OSError):  # the terminal has closed
+                sys.stderr.write(f'not ended within {self._within_s} s after the request; giving up\n')
+                sys.stderr.flush()
             os._exit(1)
 
 

@@ -9,6 +9,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 
+def that_end() -> set[signal.Signals]:
+    """The signals that ask a program to end: Ctrl-C, SIGTERM, and the end of its terminal, unless ``nohup`` is used."""
+    hears_terminal = signal.getsignal(signal.SIGHUP) != signal.SIG_IGN
+    return {signal.SIGINT, signal.SIGTERM, *({signal.SIGHUP} if hears_terminal else ())}
+
+
 @contextmanager
 def handling(numbers: set[signal.Signals], act: Callable[[signal.Signals], None]) -> Iterator[None]:
     """Have `act` called for each of these signals, in a thread of its own, for as long as this is held.

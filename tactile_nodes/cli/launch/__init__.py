@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tactile_nodes.bus.node.signals import handling
+from tactile_nodes.bus.node.signals import handling, that_end
 from tactile_nodes.errors import ConfigurationError, TactileError
 from tactile_nodes.launching import description, files, packages
 from tactile_nodes.launching.document import suggestion
@@ -132,8 +132,7 @@ def signals_to(service: LaunchService) -> Iterator[None]:
         else:
             service.shutdown(f'{number.name} received')
 
-    hears_terminal = signal.getsignal(signal.SIGHUP) != signal.SIG_IGN
-    with handling({signal.SIGINT, signal.SIGTERM, *({signal.SIGHUP} if hears_terminal else ())}, end):
+    with handling(that_end(), end):
         yield
 
 

@@ -54,11 +54,11 @@ def _show_help(parser: argparse.ArgumentParser) -> Action:
 
 @contextmanager
 def ended_by_signals() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set within the context."""
-    from tactile_nodes.bus.node.signals import handling
+    """An event that Ctrl-C, SIGTERM and a closed terminal set within the context."""
+    from tactile_nodes.bus.node.signals import handling, that_end
 
     done = threading.Event()
-    with handling({signal.SIGINT, signal.SIGTERM}, lambda _: done.set()):
+    with handling(that_end(), lambda _: done.set()):
         yield done
 
 

@@ -41,7 +41,7 @@ def _running(program: Program, times: int = 1) -> Program:
     return program
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signal_ends_a_program_cleanly(launch: Launch, number: signal.Signals) -> None:
     program = _running(launch('Ready'))
     program.signal(number)

@@ -134,12 +134,13 @@ def started(*words: str) -> subprocess.Popen:
     return subprocess.Popen([sys.executable, '-c', PROGRAM, *words], stderr=subprocess.PIPE, text=True)
 
 
-def test_ctrl_c_ends_a_recording_and_says_what_was_written(tmp_path: Path) -> None:
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP])  # Ctrl-C; a terminal or a connection that closes
+def test_a_signal_ends_a_recording_which_says_what_was_written(tmp_path: Path, number: signal.Signals) -> None:
     process = started('record', '-o', str(tmp_path / 'press'), '-a')
     printed = process.stderr.readline()
     while 'recording into' not in printed:
         printed += process.stderr.readline()
-    os.kill(process.pid, signal.SIGINT)
+    os.kill(process.pid, number)
     printed += process.communicate(timeout=10)[1]
     with BagReader(tmp_path / 'press') as reader:
         assert reader.problems == []
