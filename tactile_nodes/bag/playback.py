@@ -9,8 +9,10 @@ from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.timeline import Timeline
 from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.messages import type_name, types
 
 _SLICE_NS = 20_000_000  # longest reaction time to a pause, a stop or another rate
+_ADD_UP = type_name(types.TFMessage)
 _HEARD_WITHIN_NS = 5 * NS_PER_S  # a recorder may receive an earlier latched message this late
 
 
@@ -90,7 +92,7 @@ class Playback:
         """
         start_ns = self._start_ns(start_offset_s)
         latched = [name for name in self._topics if self._reader.topics[name].latched]
-        before = {message.topic: message for message in self._reader.messages(latched, end_ns=start_ns)}
+        before = {_replaced_by(message): message for message in self._reader.messages(latched, end_ns=start_ns)}
         oldest_ns = self._oldest_stamp_ns(start_ns, set(self._topics) - set(latched))
         heard_late = self._reader.messages(latched, start_ns, start_ns + _HEARD_WITHIN_NS)
         latched_early = [message for message in heard_late if message.publish_ns < oldest_ns]
@@ -154,6 +156,11 @@ class Playback:
             in_step_ns = self._next_tick_ns + period_ns
             self._next_tick_ns = in_step_ns if in_step_ns > now_ns else now_ns + period_ns
         return min(self._next_tick_ns, now_ns + _SLICE_NS)
+
+
+def _replaced_by(message: BagMessage) -> tuple[str, bytes]:
+    """Equal for a later message that takes the place of this one; transforms of several publishers add up."""
+    return message.topic, message.data if message.type_name == _ADD_UP else b''
 
 
 def _key(message: BagMessage) -> tuple[str, int, int]:

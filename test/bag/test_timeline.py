@@ -17,6 +17,7 @@ from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.timeline import Timeline
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.clock import SteppedClock
+from tactile_nodes.messages import encode, types
 
 NOW_NS = 5_000_000_000
 
@@ -105,6 +106,21 @@ def test_start_offset_skips_but_gives_the_last_latched_message(bag: Path, clock:
     assert found[0] == (0, '/text', content[5].data)
     assert [data for _, _, data in found[1:]] == [sample.data for sample in content[6:]]
     assert [at_ns for at_ns, _, _ in found[1:]] == [number * STEP_NS for number in range(4)]
+
+
+def test_start_offset_gives_the_latched_transforms_of_all_publishers(tmp_path: Path, clock: JumpingClock) -> None:
+    kind = 'tf2_msgs/msg/TFMessage'
+    arm, camera = (
+        encode(types.TFMessage(transforms=[types.TransformStamped(child_frame_id=frame)]))
+        for frame in ('arm', 'camera')
+    )
+    writer = BagWriter(tmp_path / 'bag')
+    writer.add_topic(BagTopic.of_type('/tf_static', kind, latched=True))
+    writer.add_topic(BagTopic.of_type('/text', STRING))
+    for number, (topic, data) in enumerate([('/tf_static', arm), ('/tf_static', camera), ('/text', text(0))]):
+        writer.write(topic, data, START_NS + number * STEP_NS, START_NS)
+    writer.close()
+    assert [data for _, _, data in played(tmp_path / 'bag', clock, offset_s=0.02)] == [arm, camera, text(0)]
 
 
 def looped(bag: Path, clock: JumpingClock, topic: str, offset_s: float = 0.0) -> list[bytes]:
