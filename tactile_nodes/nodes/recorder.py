@@ -24,7 +24,7 @@ from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Endpoint, Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.errors import BagError, MessageError
+from tactile_nodes.errors import BagError, BusError, MessageError
 from tactile_nodes.params import parameter
 
 LOOK_EVERY_S = 0.1
@@ -223,17 +223,18 @@ class RecorderNode(Node):
         self._begin_when_connected()
 
     def _subscribe(self, end: Endpoint, writer: BagWriter) -> None:
-        try:
-            depth = topics.default_qos(end.name).depth
-            writer.add_topic(BagTopic.of_type(end.name, end.type_name, depth=depth, latched=end.latched))
-        except MessageError as error:
-            self.log.warn(f'{end.name} is not recorded: {error}', once=end.name)
-            return
         # Latched messages published before we subscribed are received now; else a bag would begin before its recording.
         self._since_ns[end.name] = self.clock.now_ns() if end.latched else 0
+        try:
+            depth = topics.default_qos(end.name).depth
+            topic = BagTopic.of_type(end.name, end.type_name, depth=depth, latched=end.latched)
+            made = self.bus.subscribe(end.name, end.type_name, _QUEUE, self.full_name, self._wake)
+        except (BusError, MessageError) as error:  # of a ROS 2 package that is not installed here, for example
+            self.log.warn(f'{end.name} is not recorded: {error}', once=end.name)
+            return
+        writer.add_topic(topic)
         if self._opening is not None:
             self._opening.expect(end.name, latched=end.latched, awaited=end.latched or _comes_often(end.name))
-        made = self.bus.subscribe(end.name, end.type_name, _QUEUE, self.full_name, self._wake)
         self._subscriptions[end.name] = made
         self.log.info(f"subscribed to topic '{end.name}'")
         self._wake()
@@ -283,7 +284,7 @@ class RecorderNode(Node):
     def _report_health(self) -> None:
         if self.writer is None:
             if self.failure is None:
-                level = Level.WARN if self._ended.get('lost') else Level.OK
+                level = Level.WARN if self._ended.get('lost') or self.tally.other_types else Level.OK
                 self.report('bag', level, self.last, **self._ended)
             return
         self._count_foreign()
