@@ -78,7 +78,6 @@ class WorldSettings:
     slope_x: float = parameter(0.0, 'rise of the surface along x, mm per mm', minimum=-0.2, maximum=0.2)
     slope_y: float = parameter(0.0, 'rise of the surface along y, mm per mm', minimum=-0.2, maximum=0.2)
     tool_mm: float = parameter(60.0, "from the tip up to the force/torque sensor's origin", minimum=0.0)
-    probe_z_mm: float = parameter(-1000.0, 'height of a plate with a probe switch; -1000.0: there is none')
     gel: str = parameter('', "YAML file of the gel, or the name of one in config/gels; empty: the paper's gel")
     indenter: str = parameter('tip', "what presses: the gel's own tip, or another", choices=('tip', *INDENTERS))
 
@@ -218,10 +217,6 @@ class World:
         """See `LineSource.line_edges`."""
         with self._lock:
             return tuple(self._edges)
-
-    def probe_closed(self, time_ns: int) -> bool:
-        """Whether the tip touches the plate of the probe switch."""
-        return self.tip_at(time_ns)[2] <= self.settings.probe_z_mm
 
     def _normal(self) -> Vector:
         s = self.settings

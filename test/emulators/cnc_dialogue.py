@@ -10,7 +10,7 @@ from jumping_clock import JumpingClock
 from benchmarks.devices.direct_port import DirectPort
 from tactile_nodes.clock import Clock
 from tactile_nodes.emulators.serial_device import SerialDevice
-from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.emulators.world import World
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -18,9 +18,9 @@ START_NS = 1_700_000_000_000_000_000
 class Dialogue:
     """Says things and hears what comes within a time."""
 
-    def __init__(self, make: Callable[[World, Clock], SerialDevice], world: WorldSettings | None = None) -> None:
+    def __init__(self, make: Callable[[World, Clock], SerialDevice]) -> None:
         self.clock = JumpingClock(START_NS)
-        self.world = World(world, table=coarse_table())
+        self.world = World(table=coarse_table())
         self.device = make(self.world, self.clock)
         self.port = DirectPort(self.device, self.clock)
 

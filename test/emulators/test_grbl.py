@@ -8,17 +8,17 @@ import pytest
 from cnc_dialogue import Dialogue
 
 from tactile_nodes.emulators.cnc.grbl import Grbl
+from tactile_nodes.emulators.cnc.grbl_code import Modal
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
-from tactile_nodes.emulators.world import WorldSettings
 
 BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 UNLOCK = b"[MSG:'$H'|'$X' to unlock]\r\n"
 LONG = b'G1 X-50 F600\n'
 
 
-def grbl(dialect: str = 'grbl', *changes: str, world: WorldSettings | None = None, homed: bool = True) -> Dialogue:
+def grbl(dialect: str = 'grbl', *changes: str, homed: bool = True) -> Dialogue:
     settings = GrblSettings(dialect=dialect, changes=changes)
-    dialogue = Dialogue(lambda world, clock: Grbl(world, clock, settings), world)
+    dialogue = Dialogue(lambda world, clock: Grbl(world, clock, settings))
     dialogue.hear()
     if homed:
         assert dialogue.say(b'$H\n', 10) == b'ok\r\n'
@@ -75,7 +75,6 @@ def test_a_line_of_more_than_79_characters_is_refused_and_a_long_comment_is_not(
         ('G1 X-2', 22),
         ('G0 G1 X-2', 21),
         ('G1 X-1 X-2 F100', 25),
-        ('G1 G92 X-1 F100', 24),
         ('G4', 28),
         ('$J=G91 X-500 F100', 15),
         ('$J=G1 X-5 F100', 16),
@@ -159,37 +158,6 @@ def test_after_a_soft_limit_grblhal_still_reports_and_refuses_to_unlock() -> Non
     assert b'GrblHAL 1.1f' in dialogue.say(b'\x18')
 
 
-def test_check_mode_still_finds_soft_limits() -> None:
-    dialogue = grbl()
-    assert dialogue.say(b'$C\n') == b'[MSG:Enabled]\r\nok\r\n'
-    assert dialogue.say(b'G1 X-50 F600\n', 1) == b'ok\r\n'
-    assert dialogue.tip == pytest.approx((-1, -1, -1))
-    assert dialogue.say(b'G1 Z-70 F600\n') == b'ALARM:2\r\n[MSG:Reset to continue]\r\n'
-
-
-def test_a_probe_that_does_not_close_is_an_alarm_before_the_ok() -> None:
-    received = grbl().say(b'G38.2 Z-3 F100\n', 3)
-    assert received == b'ALARM:5\r\n[PRB:0.000,0.000,0.000:0]\r\nok\r\n'
-
-
-def test_a_probe_closed_before_the_start_is_alarm_4() -> None:
-    dialogue = grbl(world=WorldSettings(probe_z_mm=-0.5))
-    assert dialogue.say(b'G38.2 Z-3 F100\n', 3) == b'ALARM:4\r\nok\r\n'
-
-
-def test_a_probe_rests_past_the_place_that_it_tells() -> None:
-    """Braking from 100 mm/min with 200 mm/s² takes v²/2a = 0.007 mm."""
-    dialogue = grbl(world=WorldSettings(probe_z_mm=-1.456))
-    assert dialogue.say(b'G38.2 Z-3 F100\n', 3) == b'[PRB:-1.000,-1.000,-1.456:1]\r\nok\r\n'
-    assert dialogue.tip[2] == pytest.approx(-1.456 - (100 / 60) ** 2 / 400, abs=0.0005)
-
-
-def test_after_a_probe_a_bare_axis_word_probes_again() -> None:
-    dialogue = grbl(world=WorldSettings(probe_z_mm=-1.456))
-    dialogue.say(b'G38.2 Z-3 F100\n', 3)
-    assert dialogue.say(b'Z-4\n', 1) == b'ALARM:4\r\nok\r\n'
-
-
 def test_a_jog_is_cancelled_without_an_alarm_and_later_jogs_are_forgotten() -> None:
     dialogue = grbl()
     assert dialogue.say(b'$J=G91 G21 Z-5 F600\n$J=G91 X-5 F600\n', 0.2) == b'ok\r\nok\r\n'
@@ -216,16 +184,17 @@ def test_a_cancelled_jog_stops_within_the_distance_seen_on_the_firmware(feed: in
 
 def test_a_jog_leaves_the_modal_state_alone() -> None:
     dialogue = grbl()
-    before = dialogue.say(b'$G\n')
     dialogue.say(b'$J=G91 G20 X-0.1 F60\n', 5)
-    assert dialogue.say(b'$G\n') == before == b'[GC:G0 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0]\r\nok\r\n'
+    assert dialogue.tip == pytest.approx((-1 - 2.54, -1, -1))
+    assert dialogue.device.machine.modal == Modal()
 
 
 def test_a_reset_restores_the_modal_defaults() -> None:
     dialogue = grbl()
     dialogue.say(b'G91 G20 G55 F10\n')
+    assert dialogue.device.machine.modal == Modal(system=55, units=20, distance=91, feed=254.0)
     dialogue.say(b'\x18')
-    assert dialogue.say(b'$G\n').startswith(b'[GC:G0 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0]')
+    assert dialogue.device.machine.modal == Modal()
 
 
 def test_coolant_switches_the_line_when_the_motion_is_done_and_then_says_ok() -> None:
@@ -239,13 +208,6 @@ def test_coolant_switches_the_line_when_the_motion_is_done_and_then_says_ok() ->
     assert dialogue.world.tip_at(edge.stamp_ns)[0] == pytest.approx(-11)
     dialogue.say(b'M9\n')
     assert not dialogue.world.line_level(dialogue.clock.now_ns())
-
-
-def test_a_program_stop_gives_no_ok_until_it_goes_on() -> None:
-    dialogue = grbl()
-    assert dialogue.say(b'M0\n', 1) == b''
-    assert dialogue.say(b'?').startswith(b'<Hold:0|')
-    assert dialogue.say(b'~') == b'ok\r\n'
 
 
 def test_while_it_homes_it_reports_nothing_and_its_ok_comes_at_the_end() -> None:
@@ -293,18 +255,10 @@ def test_reports_may_be_in_inches() -> None:
     assert place(received)[0] == pytest.approx(-(1 + 0.6) / 25.4, abs=5e-5)
 
 
-def test_work_coordinates_are_machine_coordinates_less_the_offset() -> None:
-    dialogue = grbl('grbl', '$10=0')
-    dialogue.say(b'G92 X0 Y0 Z0\n')
-    received = dialogue.say(b'?') + b''.join(dialogue.say(b'?', 0.2) for _ in range(10))
-    assert b'WPos:0.000,0.000,0.000' in received
-    assert b'WCO:-1.000,-1.000,-1.000' in received
-
-
-def test_machine_coordinates_can_be_asked_for_whatever_the_offset() -> None:
+def test_machine_coordinates_can_be_asked_for_in_whatever_mode() -> None:
     dialogue = grbl()
-    dialogue.say(b'G10 L20 P1 X0 Y0 Z0\nG91\n')
-    assert dialogue.say(b'G90 G53 G1 X-5 Y-6 Z-7 F2000\n', 3) == b'ok\r\n'
+    dialogue.say(b'G91\n')
+    assert dialogue.say(b'G53 G1 X-5 Y-6 Z-7 F2000\n', 3) == b'ok\r\n'
     assert dialogue.tip == pytest.approx((-5, -6, -7))
 
 

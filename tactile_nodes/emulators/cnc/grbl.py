@@ -1,8 +1,9 @@
 """A Grbl 1.1h or grblHAL controller, as a host on its serial line sees it.
 
-The sequences of responses were observed on the original firmware, compiled for a PC. Left out: arcs, spindle override,
-safety door states beyond a hold, limit pins, hard limits (raise alarm 1 with `alarm`), startup blocks, step rounding.
-Blocks start and end at rest (see `motion`).
+The sequences of responses were observed on the original firmware, compiled for a PC. Left out, because
+no driver asks for it: arcs, probing, offsets of work coordinates, spindle, program stops, overrides, safety door, check
+mode, sleep, startup blocks, reports of modes and offsets. Left out besides: limit pins, hard limits (raise alarm 1 with
+`alarm`), step rounding. Blocks start and end at rest (see `motion`).
 """
 
 from __future__ import annotations
@@ -19,8 +20,7 @@ from tactile_nodes.emulators.serial_device import Program, SerialDevice, Wait
 from tactile_nodes.emulators.world import World
 
 LINE_LIMIT = 79
-RESET, JOG_CANCEL, DOOR, STATUS_ALIAS, FULL_STATUS = 0x18, 0x85, 0x84, 0x80, 0x87
-FEED_OVERRIDES = {0x91: 10, 0x92: -10, 0x93: 1, 0x94: -1}
+RESET, JOG_CANCEL = 0x18, 0x85
 
 
 class Grbl(SerialDevice):
@@ -35,7 +35,6 @@ class Grbl(SerialDevice):
         self._received = bytearray()
         self._wake_ns: int | None = None
         self._last_was_cr = False
-        self._feed_override = 100
         self.alarm_lock = self.machine.flag(22)
         self._boot()
 
@@ -87,15 +86,6 @@ class Grbl(SerialDevice):
         yield lambda: self.now_ns >= due_ns
         self._wake_ns = None
 
-    def wake_at(self, time_ns: int | None) -> None:
-        """Check the condition of the program at a time."""
-        self._wake_ns = time_ns
-
-    def go_to_alarm(self, number: int) -> None:
-        """Lock, and report the alarm."""
-        self.state = 'Alarm'
-        self.tell(f'ALARM:{number}')
-
     # Lines.
 
     def _boot(self) -> None:
@@ -104,9 +94,7 @@ class Grbl(SerialDevice):
 
     def _clear(self) -> None:
         self._received.clear()
-        self._feed_override = 100
         self.machine.reset()
-        self.machine.planner.feed_override = 1.0
         self._reports = StatusReports()
         self._wake_ns, self._rest_then_idle = None, False
         self.homing, self.critical = False, False
@@ -157,19 +145,21 @@ class Grbl(SerialDevice):
 
     def _byte(self, byte: int) -> None:
         character = chr(byte)
-        if character == '?' or byte in {STATUS_ALIAS, FULL_STATUS}:
+        if character == '?':
             self._report()
         elif byte == RESET:
             self._reset()
-        elif character == '!' or byte == DOOR:
+        elif character == '!':
             self._hold()
         elif character == '~':
             self._resume()
         elif byte == JOG_CANCEL:
             self._cancel_jog()
-        elif byte >= 0x80:
-            self._override(byte)
-        elif len(self._received) < self.dialect.receive_bytes:
+        elif byte < 0x80:
+            self._accept(byte)
+
+    def _accept(self, byte: int) -> None:
+        if len(self._received) < self.dialect.receive_bytes:
             self._received.append(byte)
         else:
             self.overflowed += 1
@@ -189,13 +179,9 @@ class Grbl(SerialDevice):
         return Snapshot(
             state=self._state_text(),
             machine_mm=machine.place(now_ns),
-            offset_mm=machine.offset,
             blocks_free=machine.planner.capacity - machine.planner.used,
             bytes_free=self.dialect.receive_bytes - len(self._received),
             feed_mm_min=60 * speed,
-            spindle=machine.modal.speed if machine.modal.spindle != 5 else 0.0,
-            pins='P' if machine.world.probe_closed(now_ns) else '',
-            feed_override=self._feed_override,
             accessories='F' if machine.modal.coolant == 8 else '',
             busy=self.state in {'Run', 'Hold', 'Jog', 'Home'},
         )
@@ -214,7 +200,7 @@ class Grbl(SerialDevice):
             self.tell('ALARM:6' if self.homing else 'ALARM:3')
         planner.flush(self.now_ns)
         self.world.set_line(False, self.now_ns)
-        self.alarm_lock = moving or self.state in {'Alarm', 'Sleep'}
+        self.alarm_lock = moving or self.state == 'Alarm'
         self._boot()
 
     def _hold(self) -> None:
@@ -234,12 +220,6 @@ class Grbl(SerialDevice):
             self.machine.planner.hold(self.now_ns)
             self.machine.planner.drop_queue()
             self._rest_then_idle = True
-
-    def _override(self, byte: int) -> None:
-        if byte == 0x90:
-            self._feed_override = 100
-        self._feed_override = min(200, max(10, self._feed_override + FEED_OVERRIDES.get(byte, 0)))
-        self.machine.planner.feed_override = self._feed_override / 100  # from the next block on
 
     # Events in time.
 

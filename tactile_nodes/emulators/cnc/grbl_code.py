@@ -1,6 +1,6 @@
 """Parses G-code lines as Grbl does: words, modal groups, and the error number of each mistake.
 
-Arcs, tool offsets and inverse-time feed are left out (error 20), because an indentation rig does not use them.
+Words that no driver sends, as those of arcs and probing, are refused (error 20).
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 MM_PER_INCH = 25.4
 AXES = 'XYZ'
-MOTIONS = {0.0: 'G0', 1.0: 'G1', 38.2: 'G38.2', 38.3: 'G38.3', 80.0: 'G80'}
-NON_MODAL = {4.0, 10.0, 28.0, 28.1, 30.0, 30.1, 53.0, 92.0, 92.1}
+MOTIONS = {0.0: 'G0', 1.0: 'G1', 80.0: 'G80'}
+NON_MODAL = {4.0, 53.0}
 GROUPS: dict[float, str] = {
     **{float(number): 'plane' for number in (17, 18, 19)},
     **{float(number): 'units' for number in (20, 21)},
@@ -19,8 +19,6 @@ GROUPS: dict[float, str] = {
     **{float(number): 'system' for number in range(54, 60)},
     94.0: 'feed_mode', 40.0: 'cutter', 49.0: 'tool_length', 61.0: 'path',
 }  # fmt: skip
-M_GROUPS = {0: 'program', 1: 'program', 2: 'program', 30: 'program', 3: 'spindle', 4: 'spindle', 5: 'spindle',
-            8: 'coolant', 9: 'coolant'}  # fmt: skip
 JOG_CODES = {20.0, 21.0, 53.0, 90.0, 91.0}
 WORD = re.compile(r'([A-Z])([-+]?\d*\.?\d*)')
 
@@ -42,15 +40,8 @@ class Modal:
     plane: int = 17
     units: int = 21
     distance: int = 90
-    spindle: int = 5
     coolant: int = 9
     feed: float = 0.0
-    speed: float = 0.0
-
-    def report(self) -> str:
-        """The answer to ``$G``."""
-        words = f'{self.motion} G{self.system} G{self.plane} G{self.units} G{self.distance} G94'
-        return f'[GC:{words} M{self.spindle} M{self.coolant} T0 F{self.feed:.0f} S{self.speed:.0f}]'
 
 
 @dataclass(frozen=True)
@@ -62,9 +53,7 @@ class Command:
     axes: dict[int, float] = field(default_factory=dict)
     non_modal: float | None = None
     values: dict[str, float] = field(default_factory=dict)
-    spindle: bool = False
     coolant: bool = False
-    program: int | None = None
 
 
 def words_of(text: str) -> list[tuple[str, float]]:
@@ -129,9 +118,9 @@ def _sorted_words(words: list[tuple[str, float]]) -> tuple[list[tuple[str, float
 
 def _group(letter: str, number: float) -> str:
     if letter == 'M':
-        if number not in M_GROUPS:
+        if number not in {8.0, 9.0}:
             raise GrblError(20)
-        return M_GROUPS[int(number)]
+        return 'coolant'
     if number in MOTIONS:
         return 'motion'
     if number in NON_MODAL:
@@ -145,38 +134,22 @@ def _command(chosen: dict[str, float], values: dict[str, float], modal: Modal) -
     units = chosen.get('units', float(modal.units))
     axes, non_modal = _axes(values, units), chosen.get('non_modal')
     new = _new_modal(chosen, values, modal, units)
-    uses_axes = non_modal in {10.0, 28.0, 30.0, 92.0}
-    if uses_axes and 'motion' in chosen and axes:
-        raise GrblError(24)
-    motion = new.motion if (axes or chosen.get('motion', 80.0) != 80.0) and not uses_axes else None
-    _check_motion(motion, chosen, axes, new, non_modal, values)
-    return Command(new, motion, axes, non_modal, values, 'spindle' in chosen, 'coolant' in chosen, _program(chosen))
-
-
-def _program(chosen: dict[str, float]) -> int | None:
-    return int(chosen['program']) if 'program' in chosen else None
+    motion = new.motion if axes or chosen.get('motion', 80.0) != 80.0 else None
+    _check_motion(motion, new, non_modal, values)
+    return Command(new, motion, axes, non_modal, values, 'coolant' in chosen)
 
 
 def _new_modal(chosen: dict[str, float], values: dict[str, float], modal: Modal, units: float) -> Modal:
-    changes = {
-        name: int(chosen[name]) for name in ('system', 'plane', 'distance', 'spindle', 'coolant') if name in chosen
-    }
+    changes = {name: int(chosen[name]) for name in ('system', 'plane', 'distance', 'coolant') if name in chosen}
     feed = values['F'] * _factor(units) if 'F' in values else modal.feed
     motion = MOTIONS[chosen['motion']] if 'motion' in chosen else modal.motion
-    return replace(modal, **changes, units=int(units), motion=motion, feed=feed, speed=values.get('S', modal.speed))
+    return replace(modal, **changes, units=int(units), motion=motion, feed=feed)
 
 
-def _check_motion(
-    motion: str | None,
-    chosen: dict[str, float],
-    axes: dict[int, float],
-    modal: Modal,
-    non_modal: float | None,
-    values: dict[str, float],
-) -> None:
+def _check_motion(motion: str | None, modal: Modal, non_modal: float | None, values: dict[str, float]) -> None:
     if non_modal == 4.0 and 'P' not in values:
         raise GrblError(28)
-    if non_modal == 53.0 and modal.motion not in {'G0', 'G1'}:
+    if non_modal == 53.0 and modal.motion == 'G80':
         raise GrblError(30)
     if motion is None:
         return
@@ -184,8 +157,6 @@ def _check_motion(
         raise GrblError(31)
     if motion != 'G0' and modal.feed <= 0:
         raise GrblError(22)
-    if not axes and motion != 'G0' and 'motion' in chosen and motion.startswith('G38'):
-        raise GrblError(26)
 
 
 def _axes(values: dict[str, float], units: float) -> dict[int, float]:

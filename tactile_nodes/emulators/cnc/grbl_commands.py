@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tactile_nodes.emulators.cnc.grbl_code import Command, GrblError, understand, understand_jog
+from tactile_nodes.emulators.cnc.grbl_code import GrblError, understand, understand_jog
 from tactile_nodes.emulators.cnc.grbl_dialect import axes_of
-from tactile_nodes.emulators.motion import Segment, Vector, length, plus
+from tactile_nodes.emulators.motion import Vector, length, plus
 from tactile_nodes.emulators.serial_device import Program
 
 if TYPE_CHECKING:
@@ -24,14 +23,11 @@ class Restart(Exception):  # noqa: N818
 
 def gcode(grbl: Grbl, line: str) -> Program:
     """Execute a line of G-code."""
-    if grbl.state in {'Alarm', 'Jog', 'Sleep'}:
+    if grbl.state in {'Alarm', 'Jog'}:
         raise GrblError(9)
     machine = grbl.machine
     command = understand(line, machine.modal)
-    if grbl.state == 'Check':
-        yield from _check(grbl, command)
-        return
-    if command.spindle or command.coolant:
+    if command.coolant:
         yield from grbl.wait_until_empty()
     machine.modal = command.modal
     if command.coolant:
@@ -39,29 +35,9 @@ def gcode(grbl: Grbl, line: str) -> Program:
     if command.non_modal == 4.0:
         yield from grbl.wait_until_empty()
         yield from grbl.wait_s(command.values['P'])
-    elif command.non_modal in {28.0, 30.0}:
-        yield from _go_home(grbl, command)
-    elif command.non_modal not in {None, 53.0}:
-        machine.set_offset(command, grbl.now_ns)
-    if command.motion is not None and command.motion.startswith('G38'):
-        yield from _probe(grbl, command)
-    elif command.motion is not None:
+    if command.motion is not None:
         feed = None if command.motion == 'G0' else command.modal.feed
         yield from _travel(grbl, machine.target(command, grbl.now_ns), feed)
-    if command.program is not None:
-        yield from _end(grbl, command.program)
-
-
-def _check(grbl: Grbl, command: Command) -> Program:
-    grbl.machine.modal = command.modal
-    if command.motion is not None and grbl.machine.beyond_travel(grbl.machine.target(command, grbl.now_ns)):
-        yield from critical(grbl, 2)
-
-
-def _go_home(grbl: Grbl, command: Command) -> Program:
-    if command.axes:
-        yield from _travel(grbl, grbl.machine.target(command, grbl.now_ns), None)
-    yield from _travel(grbl, grbl.machine.homes[command.non_modal or 28.0], None)
 
 
 def _travel(grbl: Grbl, target: Vector, feed: float | None) -> Program:
@@ -86,7 +62,8 @@ def _soft_limit(grbl: Grbl) -> Program:
 def critical(grbl: Grbl, number: int) -> Program:
     """Raise an alarm that only a reset ends. Until then Grbl ignores all lines, and grblHAL refuses them."""
     grbl.critical = True
-    grbl.go_to_alarm(number)
+    grbl.state = 'Alarm'
+    grbl.tell(f'ALARM:{number}')
     grbl.tell('[MSG:Reset to continue]')
     if grbl.dialect.answers_in_critical_alarm:
         grbl.answer()
@@ -101,74 +78,14 @@ def _refuse_or_wait(grbl: Grbl) -> Program:
     grbl.answer(79)
 
 
-def _end(grbl: Grbl, program: int) -> Program:
-    yield from grbl.wait_until_empty()
-    if program in {0, 1}:
-        grbl.state = 'Hold'
-        grbl.machine.planner.hold(grbl.now_ns)
-        yield lambda: grbl.state != 'Hold'
-        return
-    machine = grbl.machine
-    machine.modal = replace(machine.modal, motion='G1', system=54, plane=17, distance=90, spindle=5, coolant=9)
-    grbl.world.set_line(False, grbl.now_ns)
-    grbl.tell('[MSG:Pgm End]')
-
-
-def _probe(grbl: Grbl, command: Command) -> Program:
-    machine, planner = grbl.machine, grbl.machine.planner
-    yield from grbl.wait_until_empty()
-    if grbl.world.probe_closed(grbl.now_ns):
-        grbl.go_to_alarm(4)
-        return
-    target = machine.target(command, grbl.now_ns)
-    if machine.beyond_travel(target):
-        yield from _soft_limit(grbl)
-    if not planner.add(machine.block(target, command.modal.feed), grbl.now_ns):
-        return
-    grbl.state = 'Run'
-    touched_ns = _touch_ns(grbl, planner.segment)
-    grbl.wake_at(touched_ns)
-    yield lambda: planner.used == 0 or (touched_ns is not None and grbl.now_ns >= touched_ns)
-    grbl.wake_at(None)
-    if planner.used == 0:
-        _probe_missed(grbl, command)
-    else:
-        machine.probed = (machine.place(grbl.now_ns), True)
-        planner.hold(grbl.now_ns)
-        yield lambda: planner.at_rest(grbl.now_ns)
-        planner.flush(grbl.now_ns)
-    grbl.tell(machine.probe_report())
-
-
-def _probe_missed(grbl: Grbl, command: Command) -> None:
-    if command.motion == 'G38.2':
-        grbl.go_to_alarm(5)
-        grbl.machine.probed = (grbl.machine.probed[0], False)
-    else:
-        grbl.machine.probed = (grbl.machine.place(grbl.now_ns), False)
-
-
-def _touch_ns(grbl: Grbl, segment: Segment | None) -> int | None:
-    """When the probe closes on a line downwards, to the microsecond; None: it does not close."""
-    if segment is None or not grbl.world.probe_closed(segment.end_ns):
-        return None
-    low, high = grbl.now_ns, segment.end_ns
-    while high - low > 1000:
-        middle = (low + high) // 2
-        low, high = (low, middle) if grbl.world.probe_closed(middle) else (middle, high)
-    return high
-
-
 def system(grbl: Grbl, line: str) -> Program:
     """Execute a line that starts with ``$``."""
     if line.startswith('$J='):
         yield from _jog(grbl, line[3:])
     elif line == '$H':
         yield from _home(grbl)
-    elif line in _REPORTS:
-        _REPORTS[line](grbl)
-    elif line in _ACTIONS:
-        _ACTIONS[line](grbl)
+    elif line in _COMMANDS:
+        _COMMANDS[line](grbl)
     elif match := re.fullmatch(r'\$(\d+)=(.*)', line):
         _only_at_rest(grbl)
         grbl.machine.write(int(match.group(1)), match.group(2))
@@ -233,7 +150,7 @@ def _seek(grbl: Grbl, ends: dict[int, float], feed: float) -> Program:
 def _only_at_rest(grbl: Grbl) -> None:
     if grbl.critical:
         raise GrblError(79)
-    if grbl.state not in {'Idle', 'Alarm', 'Check'}:
+    if grbl.state not in {'Idle', 'Alarm'}:
         raise GrblError(8)
 
 
@@ -250,17 +167,6 @@ def _identity(grbl: Grbl) -> None:
         grbl.tell(row)
 
 
-def _parameters(grbl: Grbl) -> None:
-    _only_at_rest(grbl)
-    for row in grbl.machine.parameters():
-        grbl.tell(row)
-
-
-def _startup(grbl: Grbl) -> None:
-    grbl.tell('$N0=')
-    grbl.tell('$N1=')
-
-
 def _unlock(grbl: Grbl) -> None:
     _only_at_rest(grbl)
     if grbl.state == 'Alarm':
@@ -268,30 +174,9 @@ def _unlock(grbl: Grbl) -> None:
         grbl.state, grbl.alarm_lock = 'Idle', False
 
 
-def _toggle_check(grbl: Grbl) -> None:
-    if grbl.state == 'Check':
-        grbl.tell('[MSG:Disabled]')
-        grbl.alarm_lock = False
-        grbl.answer()
-        raise Restart
-    if grbl.state != 'Idle':
-        raise GrblError(8)
-    grbl.state = 'Check'
-    grbl.tell('[MSG:Enabled]')
-
-
-def _sleep(grbl: Grbl) -> None:
-    _only_at_rest(grbl)
-    grbl.tell('[MSG:Sleeping]')
-    grbl.state = 'Sleep'
-
-
-_REPORTS: dict[str, Callable[[Grbl], None]] = {
+_COMMANDS: dict[str, Callable[[Grbl], None]] = {
     '$': lambda grbl: grbl.tell(HELP),
     '$$': _settings,
-    '$G': lambda grbl: grbl.tell(grbl.machine.modal.report()),
     '$I': _identity,
-    '$#': _parameters,
-    '$N': _startup,
+    '$X': _unlock,
 }
-_ACTIONS: dict[str, Callable[[Grbl], None]] = {'$X': _unlock, '$C': _toggle_check, '$SLP': _sleep}

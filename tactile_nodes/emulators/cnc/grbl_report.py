@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tactile_nodes.emulators.cnc.grbl_code import MM_PER_INCH
-from tactile_nodes.emulators.motion import Vector, plus
+from tactile_nodes.emulators.motion import Vector
 
 
 @dataclass(frozen=True)
@@ -14,13 +14,9 @@ class Snapshot:
 
     state: str
     machine_mm: Vector
-    offset_mm: Vector
     blocks_free: int
     bytes_free: int
     feed_mm_min: float
-    spindle: float
-    pins: str
-    feed_override: int
     accessories: str
     busy: bool
 
@@ -37,13 +33,11 @@ class StatusReports:
         return '<' + '|'.join(self._fields(now, mask, inches)) + '>'
 
     def _fields(self, now: Snapshot, mask: int, inches: bool) -> list[str]:
-        work = plus(now.machine_mm, now.offset_mm, -1.0)
-        place = f'MPos:{coordinates(now.machine_mm, inches)}' if mask & 1 else f'WPos:{coordinates(work, inches)}'
+        place = f'{"MPos" if mask & 1 else "WPos"}:{coordinates(now.machine_mm, inches)}'
         feed = now.feed_mm_min / (MM_PER_INCH if inches else 1)
         fields = [now.state, place]
         fields += [f'Bf:{now.blocks_free},{now.bytes_free}'] if mask & 2 else []
-        fields += [f'FS:{feed:.0f},{now.spindle:.0f}']
-        fields += [f'Pn:{now.pins}'] if now.pins else []
+        fields += [f'FS:{feed:.0f},0']
         return fields + self._slow_fields(now, inches)
 
     def _slow_fields(self, now: Snapshot, inches: bool) -> list[str]:
@@ -53,12 +47,12 @@ class StatusReports:
         else:
             self._until_offset = 29 if now.busy else 9
             self._until_overrides = self._until_overrides or 1  # not both in one report
-            fields.append(f'WCO:{coordinates(now.offset_mm, inches)}')
+            fields.append(f'WCO:{coordinates((0.0, 0.0, 0.0), inches)}')
         if self._until_overrides > 0:
             self._until_overrides -= 1
         else:
             self._until_overrides = 19 if now.busy else 9
-            fields.append(f'Ov:{now.feed_override},100,100')
+            fields.append('Ov:100,100,100')
             fields += [f'A:{now.accessories}'] if now.accessories else []
         return fields
 

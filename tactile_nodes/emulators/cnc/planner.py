@@ -30,7 +30,6 @@ class Planner:
         self._end_ns = 0
         self.capacity = capacity
         self.held = False
-        self.feed_override = 1.0
 
     @property
     def used(self) -> int:
@@ -99,7 +98,7 @@ class Planner:
         start = self._world.motor_at(now_ns)
         way = plus(block.target, start, -1.0)
         fastest = limited(way, block.rates_mm_s) * length(way) if length(way) else 1.0
-        feed = fastest if block.feed_mm_s is None else min(block.feed_mm_s * self.feed_override, fastest)
+        feed = fastest if block.feed_mm_s is None else min(block.feed_mm_s, fastest)
         self._segment = line(now_ns, start, block.target, feed, block.acceleration)
         self._world.move(self._segment)
         self._current, self._end_ns = block, self._segment.end_ns
