@@ -205,11 +205,11 @@ class Cnc(Protocol):
         """
         ...
 
-    def wait_idle(self, timeout_s: float | None = None) -> None:
-        """Return when all queued motion is done. None: wait as long as the motion can take.
+    def wait_idle(self) -> None:
+        """Return when all queued motion is done.
 
         Raises:
-            DeviceTimeoutError: it takes longer.
+            DeviceTimeoutError: it takes longer than the motion can take.
             DeviceFaultError: it ended otherwise: alarm, stop or restart.
         """
         ...

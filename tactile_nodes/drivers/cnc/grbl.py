@@ -128,11 +128,11 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue.require_sound()
         dialogue.link.send(RESUME)
 
-    def wait_idle(self, timeout_s: float | None = None) -> None:
+    def wait_idle(self) -> None:
         """As `Cnc.wait_idle`."""
         dialogue, stops = self._talk(), self._stops
         self._require_ready()
-        patience_s = self._patience_s() if timeout_s is None else timeout_s
+        patience_s = self._patience_s()
         if self._motion.jogging:
             over = dialogue.poll_until(lambda report: not is_moving(report), patience_s)
             dialogue.require_sound()

@@ -99,7 +99,7 @@ class GuardedCnc(ABC):
         """As `Cnc.stop`."""
 
     @abstractmethod
-    def wait_idle(self, timeout_s: float | None = None) -> None:
+    def wait_idle(self) -> None:
         """As `Cnc.wait_idle`."""
 
     @abstractmethod

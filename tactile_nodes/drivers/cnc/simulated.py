@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from tactile_nodes.clock import NS_PER_S, Clock
+from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, CncStatus, Envelope, Identity, Place, Switched
 from tactile_nodes.drivers.cnc.envelope import guard
 from tactile_nodes.drivers.cnc.guarded import GuardedCnc
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
+from tactile_nodes.errors import DeviceError, DeviceFaultError
 
 SLICE_NS = 20_000_000  # latency of a stop by another thread
 DECELERATION = 200.0
@@ -93,7 +93,7 @@ class SimulatedCnc(GuardedCnc):
         off = -PULL_OFF_MM
         for target in ((start[0], start[1], 0.0), (0.0, 0.0, 0.0), (off, off, off)):
             self._arrival_ns = self._machine.go(target, HOMING_MM_S, self._clock.now_ns())
-        self._wait_until_arrived(None)
+        self._wait_until_arrived()
         self._origin, self._target, self._homed = (0.0, 0.0, 0.0), (off, off, off), True
         self._at_rest()
 
@@ -124,10 +124,10 @@ class SimulatedCnc(GuardedCnc):
         for target, feed in left:
             self._go(target, feed)
 
-    def wait_idle(self, timeout_s: float | None = None) -> None:
+    def wait_idle(self) -> None:
         """As `Cnc.wait_idle`."""
         self._require_ready()
-        self._wait_until_arrived(timeout_s)
+        self._wait_until_arrived()
         self._arrived()
 
     def status(self) -> CncStatus:
@@ -140,12 +140,10 @@ class SimulatedCnc(GuardedCnc):
         self._guard = None
         self._homed = False
 
-    def _wait_until_arrived(self, timeout_s: float | None) -> None:
-        stops, start_ns = self._stops, self._clock.now_ns()
+    def _wait_until_arrived(self) -> None:
+        stops = self._stops
         while self._held is not None or self._clock.now_ns() < self._arrival_ns:
             now_ns = self._clock.now_ns()
-            if timeout_s is not None and now_ns - start_ns >= timeout_s * NS_PER_S:
-                raise DeviceTimeoutError(f'{self._name} is still moving after {timeout_s:g} s; stop it')
             self._clock.sleep_until(
                 now_ns + SLICE_NS if self._held is not None else min(self._arrival_ns, now_ns + SLICE_NS)
             )

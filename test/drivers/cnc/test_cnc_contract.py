@@ -15,7 +15,7 @@ from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, Envelope
 from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, DeviceTimeoutError, TactileError
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError, TactileError
 from tactile_nodes.params import describe, from_mapping
 
 
@@ -251,12 +251,6 @@ def test_the_line_switches_at_rest_and_the_edge_lies_where_it_is_reported(homed:
     assert switched.earliest_ns <= rise.stamp_ns <= switched.latest_ns
     assert switched.latest_ns - switched.earliest_ns < 10_000_000
     assert homed.world.tip_at(rise.stamp_ns)[0] == pytest.approx(-50, abs=0.001)
-
-
-def test_waiting_has_an_end(homed: Rig) -> None:
-    homed.cnc.move(x=homed.at(-20, 0, 0)[0], feed=60.0)
-    with pytest.raises(DeviceTimeoutError):
-        homed.cnc.wait_idle(timeout_s=0.5)
 
 
 def test_status_is_of_now(homed: Rig) -> None:
