@@ -86,6 +86,13 @@ class Rig:
         self.cnc.move(mx, my, mz, feed=feed)
         self.cnc.wait_idle()
 
+    def pass_time(self, seconds: float) -> None:
+        """Let time pass, and ask where it is meanwhile."""
+        end_ns = self.clock.now_ns() + round(seconds * 1e9)
+        while self.clock.now_ns() < end_ns:
+            self.cnc.status()
+            self.clock.sleep_until(min(end_ns, self.clock.now_ns() + 50_000_000))
+
     def sent(self) -> bytes:
         return b''.join(data for way, _, data in self.traffic if way == '>')
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from cnc_rigs import Rig, device_of, direct_rig, settings_of
+from cnc_rigs import START_NS, Rig, device_of, direct_rig, settings_of
 from coarse_table import coarse_table
 from jumping_clock import JumpingClock
 
@@ -26,7 +26,6 @@ from tactile_nodes.drivers.health import Level
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
 
-START_NS = 1_700_000_000_000_000_000
 SURFACE_MM = -30.0
 UNLOCKED = {
     'changes': ('$20=0', '$22=0'),
@@ -329,16 +328,22 @@ def test_a_line_on_which_all_that_is_sent_comes_back_ends_no_press(any_rig: Pres
 # A controller that says nothing.
 
 
-def test_a_mute_controller_is_noticed_and_stopped_within_half_a_second(any_rig: PressRig) -> None:
+@pytest.mark.parametrize('fault', ['mute', 'hung'])
+def test_a_silent_controller_is_noticed_within_half_a_second_and_stopped_if_it_hears(
+    any_rig: PressRig, fault: str
+) -> None:
     since_ns: list[int] = []
 
     def fall_silent() -> None:
         since_ns.append(any_rig.clock.now_ns())
-        any_rig.faults.mute = True
+        setattr(any_rig.faults if fault == 'mute' else any_rig.device.faults, fault, True)
 
     with pytest.raises((DeviceError, TrippedError)):
         any_rig.press(fall_silent)
     assert any_rig.clock.now_ns() - since_ns[0] < 0.55e9  # with the time that a cancelled jog needs
+    assert any_rig.cnc.health.level is Level.ERROR
+    if fault == 'hung':
+        return
     assert 'silent' in any_rig.cnc.health.message
     assert any_rig.cnc.health.silent
     assert any_rig.rest() < 0.3 + 0.1 + 0.5 + 0.1  # seen late, noticed late, braked late
@@ -397,16 +402,3 @@ def test_a_computer_that_stands_still_is_no_controller_that_hangs(kind: str, mon
     monkeypatch.setattr(rig.port, 'read', late)
     switched = rig.cnc.set_line(True)
     assert switched.latest_ns - switched.earliest_ns >= 3_000_000_000
-
-
-def test_a_hung_controller_is_noticed_within_half_a_second(any_rig: PressRig) -> None:
-    since_ns: list[int] = []
-
-    def hang() -> None:
-        since_ns.append(any_rig.clock.now_ns())
-        any_rig.device.faults.hung = True
-
-    with pytest.raises((DeviceError, TrippedError)):
-        any_rig.press(hang)
-    assert any_rig.clock.now_ns() - since_ns[0] < 0.55e9
-    assert any_rig.cnc.health.level is Level.ERROR

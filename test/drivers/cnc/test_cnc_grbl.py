@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cnc_rigs import START_NS, Rig, Script, Scripted, direct_rig, pty_rig, settings_of
+from cnc_rigs import START_NS, Rig, Script, Scripted, direct_rig, homed_rig, pty_rig, settings_of
 from jumping_clock import JumpingClock
 
 from tactile_nodes.drivers.cnc.contract import NO_HOMING, NO_SOFT_LIMITS, CncSettings, CncState
@@ -61,22 +61,7 @@ def nothing(cnc: GrblCnc) -> None:
 @pytest.fixture
 def rig() -> Rig:
     """Homed, over the middle of the gel at the safe height."""
-    return homed_rig()
-
-
-def homed_rig(kind: str = 'grbl', **more: Any) -> Rig:
-    rig = direct_rig(kind, **more)
-    rig.cnc.connect()
-    rig.cnc.home()
-    rig.go(-60, -60, -5)
-    return rig
-
-
-def pass_time(rig: Rig, seconds: float) -> None:
-    end_ns = rig.clock.now_ns() + round(seconds * 1e9)
-    while rig.clock.now_ns() < end_ns:
-        rig.cnc.status()
-        rig.clock.sleep_until(min(end_ns, rig.clock.now_ns() + 50_000_000))
+    return homed_rig('grbl')
 
 
 # Transcripts.
@@ -330,8 +315,8 @@ def test_dangerous_settings_are_refused(change: str, text: str) -> None:
 
 
 def test_risks_can_be_accepted_in_words_only() -> None:
-    rig = homed_rig(changes=('$20=0', '$22=0'), accept=(NO_SOFT_LIMITS, NO_HOMING), highest_mm=(60.0, 60.0, 0.0),
-                    lowest_mm=(-60.0, -60.0, -55.0))  # fmt: skip
+    box = {'lowest_mm': (-60.0, -60.0, -55.0), 'highest_mm': (60.0, 60.0, 0.0)}
+    rig = homed_rig('grbl', changes=('$20=0', '$22=0'), accept=(NO_SOFT_LIMITS, NO_HOMING), **box)
     assert rig.cnc.health.level == Level.WARN
     assert b'$H' not in rig.sent()
     with pytest.raises(
@@ -341,13 +326,13 @@ def test_risks_can_be_accepted_in_words_only() -> None:
 
 
 def test_motors_that_let_go_are_a_warning() -> None:
-    rig = homed_rig(changes=('$1=25',))
+    rig = homed_rig('grbl', changes=('$1=25',))
     assert 'motors are released at rest' in rig.cnc.health.message
     assert rig.cnc.health.level == Level.WARN
 
 
 def test_the_smaller_of_both_boxes_counts() -> None:
-    rig = homed_rig(lowest_mm=(-500.0, -80.0, -33.0), highest_mm=(0.0, 0.0, 0.0))
+    rig = homed_rig('grbl', lowest_mm=(-500.0, -80.0, -33.0), highest_mm=(0.0, 0.0, 0.0))
     assert rig.cnc.limits.lowest_mm == (-120.0, -80.0, -33.0)
 
 
@@ -366,14 +351,14 @@ def test_a_busy_machine_is_refused(identity: bytes) -> None:
 
 @pytest.mark.parametrize('command', ['M8 ?', 'M8!', 'M8 ~', 'M8\n', 'M8é', 'M' * 80])
 def test_a_line_that_would_act_at_once_or_not_fit_is_not_sent(rig: Rig, command: str) -> None:
-    strange = homed_rig(line_on=command)
+    strange = homed_rig('grbl', line_on=command)
     with pytest.raises(ConfigurationError, match='cannot send'):
         strange.cnc.set_line(True)
 
 
 def test_an_output_that_the_board_lacks_is_reported(rig: Rig) -> None:
     with pytest.raises(DeviceFaultError, match=r"refused 'M7': error 20, an unsupported command"):
-        homed_rig(line_on='M7').cnc.set_line(True)
+        homed_rig('grbl', line_on='M7').cnc.set_line(True)
 
 
 # What goes wrong.
@@ -420,19 +405,6 @@ def test_a_soft_limit_of_the_firmware_ends_in_homing_again() -> None:
     with pytest.raises(DeviceFaultError, match='alarm 2, a target beyond the soft limits'):
         rig.cnc.move(z=-30.0, feed=600.0)
         rig.cnc.wait_idle()
-    rig.cnc.home()
-    assert rig.cnc.status().homed
-
-
-def test_a_restart_by_itself_loses_the_place(rig: Rig) -> None:
-    rig.cnc.move(z=-20.0, feed=600.0)
-    pass_time(rig, 0.3)
-    rig.device.power_cycle()
-    with pytest.raises(DeviceFaultError, match=r'restart'):
-        rig.cnc.wait_idle()
-    assert not rig.cnc.status().homed
-    with pytest.raises(DeviceFaultError, match='restarted by itself, so its position is unknown'):
-        rig.cnc.retract()
     rig.cnc.home()
     assert rig.cnc.status().homed
 
@@ -489,7 +461,7 @@ def test_noise_is_counted_and_survived(rig: Rig) -> None:
 
 def test_lines_lost_on_the_way_are_found_at_the_next_rest() -> None:
     """A move that the controller never made: its ok came, its motion did not."""
-    rig = homed_rig()
+    rig = homed_rig('grbl')
     rig.cnc.move(z=-10.0, feed=600.0)
     rig.device.machine.planner.flush(rig.clock.now_ns())
     with pytest.raises(DeviceFaultError, match=r'stopped at .* instead of .*z -10\.000 mm'):
