@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -109,22 +111,16 @@ class Readings:
         with self._lock:
             self._frames.append(frame)
 
-    def samples(self, start_ns: int, end_ns: int | None = None) -> list[Sample]:
-        """Those measured from `start_ns` on, and before `end_ns`."""
+    def samples(self, start_ns: int) -> list[Sample]:
+        """Those measured from `start_ns` on."""
         with self._lock:
-            return _since(self._samples, start_ns, end_ns, lambda sample: sample.stamp_ns)
+            return _since(self._samples, start_ns)
 
-    def frames(self, start_ns: int, end_ns: int | None = None) -> list[Frame]:
-        """Those taken from `start_ns` on, and before `end_ns`."""
+    def frames(self, start_ns: int) -> list[Frame]:
+        """Those taken from `start_ns` on."""
         with self._lock:
-            return _since(self._frames, start_ns, end_ns, lambda frame: frame.stamp_ns)
+            return _since(self._frames, start_ns)
 
 
-def _since(kept: Sequence, start_ns: int, end_ns: int | None, stamp: Callable) -> list:  # type: ignore[type-arg]
-    found = []
-    for item in reversed(kept):
-        if stamp(item) < start_ns:
-            break
-        if end_ns is None or stamp(item) < end_ns:
-            found.append(item)
-    return found[::-1]
+def _since(kept: deque[Any], start_ns: int) -> list[Any]:
+    return [*itertools.takewhile(lambda item: item.stamp_ns >= start_ns, reversed(kept))][::-1]
