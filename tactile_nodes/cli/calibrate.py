@@ -190,9 +190,10 @@ def _of_dataset(arguments: argparse.Namespace, progress: Progress, command: str)
 def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) -> tuple[str, AnyCalibration]:
     from contextlib import closing
 
+    from tactile_nodes.clock import perf_ns
     from tactile_nodes.learning.calibrating.calibrator import Calibrator, StopRule
     from tactile_nodes.learning.calibrating.files import Source
-    from tactile_nodes.learning.calibrating.presses import BagPresses, Written, finish, take_presses
+    from tactile_nodes.learning.calibrating.presses import BagPresses, finish, take_presses, write_calibration
     from tactile_nodes.learning.recorded.building import gel_entry
     from tactile_nodes.sensing.explain.field.readout import FieldReadout
 
@@ -206,7 +207,7 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
     with closing(
         Calibrator(source.loaded, gel, all_of_them, fitting, pressed, forced=arguments.force, curve=curve)
     ) as calibrator:
-        written = Written(source, calibrator, command, progress, pressed, forced=arguments.force, curve=curve)
+        begun_ns = perf_ns()
         with closing(BagPresses(arguments.bags, arguments.namespace, tell=progress.say)) as presses:
             if along:
                 take_presses(calibrator, presses, progress.say, command=command)
@@ -214,6 +215,7 @@ def _of_bags(arguments: argparse.Namespace, progress: Progress, command: str) ->
                 with progress.bar('reading presses', presses.count) as bar:
                     take_presses(calibrator, presses, lambda text: bar.advance(1, text), along=False)
             finish(calibrator, presses, progress.say, command)
-        model_id = written.to(arguments.output)
-    assert written.calibration is not None
-    return model_id, written.calibration
+        return write_calibration(
+            source, calibrator, arguments.output, begun_ns=begun_ns, command=command, progress=progress,
+            pressed=pressed, forced=arguments.force, curve=curve,
+        )  # fmt: skip

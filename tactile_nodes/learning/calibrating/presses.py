@@ -136,38 +136,31 @@ def finish(calibrator: Calibrator, presses: Presses, tell: Tell, command: str = 
     return calibrator.calibration
 
 
-class Written:
-    """Writes the calibration, and reports how it went."""
+def write_calibration(
+    source: Source,
+    calibrator: Calibrator,
+    output: Path,
+    *,
+    begun_ns: int,
+    command: str,
+    progress: Progress | None = None,
+    pressed: Pressed | None = None,
+    forced: bool = False,
+    curve: bool = False,
+    replaces: Mapping[str, str] | None = None,
+) -> tuple[str, Transfer]:
+    """Write the calibration that was begun at a time of `perf_ns` as a model file; its id, and what was written.
 
-    def __init__(
-        self,
-        source: Source,
-        calibrator: Calibrator,
-        command: str = '',
-        progress: Progress | None = None,
-        pressed: Pressed | None = None,
-        *,
-        forced: bool = False,
-        curve: bool = False,
-    ) -> None:
-        self._forced = forced
-        self._source, self._calibrator, self._command = source, calibrator, command
-        self._progress, self._pressed, self._curve = progress, pressed, curve
-        self.calibration: Transfer | None = None
-        self._begun_ns = perf_ns()
-
-    def to(self, output: Path, replaces: Mapping[str, str] | None = None) -> str:
-        """Write the model file; its id. Raises DatasetError: by the presses the camera differs from its description."""
-        calibration, recordings = self._calibrator.calibration, self._calibrator.recordings
-        assert calibration is not None
-        assert recordings is not None
-        seconds = round((perf_ns() - self._begun_ns) / NS_PER_S, 1)
-        source, self.calibration = completed(
-            self._source, recordings, calibration, self._progress, self._pressed, forced=self._forced, curve=self._curve
-        )
-        return write(
-            source, recordings, self.calibration, output, seconds=seconds, command=self._command, replaces=replaces
-        )
+    Raises:
+        DatasetError: by the presses the camera differs from its description.
+    """
+    calibration, recordings = calibrator.calibration, calibrator.recordings
+    assert calibration is not None
+    assert recordings is not None
+    seconds = round((perf_ns() - begun_ns) / NS_PER_S, 1)
+    source, calibration = completed(source, recordings, calibration, progress, pressed, forced=forced, curve=curve)
+    model_id = write(source, recordings, calibration, output, seconds=seconds, command=command, replaces=replaces)
+    return model_id, calibration
 
 
 def new_file(folder: Path, gel: str) -> Path:

@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
+from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import AskedToEndError, ModelError, TactileError
 from tactile_nodes.learning.calibrating.calibrator import Calibrator, Fitted, StopRule
 from tactile_nodes.learning.calibrating.files import Source
 from tactile_nodes.learning.calibrating.listing import listed
 from tactile_nodes.learning.calibrating.live_model import LiveModel
-from tactile_nodes.learning.calibrating.presses import Presses, Written, finish, new_file, take_presses
+from tactile_nodes.learning.calibrating.presses import Presses, finish, new_file, take_presses, write_calibration
 from tactile_nodes.learning.field.calibration import pressed_by
 from tactile_nodes.learning.recorded.building import gel_entry
 from tactile_nodes.learning.transfer.fit import Transfer
@@ -60,9 +61,9 @@ class CalibrationSession:
         self._settings, self._tell, self.ended = settings, tell, False
         self._source = Source.find(settings.model)
         check_output(self._file(), self._source.file)
-        pressed = pressed_by(self._source.loaded, body=settings.body)
-        self.calibrator = Calibrator(self._source.loaded, gel_entry(settings.gel), settings.rule, pressed=pressed)
-        self._written = Written(self._source, self.calibrator, 'tactile launch calibrate', pressed=pressed)
+        self._pressed = pressed_by(self._source.loaded, body=settings.body)
+        self.calibrator = Calibrator(self._source.loaded, gel_entry(settings.gel), settings.rule, pressed=self._pressed)
+        self._begun_ns = perf_ns()
 
     def run(self, presses: Presses, live: LiveModel | None) -> Path:
         """Run the session once; returns the file that was written. The rig is asked to end in any case.
@@ -83,11 +84,14 @@ class CalibrationSession:
             presses.close()
             self.calibrator.close()
         file = self._file()
-        model_id = self._written.to(file, self._replaced(live, file))
+        model_id, written = write_calibration(
+            self._source, self.calibrator, file, begun_ns=self._begun_ns, command='tactile launch calibrate',
+            pressed=self._pressed, replaces=self._replaced(live, file),
+        )  # fmt: skip
         self._tell(f'{file}: model {model_id}, from {calibration.presses} presses')
         self._tell(_summary(calibration))
-        if self._written.calibration is not None and self._written.calibration.field:
-            self._tell(f'force field {self._written.calibration.field}')
+        if written.field:
+            self._tell(f'force field {written.field}')
         self._tell(listed(file))
         if live is not None and live.present:
             live.use(file)

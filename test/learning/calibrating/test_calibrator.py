@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from press_bags import OTHER, SECOND_NS, START_NS, Collection, Sensor
 
+from tactile_nodes.clock import perf_ns
 from tactile_nodes.errors import DatasetError, ModelError
 from tactile_nodes.learning.calibrating.calibrator import Calibrator, Fitted, StopRule, expected_gain
 from tactile_nodes.learning.calibrating.files import Source
-from tactile_nodes.learning.calibrating.presses import BagPresses, Written, finish, new_file, take_presses
+from tactile_nodes.learning.calibrating.presses import BagPresses, finish, new_file, take_presses, write_calibration
 from tactile_nodes.learning.recorded.bags import CollectionBag, Frame, RecordedPress
 from tactile_nodes.messages import types
 from tactile_nodes.model_file import load_model, save_model
@@ -120,7 +121,7 @@ def test_the_file_names_gel_source_presses_and_errors(
 ) -> None:
     source, file = Source.find(str(first_model)), tmp_path / 'gel-7_01.safetensors'
     in_use = {'model': 'older.safetensors', 'model_id': 'aaaabbbbcccc', 'gel': 'gel-7'}
-    model_id = Written(source, calibrated[0]).to(file, in_use)
+    model_id, _ = write_calibration(source, calibrated[0], file, begun_ns=perf_ns(), command='', replaces=in_use)
     loaded = load_model(file)
     with CollectionBag(other_bag) as bag:
         list(bag.presses())
