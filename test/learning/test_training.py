@@ -13,14 +13,14 @@ from tactile_nodes.errors import ConfigurationError, ModelError  # noqa: E402
 from tactile_nodes.learning.config import Choice, DataConfig, NetworkConfig, TrainConfig, TrainingConfig  # noqa: E402
 from tactile_nodes.learning.datasets import simulated as datasets  # noqa: E402
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate  # noqa: E402
-from tactile_nodes.learning.evaluation.evaluate import evaluate  # noqa: E402
+from tactile_nodes.learning.evaluation.evaluate import evaluate, put_aside  # noqa: E402
 from tactile_nodes.learning.evaluation.predictions import predict  # noqa: E402
 from tactile_nodes.learning.evaluation.tables import report  # noqa: E402
 from tactile_nodes.learning.network import layers as network_layers  # noqa: E402
 from tactile_nodes.learning.progress import Progress  # noqa: E402
 from tactile_nodes.learning.run.folder import read_run  # noqa: E402
 from tactile_nodes.learning.training import train as training  # noqa: E402
-from tactile_nodes.learning.training.source import simulated_test, training_data  # noqa: E402
+from tactile_nodes.learning.training.source import training_data  # noqa: E402
 from tactile_nodes.model_file import load_model  # noqa: E402
 
 
@@ -142,13 +142,13 @@ def test_a_grid_of_presses_is_split_in_three_and_the_test_found_again(tmp_path: 
     touched = data.dataset.presses[:, 2] > 0
     assert (touched.sum(), (touched & ~data.held_out).sum()) == (32, 28)
     loaded = load_model(training.train(grid))
-    test, words = simulated_test(loaded, Progress())
+    test, words = put_aside(loaded, loaded, Progress())
     assert (test.presses[:, 2] > 0).sum() == 8
     trained = {tuple(each) for each in data.dataset.presses[touched].tolist()}
     assert not trained & {tuple(each) for each in test.presses.tolist()}
     assert words.endswith('put aside by sample of the paper plan')
     loaded.card['data']['fingerprint'] = '0' * 16  # as on a processor that adds in another order
-    again, words = simulated_test(loaded, Progress())
+    again, words = put_aside(loaded, loaded, Progress())
     assert 'not bit-identical' in words
     np.testing.assert_array_equal(again.presses, test.presses)
 
@@ -156,7 +156,7 @@ def test_a_grid_of_presses_is_split_in_three_and_the_test_found_again(tmp_path: 
 def test_no_test_is_found_where_nothing_was_put_aside(data: Dataset, tmp_path: Path):
     loaded = load_model(training.train(small_config(tmp_path)))
     with pytest.raises(ModelError, match='has no simulated test set'):
-        simulated_test(loaded, Progress())
+        put_aside(loaded, loaded, Progress())
 
 
 def test_a_flow_that_judges_each_frame_has_its_confidence_kept(tmp_path: Path):

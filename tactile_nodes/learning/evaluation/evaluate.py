@@ -26,7 +26,7 @@ from tactile_nodes.learning.evaluation.scores import (
 from tactile_nodes.learning.evaluation.statuses import AT_REST, LIGHT, StatusScores, score_status
 from tactile_nodes.learning.evaluation.uncertainty import Uncertainty, force_uncertainty, position_uncertainty
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.training.source import evaluation_samples, simulated_split, simulated_test
+from tactile_nodes.learning.training.source import evaluation_samples, simulated_split
 from tactile_nodes.model_file import LoadedModel, load_model
 from tactile_nodes.simulation.gel import Gel
 
@@ -110,18 +110,22 @@ def evaluate_put_aside(
     """
     loaded, progress = load_model(model_file), progress or Progress()
     other = load_model(of) if of is not None else loaded
-    if other.model_id == loaded.model_id:
-        samples, words = simulated_test(loaded, progress)
-    else:
-        samples, words = _put_aside_of(other, loaded, progress)
+    samples, words = put_aside(other, loaded, progress)
     return score(loaded, samples, words, name_of(model_file), progress)
 
 
-def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
-    """The presses that another model's training set aside, with the flow and the features of this one."""
+def put_aside(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
+    """The grid presses that a model's training set aside, with the flow and the features of `loaded`, and in words.
+
+    Raises:
+        ModelError: as `evaluate_put_aside`, or this release splits presses in another way.
+    """
     theirs, ours = other.card['data'], loaded.card['data']
     if theirs.get('origin') != 'simulated' or 'split_id' not in theirs:
-        raise ModelError(f'the training of model {other.model_id} has no simulated test set; name another model')
+        raise ModelError(
+            f'the training of model {other.model_id} has no simulated test set; name another model, or evaluate on '
+            'random presses'
+        )
     if ours.get('plan') == theirs['plan'] and ours.get('split_id') != theirs['split_id']:
         raise ModelError(
             f'model {loaded.model_id} was trained on another part of the {theirs["plan"]} plan than model '
@@ -133,10 +137,14 @@ def _put_aside_of(other: LoadedModel, loaded: LoadedModel, progress: Progress) -
     split = simulated_split(dataset, data, theirs['validation'])
     if split.split_id != theirs['split_id']:
         raise ModelError(
-            f'the test set of model {other.model_id} cannot be reproduced here (another release of NumPy or '
-            'tactile_nodes); train it again'
+            f'the presses that model {other.model_id} was trained on cannot be reproduced here (other releases of '
+            'NumPy or tactile_nodes); evaluate it on random ones, or train it again'
         )
-    words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan of model {other.model_id}'
+    words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan'
+    if other.model_id != loaded.model_id:
+        words += f' of model {other.model_id}'
+    elif dataset.fingerprint != theirs['fingerprint']:  # another kind of processor adds in another order
+        words += ', measured again: not bit-identical to the training'
     return dataset.take(split.test), words
 
 

@@ -18,7 +18,6 @@ from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.datasets.split import Split, by_position, by_sample
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, size_of_crop
-from tactile_nodes.simulation.gel import Gel
 
 
 @dataclass(frozen=True)
@@ -80,35 +79,6 @@ def simulated_split(dataset: Dataset, data: DataConfig, validation: float) -> Sp
     depth_mm = dataset.presses[:, 2]
     numbers = press_numbers(depth_mm)
     return by_sample(numbers, depth_mm, seed=data.split_seed, test=data.test, validation=validation)
-
-
-def simulated_test(loaded: LoadedModel, progress: Progress) -> tuple[Dataset, str]:
-    """The simulated grid presses that the training of a model set aside, and a description of them.
-
-    Raises:
-        ModelError: nothing was set aside, or this release splits presses in another way.
-    """
-    card = loaded.card
-    origin = card['data']
-    if 'split_id' not in origin or origin['origin'] != 'simulated':
-        raise ModelError(
-            f'the training of model {loaded.model_id} has no simulated test set; evaluate it on random presses'
-        )
-    known = {field.name for field in dataclasses.fields(DataConfig)}
-    data = DataConfig(**{name: value for name, value in origin.items() if name in known})
-    gel = Gel.from_mapping({name: value for name, value in card['gel'].items() if name != 'id'}, 'the model card')
-    config = TrainConfig(data=data, flow=Choice(*loaded.flow), encoding=Choice(*loaded.encoding), gel=gel)
-    dataset = simulate(config, progress)
-    split = simulated_split(dataset, data, origin['validation'])
-    if split.split_id != origin['split_id']:
-        raise ModelError(
-            f'the presses that model {loaded.model_id} was trained on cannot be reproduced here (other releases of '
-            'NumPy or tactile_nodes); evaluate it on random ones, or train it again'
-        )
-    words = f'{len(split.test)} samples put aside by {data.split} of the {data.plan} plan'
-    if dataset.fingerprint != origin['fingerprint']:  # another kind of processor adds in another order
-        words += ', measured again: not bit-identical to the training'
-    return dataset.take(split.test), words
 
 
 def _tell(split: Split, name: str, by: str, progress: Progress) -> None:
