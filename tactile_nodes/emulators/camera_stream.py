@@ -9,7 +9,6 @@ import dataclasses
 import http.server
 import random
 import threading
-from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
@@ -64,9 +63,7 @@ class CameraStream:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *args: object) -> None:
         self._stop.set()
         self._server.shutdown()
         self._thread.join()
@@ -143,12 +140,7 @@ class _Parts:
         return head.encode('ascii') + data + b'\r\n'
 
 
-class _ThreadingServer(http.server.ThreadingHTTPServer):
-    daemon_threads = True
-    block_on_close = False
-
-
-def _server(owner: CameraStream, port: int) -> _ThreadingServer:
+def _server(owner: CameraStream, port: int) -> http.server.ThreadingHTTPServer:
     class Handler(http.server.BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             self.send_response(200)
@@ -163,4 +155,4 @@ def _server(owner: CameraStream, port: int) -> _ThreadingServer:
         def log_message(self, format: str, *args: object) -> None:
             """Log nothing."""
 
-    return _ThreadingServer((LOOPBACK, port), Handler)
+    return http.server.ThreadingHTTPServer((LOOPBACK, port), Handler)

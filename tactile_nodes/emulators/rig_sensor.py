@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Protocol
 
 from tactile_nodes.clock import Clock
@@ -51,9 +50,7 @@ class RigSensor(Protocol):
 
     def __enter__(self) -> RigSensor: ...
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, *args: object) -> None: ...
 
     def switch(self, wanted: SensorFaults, now_ns: int) -> None:
         """Set the active faults. Raises ConfigurationError for one that this sensor cannot have."""
@@ -76,10 +73,8 @@ class BoxOnTheNetwork:
         self._server.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._server.__exit__(kind, error, trace)
+    def __exit__(self, *args: object) -> None:
+        self._server.__exit__(*args)
 
     def switch(self, wanted: SensorFaults, now_ns: int) -> None:
         if wanted.unplugged_sensor:
@@ -114,10 +109,8 @@ class SensorOnALine:
         self._port.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._port.__exit__(kind, error, trace)
+    def __exit__(self, *args: object) -> None:
+        self._port.__exit__(*args)
 
     def switch(self, wanted: SensorFaults, now_ns: int) -> None:
         if wanted.reorder or wanted.double or wanted.loss_rate:

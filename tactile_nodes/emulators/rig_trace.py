@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import threading
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from tactile_nodes.clock import Clock
@@ -34,9 +33,7 @@ class RigTrace:
             self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *args: object) -> None:
         self._ending.set()
         if self._file is not None:
             self._thread.join()

@@ -12,9 +12,7 @@ from __future__ import annotations
 import contextlib
 import http.server
 import socket
-import socketserver
 import threading
-from types import TracebackType
 from urllib.parse import urlsplit
 
 from tactile_nodes.clock import NS_PER_S, Clock
@@ -65,9 +63,7 @@ class NetFtServer:
             thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *args: object) -> None:
         self._stop.set()
         self._http.shutdown()
         for thread in self._threads:
@@ -124,12 +120,7 @@ class NetFtServer:
         return min(LONGEST_WAIT_S / 10, max(SHORTEST_WAIT_S, (next_ns - self._clock.now_ns()) / NS_PER_S))
 
 
-class _ThreadingServer(socketserver.ThreadingMixIn, http.server.HTTPServer):
-    daemon_threads = True
-    block_on_close = False
-
-
-def _http_server(owner: NetFtServer, port: int) -> _ThreadingServer:
+def _http_server(owner: NetFtServer, port: int) -> http.server.ThreadingHTTPServer:
     class Handler(http.server.BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             status, body = owner.page(self.path)
@@ -143,4 +134,4 @@ def _http_server(owner: NetFtServer, port: int) -> _ThreadingServer:
         def log_message(self, format: str, *args: object) -> None:
             """Log nothing."""
 
-    return _ThreadingServer((LOOPBACK, port), Handler)
+    return http.server.ThreadingHTTPServer((LOOPBACK, port), Handler)

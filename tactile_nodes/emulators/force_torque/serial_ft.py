@@ -14,7 +14,6 @@ import select
 import threading
 import tty
 from pathlib import Path
-from types import TracebackType
 from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
@@ -60,9 +59,7 @@ class PtySensor:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *args: object) -> None:
         self._stop.set()
         self._thread.join()
         self.unplug()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import http.server
-import socketserver
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -97,15 +96,10 @@ class Peer:
         self.over.wait(20)
 
 
-class _Server(socketserver.ThreadingMixIn, http.server.HTTPServer):
-    daemon_threads = True
-    block_on_close = False
-
-
 @pytest.fixture
 def serve() -> Iterator[Callable[[Callable[[Peer], None]], str]]:
     """Start an HTTP server whose answers a script writes; gives its address."""
-    servers: list[tuple[_Server, threading.Event]] = []
+    servers: list[tuple[http.server.ThreadingHTTPServer, threading.Event]] = []
 
     def start(script: Callable[[Peer], None], port: int = 0) -> str:
         over = threading.Event()
@@ -118,7 +112,7 @@ def serve() -> Iterator[Callable[[Callable[[Peer], None]], str]]:
             def log_message(self, *args: object) -> None:
                 """Quiet."""
 
-        server = _Server(('127.0.0.1', port), Handler)
+        server = http.server.ThreadingHTTPServer(('127.0.0.1', port), Handler)
         servers.append((server, over))
         threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
         return f'http://127.0.0.1:{server.server_address[1]}/stream.mjpg'
