@@ -90,7 +90,6 @@ class NetFtSettings:
 
     rdt_port: int = parameter(49152, 'UDP port of RDT', minimum=1, maximum=65535)
     http_port: int = parameter(80, 'TCP port of the web pages', minimum=1, maximum=65535)
-    buffered: bool = parameter(False, 'several records per datagram: less network load, more latency')
     start_tries: int = parameter(10, 'start requests, 0.1 s apart, before the box counts as silent', minimum=1)
     count_s: float = parameter(10.0, 'time after the last renewal when the box stops by itself', minimum=1.0)
     renew_s: float = parameter(5.0, 'time between renewals', minimum=0.2)

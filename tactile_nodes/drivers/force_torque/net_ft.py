@@ -114,13 +114,12 @@ class NetFtConnection:
         if datagram is None:
             return
         data, arrival_ns = datagram
-        records = rdt.records(data)
-        if records is None:
+        record = rdt.record_in(data)
+        if record is None:
             self.tracker.counters.malformed += 1
             return
         expecting = not self.tracker.renewed
-        for record in records:
-            self._put(record, arrival_ns, queue)
+        self._put(record, arrival_ns, queue)
         if expecting and self.tracker.renewed:
             self._renew_at_s = clocks.monotonic_s() + self._settings.net_ft.renew_s
 
@@ -178,11 +177,10 @@ class NetFtConnection:
     def _request(self) -> None:
         """Request records; `fetch` repeats this until the new stream starts."""
         self.tracker.requested()
-        net_ft = self._settings.net_ft
         most_hz = max(self.rate_hz, self.config.rate_hz) or self.config.internal_rate_hz
-        count = math.ceil(net_ft.count_s * most_hz)
+        count = math.ceil(self._settings.net_ft.count_s * most_hz)
         try:
-            self._send(rdt.request(rdt.START_BUFFERED if net_ft.buffered else rdt.START_REALTIME, count))
+            self._send(rdt.request(rdt.START_REALTIME, count))
         except OSError as error:
             raise DeviceLostError(
                 f'cannot reach the box at {self._host} ({error.strerror or error}); check the network of this computer'

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from tactile_nodes.drivers.force_torque.contract import Flag
 
-STOP, START_REALTIME, START_BUFFERED, RESET_LATCH = 0x0000, 0x0002, 0x0003, 0x0041
+STOP, START_REALTIME = 0x0000, 0x0002
 HEADER = 0x1234
 REQUEST = struct.Struct('>HHI')
 RECORD = struct.Struct('>3I6i')
@@ -49,11 +49,12 @@ def request(command: int, count: int = 0) -> bytes:
     return REQUEST.pack(HEADER, command, count)
 
 
-def records(datagram: bytes) -> list[Record] | None:
-    """The records in a datagram; None if its size is not a multiple of a record."""
-    if not datagram or len(datagram) % RECORD.size:
+def record_in(datagram: bytes) -> Record | None:
+    """The record in a datagram; None if it has another size."""
+    if len(datagram) != RECORD.size:
         return None
-    return [Record(rdt, ft, status, tuple(counts)) for rdt, ft, status, *counts in RECORD.iter_unpack(datagram)]
+    rdt, ft, status, *counts = RECORD.unpack(datagram)
+    return Record(rdt, ft, status, tuple(counts))
 
 
 @dataclass

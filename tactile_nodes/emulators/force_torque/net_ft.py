@@ -85,12 +85,12 @@ class NetFtServer:
         return xml(box.config, box.status_at(counts), counts, box.bias)
 
     def _change(self, path: str, query: str) -> tuple[int, bytes]:
-        config = changed(self.box.config, path, query)
-        if config is None:
-            return 404, b'no such page'
         if not self.writable:
             self.refused.append(f'{path}?{query}')
             return 403, b'this box is read-only'
+        config = changed(self.box.config, path, query)
+        if config is None:
+            return 404, b'no such page'
         self.box.config = config
         return 200, b'<html><body>saved</body></html>'
 

@@ -21,7 +21,7 @@ Client = tuple[str, int]
 Counts = tuple[int, ...]
 
 HEADER = 0x1234
-STOP, START_REALTIME, START_BUFFERED, RESET_LATCH, SET_BIAS = 0x0000, 0x0002, 0x0003, 0x0041, 0x0042
+STOP, START_REALTIME, RESET_LATCH, SET_BIAS = 0x0000, 0x0002, 0x0041, 0x0042
 SUMMARY, SATURATION, LATCHED = 0x8000_0000, 0x0002_0000, 0x0001_0000
 INT32_MAX = 2**31 - 1
 MOST_AT_ONCE = 20_000  # records in one call, after the host's time has jumped
@@ -46,7 +46,6 @@ class NetFtFaults:
 @dataclass
 class _Stream:
     client: Client
-    buffered: bool
     left: int | None
     next_count: int
     sequence: int = 0
@@ -84,7 +83,6 @@ class NetFtBox:
         self._latched = False
         self._stalled_at: int | None = None
         self._held: bytes | None = None
-        self._buffer: list[bytes] = []
 
     @property
     def client(self) -> Client | None:
@@ -104,8 +102,8 @@ class NetFtBox:
         if header != HEADER:
             return
         self.requests.append((command, count))
-        if command in {START_REALTIME, START_BUFFERED} and self.config.rdt_enabled:
-            self._start(client, command == START_BUFFERED, count, now_ns)
+        if command == START_REALTIME and self.config.rdt_enabled:
+            self._stream = _Stream(client, count or None, self.clock.count(now_ns) + 1)
         elif command == STOP:
             self._stream = None
         elif command == RESET_LATCH:
@@ -141,10 +139,6 @@ class NetFtBox:
         strain = self._strain(count)
         return tuple(_int32(value - zero) for value, zero in zip(strain, self._bias, strict=True))
 
-    def _start(self, client: Client, buffered: bool, count: int, now_ns: int) -> None:
-        self._buffer = []
-        self._stream = _Stream(client, buffered, count or None, self.clock.count(now_ns) + 1)
-
     def _step(self, stream: _Stream) -> list[bytes]:
         record = self._record(stream)
         stream.next_count += self.config.divider
@@ -152,7 +146,7 @@ class NetFtBox:
             stream.left -= 1
             if stream.left == 0:
                 self._stream = None
-        return self._spoilt(self._collected(record, stream))
+        return self._through_network(record)
 
     def _record(self, stream: _Stream) -> bytes:
         count = self._sampled(stream.next_count)
@@ -169,18 +163,6 @@ class NetFtBox:
         if self._stalled_at is None:
             self._stalled_at = count - self.config.divider
         return self._stalled_at
-
-    def _collected(self, record: bytes, stream: _Stream) -> list[bytes]:
-        if not stream.buffered:
-            return [record]
-        self._buffer.append(record)
-        if len(self._buffer) < self.config.buffer_size and self._stream is not None:
-            return []
-        datagram, self._buffer = b''.join(self._buffer), []
-        return [datagram]
-
-    def _spoilt(self, datagrams: list[bytes]) -> list[bytes]:
-        return [out for datagram in datagrams for out in self._through_network(datagram)]
 
     def _through_network(self, datagram: bytes) -> list[bytes]:
         faults = self.faults

@@ -1,4 +1,4 @@
-"""Settings of an emulated ATI Net F/T box, its ``netftapi2.xml``, and its pages that change settings."""
+"""Settings of an emulated ATI Net F/T box, its ``netftapi2.xml``, and its page that changes the rate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ class Threshold:
     axis: int
     above: bool
     counts: int
-    output_code: int = 1
 
     def met(self, counts: tuple[int, ...]) -> bool:
         """Whether these six counts fulfil it."""
@@ -42,8 +41,6 @@ class NetFtConfig:
     ranges: tuple[float, ...] = (40.0, 40.0, 120.0, 2.0, 2.0, 2.0)
     divider: int = 7
     rdt_enabled: bool = True
-    buffer_size: int = 20
-    user_filter: int = 0
     axia: bool = False
     monitoring: bool = False
     thresholds: tuple[Threshold, ...] = ()
@@ -79,7 +76,6 @@ def xml(config: NetFtConfig, status: int, counts: tuple[int, ...], bias: tuple[i
         ('runft', _list(counts)),
         ('runrate', str(INTERNAL_RATE_HZ)),
         *_active(config, bias),
-        *_monitors(config),
         *_communication(config),
         ('mfgdigver', '2.2.59'),
     ]
@@ -91,7 +87,7 @@ def _active(config: NetFtConfig, bias: tuple[int, ...]) -> list[tuple[str, str]]
     return [
         ('prodname', config.name),
         ('setcfgsel', '0'),
-        ('setuserfilter', str(config.user_filter)),
+        ('setuserfilter', '0'),
         ('setbias', _list(tuple(max(-32768, min(32767, value >> 8)) for value in bias))),
         ('cfgnam', 'Configuration 1'),
         ('cfgcalsel', '0'),
@@ -107,25 +103,15 @@ def _active(config: NetFtConfig, bias: tuple[int, ...]) -> list[tuple[str, str]]
     ]
 
 
-def _monitors(config: NetFtConfig) -> list[tuple[str, str]]:
-    codes = [('1' if item.above else '2') for item in config.thresholds]
-    return [
-        ('setmce', '1' if config.monitoring else '0'),
-        ('mce', ';'.join('1' for _ in config.thresholds)),
-        ('mcx', ';'.join(str(item.axis) for item in config.thresholds)),
-        ('mcc', ';'.join(codes)),
-        ('mcv', ';'.join(str(item.counts) for item in config.thresholds)),
-        ('mco', ';'.join(str(item.output_code) for item in config.thresholds)),
-    ]
-
-
 def _communication(config: NetFtConfig) -> list[tuple[str, str]]:
-    rate = 'commrdtrate' if config.axia else 'comrdtrate'
     return [
         ('comrdte', 'Enabled' if config.rdt_enabled else 'Disabled'),
-        (rate, str(config.rate_hz)),
-        ('comrdtbsiz', str(config.buffer_size)),
+        (_rate_field(config), str(config.rate_hz)),
     ]
+
+
+def _rate_field(config: NetFtConfig) -> str:
+    return 'commrdtrate' if config.axia else 'comrdtrate'
 
 
 def _list(values: tuple[int, ...]) -> str:
@@ -133,25 +119,11 @@ def _list(values: tuple[int, ...]) -> str:
 
 
 def changed(config: NetFtConfig, page: str, query: str) -> NetFtConfig | None:
-    """The settings after a request to one of the box's pages; None: no such page, or not allowed."""
-    values = {name: value[-1] for name, value in urllib.parse.parse_qs(query).items()}
-    if any(name.startswith('comnet') for name in values):
-        return None  # would change the address of the box
+    """The settings after a request for another rate, which is all that a driver changes; None: no such request."""
+    asked = urllib.parse.parse_qs(query)
+    if page != '/comm.cgi' or asked.keys() != {_rate_field(config)}:
+        return None
     try:
-        return _changed(config, page, values)
+        return dataclasses.replace(config, divider=divider_for(int(asked[_rate_field(config)][-1])))
     except ValueError:
         return None
-
-
-def _changed(config: NetFtConfig, page: str, values: dict[str, str]) -> NetFtConfig | None:
-    if page == '/comm.cgi':
-        rate = values.get('commrdtrate' if config.axia else 'comrdtrate')
-        size = int(values.get('comrdtbsiz', config.buffer_size))
-        enabled = values.get('comrdte', '1' if config.rdt_enabled else '0') == '1'
-        divider = config.divider if rate is None else divider_for(int(rate))
-        return dataclasses.replace(config, divider=divider, buffer_size=max(1, min(40, size)), rdt_enabled=enabled)
-    if page == '/setting.cgi':
-        return dataclasses.replace(config, user_filter=int(values.get('setuserfilter', config.user_filter)))
-    if page == '/moncon.cgi':
-        return dataclasses.replace(config, monitoring=values.get('setmce', '1') == '1')
-    return config if page == '/config.cgi' else None

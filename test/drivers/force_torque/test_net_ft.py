@@ -131,13 +131,6 @@ def test_the_raw_counts_are_kept(rig_with: Make) -> None:
     assert sample.wrench == pytest.approx([count * 1e-6 for count in sample.raw])
 
 
-def test_buffered_records_are_all_read(rig_with: Make) -> None:
-    rig = rig_with(NetFtConfig(divider=14, buffer_size=10), buffered=True)
-    samples = read(rig.open(), 100)
-    assert rig.device.box.requests[0][0] == rdt.START_BUFFERED
-    assert samples[-1].dropped == 0
-
-
 def test_doubled_late_and_malformed_datagrams_are_counted_and_spoil_nothing(rig_with: Make) -> None:
     rig = rig_with()
     sensor = rig.open()
