@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tactile_nodes.cli.running.session import positive_float
-
 if TYPE_CHECKING:
     from tactile_nodes.collection.plan.plan import Plan, Point
 
@@ -20,7 +18,7 @@ examples:
   tactile collect my_points.yaml --draw path.png       draws the path (needs matplotlib)
   tactile launch collect plan:=paper                   runs the plan
 """
-HEIGHT_MM = 4.0
+HEIGHT_MM = 4.0  # usual safe height above the gel
 TOP_MM = 1.0  # usual height above the gel from which the surface search starts
 SHOWN = 150  # presses whose path is drawn: more cannot be distinguished
 
@@ -30,13 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('plan', help='YAML file of a plan, or the name of one in config/plans')
     parser.add_argument('--draw', type=Path, metavar='FILE', help='draw positions and path as PNG, PDF or SVG')
     parser.add_argument('--points', action='store_true', help='print every press in order')
-    parser.add_argument(
-        '--height',
-        type=positive_float,
-        default=HEIGHT_MM,
-        metavar='MM',
-        help='safe height above the gel (default: %(default)s)',
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -55,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(_box(plan))
     collection = CollectionSettings()
     surface_mm = collection.surface.top_mm - TOP_MM
-    cnc = CncSettings(safe_z_mm=surface_mm + arguments.height)
+    cnc = CncSettings(safe_z_mm=surface_mm + HEIGHT_MM)
     print(estimate(plan.plan_id, order, collection, cnc, surface_mm, settings.rest_mm).describe())
     if arguments.points:
         for point in order:

@@ -31,9 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('-o', '--output', type=Path, required=True, metavar='FILE.yaml', help='description to write')
     parser.add_argument(
-        '--figure', type=Path, metavar='FILE.png', help='figure to draw (default: beside the description)'
-    )
-    parser.add_argument(
         '--width', type=positive_float, metavar='MM', help='width of the whole picture at the surface of the gel'
     )
     parser.add_argument('--pitch', type=positive_float, metavar='MM', help='distance from one printed dot to the next')
@@ -71,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.sensing.inspection.judging import Inspection
     from tactile_nodes.sensors.writing import text_of
 
-    output, drawn = arguments.output, arguments.figure or arguments.output.with_suffix('.png')
+    output, drawn = arguments.output, arguments.output.with_suffix('.png')
     for each in (output, drawn):
         check_output(each, *map(Path, [*arguments.pictures, arguments.mask or 'none']), arguments.camera_info)
         if each.exists() and not arguments.force:
