@@ -67,14 +67,13 @@ def build_options(arguments: argparse.Namespace) -> BuildOptions:
         ConfigurationError: one of them cannot be used.
     """
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.recorded.building import BuildOptions
     from tactile_nodes.learning.recorded.exclusions import Limits
 
     if not 0 <= arguments.without_contact <= 0.5:
         raise ConfigurationError(f'--without-contact must be between 0 and 0.5, got {arguments.without_contact}')
     given = {field: value for name, (field, *_) in LIMITS.items() if (value := getattr(arguments, name)) is not None}
-    return BuildOptions(
-        **methods.method_options(arguments),
+    return dataclasses.replace(
+        methods.method_options(arguments),
         without_contact=arguments.without_contact,
         limits=dataclasses.replace(Limits(), **given),
         separate_runs=arguments.separate_runs,

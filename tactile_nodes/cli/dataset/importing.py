@@ -36,7 +36,6 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.imported.importing import Imported, import_presses
     from tactile_nodes.learning.progress import TerminalProgress
-    from tactile_nodes.learning.recorded.building import BuildOptions
     from tactile_nodes.learning.tables.pictures import pictures_of
     from tactile_nodes.learning.tables.presses import read_table
     from tactile_nodes.paths import check_output
@@ -44,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.pictures is not None and not arguments.pictures.exists():
         raise ConfigurationError(f'no folder or video {arguments.pictures}; give the path of the pictures')
     check_output(arguments.output, *arguments.tables, arguments.pictures)
-    options = BuildOptions(**methods.method_options(arguments))
+    options = methods.method_options(arguments)
     tables = [read_table(file, options.bins.reach_mm, arguments.untouched_below) for file in arguments.tables]
     presses = import_presses(
         [Imported(table, pictures_of(table, arguments.pictures)) for table in tables],

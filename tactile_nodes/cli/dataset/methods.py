@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tactile_nodes.learning.config import Choice
     from tactile_nodes.learning.datasets.recordings import RecordedPresses
-    from tactile_nodes.sensing.geometry import BinGrid
+    from tactile_nodes.learning.recorded.building import BuildOptions
 
 FRAMES = ('mean', 'first', 'each')
 
@@ -32,47 +32,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def method_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """`flow`, `encoding`, `bins`, `crop`, `frames` and `gel`, as `BuildOptions` takes them.
+def method_options(arguments: argparse.Namespace) -> BuildOptions:
+    """How pictures are measured, and of which gel.
 
     Raises:
         ConfigurationError: an option cannot be used, or excludes another one that was given.
         ModelError: there is no such model.
     """
-    from tactile_nodes.learning.recorded.building import gel_entry
-
-    flow, encoding, bins, crop = (_of_model if arguments.model else _of_run)(arguments)
-    options = {'flow': flow, 'encoding': encoding, 'bins': bins, 'crop': crop, 'frames': arguments.frames}
-    return {**options, 'gel': gel_entry(arguments.gel)}
-
-
-Measuring = tuple['Choice', 'Choice', 'BinGrid', 'int | tuple[int, int]']
-
-
-def _of_model(arguments: argparse.Namespace) -> Measuring:
     from tactile_nodes.errors import ConfigurationError
-    from tactile_nodes.learning.config import Choice
+    from tactile_nodes.learning.recorded.building import BuildOptions
     from tactile_nodes.model_file import find_model, load_model
 
+    if not arguments.model:
+        return _of_run(arguments)
     if given := [name for name in ('profile', 'sensor') if getattr(arguments, name)]:
         raise ConfigurationError(f'--{given[0]} cannot be used with --model, which sets it')
-    loaded = load_model(find_model(arguments.model))
-    return Choice(*loaded.flow), Choice(*loaded.encoding), loaded.model.bins, loaded.image_size
+    return BuildOptions.of_model(load_model(find_model(arguments.model)), arguments.gel, arguments.frames)
 
 
-def _of_run(arguments: argparse.Namespace) -> Measuring:
+def _of_run(arguments: argparse.Namespace) -> BuildOptions:
     from tactile_nodes import paths
     from tactile_nodes.learning.config import load_train_config
+    from tactile_nodes.learning.recorded.building import BuildOptions, gel_entry
     from tactile_nodes.sensing.geometry import BinGrid
     from tactile_nodes.sensors import load_sensor
 
     name = arguments.profile or 'fast'
     shipped = paths.share_directory() / 'config' / 'train' / f'{name}.yaml'
     run = load_train_config(shipped if Path(name).name == name and paths.is_file(shipped) else name)
+    options = BuildOptions(
+        run.flow, run.encoding, run.bins, arguments.frames, gel=gel_entry(arguments.gel), crop=run.data.crop
+    )
     if not arguments.sensor:
-        return run.flow, run.encoding, run.bins, run.data.crop
+        return options
     sensor = load_sensor(arguments.sensor)
-    return run.flow, run.encoding, BinGrid.of_sensor(sensor), sensor.image.crop_px
+    return replace(options, bins=BinGrid.of_sensor(sensor), crop=sensor.image.crop_px)
 
 
 def written(presses: RecordedPresses, output: Path) -> int:
