@@ -11,7 +11,6 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 
 import cv2
 import numpy as np
@@ -113,7 +112,7 @@ class Measurer:
     def __enter__(self) -> Measurer:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *args: object) -> None:
         self.close()
 
     def cut(self, image: UInt8[np.ndarray, 'h w']) -> UInt8[np.ndarray, 'ch cw']:

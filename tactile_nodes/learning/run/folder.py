@@ -22,7 +22,6 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import yaml
@@ -53,7 +52,7 @@ class Run:
     def __enter__(self) -> Run:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *args: object) -> None:
         """Release the run."""
 
     def resume(self) -> Snapshot | None:
@@ -112,7 +111,7 @@ class RunFolder(Run):
     def _checkpoint(self) -> Path:
         return self.path / 'checkpoint.safetensors'
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *args: object) -> None:
         self._held.close()
 
     def resume(self) -> Snapshot | None:
