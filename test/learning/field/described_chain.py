@@ -14,10 +14,33 @@ from tactile_nodes.model_file import LoadedModel, find_model, load_model
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceMap
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
-from tactile_nodes.sensors import Sensor
+from tactile_nodes.sensors import (
+    BinSettings,
+    CameraDescription,
+    GelDescription,
+    ImageSettings,
+    PatternDescription,
+    Sensor,
+)
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.optics import Optics, Press
+
+
+def sensor_of(
+    name: str,
+    image: ImageSettings,
+    gel: GelDescription,
+    markers: int,
+    bins: BinSettings,
+    middle_mm: tuple[float, float] = (0.0, 0.0),
+) -> Sensor:
+    """One with 20 px a millimetre and many small spheres, whose camera looks at a place of the gel."""
+    principal_px = ((image.width - 1) / 2, (image.height - 1) / 2)
+    return Sensor(
+        name, image, CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, principal_px, (*middle_mm, -20.0)),
+        gel, PatternDescription('spheres', markers, (0.1, 0.15)), bins,
+    )  # fmt: skip
 
 
 def model_of(sensor: Sensor, folder: Path) -> LoadedModel:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from described_chain import DescribedChain, model_of
+from described_chain import DescribedChain, model_of, sensor_of
 
 from tactile_nodes import conversions
 from tactile_nodes.errors import ModelError
@@ -15,23 +15,14 @@ from tactile_nodes.messages import types
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.explain.reading import require_central
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensors import (
-    BinSettings,
-    CameraDescription,
-    GelDescription,
-    ImageSettings,
-    PatternDescription,
-    Sensor,
-)
+from tactile_nodes.sensors import BinSettings, GelDescription, ImageSettings
 from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.touch.table import over_bins
 from tactile_nodes.viewing.force_shapes import force_points
 
-ASIDE = Sensor(
-    'aside', ImageSettings(320, 240, 320, 240),
-    CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (159.5, 119.5), (3.0, -1.0, -20.0)),
-    GelDescription(30.0, 20.0, (4.0,), (0.1,), (0.49,), (0.5, 2.0), 0.0),
-    PatternDescription('spheres', 9000, (0.1, 0.15)), BinSettings(4, 6, 15.0, 10.0, (3.0, -1.0)),
+ASIDE = sensor_of(
+    'aside', ImageSettings(320, 240, 320, 240), GelDescription(30.0, 20.0, (4.0,), (0.1,), (0.49,), (0.5, 2.0), 0.0),
+    9000, BinSettings(4, 6, 15.0, 10.0, (3.0, -1.0)), middle_mm=(3.0, -1.0),
 )  # fmt: skip
 """16x12 mm are seen of 30x20, about (3, -1) mm; bins of 2.5 mm over most of that."""
 

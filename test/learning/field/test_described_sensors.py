@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from coarse_table import linear_table
-from described_chain import DescribedChain, model_of
+from described_chain import DescribedChain, model_of, sensor_of
 from press_bags import Collection
 from press_bags import Sensor as BagSensor
 
@@ -37,24 +37,13 @@ from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.features import make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensors import (
-    BinSettings,
-    CameraDescription,
-    GelDescription,
-    ImageSettings,
-    MaskSettings,
-    PatternDescription,
-    Sensor,
-    load_sensor,
-)
+from tactile_nodes.sensors import BinSettings, GelDescription, ImageSettings, MaskSettings, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.optics import Optics, Press, Shaping
 
-SMALL = Sensor(
-    'small', ImageSettings(320, 240, 320, 200),
-    CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (159.5, 119.5), (0.0, 0.0, -20.0)),
-    GelDescription(18.0, 12.0, (4.0,), (0.1,), (0.5,), (0.3, 0.8), 0.0),
-    PatternDescription('spheres', 4000, (0.1, 0.15)), BinSettings(4, 6),
+SMALL = sensor_of(
+    'small', ImageSettings(320, 240, 320, 200), GelDescription(18.0, 12.0, (4.0,), (0.1,), (0.5,), (0.3, 0.8), 0.0),
+    4000, BinSettings(4, 6),
 )  # fmt: skip
 """3 mm a bin, 20 px a millimetre: 16x10 mm are seen."""
 

@@ -12,27 +12,18 @@ import dataclasses
 import numpy as np
 import pytest
 from coarse_table import linear_table
-from described_chain import DescribedChain, model_of
+from described_chain import DescribedChain, model_of, sensor_of
 
 from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.elasticity.view import View
-from tactile_nodes.sensors import (
-    BinSettings,
-    CameraDescription,
-    GelDescription,
-    ImageSettings,
-    PatternDescription,
-    Sensor,
-)
+from tactile_nodes.sensors import BinSettings, GelDescription, ImageSettings
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.optics import Optics, Press
 
-DOMED = Sensor(
+DOMED = sensor_of(
     'domed', ImageSettings(640, 480, 480, 480),
-    CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (319.5, 239.5), (0.0, 0.0, -20.0)),
-    GelDescription(22.0, 22.0, (4.5,), (0.1,), (0.49,), (0.5, 2.5), 0.0, 'ellipse', 40.0),
-    PatternDescription('spheres', 8000, (0.1, 0.15)), BinSettings(7, 7),
+    GelDescription(22.0, 22.0, (4.5,), (0.1,), (0.49,), (0.5, 2.5), 0.0, 'ellipse', 40.0), 8000, BinSettings(7, 7),
 )  # fmt: skip
 """A disc of 22 mm whose rim is 1.54 mm lower than its middle, and leans by 16 degrees there."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from described_chain import DescribedChain, model_of
+from described_chain import DescribedChain, model_of, sensor_of
 
 from tactile_nodes.drivers.camera.contract import SceneSettings
 from tactile_nodes.drivers.camera.simulated import build_scene
@@ -15,24 +15,14 @@ from tactile_nodes.model_file import LoadedModel
 from tactile_nodes.sensing.elasticity.region_choice import usual_regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.inspection.judging import outline_px
-from tactile_nodes.sensors import (
-    BinSettings,
-    CameraDescription,
-    GelDescription,
-    ImageSettings,
-    PatternDescription,
-    Sensor,
-    load_sensor,
-)
+from tactile_nodes.sensors import BinSettings, GelDescription, ImageSettings, load_sensor
 from tactile_nodes.sensors.writing import text_of
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.optics import Press, place_markers
 
-ROUND = Sensor(
+ROUND = sensor_of(
     'round', ImageSettings(640, 480, 480, 480),
-    CameraDescription('pinhole', 290.0, (400.0, 400.0), (0.0,) * 5, (319.5, 239.5), (0.0, 0.0, -20.0)),
-    GelDescription(22.0, 22.0, (4.0,), (0.1,), (0.49,), (0.5, 2.5), 0.0, 'ellipse'),
-    PatternDescription('spheres', 8000, (0.1, 0.15)), BinSettings(7, 7),
+    GelDescription(22.0, 22.0, (4.0,), (0.1,), (0.49,), (0.5, 2.5), 0.0, 'ellipse'), 8000, BinSettings(7, 7),
 )  # fmt: skip
 """A disc of 22 mm, all of it in a picture of 480x480 px, 20 px a millimetre."""
 
