@@ -97,8 +97,6 @@ def _asked(cnc: Cnc, machine: Machine, clock: Clock) -> Iterator[tuple[str, str]
     yield 'stop a move', _stopped(cnc, clock, lambda: cnc.move(x=x, feed=FAST_MM_MIN))
     cnc.move(x=x, z=machine.settings.safe_z_mm, feed=TRAVEL_MM_MIN)
     cnc.wait_idle()
-    if machine.kind == 'grbl':
-        yield 'hold and resume', _held(cnc, clock, x + FAR_MM)
     yield f'{MOVES} moves of {STEP_MM:g} mm at {FAST_MM_MIN:g} mm/min', _many(cnc, clock, x)
     yield 'the digital line, on and off', _switched(cnc)
     cnc.move(z=z, feed=TRAVEL_MM_MIN)
@@ -147,16 +145,6 @@ def _stopped(cnc: Cnc, clock: Clock, begin: Callable[[], None]) -> str:
     after = cnc.status()
     way_mm = abs(after.position_mm[0] - before[0])
     return f'returned after {seconds:.2f} s, {way_mm:.2f} mm further, {_where(after)}'
-
-
-def _held(cnc: Cnc, clock: Clock, x: float) -> str:
-    cnc.move(x=x, feed=FAST_MM_MIN)
-    clock.sleep_until(clock.now_ns() + round(GOING_S * NS_PER_S))
-    cnc.hold()
-    held = cnc.status()
-    cnc.resume()
-    cnc.wait_idle()
-    return f'{_where(held)}, then {_where(cnc.status())}'
 
 
 def _many(cnc: Cnc, clock: Clock, x: float) -> str:

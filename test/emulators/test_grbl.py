@@ -134,14 +134,6 @@ def test_a_reset_while_it_moves_is_alarm_3() -> None:
     assert dialogue.say(b'\x18') == b'ALARM:3\r\n' + BANNER + UNLOCK
 
 
-def test_a_held_move_goes_on_to_its_end() -> None:
-    dialogue = grbl()
-    dialogue.say(LONG, 0.3)
-    dialogue.say(b'!', 0.5)
-    assert dialogue.say(b'~', 6) == b''
-    assert dialogue.tip == pytest.approx((-50, -1, -1))
-
-
 def test_a_soft_limit_silences_grbl_until_a_reset_and_its_ok_comes_late() -> None:
     dialogue = grbl()
     assert dialogue.say(b'G1 Z-70 F600\n') == b'ALARM:2\r\n[MSG:Reset to continue]\r\n'

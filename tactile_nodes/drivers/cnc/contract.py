@@ -186,14 +186,6 @@ class Cnc(Protocol):
         """
         ...
 
-    def hold(self) -> None:
-        """Pause; returns at rest."""
-        ...
-
-    def resume(self) -> None:
-        """Continue after `hold`."""
-        ...
-
     def retract(self) -> None:
         """Stop, then go straight up to the safe height; returns there.
 

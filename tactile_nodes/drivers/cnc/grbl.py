@@ -24,7 +24,7 @@ from tactile_nodes.drivers.cnc.grbl_check import (
     travel,
     without_homing,
 )
-from tactile_nodes.drivers.cnc.grbl_dialogue import RESET, RESUME, GrblDialogue
+from tactile_nodes.drivers.cnc.grbl_dialogue import RESET, GrblDialogue
 from tactile_nodes.drivers.cnc.grbl_hearing import HOLD, JOG_CANCEL
 from tactile_nodes.drivers.cnc.grbl_reports import SILENT_S
 from tactile_nodes.drivers.cnc.grbl_words import NEEDS_RESET, Report, inches, is_moving, setting_of
@@ -113,20 +113,6 @@ class GrblCnc(SerialCnc[GrblDialogue]):
             self._come_to_rest(dialogue)
         self._at_rest()
         self._after_stop(dialogue)
-
-    def hold(self) -> None:
-        """As `Cnc.hold`."""
-        dialogue = self._talk()
-        dialogue.link.send(HOLD)
-        if not dialogue.poll_until(_resting, REST_S):
-            dialogue.require_sound()
-            raise DeviceTimeoutError(f'{self._name} does not stop after a hold; use the emergency stop')
-
-    def resume(self) -> None:
-        """As `Cnc.resume`."""
-        dialogue = self._talk()
-        dialogue.require_sound()
-        dialogue.link.send(RESUME)
 
     def wait_idle(self) -> None:
         """As `Cnc.wait_idle`."""

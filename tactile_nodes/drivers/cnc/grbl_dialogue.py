@@ -12,7 +12,7 @@ from tactile_nodes.drivers.cnc.grbl_words import Report, check_line
 from tactile_nodes.drivers.cnc.link import Request
 from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError
 
-RESET, RESUME = b'\x18', b'~'
+RESET = b'\x18'
 
 
 class GrblDialogue(GrblHearing):

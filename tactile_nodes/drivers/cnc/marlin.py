@@ -149,22 +149,6 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         if not dialogue.place_lost:
             self._rests_at(place)
 
-    def hold(self) -> None:
-        """Marlin cannot pause.
-
-        Raises:
-            DeviceFaultError: always.
-        """
-        raise DeviceFaultError(f'{self._name} cannot pause a motion; stop it instead')
-
-    def resume(self) -> None:
-        """As `hold`.
-
-        Raises:
-            DeviceFaultError: always.
-        """
-        raise DeviceFaultError(f'{self._name} cannot be paused, so there is nothing to resume; send a new move')
-
     def wait_idle(self) -> None:
         """As `Cnc.wait_idle`: M400, sent when it blocks the controller only briefly."""
         dialogue, stops = self._talk(), self._stops

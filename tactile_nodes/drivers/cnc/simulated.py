@@ -56,8 +56,7 @@ class SimulatedCnc(GuardedCnc):
         self._origin: Place = (0.0, 0.0, 0.0)
         self._arrival_ns = 0
         self._stops = 0
-        self._held: list[tuple[Place, float]] | None = None  # the remaining motion, while it is held
-        self._path: list[tuple[int, Place, float]] = []
+        self._sent: Place | None = None  # the last target since it came to rest
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -87,8 +86,7 @@ class SimulatedCnc(GuardedCnc):
     def home(self) -> None:
         """As `Cnc.home`: up, then to the upper ends, then off the switches."""
         self._rules()
-        self._path.clear()
-        self._held, self._homed = None, False
+        self._sent, self._homed = None, False
         start = self._machine.motor_at(self._clock.now_ns())
         off = -PULL_OFF_MM
         for target in ((start[0], start[1], 0.0), (0.0, 0.0, 0.0), (off, off, off)):
@@ -101,28 +99,11 @@ class SimulatedCnc(GuardedCnc):
         """As `Cnc.stop`."""
         self._rules()
         self._stops += 1
-        self._held = None
-        self._path.clear()
+        self._sent = None
         self._arrival_ns = self._machine.brake(self._clock.now_ns(), DECELERATION)
         self._clock.sleep_until(self._arrival_ns)
         self._at_rest()
         self._target = self._place() if self._homed else None
-
-    def hold(self) -> None:
-        """As `Cnc.hold`."""
-        self._rules()
-        now_ns = self._clock.now_ns()
-        if self._held is None:
-            self._held = [(target, feed) for end_ns, target, feed in self._path if end_ns > now_ns]
-        self._path = []
-        self._clock.sleep_until(self._machine.brake(now_ns, DECELERATION))
-
-    def resume(self) -> None:
-        """As `Cnc.resume`."""
-        self._rules()
-        left, self._held = self._held or [], None
-        for target, feed in left:
-            self._go(target, feed)
 
     def wait_idle(self) -> None:
         """As `Cnc.wait_idle`."""
@@ -142,17 +123,12 @@ class SimulatedCnc(GuardedCnc):
 
     def _wait_until_arrived(self) -> None:
         stops = self._stops
-        while self._held is not None or self._clock.now_ns() < self._arrival_ns:
-            now_ns = self._clock.now_ns()
-            self._clock.sleep_until(
-                now_ns + SLICE_NS if self._held is not None else min(self._arrival_ns, now_ns + SLICE_NS)
-            )
+        while (now_ns := self._clock.now_ns()) < self._arrival_ns:
+            self._clock.sleep_until(min(self._arrival_ns, now_ns + SLICE_NS))
             if stops != self._stops:
                 raise DeviceFaultError(f'{self._name}: the motion was aborted by a stop')
 
     def _state(self) -> CncState:
-        if self._held is not None:
-            return CncState.HOLD
         if self._clock.now_ns() >= self._arrival_ns:
             return CncState.IDLE
         return CncState.JOG if self._motion.jogging else CncState.RUN
@@ -172,17 +148,12 @@ class SimulatedCnc(GuardedCnc):
         self._send_move(target, feed)
 
     def _send_up(self, distance: float, feed: float) -> None:
-        x, y, z = self._path[-1][1] if self._path else self._machine.motor_at(self._clock.now_ns())
+        x, y, z = self._sent or self._machine.motor_at(self._clock.now_ns())
         self._go((x, y, z + distance), feed)
 
     def _go(self, target: Place, feed: float) -> None:
-        if self._held is not None:
-            self._held.append((target, feed))
-            return
-        now_ns = self._clock.now_ns()
-        self._path = [each for each in self._path if each[0] > now_ns]
-        self._arrival_ns = self._machine.go(target, feed / 60, now_ns)
-        self._path.append((self._arrival_ns, target, feed))
+        self._arrival_ns = self._machine.go(target, feed / 60, self._clock.now_ns())
+        self._sent = target
 
     def _switch(self, level: bool) -> Switched:
         now_ns = self._clock.now_ns()

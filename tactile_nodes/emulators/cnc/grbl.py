@@ -1,9 +1,9 @@
 """A Grbl 1.1h or grblHAL controller, as a host on its serial line sees it.
 
 The sequences of responses were observed on the original firmware, compiled for a PC. Left out, because
-no driver asks for it: arcs, probing, offsets of work coordinates, spindle, program stops, overrides, safety door, check
-mode, sleep, startup blocks, reports of modes and offsets. Left out besides: limit pins, hard limits (raise alarm 1 with
-`alarm`), step rounding. Blocks start and end at rest (see `motion`).
+no driver asks for it: arcs, probing, offsets of work coordinates, spindle, program stops, resuming, overrides, safety
+door, check mode, sleep, startup blocks, reports of modes and offsets. Left out besides: limit pins, hard limits (raise
+alarm 1 with `alarm`), step rounding. Blocks start and end at rest (see `motion`).
 """
 
 from __future__ import annotations
@@ -151,8 +151,6 @@ class Grbl(SerialDevice):
             self._reset()
         elif character == '!':
             self._hold()
-        elif character == '~':
-            self._resume()
         elif byte == JOG_CANCEL:
             self._cancel_jog()
         elif byte < 0x80:
@@ -209,11 +207,6 @@ class Grbl(SerialDevice):
         elif self.state in {'Run', 'Idle'}:
             self.state = 'Hold'
             self.machine.planner.hold(self.now_ns)
-
-    def _resume(self) -> None:
-        if self.state == 'Hold' and self.machine.planner.at_rest(self.now_ns):
-            self.machine.planner.resume(self.now_ns)
-            self.state = 'Run' if self.machine.planner.used else 'Idle'
 
     def _cancel_jog(self) -> None:
         if self.state == 'Jog':

@@ -1,4 +1,4 @@
-"""The queue of lines in a motion controller: started one after the other, held, resumed, dropped."""
+"""The queue of lines in a motion controller: started one after the other, held, dropped."""
 
 from __future__ import annotations
 
@@ -76,12 +76,6 @@ class Planner:
         if self._current is not None and not self.held and self._segment is not None:
             self._end_ns = self._world.brake(now_ns, limited(self._segment.unit, self._current.acceleration))
         self.held = True
-
-    def resume(self, now_ns: int) -> None:
-        """Continue after a hold."""
-        self.held = False
-        if self._current is not None:
-            self._start(self._current, now_ns)
 
     def flush(self, now_ns: int) -> None:
         """Drop all blocks; motion stops at once."""

@@ -260,23 +260,6 @@ def test_a_closed_machine_says_so(homed: Rig) -> None:
         homed.cnc.status()
 
 
-@pytest.mark.parametrize('kind', ['grbl', 'grblhal', 'simulated'])
-def test_a_held_move_rests_and_goes_on(kind: str) -> None:
-    rig = direct_rig(kind)
-    rig.cnc.connect()
-    rig.cnc.home()
-    rig.cnc.move(x=-50.0, feed=1200.0)
-    rig.pass_time(0.5)
-    rig.cnc.hold()
-    still = rig.tip
-    rig.pass_time(1.0)
-    assert rig.tip == still
-    assert rig.cnc.status().state is CncState.HOLD
-    rig.cnc.resume()
-    rig.cnc.wait_idle()
-    assert rig.tip[0] == pytest.approx(-50.0, abs=0.001)
-
-
 @pytest.mark.parametrize('kind', ['grbl', 'marlin', 'simulated'])
 def test_a_stop_from_another_thread_breaks_off_who_waits(kind: str, tmp_path: Path) -> None:
     """Through the operating system's serial layer, in real time."""

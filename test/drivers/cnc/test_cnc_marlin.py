@@ -140,11 +140,6 @@ def test_homing_needs_a_command_from_a_person() -> None:
     assert b'G28' not in rig.sent()
 
 
-def test_it_cannot_be_held() -> None:
-    with pytest.raises(DeviceFaultError, match='cannot pause a motion; stop it instead'):
-        homed_rig().cnc.hold()
-
-
 def test_it_answers_while_it_waits_for_the_end_of_motion() -> None:
     """5 s of motion; a question that waited with M400 would take nearly all of them."""
     rig = homed_rig()
