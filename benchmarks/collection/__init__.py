@@ -45,7 +45,7 @@ from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.paths import write_whole
 from tactile_nodes.sensing.geometry import Crop
-from tactile_nodes.simulation.indenter import INDENTERS
+from tactile_nodes.simulation.indenter import INDENTERS, indenter_name
 from tactile_nodes.simulation.scene import WorldScene
 
 BEGIN_NS = 946_684_800 * NS_PER_S
@@ -126,11 +126,12 @@ class Collection:
         audit(self._journal, self._plan.plan_id, session.folder, self._begin_ns)
         world = World(session.world)
         self._scene = WorldScene(world)
-        settings = named(world.indenter_name)
+        indenter = indenter_name(world.gel.tip_radius_mm, session.world.indenter)
+        settings = named(indenter)
         self._rig = self._open_rig(world, settings)
         place = (session.world.gel_x_mm, session.world.gel_y_mm)
         self._bag = CollectionBag(
-            self._new_folder(), self._rig.clock, self._plan.plan_id, world.indenter_name, place, session.compression
+            self._new_folder(), self._rig.clock, self._plan.plan_id, indenter, place, session.compression
         )
         self._rig.sensor.listen(self._bag.sample)
         outlet = Outlet(

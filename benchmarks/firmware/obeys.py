@@ -71,7 +71,7 @@ def _greeted(machine: Machine, begin: Beginning, clock: Clock, folder: Path) -> 
         except TactileError as error:
             return bench.named(f'refused: {error}')
         try:
-            return f'{cnc.identify().firmware}, {cnc.status().state.value}'
+            return f'{_firmware(cnc).split()[0]}, {cnc.status().state.value}'
         except TactileError as error:
             return bench.named(f'failed: {error}')
         finally:
@@ -106,9 +106,13 @@ def _asked(cnc: Cnc, machine: Machine, clock: Clock) -> Iterator[tuple[str, str]
 
 
 def _introduced(cnc: Cnc) -> str:
-    who, facts = cnc.identify(), cnc.description
+    facts = cnc.description
     settings = ' '.join(f'${number}={facts[f"${number}"]}' for number in SHOWN if f'${number}' in facts)
-    return '; '.join(part for part in (f'{who.firmware} {who.version}', settings, facts.get('notes', '')) if part)
+    return '; '.join(part for part in (_firmware(cnc), settings, facts.get('notes', '')) if part)
+
+
+def _firmware(cnc: Cnc) -> str:
+    return cnc.description['kind'].removeprefix('CNC, ')
 
 
 def _timed(clock: Clock, act: Callable[[], object]) -> float:

@@ -21,7 +21,7 @@ from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel
 from tactile_nodes.emulators.motion import Segment, Timeline, Vector, line, plus
 from tactile_nodes.params import parameter
 from tactile_nodes.simulation.gel import Gel
-from tactile_nodes.simulation.indenter import INDENTERS, indenter_name
+from tactile_nodes.simulation.indenter import INDENTERS
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.memory import Memory, Shape
 from tactile_nodes.simulation.optics import Press
@@ -151,11 +151,6 @@ class World:
     def tables(self) -> dict[str, ContactTable]:
         """The contact tables of the indenter on the gel."""
         return {self.settings.indenter: self._table}
-
-    @property
-    def indenter_name(self) -> str:
-        """The indenter's name in records: 'sphere 1.2 mm'."""
-        return indenter_name(self.gel.tip_radius_mm, self.settings.indenter)
 
     @property
     def room_mm(self) -> Vector:

@@ -157,10 +157,6 @@ class Cnc(Protocol):
         """
         ...
 
-    def identify(self) -> Identity:
-        """The firmware."""
-        ...
-
     def home(self) -> None:
         """Find the end switches; returns at rest, position known. Clears an alarm, so a person must request it."""
         ...

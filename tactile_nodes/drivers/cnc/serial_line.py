@@ -85,11 +85,6 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
             return Health(Level.ERROR, f'{self._name} {wrong}', silent=silent)
         return self._health_of(dialogue)
 
-    def identify(self) -> Identity:
-        """As `Cnc.identify`."""
-        self._talk()
-        return self._identity
-
     def close(self) -> None:
         """As `Cnc.close`."""
         self._dismiss()

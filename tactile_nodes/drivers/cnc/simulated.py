@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from tactile_nodes.clock import Clock
-from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, CncStatus, Envelope, Identity, Place, Switched
+from tactile_nodes.drivers.cnc.contract import CncSettings, CncState, CncStatus, Envelope, Place, Switched
 from tactile_nodes.drivers.cnc.envelope import guard
 from tactile_nodes.drivers.cnc.guarded import GuardedCnc
 from tactile_nodes.drivers.health import Health, Level
@@ -77,11 +77,6 @@ class SimulatedCnc(GuardedCnc):
         self._guard = guard(self._settings, Envelope((-room[0], -room[1], -room[2]), (0.0, 0.0, 0.0)))
         self._origin = self._machine.motor_at(self._clock.now_ns())
         self._homed = False
-
-    def identify(self) -> Identity:
-        """As `Cnc.identify`."""
-        self._rules()
-        return Identity('simulated', '1')
 
     def home(self) -> None:
         """As `Cnc.home`: up, then to the upper ends, then off the switches."""

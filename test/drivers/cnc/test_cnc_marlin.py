@@ -51,7 +51,7 @@ def scripted(script: Script, first: bytes = BOOT) -> tuple[MarlinCnc, Scripted]:
 def test_connecting_agrees_on_line_numbers_and_asks_for_capabilities() -> None:
     cnc, port = scripted(CONNECT)
     assert port.left == []
-    assert (cnc.identify().firmware, cnc.identify().version) == ('Marlin', '2.1.2.7')
+    assert cnc.description['kind'] == 'CNC, Marlin 2.1.2.7'
     assert cnc.blind_step_mm is None
 
 
