@@ -7,7 +7,6 @@ rig in seconds, and repeatably (`benchmarks/devices/direct_port.py`).
 
 from __future__ import annotations
 
-import random
 import threading
 from abc import ABC, abstractmethod
 from collections import deque
@@ -81,11 +80,6 @@ class SerialDevice(ABC):
         if not self.faults.hung:
             due_ns = self.now_ns + round(self.faults.delay_s * NS_PER_S)
             self._saying.append((max(due_ns, self._saying[-1][0] if self._saying else 0), data))
-
-    def garble(self, count: int = 40, seed: int = 0) -> None:
-        """Noise on the line: random bytes to the host."""
-        with self._lock:
-            self.say(random.Random(seed).randbytes(count))  # noqa: S311
 
     @abstractmethod
     def power_cycle(self) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import random
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,7 +27,6 @@ class EmulatedControlLine:
         self._line = line
         self._clock = clock
         self._inverted = inverted
-        self._closed = threading.Event()
 
     def level(self) -> bool:
         """The level now."""
@@ -43,8 +41,7 @@ class EmulatedControlLine:
         return False
 
     def close(self) -> None:
-        """Close it."""
-        self._closed.set()
+        """Nothing to close."""
 
 
 class SharedLine:
@@ -71,7 +68,6 @@ class RecorderFaults:
     missing: float = 0.0
     doubled: float = 0.0
     jitter_s: float = 0.0
-    bounce_s: tuple[float, float] = (0.003, 0.03)
 
 
 def recorded(
@@ -87,7 +83,7 @@ def recorded(
         stamp_ns = edge.stamp_ns + round(chance.uniform(-faults.jitter_s, faults.jitter_s) * NS_PER_S)
         recording.append((clock.offset + clock.count(stamp_ns), edge.level))
         if chance.random() < faults.doubled:
-            again_ns = stamp_ns + round(chance.uniform(*faults.bounce_s) * NS_PER_S)
+            again_ns = stamp_ns + round(chance.uniform(0.003, 0.03) * NS_PER_S)
             recording.append((clock.offset + clock.count(again_ns), edge.level))
     return sorted(recording)
 
