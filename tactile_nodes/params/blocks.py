@@ -40,7 +40,8 @@ def parameter(
 ) -> Any:
     """A field of a parameter block; `read_only` means that a change needs a restart of the node.
 
-    The default is ``READ_ONLY: ClassVar[bool]`` of its block, then that of the enclosing block.
+    The default of that is ``READ_ONLY: ClassVar[bool]`` of its block, then that of the enclosing block. A number must be
+    finite, unless `maximum` is infinite.
     """
     return dataclasses.field(
         default=default,
@@ -147,6 +148,8 @@ def _checked(name: str, hint: Any, facts: Mapping[str, Any], written: object, so
         return tuple(_of_type(name, inner, item, written, source, exact) for item in value)
     value = _of_type(name, hint, value, written, source, exact)
     low, high, choices = facts.get('minimum'), facts.get('maximum'), facts.get('choices')
+    if isinstance(value, float) and math.isinf(value) and high != math.inf:  # such a limit would limit nothing
+        raise _at(written, source, f'{name!r} must be finite, got {value!r}')
     if choices is not None and value not in choices:
         raise _at(written, source, f'{name!r} must be one of {", ".join(map(repr, choices))}, got {value!r}')
     if (low is not None and not typing.cast(float, value) >= low) or (

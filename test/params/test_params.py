@@ -143,6 +143,8 @@ def test_block_takes_values_and_keeps_its_defaults() -> None:
         ({'rate': 0.5}, r"'rate' must be from 1\.0 to 240\.0, got 0\.5"),
         ({'rate': math.nan}, r"'rate' must be a number, got nan"),
         ({'offset': math.nan}, r"'offset' must be a number, got nan"),
+        ({'rate': math.inf}, r"'rate' must be finite, got inf"),
+        ({'offset': -math.inf}, r"'offset' must be finite, got -inf"),
         ({'preset': 'slow'}, r"'preset' must be one of 'fast', 'medium', got 'slow'"),
         ({'preset': 5}, r'put it in quotes: "5"'),
         ({'preset': 'fa\0st'}, r"'preset' must not contain a NUL character"),

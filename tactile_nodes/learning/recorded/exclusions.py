@@ -39,7 +39,7 @@ class Limits:
     )
     force_deviation_n: float = parameter(0.1, 'largest standard deviation of the force in the window', minimum=0.0)
     depth_error_mm: float = parameter(0.05, 'largest difference between reported and commanded depth', minimum=0.0)
-    largest_force_n: float = parameter(math.inf, 'most force', minimum=0.0)
+    largest_force_n: float = parameter(math.inf, 'most force', minimum=0.0, maximum=math.inf)
     pull_n: float = parameter(0.05, 'largest force away from the gel, allowed for tare and noise', minimum=0.0)
 
 
