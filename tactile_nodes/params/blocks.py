@@ -40,8 +40,8 @@ def parameter(
 ) -> Any:
     """A field of a parameter block; `read_only` means that a change needs a restart of the node.
 
-    The default of that is ``READ_ONLY: ClassVar[bool]`` of its block, then that of the enclosing block. A number must be
-    finite, unless `maximum` is infinite.
+    The default of that is ``READ_ONLY: ClassVar[bool]`` of its block, then that of the enclosing block. Numbers are
+    finite, unless `maximum` is not.
     """
     return dataclasses.field(
         default=default,
