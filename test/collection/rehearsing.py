@@ -5,15 +5,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 
 from benchmarks.devices.rehearsal import Rehearsal
 from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import MISSING, Entry, Journal
 from tactile_nodes.collection.plan.order import ordered
-from tactile_nodes.collection.plan.plan import Plan, PlanSettings, make_plan
+from tactile_nodes.collection.plan.plan import Plan, PlanSettings, Point, make_plan
+from tactile_nodes.collection.press import cycle
 from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.run.campaign import Campaign
 from tactile_nodes.collection.run.outlet import Outlet
@@ -40,6 +43,18 @@ def changed(**blocks: dict[str, object]) -> CollectionSettings:
     """The settings with some of a block changed: changed(limits={'force_n': 1.0})."""
     given = {name: dataclasses.replace(getattr(SETTINGS, name), **values) for name, values in blocks.items()}
     return dataclasses.replace(SETTINGS, **given)
+
+
+def reject(monkeypatch: pytest.MonkeyPatch, is_bad: Callable[[Point], bool], reason: str) -> None:
+    """Presses at these points are good until the end, and rejected then."""
+    judge = cycle._judge
+
+    def strict(record: Record, *others: Any) -> None:
+        judge(record, *others)
+        if is_bad(record.point):
+            raise cycle.RejectedError(reason)
+
+    monkeypatch.setattr(cycle, '_judge', strict)
 
 
 class Dots:

@@ -6,14 +6,11 @@ import dataclasses
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import TABLE, Dots, Run, changed
+from rehearsing import TABLE, Dots, Run, changed, reject
 
-from tactile_nodes.collection.press import cycle
-from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.readings import frame_of
 from tactile_nodes.collection.run.anchors import follows
 from tactile_nodes.collection.run.shift import imprint, shift_px
@@ -214,14 +211,7 @@ def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_can_no_l
     """There is a bubble in the gel at that place now. The other places are pressed all the same."""
     first = interrupted(tmp_path, dots, stick=False)
     last = next(each.point for each in reversed(first.published) if each.point.depth_mm > 1)
-    judge = cycle._judge
-
-    def strict(record: Record, *others: Any) -> None:
-        judge(record, *others)
-        if record.point[1:] == last[1:]:
-            raise cycle.RejectedError('not steady')
-
-    monkeypatch.setattr(cycle, '_judge', strict)
+    reject(monkeypatch, lambda point: point[1:] == last[1:], 'not steady')
     second = Run(tmp_path, SETTINGS, dots=dots)
     second.earlier = first.published
     assert second.campaign.run().startswith('the plan is done except for presses that were set aside or rejected')
@@ -235,14 +225,7 @@ def test_a_run_that_ends_with_presses_that_fail_each_time_is_anchored_to_its_end
     """Five places lie beyond the rim of the gel: they are left at the end, and fail one after another."""
     first = Run(tmp_path, SETTINGS, dots=dots)
     bad = {point.press for point in first.campaign._order[1::2][:5]}
-    judge = cycle._judge
-
-    def strict(record: Record, *others: Any) -> None:
-        judge(record, *others)
-        if record.point.press in bad:
-            raise cycle.RejectedError('not steady')
-
-    monkeypatch.setattr(cycle, '_judge', strict)
+    reject(monkeypatch, lambda point: point.press in bad, 'not steady')
     with pytest.raises(DeviceFaultError, match='5 presses in a row were rejected, the last because not steady'):
         first.campaign.run()
     assert sorted(first.recorded) == [press for press in ALL if press not in bad]

@@ -7,16 +7,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
-from rehearsing import SAFE_Z_MM, TABLE, Dots, Run, changed
+from rehearsing import SAFE_Z_MM, TABLE, Dots, Run, changed, reject
 
 from tactile_nodes.collection.machine_record import MachineRecord
 from tactile_nodes.collection.plan.journal import Journal
 from tactile_nodes.collection.plan.plan import PlanSettings
-from tactile_nodes.collection.press import cycle
-from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.emulators.world import WorldSettings, Wrench
 from tactile_nodes.errors import BusError, ConfigurationError, DeviceError, DeviceFaultError, TactileError
 
@@ -176,7 +173,7 @@ def test_axis_that_sticks_above_the_gel_ends_the_run_on_the_next_way_down(tmp_pa
     assert len(run.published) == 4
 
 
-def test_stop_in_the_gel_goes_up_and_the_next_run_does_the_rest(tmp_path: Path) -> None:
+def test_stop_in_the_gel_goes_up_and_the_next_run_does_the_rest_beginning_with_another_attempt(tmp_path: Path) -> None:
     first = Run(tmp_path)
     first.at(4, first.in_the_gel(lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
     assert 'stopped on request' in first.campaign.run()
@@ -184,6 +181,7 @@ def test_stop_in_the_gel_goes_up_and_the_next_run_does_the_rest(tmp_path: Path) 
     first.journal.close()
     second = Run(tmp_path)
     second.campaign.run()
+    assert second.published[0].attempt == 2
     assert sorted(first.recorded + second.recorded) == ALL
 
 
@@ -203,28 +201,11 @@ def test_stop_of_a_whole_launch_leaves_no_tip_in_the_gel(tmp_path: Path, silent:
     assert not any('may not be up' in line for line in run.printed)
 
 
-def test_broken_off_press_is_repeated_under_a_new_attempt_number(tmp_path: Path) -> None:
-    first = Run(tmp_path)
-    first.at(4, first.in_the_gel(lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
-    first.campaign.run()
-    first.journal.close()
-    second = Run(tmp_path)
-    second.campaign.run()
-    assert second.published[0].attempt == 2
-
-
 def test_a_press_that_was_rejected_each_time_is_not_counted_as_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = Run(tmp_path)
-    judge = cycle._judge
-
-    def strict(record: Record, *others: Any) -> None:
-        judge(record, *others)
-        if record.point.press == 5:
-            raise cycle.RejectedError('the camera sees a fly')
-
-    monkeypatch.setattr(cycle, '_judge', strict)
+    reject(monkeypatch, lambda point: point.press == 5, 'the camera sees a fly')
     assert run.campaign.run() == (
         'the plan is done except for presses that were set aside or rejected each time: 11 of 12 presses '
         'recorded, 11 of them now; 3 attempts rejected (3 x the camera sees a fly)'
