@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from tactile_nodes.bus.protocol import Bus, Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import default_qos
+from tactile_nodes.errors import BusError
 
 Key = tuple[str, str]
 """Full name and type of a topic."""
@@ -41,15 +42,25 @@ class Tap:
         return sum(subscription.dropped for subscription in self._subscriptions.values())
 
     def keep(self, wanted: Iterable[Key]) -> None:
-        """Receive exactly the topics in `wanted` from now on. A new subscription gets the latched message again."""
+        """Receive exactly the topics in `wanted` from now on. A new subscription gets the latched message again.
+
+        Raises:
+            BusError: one of them cannot be received; the others are.
+        """
         keys = set(wanted)
+        failure: BusError | None = None
         for key in self._subscriptions.keys() - keys:
             self._subscriptions.pop(key).close()
         for key in sorted(keys - self._subscriptions.keys()):
             topic, type_name = key
             qos = Qos('queue', max(default_qos(topic).depth, _SHORTEST_QUEUE))
-            self._subscriptions[key] = self._bus.subscribe(topic, type_name, qos, self._node, self._wake)
+            try:
+                self._subscriptions[key] = self._bus.subscribe(topic, type_name, qos, self._node, self._wake)
+            except BusError as error:
+                failure = error
             self._wake()
+        if failure is not None:
+            raise failure
 
     def close(self) -> None:
         """Stop receiving."""

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.tapping import Tap
+from tactile_nodes.errors import BusError
 from tactile_nodes.messages import types
 
 WRENCH = 'geometry_msgs/msg/WrenchStamped'
@@ -35,6 +38,24 @@ def publisher(bus: InProcessBus, topic: str, *, latched: bool = False) -> Any:
 
 def wrench(z: float) -> types.WrenchStamped:
     return types.WrenchStamped(wrench=types.Wrench(force=types.Vector3(z=z)))
+
+
+def test_a_topic_that_cannot_be_received_keeps_no_other_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    bus = InProcessBus()
+    subscribe = bus.subscribe
+
+    def refusing(topic: str, *rest: Any) -> Any:
+        if topic == '/a':  # as on ROS 2 for a type whose package is installed on the robot alone
+            raise BusError('ROS 2 has no such type here')
+        return subscribe(topic, *rest)
+
+    monkeypatch.setattr(bus, 'subscribe', refusing)
+    who, b = Somebody(bus), publisher(bus, '/b')
+    with pytest.raises(BusError, match='no such type here'):
+        who.tap.keep([('/a', WRENCH), ('/b', WRENCH)])
+    b.publish(wrench(2.0))
+    who.run()
+    assert who.got == [('/b', 2.0)]
 
 
 def test_what_is_wanted_comes_and_what_is_not_does_not() -> None:
