@@ -21,6 +21,7 @@ _CHOICES: dict[str, tuple[Value, ...]] = {
     'reliability': ('reliable', 'best_effort'),
     'durability': ('volatile', 'transient_local'),
 }
+_DEEPEST = 2**31 - 1  # an int of C
 _POLICIES = ('depth', *_CHOICES)
 
 
@@ -64,5 +65,6 @@ def _problem(name: str, value: object) -> str:
     if policy not in _POLICIES:
         return f'is not a policy that can be set; available: {", ".join(_POLICIES)}'
     if policy == 'depth':
-        return '' if isinstance(value, int) and not isinstance(value, bool) and value > 0 else 'must be 1 or more'
+        fits = isinstance(value, int) and not isinstance(value, bool) and 0 < value <= _DEEPEST
+        return '' if fits else f'must be an integer from 1 to {_DEEPEST}'
     return '' if value in _CHOICES[policy] else f'must be {" or ".join(map(str, _CHOICES[policy]))}, got {value!r}'

@@ -72,8 +72,9 @@ def test_overrides_are_parameters_that_only_a_restart_changes(node: Ends) -> Non
 @pytest.mark.parametrize(
     ('rule', 'words'),
     [
-        ('qos_overrides./wrench.publisher.depth:=0', 'must be 1 or more'),
-        ('qos_overrides./wrench.publisher.depth:=true', 'must be 1 or more'),
+        ('qos_overrides./wrench.publisher.depth:=0', 'must be an integer from 1 to 2147483647'),
+        ('qos_overrides./wrench.publisher.depth:=true', 'must be an integer from 1 to 2147483647'),
+        ('qos_overrides./wrench.publisher.depth:=2147483648', 'must be an integer from 1 to 2147483647'),
         ('qos_overrides./wrench.publisher.reliability:=sometimes', "must be reliable or best_effort, got 'sometimes'"),
         ('qos_overrides./wrench.publisher.history:=keep_all', "must be keep_last, got 'keep_all'"),
         ('qos_overrides./wrench.publisher.speed:=1', 'is not a policy that can be set; available: depth'),
