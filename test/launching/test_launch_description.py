@@ -69,6 +69,17 @@ def test_arguments_of_included_files_are_shown_unless_given(launch_file):
     assert [each.argument.name for each in description.declared_arguments(outer)] == ['open']
 
 
+def test_arguments_of_a_file_that_an_argument_names_are_known(launch_file):
+    for robot in ('arm', 'hand'):
+        launch_file(f'- arg: {{name: {robot}_speed, default: "1"}}\n', name=f'{robot}.launch.yaml')
+    outer = launch_file('- arg: {name: robot, default: arm}\n- include: {file: $(dirname)/$(var robot).launch.yaml}\n')
+    names = [
+        [each.argument.name for each in description.declared_arguments(outer, given)]
+        for given in ({}, {'robot': 'hand'})
+    ]
+    assert names == [['robot', 'arm_speed'], ['robot', 'hand_speed']]
+
+
 def test_print_shows_one_line_an_action_with_includes_unfolded(launch_file):
     launch_file('- log: {message: inner}\n', 'inner.launch.yaml')
     outer = launch_file("""\

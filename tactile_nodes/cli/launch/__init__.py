@@ -114,7 +114,7 @@ def refuse_unknown(file: Path, given: dict[str, str]) -> None:
     Raises:
         ConfigurationError: an argument is not declared; the message suggests the nearest name.
     """
-    declared = {each.argument.name for each in description.declared_arguments(file)}
+    declared = {each.argument.name for each in description.declared_arguments(file, given)}
     if unknown := sorted(given.keys() - declared - _BUILT_IN):
         name = unknown[0]
         raise ConfigurationError(
