@@ -184,6 +184,8 @@ def _typed(description: Any, value: Any, place: str) -> Any:
         if kind == Nodetype.BASE:
             return _base(rest[0], value)
         (inner_kind, inner), _ = rest
+        if not isinstance(value, (list, tuple, np.ndarray)):  # else a text would become a list of its letters
+            raise TypeError('expected a list')
         if inner_kind == Nodetype.BASE and inner[0] not in {'string', 'wstring'}:
             return np.array(value, {'byte': 'u1', 'char': 'u1', 'octet': 'u1'}.get(inner[0], inner[0]))
         return [_typed((inner_kind, inner), item, place) for item in value]

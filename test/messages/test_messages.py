@@ -101,6 +101,11 @@ def test_from_dict_reads_what_a_person_types() -> None:
     assert messages.to_dict(message)['wrench']['force'] == {'x': 0.0, 'y': 0.0, 'z': -1.0}
 
 
+def test_from_dict_takes_no_text_for_a_list_of_its_letters() -> None:
+    with pytest.raises(MessageError, match=r"JointState\.name cannot be 'wrist': expected a list"):
+        messages.from_dict('sensor_msgs/msg/JointState', {'name': 'wrist', 'position': [1.0]})
+
+
 @pytest.mark.parametrize(
     ('values', 'sentence'),
     [
