@@ -29,7 +29,8 @@ KNOCKED_SHARE = 0.1
 
 ALTERED_SHARE = {FORCE.REASON_LIGHT_CHANGED: 0.02, FORCE.REASON_BLURRED: 0.02, ALTERED: 0.15}
 """The same for an image with other light, for one that is less sharp or noisier, and for one that is both. A blur of
-1 px reads 2 % too little. JPEG of quality 30, which is both, reads a seventh too little."""
+1 px reads 2 % too little once the rest image has it too. JPEG of quality 30, which is both, reads a seventh too little,
+and a blur of half a pixel that the rest image does not have, which counts as both, a tenth."""
 
 BEGINNING_SHARE = 0.1
 """Error of a force whose contact began within the exposure, as a share of the force (standard deviation).

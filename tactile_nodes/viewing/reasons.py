@@ -19,7 +19,7 @@ _SENTENCES = {
     _KIND.REASON_CALIBRATION_AGEING: 'The calibration has become less accurate.',
     _KIND.REASON_CALIBRATION_INVALID: 'The calibration is no longer valid.',
     _KIND.REASON_PICTURE_LOST: 'The gel was not found in the picture. Did the camera or the gel move far?',
-    _KIND.REASON_LIGHT_CHANGED: 'The light changed too much. Fix the lamp, or capture the rest image again.',
+    _KIND.REASON_LIGHT_CHANGED: 'The picture differs from the rest image. Check the light, or capture it again.',
     _KIND.REASON_BLURRED: 'The picture is less sharp than before. Check lens and focus.',
     _KIND.REASON_REST_DOUBTFUL: 'Something touched the gel while the rest image was taken. Capture it again.',
     _KIND.REASON_BEGINNING: 'Contact began in this frame, so the gel may still be moving.',

@@ -147,6 +147,19 @@ def test_a_blur_of_a_third_of_a_pixel_has_a_rest_image_of_its_own_until_it_ends(
     assert stream.feed(1, touch).reasons == 0
 
 
+@pytest.mark.parametrize('blur_px', [0.6, 1.0])
+def test_a_blur_that_comes_during_a_touch_counts_as_another_picture_until_it_has_a_rest_image(blur_px: float) -> None:
+    """Beside the sharp one a blur of 1 px leaves six tenths of the force; beside its own rest image all of it."""
+    stream, touch = Stream(), press(200, 200, 1.0)
+    both = FORCE.REASON_LIGHT_CHANGED | FORCE.REASON_BLURRED
+    stream.feed(8)
+    stream.feed(2, touch)
+    stream.blur_px = blur_px
+    assert {stream.feed(1, touch).reasons & both for _ in range(6)} == {both}
+    stream.feed(20)
+    assert stream.feed(1, touch).reasons & both == FORCE.REASON_BLURRED
+
+
 @pytest.mark.parametrize('blur_px', [1.0, 1.3])
 def test_a_blurred_picture_is_not_said_to_have_another_light(blur_px: float) -> None:
     """The pattern that blur takes away comes back by focusing, and not by mending the lamp."""

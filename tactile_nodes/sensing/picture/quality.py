@@ -101,6 +101,10 @@ NOISY_OFF = 0.04
 """The same for noise: three times the noise adds 0.03 on the simulated sensor and 0.13 with printed dots. Frames of
 dots are 0.2 sharper than their mean, because most of what differs from pixel to pixel is noise."""
 
+MUCH_BLURRED_OFF = -0.011
+"""Change beyond the one that counts as blur, from which a picture counts as another one. Together they are a blur of
+half a pixel: beside a rest image without it, motion is a tenth too small, and with a blur of 1 px four tenths."""
+
 REST_BLURRED_OFF = -0.005
 """A rest image with so much less sharpness than another is blurred. Its noise causes 0.002."""
 
@@ -161,6 +165,10 @@ class PictureLikeness:
     def near(self, level: float, sharp: float) -> Unlike:
         """How a picture of this mean grey and `sharpness` differs so much that motion is measured less well."""
         return self._beyond(level, sharp, self.near_light)
+
+    def much_sharper(self, than: float) -> bool:
+        """Whether a picture of the sharpness `than` is so blurred beside the rest image that it counts as another."""
+        return not than - self.sharpness >= self.least_off + MUCH_BLURRED_OFF
 
     def far(self, level: float, sharp: float) -> Unlike:
         """How a picture differs so much that no other rest image helps."""
