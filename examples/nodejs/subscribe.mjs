@@ -28,8 +28,18 @@ function runFolder() {
 function outletsOf(topic, folder) {
   const records = readdirSync(folder).filter((name) => /^[0-9a-f]{8}\.json$/.test(name));
   return records
-    .flatMap((name) => JSON.parse(readFileSync(path.join(folder, name), "utf8")).outlets)
+    .flatMap((name) => outletsIn(path.join(folder, name)))
     .filter((outlet) => outlet.topic === topic);
+}
+
+// None if the process has ended since the folder was read: its record is gone.
+function outletsIn(file) {
+  try {
+    return JSON.parse(readFileSync(file, "utf8")).outlets;
+  } catch (error) {
+    if (error.code === "ENOENT") return [];
+    throw error;
+  }
 }
 
 // The fields of a type: of this package's from its .msg file, of ROS 2's from the library.

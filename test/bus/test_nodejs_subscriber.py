@@ -83,3 +83,12 @@ def test_a_large_message_of_two_frames_arrives_too(node: str, bus: ZmqBus) -> No
     message = received_by(node, bus, topics.IMAGE, image)[0]['message']
     assert isinstance(message, dict)
     assert message['data'][:3] + message['data'][-2:] == pixels[[0, 1, 2, -2, -1]].tolist()
+
+
+def test_a_process_that_ends_while_the_folder_is_read_does_not_end_the_program(node: str, bus: ZmqBus) -> None:
+    (bus.meeting.folder / '0badcafe.json').symlink_to('removed')  # listed, and gone when it is read
+    first, _ = received_by(node, bus, topics.FORCE_DISTRIBUTION, types.ForceDistribution(total=1.75))
+    assert (bus.meeting.folder / '0badcafe.json').is_symlink()
+    message = first['message']
+    assert isinstance(message, dict)
+    assert message['total'] == 1.75
