@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -65,6 +66,12 @@ def test_pictures_become_a_description_that_they_fit(folder: Path, capsys: pytes
     assert main(['sensor', 'check', 'mine.yaml', 'rest']) == 0
     assert capsys.readouterr().out.count('ok   ') == 11
     assert Path('mine_check.png').is_file()
+
+
+def test_the_next_command_can_be_typed_as_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['sensor', 'new', 'rest', '-o', 'my sensor.yaml', '--width', '18.5', '--yes']) == 0
+    printed = capsys.readouterr().out.rsplit('with: ', 1)[1]
+    assert shlex.split(printed)[:4] == ['tactile', 'calibrate', '--sensor', 'my sensor.yaml']
 
 
 def test_a_gel_of_which_nobody_says_how_stiff_it_is_has_forces_that_are_known_to_60_percent(folder: Path) -> None:

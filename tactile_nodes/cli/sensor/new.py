@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -89,7 +90,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
         return 1
     write_whole(output, text_of(sensor, sources).encode())
-    print(f'wrote {output}; make a model of it with: tactile calibrate --sensor {output} --model field -o …')
+    name = shlex.quote(str(output))
+    print(f'wrote {output}; make a model of it with: tactile calibrate --sensor {name} --model field -o …')
     return 0
 
 
