@@ -16,7 +16,7 @@ from tactile_nodes.learning.calibrating.calibrator import Calibrator, PressRead,
 from tactile_nodes.learning.calibrating.files import Source, completed, write
 from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recorded.bags import CollectionBag, RecordedPress
+from tactile_nodes.learning.recorded.bags import RecordedPress, open_bags
 from tactile_nodes.learning.recorded.building import card_entry
 from tactile_nodes.learning.transfer.fit import Transfer
 
@@ -55,16 +55,16 @@ class Presses(Protocol):
 
 
 class BagPresses:
-    """The presses of some bags, one bag after the other. Raises what `CollectionBag` raises."""
+    """The presses of some bags, one bag after the other. Raises what `open_bags` raises."""
 
     rest_counts = False
     waiting = False
 
     def __init__(self, bags: Sequence[Path], namespace: str | None = None, tell: Tell = lambda _: None) -> None:
-        self.bags = bags
         with ExitStack() as stack:
-            self._opened = [stack.enter_context(CollectionBag(path, namespace)) for path in bags]
+            self._opened = open_bags(bags, stack, tell, namespace)
             self._closing = stack.pop_all()
+        self.bags: Sequence[Path] = [bag.path for bag in self._opened]
         self._stream = self._presses(tell)
 
     def __iter__(self) -> Iterator[tuple[int, RecordedPress]]:

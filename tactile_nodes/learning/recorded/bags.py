@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -189,6 +190,10 @@ class Aligner:
         self._spans = [each for each in self._spans if each.last_ns > end_ns - STATE_REACH_NS]
 
 
+class NoPressesError(DatasetError):
+    """A bag has no topic of presses, or none of their images."""
+
+
 class CollectionBag:
     """A bag with presses of one sensor.
 
@@ -197,7 +202,8 @@ class CollectionBag:
 
     Raises:
         BagError: it cannot be read.
-        DatasetError: it holds no presses, or presses of several sensors and none was chosen.
+        NoPressesError: it holds no presses, or no images of them.
+        DatasetError: it holds presses of several sensors and none was chosen, or presses of another release.
     """
 
     def __init__(self, path: Path, namespace: str | None = None, reference: str | None = None) -> None:
@@ -302,7 +308,35 @@ class CollectionBag:
                 '--namespace (which a launch does not have: use tactile calibrate instead)'
             )
         if needed and not found:
-            raise DatasetError(
+            raise NoPressesError(
                 f'{self.path} holds no topic {wanted or topic.name} ({topic.type_name}); give a bag of a collection'
             )
         return found[0] if found else ''
+
+
+def open_bags(
+    paths: Sequence[Path],
+    stack: ExitStack,
+    tell: Callable[[str], None],
+    namespace: str | None = None,
+    reference: str | None = None,
+) -> list[CollectionBag]:
+    """The bags with presses; the stack closes them. Those without are named by `tell` and left out.
+
+    A run that ended before its rig was ready leaves such a bag beside those of the runs that pressed.
+
+    Raises:
+        BagError, DatasetError: a bag cannot be read or used, or none holds presses.
+    """
+    opened: list[CollectionBag] = []
+    without: list[NoPressesError] = []
+    for path in paths:
+        try:
+            opened.append(stack.enter_context(CollectionBag(path, namespace, reference)))
+        except NoPressesError as error:
+            without.append(error)
+    if without and not opened:
+        raise without[0]
+    for each in without:
+        tell(f'left out: {each}')
+    return opened

@@ -18,7 +18,7 @@ from tactile_nodes.learning.datasets.labels import describe
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.progress import Bar, Progress
 from tactile_nodes.learning.recorded import exclusions
-from tactile_nodes.learning.recorded.bags import CollectionBag, Frame, RecordedPress
+from tactile_nodes.learning.recorded.bags import CollectionBag, Frame, RecordedPress, open_bags
 from tactile_nodes.learning.recorded.exclusions import LeftOut, Limits, judge
 from tactile_nodes.learning.recorded.gels import Gels
 from tactile_nodes.learning.recorded.measuring import Measurer
@@ -73,7 +73,7 @@ class BuildOptions:
 def build(
     bags: Sequence[Path], options: BuildOptions, progress: Progress | None = None, *, command: str = ''
 ) -> RecordedPresses:
-    """The data set of some bags; presses on two gels are only warned of.
+    """The data set of some bags; presses on two gels, and bags without presses, are only warned of.
 
     Ctrl-C ends it at once. Measurements made so far are kept, and the next run continues from there.
 
@@ -82,7 +82,7 @@ def build(
     """
     progress = progress or Progress()
     with ExitStack() as stack:
-        opened = [stack.enter_context(CollectionBag(path, options.namespace, options.reference_clock)) for path in bags]
+        opened = open_bags(bags, stack, progress.say, options.namespace, options.reference_clock)
         for bag in opened:
             for warning in bag.clocks.warnings:
                 progress.say(f'{bag.path}: {warning}; its stamps are used as they are')
@@ -93,7 +93,9 @@ def build(
             for press in bag.presses():
                 builder.take(number, press)
                 gels.see(bag.path, measurer)
-    return builder.recordings([card_entry(bag, options.gel['id']) for bag in opened], list(bags), command=command)
+    return builder.recordings(
+        [card_entry(bag, options.gel['id']) for bag in opened], [bag.path for bag in opened], command=command
+    )
 
 
 class Builder:

@@ -9,7 +9,7 @@ requirement selects one of them.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -22,7 +22,7 @@ from tactile_nodes.learning.config import Choice, TrainConfig
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.network.scores import Validation
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recorded.bags import CollectionBag
+from tactile_nodes.learning.recorded.bags import open_bags
 from tactile_nodes.learning.recorded.building import BuildOptions, build
 from tactile_nodes.learning.run.folder import Run
 from tactile_nodes.learning.training.source import TrainingData, recorded_data, training_data
@@ -185,8 +185,10 @@ class RecordedSource:
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:
         found: list[np.ndarray] = []
-        with CollectionBag(self._bags[0], self._options.namespace, self._options.reference_clock) as bag:
-            presses = bag.presses()
+        with ExitStack() as stack:
+            options = self._options
+            opened = open_bags(self._bags, stack, lambda _: None, options.namespace, options.reference_clock)
+            presses = opened[0].presses()
             assert isinstance(presses, Generator)
             with closing(presses):  # it holds the bag's file open
                 for press in presses:

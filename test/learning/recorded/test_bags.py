@@ -351,6 +351,25 @@ def test_a_bag_without_presses_is_refused(tmp_path: Path) -> None:
         build([tmp_path / 'empty'], COARSE)
 
 
+class Lines(Progress):
+    """Keeps what is said."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def say(self, text: str) -> None:
+        self.lines.append(text)
+
+
+def test_a_bag_of_a_run_that_never_pressed_is_left_out(bag: Path, tmp_path: Path) -> None:
+    from tactile_nodes.bag.writer import BagWriter
+
+    BagWriter(tmp_path / 'empty').close()
+    told = Lines()
+    assert build([tmp_path / 'empty', bag], COARSE, told).fingerprint == build([bag], COARSE).fingerprint
+    assert any('left out' in line and str(tmp_path / 'empty') in line for line in told.lines)
+
+
 def test_if_no_press_can_be_used_the_reasons_are_reported(collection: Collection) -> None:
     collection.press(0, 1, 0.0, 0.0, 0.5, frames=1)
     with pytest.raises(DatasetError, match=r'no press of .* can be used: 1 lost frames \(the first: 1 images'):
