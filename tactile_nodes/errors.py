@@ -21,6 +21,7 @@
     ├── BagError                    a recording that cannot be written or read
     ├── AskedToEndError             the process must end while some of its work still waits
     ├── DatasetError                a data set of presses that is missing, damaged or unfit for training
+    │   ├── NoPressesError          a bag without a topic of presses, or of their images
     │   └── TooFewPressesError      too few presses, or too few images of the untouched gel
     └── ModelError                  a model file that is missing, damaged, foreign or made for other inputs
 
@@ -118,6 +119,10 @@ class BagError(TactileError):
 
 class DatasetError(TactileError):
     """A data set of presses that is missing, damaged, or unfit for its use."""
+
+
+class NoPressesError(DatasetError):
+    """A bag has no topic of presses, or none of their images."""
 
 
 class TooFewPressesError(DatasetError):

@@ -21,7 +21,7 @@ from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE, Topic
 from tactile_nodes.conversions import image_array
-from tactile_nodes.errors import DatasetError, ImageError, MessageError, TactileError
+from tactile_nodes.errors import DatasetError, ImageError, MessageError, NoPressesError, TactileError
 from tactile_nodes.learning.recorded.clocks import Clocks, bag_clocks
 from tactile_nodes.learning.recorded.forces import ForceSamples
 from tactile_nodes.messages import stamp_ns, types
