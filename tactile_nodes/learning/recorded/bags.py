@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -190,10 +191,6 @@ class Aligner:
         self._spans = [each for each in self._spans if each.last_ns > end_ns - STATE_REACH_NS]
 
 
-class NoPressesError(DatasetError):
-    """A bag has no topic of presses, or none of their images."""
-
-
 class CollectionBag:
     """A bag with presses of one sensor.
 
@@ -224,7 +221,7 @@ class CollectionBag:
     def __enter__(self) -> CollectionBag:
         return self
 
-    def __exit__(self, *args: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
     def close(self) -> None:
