@@ -57,7 +57,8 @@ def _curves(axis: Any, presses: RecordedPresses) -> None:
         middle = [float(np.median(force[member.reshape(-1) == number])) for number in range(len(depths))]
         axis.plot(depths, middle, 'k-', linewidth=1, label='median')
     axis.legend(loc='upper left')
-    axis.set(title='force over depth', xlabel='depth [mm]', ylabel='force [N]', xlim=(0, None))
+    known = '' if np.isfinite(depth).any() else ': no depth is known'
+    axis.set(title=f'force over depth{known}', xlabel='depth [mm]', ylabel='force [N]', xlim=(0, None))
 
 
 def _histogram(axis: Any, presses: RecordedPresses) -> None:
@@ -73,7 +74,10 @@ def _force_map(figure: Any, axis: Any, presses: RecordedPresses) -> None:
     shown = axis.imshow(forces, extent=extent, cmap='magma', vmin=0)
     figure.colorbar(shown, ax=axis, label='force [N]')
     axis.plot(*presses.position_mm[chosen], '+', color='cyan')
-    axis.set(
-        title=f'label of press {presses.press[chosen]}: {presses.force_n[chosen]:.3f} N at '
-        f'{presses.depth_mm[chosen]:g} mm', xlabel='x [mm]', ylabel='y [mm]',
-    )  # fmt: skip
+    axis.set(title=_title(presses, chosen), xlabel='x [mm]', ylabel='y [mm]')
+
+
+def _title(presses: RecordedPresses, chosen: int) -> str:
+    depth_mm = presses.depth_mm[chosen]
+    known = f' at {depth_mm:g} mm' if np.isfinite(depth_mm) else ''
+    return f'label of press {presses.press[chosen]}: {presses.force_n[chosen]:.3f} N{known}'

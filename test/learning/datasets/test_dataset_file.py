@@ -150,6 +150,19 @@ def test_the_picture_is_drawn(presses: RecordedPresses, tmp_path: Path) -> None:
     assert (tmp_path / 'presses.png').read_bytes().startswith(b'\x89PNG')
 
 
+@pytest.mark.parametrize(('depth_mm', 'known'), [(1.5, True), (np.nan, False)])
+def test_the_picture_names_a_depth_only_if_it_is_known(
+    presses: RecordedPresses, tmp_path: Path, depth_mm: float, known: bool
+) -> None:
+    """A table of presses by hand has no depths. The title of a picture as SVG is a comment in its text."""
+    pytest.importorskip('matplotlib')
+    draw(dataclasses.replace(presses, depth_mm=np.full_like(presses.depth_mm, depth_mm)), tmp_path / 'presses.svg')
+    text = (tmp_path / 'presses.svg').read_text()
+    assert (' N at 1.5 mm' in text) == known
+    assert ('no depth is known' in text) != known
+    assert 'nan' not in text.split('label of press', 1)[1].split('-->', 1)[0]
+
+
 # --- training and evaluation ------------------------------------------------------------------------------
 
 
