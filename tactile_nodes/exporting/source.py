@@ -198,7 +198,8 @@ class Source:
             else:
                 self._lay_out(name)
         if not self.layouts:
-            raise BagError(f'{self.bag.path} contains nothing to export: {self.left_out or "no topics"}')
+            without = ', '.join(f'{name} ({reason})' for name, reason in self.left_out.items())
+            raise BagError(f'{self.bag.path} contains nothing to export: {without or "no topics"}')
 
     def _reason_against(self, name: str, kind: str, named: set[str], unwanted: set[str], images: bool) -> str:
         if name in unwanted or (named and name not in named and not (images and kind == IMAGE_TYPE)):

@@ -73,6 +73,13 @@ def test_what_was_lost_and_what_is_left_out_is_reported(
     assert 'left out: /image_raw (images; zarr and lerobot hold them with --images)' in printed.out
 
 
+def test_without_anything_to_export_each_topic_says_why(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['export', 'parquet', str(bag), '--topics', '/image_raw']) == 1
+    error = capsys.readouterr().err
+    assert 'contains nothing to export: ' in error
+    assert '/image_raw (images; zarr and lerobot hold them with --images)' in error
+
+
 def test_ctrl_c_leaves_nothing_behind(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
