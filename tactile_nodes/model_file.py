@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -186,7 +187,8 @@ def _read(path: Path) -> bytes:
         return read_plain(path, LARGEST_BYTES)
     except FileNotFoundError as error:
         raise ModelError(
-            f'there is no model file {path}; check the path, or train one with: tactile train -o {path}'
+            f'there is no model file {path}; check the path, or train one with: tactile train -o '
+            f'{shlex.quote(str(path))}'
         ) from error
     except OSError as error:
         raise ModelError(f'cannot read the model file {path} ({error.strerror}); check it') from error

@@ -330,8 +330,8 @@ def test_numbers_that_no_gel_has_are_refused(part: str, name: str, value: float,
 
 
 def test_a_missing_file_says_how_to_make_one(tmp_path: Path):
-    with pytest.raises(ModelError, match=r'there is no model file .* tactile train'):
-        load_model(tmp_path / 'none.safetensors')
+    with pytest.raises(ModelError, match=r"there is no model file .* tactile train -o '.*/my gel.safetensors'"):
+        load_model(tmp_path / 'my gel.safetensors')
 
 
 def test_a_folder_is_no_model(tmp_path: Path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,5 +78,5 @@ def written(presses: RecordedPresses, output: Path) -> int:
     save_dataset(output, presses)
     print(report(presses))
     if presses.card['left_out']:
-        print(f'list them: tactile dataset info {output} --left-out')
+        print(f'list them: tactile dataset info {shlex.quote(str(output))} --left-out')
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,7 +98,7 @@ class CalibrationSession:
             live.use(file)
             self._tell('the force estimator uses it now; to return to the model before: its service ~/undo_calibration')
         else:
-            self._tell(f'no force estimator is running; to use it: tactile launch live model:={file}')
+            self._tell(f'no force estimator is running; to use it: tactile launch live model:={shlex.quote(str(file))}')
         return file
 
     def end(self) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shlex
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -85,7 +86,8 @@ def load_dataset(path: Path | str) -> RecordedPresses:
     entries = _entries(path)
     if 'card' not in entries or 'fingerprint' not in entries:
         raise DatasetError(
-            f'{path} is not a data set of tactile_nodes; make one with: tactile dataset build BAG -o {path}'
+            f'{path} is not a data set of tactile_nodes; make one with: tactile dataset build BAG -o '
+            f'{shlex.quote(str(path))}'
         )
     try:
         card = json.loads(str(entries.pop('card')))
@@ -113,7 +115,7 @@ def _entries(path: Path) -> dict[str, Any]:
                 return {name: loaded[name] for name in loaded.files}
     except FileNotFoundError as error:
         raise DatasetError(
-            f'there is no data set {path}; make one with: tactile dataset build BAG -o {path}'
+            f'there is no data set {path}; make one with: tactile dataset build BAG -o {shlex.quote(str(path))}'
         ) from error
     except OSError as error:
         raise DatasetError(f'cannot read the data set {path} ({error.strerror or error}); check the file') from error

@@ -78,8 +78,8 @@ def test_the_fingerprint_does_not_depend_on_how_the_file_came_about(presses: Rec
 
 
 def test_a_missing_file_is_reported_with_what_makes_one(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match=r'there is no data set .*tactile dataset build'):
-        load_dataset(tmp_path / 'none.npz')
+    with pytest.raises(DatasetError, match=r"there is no data set .*tactile dataset build BAG -o '.*/my presses.npz'"):
+        load_dataset(tmp_path / 'my presses.npz')
 
 
 def test_damage_anywhere_is_noticed(file: Path, tmp_path: Path) -> None:
