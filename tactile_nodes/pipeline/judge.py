@@ -98,7 +98,7 @@ def _of_picture(memory: JudgeMemory, rest: RestInUse, frame: Frame) -> int:
     memory.soft = difference.blurred
     other = beside or rest.captured.as_sharp(sharp, of=rest.likeness.sharpness)
     frame.as_before = rest.another and bool(other) and not rest.captured.near(level, sharp)
-    another = difference.light or rest.likeness.much_sharper(sharp)
+    another = difference.light or rest.likeness.much_blurred(sharp)
     return another * FORCE.REASON_LIGHT_CHANGED | (difference.blurred or difference.noisy) * FORCE.REASON_BLURRED
 
 

@@ -106,8 +106,10 @@ class ForceEstimator:
         if (features.encoding, *features.values.shape) != self._layout:
             raise ModelError(_other_layout(model, features))
         readout, scaling = model.readout, model.readout.scaling
-        noise = (features.noise_px,) if isinstance(readout, FieldReadout) else ()
-        reading = readout.read(features.values, features.confidence, *noise)
+        if isinstance(readout, FieldReadout):
+            reading = readout.read(features.values, features.confidence, features.noise_px)
+        else:
+            reading = readout.read(features.values, features.confidence)
         textured = np.vdot(scaling.trusted, features.confidence >= scaling.confidence_floor)
         return _force_map(reading, float(textured) / self._trusted, readout)
 

@@ -166,9 +166,9 @@ class PictureLikeness:
         """How a picture of this mean grey and `sharpness` differs so much that motion is measured less well."""
         return self._beyond(level, sharp, self.near_light)
 
-    def much_sharper(self, than: float) -> bool:
-        """Whether a picture of the sharpness `than` is so blurred beside the rest image that it counts as another."""
-        return not than - self.sharpness >= self.least_off + MUCH_BLURRED_OFF
+    def much_blurred(self, sharp: float) -> bool:
+        """Whether a picture of this `sharpness` is so blurred beside the rest image that it counts as another."""
+        return not sharp - self.sharpness >= self.least_off + MUCH_BLURRED_OFF
 
     def far(self, level: float, sharp: float) -> Unlike:
         """How a picture differs so much that no other rest image helps."""

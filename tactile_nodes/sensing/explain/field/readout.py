@@ -120,59 +120,59 @@ class FieldReadout:
         self,
         values: Float32[np.ndarray, 'rows cols channels'],
         confidence: Float[np.ndarray, 'rows cols'],
-        least_px: float = 0.0,
+        flow_noise_px: float = 0.0,
     ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights]:
         """The noise of a frame [px], the motion of the known regions since rest, and their weights.
 
-        `least_px` is the noise that the flow method found, where it tells one.
+        `flow_noise_px` is the noise that the flow method tells, or 0.
         """
         moved = values - self.scaling.mean
         motion = moved.reshape(-1, 2)[self._known].astype(float)
-        noise_px = max(noise_of(moved, self._inside), least_px)
+        noise_px = max(noise_of(moved, self._inside), flow_noise_px)
         return noise_px, motion, self.solver.weights(motion, confidence.reshape(-1)[self._known], noise_px)
 
     def observed(
         self,
         values: Float32[np.ndarray, 'rows cols channels'],
         confidence: Float32[np.ndarray, 'rows cols'],
-        least_px: float = 0.0,
+        flow_noise_px: float = 0.0,
     ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights] | None:
         """As `weighed`; None if the motion is not finite or too few regions are seen."""
         if self.compiled:
-            return self._observed_by_loops(values, confidence, least_px)
+            return self._observed_by_loops(values, confidence, flow_noise_px)
         sure = confidence.reshape(-1)[self._known] >= self.scaling.confidence_floor
         if np.count_nonzero(sure) < LEAST_REGIONS or not np.isfinite(values.reshape(-1, 2)[self._known]).all():
             return None
-        return self.weighed(values, confidence, least_px)
+        return self.weighed(values, confidence, flow_noise_px)
 
     def _observed_by_loops(
         self,
         values: Float32[np.ndarray, 'rows cols channels'],
         confidence: Float32[np.ndarray, 'rows cols'],
-        least_px: float,
+        flow_noise_px: float,
     ) -> tuple[float, Float[np.ndarray, 'regions 2'], Weights] | None:
         """The same, compiled."""
         camera = self.solver.camera
         motion, single = np.empty((len(self._known), 2)), np.empty(len(camera), np.float32)
-        shared, usual_px = np.empty(camera.shape, np.float32), max(self.noise_px, least_px)
+        shared, usual_px = np.empty(camera.shape, np.float32), max(self.noise_px, flow_noise_px)
         followed, noise_px = compiled_loops().weighed(
             np.ascontiguousarray(values), np.ascontiguousarray(confidence), self.scaling.mean, self._known,
             self._inside, camera, (self.scaling.confidence_floor, usual_px, self.doubt), motion, single, shared,
         )  # fmt: skip
-        return None if followed < LEAST_REGIONS else (max(noise_px, least_px), motion, Weights(single, shared))
+        return None if followed < LEAST_REGIONS else (max(noise_px, flow_noise_px), motion, Weights(single, shared))
 
     def read(
         self,
         values: Float32[np.ndarray, 'rows cols channels'],
         confidence: Float32[np.ndarray, 'rows cols'],
-        least_px: float = 0.0,
+        flow_noise_px: float = 0.0,
     ) -> Reading:
         """The simplest explanation of a frame: nothing, tips that only press, or the field; NaN if it is not unique.
 
         Tips are chosen if their residual is no larger than in their training, or if the field does not explain more
-        after a penalty of one for each of its forces (Akaike 1974). `least_px` is as in `weighed`.
+        after a penalty of one for each of its forces (Akaike 1974). `flow_noise_px` is as in `weighed`.
         """
-        if (observed := self.observed(values, confidence, least_px)) is None:
+        if (observed := self.observed(values, confidence, flow_noise_px)) is None:
             return nothing_read(self.bins)
         noise_px, motion, weights = observed
         coarse = self.solver.coarse(motion)
