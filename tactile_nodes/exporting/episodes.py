@@ -126,12 +126,13 @@ def _details(press: Any) -> dict[str, Any]:
 def _presses(source: Source) -> list[Any]:
     """The last message of each attempt, sorted by window; an attempt marked suspect later keeps its earlier window."""
     topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
-    presses = [source.bag.decode(message) for message in source.bag.messages(topics)] if topics else []
-    if not presses:
+    messages = list(source.bag.messages(topics)) if topics else []
+    if not messages:
         raise BagError(f'{source.bag.path} holds no presses, so it cannot be cut at presses; leave out --cut')
     last: dict[Any, Any] = {}
-    for press in presses:
-        key = press.plan_id, press.press, press.attempt
+    for message in messages:
+        press = source.bag.decode(message)
+        key = message.topic, press.plan_id, press.press, press.attempt  # two rigs may follow one plan
         if press.status != types.Press.STATUS_SUSPECT:
             last[key] = press
         elif key in last:  # such a message names only the attempt and the reason; the attempt may be in another bag

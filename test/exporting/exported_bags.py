@@ -66,24 +66,28 @@ def write_bag(folder: Path, frames: int = 30, joint_names: Sequence[str] = ('a',
     return made
 
 
-def write_presses(folder: Path, suspect: int = 0) -> None:
+def write_presses(folder: Path, suspect: int = 0, rigs: tuple[str, ...] = (f'/{PRESS.name}',)) -> None:
     """Sixty forces, with presses whose windows end with the 20th and the 40th; the second one was rejected.
+
+    They are presses 1 and 2 of one rig, or press 1 of each of two rigs that follow one plan.
 
     At the end, as a rig does it, one that is `suspect` is called so.
     """
     writer = BagWriter(folder)
-    for topic in (FORCE_DISTRIBUTION, PRESS):
-        writer.add_topic(BagTopic.of_type(f'/{topic.name}', topic.type_name))
+    writer.add_topic(BagTopic.of_type(f'/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
+    for rig in rigs:
+        writer.add_topic(BagTopic.of_type(rig, PRESS.type_name))
     for number in range(60):
         _write(writer, f'/{FORCE_DISTRIBUTION.name}', force(number, START_NS + number * STEP_NS), 9_000_000)
         if number in (19, 39):
             start_ns, end_ns = START_NS + (number - 3) * STEP_NS, START_NS + number * STEP_NS
+            place = number // 20 + 1 if len(rigs) == 1 else 1
             press = types.Press(
-                header=header(start_ns, 'gel_surface'), plan_id='a1b2c3d4e5f6', press=number // 20 + 1, attempt=1,
+                header=header(start_ns, 'gel_surface'), plan_id='a1b2c3d4e5f6', press=place, attempt=1,
                 window_start=messages.time_from_ns(start_ns), window_end=messages.time_from_ns(end_ns),
                 status=number // 20, reason='the force drifted' if number == 39 else '',
             )  # fmt: skip
-            _write(writer, f'/{PRESS.name}', press, 4 * STEP_NS)
+            _write(writer, rigs[number // 20 % len(rigs)], press, 4 * STEP_NS)
     if suspect:
         entry = Entry(suspect, 1, RECORDED, 0)
         last_ns = START_NS + 60 * STEP_NS

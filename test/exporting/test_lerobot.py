@@ -180,6 +180,14 @@ def test_a_press_that_became_suspect_is_an_episode_of_its_own_that_says_so(tmp_p
     assert second['stamp_ns'][0].as_py() == START_NS + 20 * STEP_NS
 
 
+def test_presses_of_two_rigs_that_follow_one_plan_are_all_episodes(tmp_path: Path) -> None:
+    write_presses(tmp_path / 'bag', rigs=('/left/press', '/right/press'))
+    words = ['--cut', 'presses', '--fps', '60']
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
+    episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
+    assert [(each['press'], each['press_status']) for each in episodes] == [(1, 0), (1, 1)]
+
+
 def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_bag(tmp_path / 'bag', 5)
     words = ['--topics', 'wrench', '-o', str(tmp_path / 'set')]
