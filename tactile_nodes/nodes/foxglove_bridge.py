@@ -61,7 +61,7 @@ class FoxgloveBridgeNode(Node):
     def __init__(self, bus: Bus, arguments: NodeArguments | None = None, clock: Clock | None = None) -> None:
         super().__init__(bus, arguments, clock)
         chosen: FoxgloveBridgeParams = self.params
-        listening = listen(chosen.address, chosen.port, 'Foxglove', 'port:=')
+        listening = listen(chosen.address, chosen.port, 'Foxglove', 'port:= (when launched: foxglove_port:=)')
         self.server = FoxgloveServer(
             listening, self._on_interest, self.log.warn, chosen.origins, chosen.host_names,
             guests=chosen.guests == Guests.WATCH.value,

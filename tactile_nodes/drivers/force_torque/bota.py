@@ -21,7 +21,7 @@ from tactile_nodes.drivers.force_torque.queue import SampleQueue
 from tactile_nodes.drivers.force_torque.serial_line import WAIT_S, Gaps, require_no_restart
 from tactile_nodes.drivers.force_torque.stream import StreamedForceTorque
 from tactile_nodes.drivers.serial_port import Port, open_port
-from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceLostError, DeviceTimeoutError
 
 BAUD = 460_800
 BAUD_CODE = {9600: 0, 57600: 1, 115200: 2, 230400: 3, 460800: 4}
@@ -203,7 +203,7 @@ def set_up(port: Port, sinc: int, baud: int) -> None:
     """Configure a sensor, after power-up or while it runs, and start its frames."""
     _wait_for(port, b'App Init', BOOT_S)  # a sensor that was on before sends frames or nothing: both are fine
     _ask(port, b'C')
-    _ask(port, b'c,0,1,0,%d' % BAUD_CODE.get(baud, 4))
+    _ask(port, b'c,0,1,0,%d' % BAUD_CODE[baud])
     _ask(port, b'f,%d,0,0,1' % sinc)
     _ask(port, b'R')
 
@@ -235,10 +235,14 @@ def _wait_for(port: Port, text: bytes, timeout_s: float, after: int = 0) -> byte
 
 
 def bota_sensor(settings: ForceTorqueSettings, clock: Clock, device: str) -> StreamedForceTorque:
-    """The Bota sensor at a serial port, not open yet."""
+    """The Bota sensor at a serial port, not open yet. Raises ConfigurationError: the sensor has no such baud rate."""
+    baud = settings.baud or BAUD
+    if baud not in BAUD_CODE:
+        known = ', '.join(str(each) for each in BAUD_CODE)
+        raise ConfigurationError(f'a Bota sensor has no {baud} baud; set force_torque.baud to one of {known}')
 
     def connect() -> BotaConnection:
-        port = open_port(device, settings.baud or BAUD, settings.dtr, clock)
+        port = open_port(device, baud, settings.dtr, clock)
         try:
             return BotaConnection(port, settings, clock)
         except BaseException:

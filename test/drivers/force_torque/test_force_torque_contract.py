@@ -191,6 +191,11 @@ def test_a_source_that_names_no_sensor_is_refused_with_an_example(source: str) -
         open_force_torque(ForceTorqueSettings(source), SystemClock())
 
 
+def test_a_baud_rate_that_a_bota_sensor_does_not_have_is_refused_by_name() -> None:
+    with pytest.raises(ConfigurationError, match=r'921600 baud; set force_torque\.baud to one of 9600, .*, 460800'):
+        open_force_torque(ForceTorqueSettings('bota:/dev/null', baud=921600), SystemClock())
+
+
 def test_the_twin_can_be_chosen_by_name() -> None:
     sensor = open_force_torque(ForceTorqueSettings('simulated', rate_hz=2000.0), SystemClock())
     assert abs(read(sensor)[0].wrench[2]) < 0.05
