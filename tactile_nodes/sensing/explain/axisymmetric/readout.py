@@ -244,10 +244,12 @@ class AxisymmetricReadout:
         x, y, force_n = starts[best].tolist()
         return np.array([x, y, force_n * float(share[best])])
 
-    def share_of(self, observed: Observation, noise_px: float, tips: int) -> float:
+    def share_of(self, observed: Observation, noisier: float, tips: int) -> float:
         """Share of the squared motion, minus noise, that a number of tips from the table explains; 0 to 1.
 
-        Each tip explains most of the residual of those before (orthogonal matching pursuit, Pati 1993).
+        The noise is that of each region in training, times `noisier`. Each tip explains most of the residual of those
+        before (orthogonal matching pursuit, Pati 1993). What they explain may be noise if its gain is small: then the
+        share is 0.
         """
         _, fields, squares = self._starts
         left = motion = observed.motion.reshape(-1).astype(np.float32)
@@ -258,7 +260,10 @@ class AxisymmetricReadout:
             axis = best - (axes @ best) @ axes
             axis /= max(math.sqrt(float(axis @ axis)), 1e-6)
             left, axes = left - (left @ axis) * axis, np.vstack([axes, axis])
-        noise, squared = motion.size * noise_px**2, float(motion @ motion)
+        if self._gain(observed, left.reshape(-1, 2)) < self.calibration.least_gain * noisier**2:
+            return 0.0
+        noise = noisier**2 * float((1 / observed.certainty[observed.certainty > 0]).sum())
+        squared = float(motion @ motion)
         return min((squared - float(left @ left)) / max(squared - noise, 1e-12), 1.0)
 
     def _locate(self, observed: Observation, begin: Float[np.ndarray, 'contacts 3'], worth: float) -> Fit:
@@ -351,7 +356,9 @@ class AxisymmetricReadout:
 
     def gain(self, observed: Observation, fit: Fit) -> float:
         """Log-likelihood ratio of the fitted contacts to none: half the decrease of the squared misfit over noise."""
-        left = observed.motion - self.response.motion(fit.contacts).sum(axis=0)
+        return self._gain(observed, observed.motion - self.response.motion(fit.contacts).sum(axis=0))
+
+    def _gain(self, observed: Observation, left: Float[np.ndarray, 'regions 2']) -> float:
         return float(((np.square(observed.motion) - np.square(left)) * observed.certainty).sum()) / 2
 
     def contacts(self, fit: Fit) -> tuple[Contact, ...]:

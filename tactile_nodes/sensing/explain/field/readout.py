@@ -184,13 +184,13 @@ class FieldReadout:
         except np.linalg.LinAlgError:  # as where the picture shows a part of the gel only
             return nothing_read(self.bins)
         unlike, count = found.misfit / self.misfit_limit, len(found.active)
-        least = max(self.least_gain, float(count))
-        if found.gain < least:
-            return self._untouched(unlike, self.solver.unseen_n(weights, least))
         if tips is not None:
             left, numbers = tips[1].reshape(-1, 2)[self._known].astype(float).reshape(-1), 3 * len(tips[0].contacts)
             if weights.squared(left) + 2 * numbers <= len(left) * found.misfit**2 + 2 * count:
                 return self._with_acting(tips[0])
+        least = max(self.least_gain, float(count))
+        if found.gain < least:
+            return self._untouched(unlike, self.solver.unseen_n(weights, least))
         return self._reading(found, unlike, self.solver.reduced_n(weights, found.total_n))
 
     def _tips(
@@ -202,14 +202,16 @@ class FieldReadout:
         observed = self.tips.observed(values, confidence)
         if not observed.enough:
             return None
-        if self.tips.share_of(observed, noise_px, count) < TABLE_SHARE:
+        noisier = max(1.0, noise_px / self.tips.usual_px)
+        if self.tips.share_of(observed, noisier, count) < TABLE_SHARE:
             return None
-        worth = WORTH * max(1.0, noise_px / self.tips.usual_px)
+        worth = WORTH * noisier
         fit = self.tips.fit(observed, count, worth)
         if fit.misfit > (worth * self.tips.calibration.misfit_limit) ** 2:
             return None
         left = self.tips.left_over(observed, fit)
-        return self.tips.reading_of_fit(observed, fit, left), left
+        reading = self.tips.reading_of_fit(observed, fit, left)
+        return (reading, left) if reading.contacts[0].force_n else None
 
     def prepare(self) -> None:
         """Prepare everything that would delay the first frame."""
