@@ -37,9 +37,9 @@ MOST_TIPS = 3
 TIP_BINS = 3
 """A tip's force covers bins within at most this many rows and columns."""
 
-PEAKS, NOISE_N = (0.5, 0.25), 0.008
+PEAKS, CLEAR = (0.5, 0.25), 3.0
 """In the linear estimate, a place at half the highest force must be no wider than a tip, and places down to a quarter
-are searched; both above its noise."""
+are searched; both above this many standard deviations of its noise."""
 
 TABLE_SHARE = 0.8
 """Least share of the motion that tips from the table explain: for one to three tips anywhere it is 0.85 or more."""
@@ -197,7 +197,7 @@ class FieldReadout:
         self, coarse: Float[np.ndarray, ' bins'], noise_px: float, values: np.ndarray, confidence: np.ndarray
     ) -> tuple[Reading, Float32[np.ndarray, 'rows cols 2']] | None:
         """The frame explained by tips that only press, if possible, and the residual motion."""
-        if self.tips is None or not (count := self._places(coarse)):
+        if self.tips is None or not (count := self._places(coarse, noise_px)):
             return None
         observed = self.tips.observed(values, confidence)
         if not observed.enough:
@@ -220,15 +220,13 @@ class FieldReadout:
         if self.tips is not None:
             self.tips.read(still, np.ones(still.shape[:2], np.float32))
 
-    def _places(self, coarse: Float[np.ndarray, ' bins']) -> int:
-        """Greatest number of tips; 0 if the linear estimate excludes tips."""
-        most = float(coarse.max())
-        if most < NOISE_N:
-            return 0
-        half, quarter = (coarse > max(share * most, NOISE_N) for share in PEAKS)
+    def _places(self, coarse: Float[np.ndarray, ' bins'], noise_px: float) -> int:
+        """Greatest number of tips, 1 if the linear estimate shows none; 0 if it excludes tips."""
+        noise_n = CLEAR * noise_px * self.solver.coarse_noise_n
+        half, quarter = (coarse > np.maximum(share * coarse.max(), noise_n) for share in PEAKS)
         if (self._together(half) > TIP_BINS).any():
             return 0
-        return min(len(self._together(quarter)), MOST_TIPS)
+        return min(max(len(self._together(quarter)), 1), MOST_TIPS)
 
     def _together(self, on: Bool[np.ndarray, ' bins']) -> Int[np.ndarray, 'places 2']:
         """Columns and rows of each connected group of bins."""

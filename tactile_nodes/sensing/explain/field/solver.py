@@ -153,6 +153,11 @@ class FieldSolver:
         pressed: np.ndarray = np.maximum(answer, 0.0, dtype=float)
         return pressed
 
+    @cached_property
+    def coarse_noise_n(self) -> Float32[np.ndarray, ' bins']:
+        """Standard deviation of the linear estimate on each bin, before it is clipped, for 1 px of noise."""
+        return np.asarray(np.linalg.norm(self._coarse, axis=1))
+
     def field(
         self,
         motion: Float[np.ndarray, 'regions 2'],
