@@ -28,7 +28,7 @@ BODY, UNTOUCHED, LIGHTEST = 'body', 14, 0.15
 class BodySensor(Sensor):
     """A gel that a body presses, with up to `most_n`, solved on so many bricks sideways and down."""
 
-    def __init__(self, name: str, most_n: float, gel: Gel = GEL, cells: int = 80, rows: int = 7) -> None:
+    def __init__(self, name: str, most_n: float, gel: Gel = GEL, cells: int = 64, rows: int = 6) -> None:
         super().__init__(gel)
         self._gel = gel
         way = Way(force_mm2=most_n / gel.shear_modulus_mpa, press_stages=3)

@@ -35,13 +35,13 @@ def _differences(values: np.ndarray, step_mm: float, found: np.ndarray) -> None:
 
 
 def combed(field: Float32[np.ndarray, '3 loads sets y x'], shape: tuple[int, int]) -> np.ndarray:
-    """Group the nodes of a field that lie one patch apart, as (y in a patch, x in a patch, fields, y, x).
+    """Group the nodes of a field that lie one patch apart, as (y in a patch, x in a patch, axis, y, x, fields).
 
     After the end one period of patches follows, since the layer repeats.
     """
     height, width = field.shape[-2:]
-    split = field.reshape(-1, height // FINER, FINER, width // FINER, FINER).transpose(2, 4, 0, 1, 3)
-    around = [(0, 0)] * 3 + [(0, count + 1) for count in shape]
+    split = field.reshape(3, -1, height // FINER, FINER, width // FINER, FINER).transpose(3, 5, 0, 2, 4, 1)
+    around = [(0, 0)] * 3 + [(0, count + 1) for count in shape] + [(0, 0)]
     return np.pad(split, around, mode='wrap')
 
 
@@ -51,7 +51,8 @@ def seen_by_rays(
     """Motion in the image for a load on every patch, summed over the rays of a window, each between four nodes.
 
     Args:
-        combs: nodes of the displacements along three axes, for each field, from `combed`.
+        combs: nodes of the displacements along three axes, for each field, from `combed`; with the fields last, long
+            runs of memory are copied at once.
         node: the node of each ray as (x, y), relative to the last patch.
         part: fraction of a step from the node to the ray.
         levers: motion in the image per displacement along each axis, as (rays, 2, 3).
@@ -59,13 +60,15 @@ def seen_by_rays(
     (rows, cols), right, down = shape, part[:, 0], part[:, 1]
     shares = np.stack([(1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right], -1)
     x, y = node[:, :1] + np.array([0, 1, 0, 1]), node[:, 1:] + np.array([0, 0, 1, 1])
-    from_each = np.lib.stride_tricks.sliding_window_view(combs, shape, axis=(3, 4))
+    windows = np.lib.stride_tricks.sliding_window_view(combs, shape, axis=(3, 4))
+    from_each = windows.transpose(0, 1, 3, 4, 2, 6, 7, 5)
     high, wide = combs.shape[3] - rows - 1, combs.shape[4] - cols - 1
-    found = from_each[y % FINER, x % FINER, :, y // FINER % high, x // FINER % wide]
+    found = from_each[y % FINER, x % FINER, y // FINER % high, x // FINER % wide]
     weights = np.einsum('rk,rdc->drkc', shares, levers).reshape(2, -1)
     seen: np.ndarray = weights.astype(np.float32) @ found.reshape(weights.shape[1], -1)
     # Relative to a patch further right the ray is further left: nodes run backwards.
-    return seen.reshape(2, -1, rows, cols)[..., ::-1, ::-1]
+    by_field: np.ndarray = seen.reshape(2, rows, cols, -1)[:, ::-1, ::-1].transpose(0, 3, 1, 2)
+    return by_field
 
 
 def sampled_at(
