@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from body_presses import STIFFER, BodySensor
 
-from tactile_nodes.errors import ConfigurationError, DatasetError
+from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.alone import transfer_alone
 from tactile_nodes.learning.field.body import KnownBody
@@ -96,16 +96,6 @@ def test_intervals_of_another_body_hold(made: Transfer, pressed: dict[str, tuple
     for times in (np.array(totals), np.array(places)):
         assert (times < 1.645).mean() >= 0.85
         assert np.median(times) > 0.67 / 3
-
-
-def test_forces_that_begin_elsewhere_are_refused(
-    model: LoadedModel, pressed: dict[str, tuple[Dataset, np.ndarray]]
-) -> None:
-    dataset = pressed['square'][0]
-    presses = dataset.presses.copy()
-    presses[presses[:, 2] > 0, 3] += 0.5
-    with pytest.raises(DatasetError, match='tare the force sensor'):
-        calibrated(model, dataclasses.replace(dataset, presses=presses), 'square')
 
 
 @pytest.mark.parametrize('name', ['ball:0', 'punch:-1', 'ball:nan', 'punch:wide', 'punch:'])

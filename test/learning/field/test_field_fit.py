@@ -11,11 +11,16 @@ from pressures import hertz
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.field.fit import described, fit_field
+from tactile_nodes.learning.field.alone import transfer_alone
+from tactile_nodes.learning.field.body import KnownBody
+from tactile_nodes.learning.field.calibration import Pressed
+from tactile_nodes.learning.field.fit import FieldFit, described, fit_field
 from tactile_nodes.learning.field.judging import simplest_form
 from tactile_nodes.learning.field.presses import BodyPresses
+from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling
 
 
@@ -35,7 +40,13 @@ def as_described(scaling: InputScaling) -> FieldReadout:
     return described(SENSOR, scaling).readout
 
 
-def fitted(dataset: Dataset, scaling: InputScaling):
+@pytest.fixture(scope='module')
+def of_many(scaling: InputScaling, terms: Terms) -> FieldFit:
+    """Sixty presses on regions with markers of their own."""
+    return fitted(pressed(terms, uneven(), 60), scaling)
+
+
+def fitted(dataset: Dataset, scaling: InputScaling) -> FieldFit:
     count = len(dataset.presses)
     return fit_field(SENSOR, scaling, dataset, np.arange(count), np.arange(count) % 5, BALL)
 
@@ -53,14 +64,12 @@ def test_a_gel_as_it_is_described_needs_nothing_more(scaling: InputScaling, term
     assert set(fit.misfits) == {'description', 'gain', 'regions'}
 
 
-def test_regions_with_markers_of_their_own_are_learned_from_many_presses(scaling: InputScaling, terms: Terms):
+def test_regions_with_markers_of_their_own_are_learned_from_many_presses(of_many: FieldFit):
     """Each region's depths count up to half more or less: with sixty presses they are known better than before."""
-    shares = uneven()
-    fit = fitted(pressed(terms, shares, 60), scaling)
-    assert fit.form == 'regions'
+    assert of_many.form == 'regions'
     made = Regions(SENSOR, SIDE, SIDE).terms_of_patches(np.arange(SIDE * SIDE))
-    true, start = (np.einsum('rptu,rt->rpu', made, each).reshape(2 * SIDE * SIDE, -1) for each in (shares, nominal()))
-    assert np.linalg.norm(fit.readout.response - true) < 0.4 * np.linalg.norm(start - true)
+    true, start = (np.einsum('rptu,rt->rpu', made, each).reshape(2 * SIDE * SIDE, -1) for each in (uneven(), nominal()))
+    assert np.linalg.norm(of_many.readout.response - true) < 0.4 * np.linalg.norm(start - true)
 
 
 def test_a_camera_that_looks_otherwise_than_described_is_found_by_ten_presses(
@@ -88,9 +97,8 @@ def test_a_camera_that_looks_as_described_is_left_alone(scaling: InputScaling, t
     assert not fitted(pressed(terms, 1.25 * nominal(), 10), scaling).looks.any()
 
 
-def test_what_no_press_showed_is_stated_less_sure(scaling: InputScaling, terms: Terms, as_described: FieldReadout):
-    many = fitted(pressed(terms, uneven(), 60), scaling).readout
-    assert as_described.spread.normal_n(0.0, 1.0) > 1.5 * many.spread.normal_n(0.0, 1.0)
+def test_what_no_press_showed_is_stated_less_sure(of_many: FieldFit, as_described: FieldReadout):
+    assert as_described.spread.normal_n(0.0, 1.0) > 1.5 * of_many.readout.spread.normal_n(0.0, 1.0)
 
 
 @pytest.mark.parametrize('less', [0.0, 0.15])
@@ -118,6 +126,15 @@ def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: Terms
     presses[:, 3] = np.nan
     with pytest.raises(DatasetError, match='no press has a known force'):
         fitted(dataclasses.replace(dataset, presses=presses), scaling)
+
+
+def test_forces_that_begin_elsewhere_are_refused(terms: Terms, as_described: FieldReadout):
+    layout, dataset = FeatureLayout('cartesian_mean', SIDE, SIDE, 2), pressed(terms, nominal(), 20)
+    model = ForceModel(layout, as_described.bins, as_described)
+    loaded = dataclasses.replace(load_model(find_model('field')), model=model)
+    untared = dataclasses.replace(dataset, presses=dataset.presses + np.array([0, 0, 0, 0.2], np.float32))
+    with pytest.raises(DatasetError, match='tare the force sensor'):
+        transfer_alone(loaded, untared, Pressed(SENSOR, KnownBody.named('ball:0.6')))
 
 
 @pytest.mark.parametrize(
