@@ -131,15 +131,15 @@ def test_presses_that_are_stated_rightly_calibrate_their_model(
     assert imported(folder / 'presses.csv', tmp_path / 'mine.npz') == 0
 
 
-@pytest.mark.parametrize('command', [calibrated, imported])
 @pytest.mark.parametrize(
-    ('change', 'said'),
+    ('command', 'change', 'said'),
     [
-        (exchanged, 'x and y are swapped'),
-        (turned(1), 'the images move along x in the opposite direction'),
-        (turned(2), 'the images move along y in the opposite direction'),
-        (slipped(0, 5), 'the images do not move at the places given in the table'),
-        (slipped(3, 6), 'the images do not move more when the given force is larger'),
+        (calibrated, exchanged, 'x and y are swapped'),
+        (imported, exchanged, 'x and y are swapped'),
+        (imported, turned(1), 'the images move along x in the opposite direction'),
+        (imported, turned(2), 'the images move along y in the opposite direction'),
+        (imported, slipped(0, 5), 'the images do not move at the places given in the table'),
+        (imported, slipped(3, 6), 'the images do not move more when the given force is larger'),
     ],
 )
 def test_both_commands_refuse_a_table_that_contradicts_its_pictures(
@@ -168,8 +168,9 @@ def in_unit(rows: list[Row]) -> None:
     """As they are: another header says another unit."""
 
 
-@pytest.mark.parametrize('command', [calibrated, imported])
-@pytest.mark.parametrize(('unit', 'least', 'most'), [('mn', 0.08, 0.13), ('n', 80.0, 130.0)])
+@pytest.mark.parametrize(
+    ('command', 'unit', 'least', 'most'), [(calibrated, 'mn', 0.08, 0.13), (imported, 'n', 80.0, 130.0)]
+)
 def test_grams_under_a_header_of_another_unit_are_refused(
     command: Callable[..., int], unit: str, least: float, most: float, folder: Path, tmp_path: Path,
     capsys: pytest.CaptureFixture[str],

@@ -151,11 +151,6 @@ def exchange(row: Row) -> None:
     row[1], row[2] = row[2], row[1]
 
 
-def swap(rows: list[Row]) -> None:
-    """The pictures of two presses exchanged."""
-    rows[RESTS][0], rows[RESTS + 1][0] = rows[RESTS + 1][0], rows[RESTS][0]
-
-
 def put(column: int, value: Callable[[str], str]) -> Callable[[Row], None]:
     def change(row: Row) -> None:
         row[column] = value(row[column])
@@ -163,25 +158,10 @@ def put(column: int, value: Callable[[str], str]) -> Callable[[Row], None]:
     return change
 
 
-def shift(column: int, by: int) -> Callable[[Path], list[Row]]:
-    """A column slipped by some lines, as sorted alone in a spreadsheet."""
-
-    def change(rows: list[Row]) -> None:
-        values = [row[column] for row in rows[RESTS:]]
-        for row, value in zip(rows[RESTS:], values[by:] + values[:by], strict=True):
-            row[column] = value
-
-    return edited(change)
-
-
 @pytest.mark.parametrize(
     ('rows', 'said'),
     [
         (each(exchange), 'x and y are swapped'),
-        (each(put(2, lambda y: str(-float(y)))), 'the images move along y in the opposite direction'),
-        (shift(0, 5), 'the images do not move at the places given in the table'),
-        (shift(3, 6), 'the images do not move more when the given force is larger'),
-        (edited(swap), f'the image does not move at the given place in lines {RESTS + 2}, {RESTS + 3}: correct images'),
         (each(put(3, lambda _: '0.3')), 'has one force for all presses, 0.3 N: press with at least two weights'),
         (each(put(3, lambda n: str(1000 * float(n)))), 'N: forces must be below 200 N; check the unit'),
         (each(put(1, lambda x: str(1000 * float(x)))), 'mm: places must be within 16 mm of the middle; check the unit'),

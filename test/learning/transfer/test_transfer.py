@@ -275,7 +275,7 @@ def test_only_what_noise_does_not_explain_shrinks_where_presses_are_nearer() -> 
 def test_places_that_scatter_five_times_as_far_as_noise_makes_them_are_24_parts_of_25_beyond_noise(
     source: AxisymmetricReadout,
 ) -> None:
-    dataset = presses(400, seed=7)
+    dataset = presses(200, seed=7)
     judged = Judged.of(source, dataset, np.flatnonzero(dataset.presses[:, 2] > 0))
     noise_mm = np.median(judged.sigmas[:, 0])
     scatter = 5 * noise_mm * np.random.default_rng(8).normal(size=(len(judged.fits), 3)) * [1, 1, 0]
