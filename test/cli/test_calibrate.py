@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from body_presses import BodySensor
-from press_bags import spread_collection
+from press_bags import OTHER, spread_collection
+from press_bags import Sensor as BagSensor
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import ModelError
@@ -27,6 +28,8 @@ from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.sensors import BinSettings, load_sensor
+from tactile_nodes.sensors.writing import text_of
 
 FLOW = {'name': 'dis', 'options': {}}
 ENCODING = {'name': 'cartesian_mean', 'options': {'rows': 6, 'cols': 6}}
@@ -79,11 +82,9 @@ def recorded(dataset: Dataset, gel: str) -> RecordedPresses:
 
 @pytest.fixture(scope='module')
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    config = AxisymmetricConfig(
-        lateral=1, vertical=1, turns=10, presses_per_turn=300, most_presses=900, most_contacts=1
-    )
-    dataset, bins = pressed(900, 1, 1.0, 0.0), BinGrid()
-    readout = fit_axisymmetric(dataset, np.zeros(900, bool), config, bins, Progress())
+    config = AxisymmetricConfig(lateral=1, vertical=1, turns=6, presses_per_turn=200, most_presses=600, most_contacts=1)
+    dataset, bins = pressed(600, 1, 1.0, 0.0), BinGrid()
+    readout = fit_axisymmetric(dataset, np.zeros(600, bool), config, bins, Progress())
     file = tmp_path_factory.mktemp('models') / 'first.safetensors'
     card = {'flow': FLOW, 'encoding': ENCODING, 'crop_px': 440, 'gel': {'id': 'first'}, 'data': {'origin': 'simulated'}}
     save_model(file, ForceModel(FeatureLayout('cartesian_mean', 6, 6, 2), bins, readout), card)
@@ -199,41 +200,45 @@ def test_an_open_mesh_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_presses_of_a_square_calibrate_the_field_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], own_cache: Path
 ) -> None:
-    sensor = BodySensor('square', 2.0, cells=50, rows=4)
-    bag = spread_collection(tmp_path / 'bag', sensor, 10, 9.5, (0.1, float(sensor.touched.depth_mm[-1])))
-    output = tmp_path / 'gel-7.safetensors'
-    words = ['--model', 'field', '--gel', 'gel-7', '--body', 'square', '--curve', '-o', str(output)]
+    """On 11x11 regions of a sensor with bins of 5.3 mm; the gel is half as hard again as its description says."""
+    described, output = tmp_path / 'described.safetensors', tmp_path / 'gel-7.safetensors'
+    sensor = dataclasses.replace(load_sensor('simulated'), name='coarse', bins=BinSettings(6, 6))
+    (tmp_path / 'coarse.yaml').write_text(text_of(sensor, {}))
+    words = ['--model', 'field', '--sensor', str(tmp_path / 'coarse.yaml'), '-o', str(described)]
+    assert main(['calibrate', *words]) == 0
+    gel = BodySensor('square', 2.0, cells=50, rows=4)
+    bag = spread_collection(tmp_path / 'bag', gel, 10, 9.5, (0.1, float(gel.touched.depth_mm[-1])))
+    words = ['--model', str(described), '--gel', 'gel-7', '--body', 'square', '--curve', '-o', str(output)]
     assert main(['calibrate', str(bag), *words]) == 0
     printed = capsys.readouterr().out
-    assert 'force field alone: presses of square contain no information on tips' in printed
+    assert 'force field alone: the model has no readout for tips' in printed
     none, some = (line for line in printed.splitlines() if ' presses: force RMSE' in line)
     assert none.strip().startswith('0 presses') and none.endswith('description')
     assert some.strip().startswith('8 presses')
     off_n = [float(line.split('RMSE ')[1].split(' N')[0]) for line in (none, some)]
-    assert off_n[1] < off_n[0] / 3  # the gel is half as hard again as its description says
+    assert off_n[1] < off_n[0] / 3
     loaded = load_model(output)
-    readout = loaded.model.readout
-    assert isinstance(readout, FieldReadout)
-    assert readout.tips is None
+    assert isinstance(loaded.model.readout, FieldReadout)
     assert (loaded.card['body'], 'ball_mm' in loaded.card) == ('square', False)
 
 
 @pytest.mark.timeout(240)
 def test_bags_of_presses_of_the_tip_calibrate_tips_and_field_without_a_data_set(
-    other_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], own_cache: Path
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], own_cache: Path
 ) -> None:
-    output = tmp_path / 'gel-7.safetensors'
+    """Five of them: the least that a calibration takes."""
+    bag, output = spread_collection(tmp_path / 'bag', BagSensor(OTHER), 5), tmp_path / 'gel-7.safetensors'
     words = ['--model', 'field', '--gel', 'gel-7', '--curve', '-o', str(output)]
-    assert main(['calibrate', str(other_bag), *words]) == 0
+    assert main(['calibrate', str(bag), *words]) == 0
     printed = capsys.readouterr().out
     assert 'it reads held-out presses' in printed
     none, some = (line for line in printed.splitlines() if ' presses: force RMSE' in line)
     assert none.strip().startswith('0 presses') and none.endswith('description')
-    assert some.strip().startswith('8 presses')
+    assert some.strip().startswith('4 presses')
     loaded = load_model(output)
     assert (loaded.gel, loaded.card['data']['origin']) == ('gel-7', 'calibration')
     record = loaded.card['training']['calibration']
-    assert record['presses'] == 10
+    assert record['presses'] == 5
     assert record['after']['force_rmse_n'] < record['before']['force_rmse_n']
     assert loaded.rest_image.shape == (440, 440)
     readout = loaded.model.readout

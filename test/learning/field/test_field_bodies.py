@@ -65,6 +65,8 @@ def test_presses_of_one_body_calibrate_what_is_reported_of_another(
     """The issue's aim is 2 % and 0.08 mm with a hundred presses; without any these totals are a third low."""
     readout = made.readout
     assert isinstance(readout, FieldReadout)
+    assert readout.tips is None
+    assert made.field.startswith('alone: presses of square contain no information on tips')
     assert made.whole['gain'] == pytest.approx(1 / STIFFER, rel=0.06)
     total, centre = off(readout, *pressed['ring'])
     assert total < 0.05  # 0.057 if presses counted as if the layer were linear
