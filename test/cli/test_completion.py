@@ -42,7 +42,6 @@ def offered(run_folder: Path, tmp_path: Path) -> object:
 
 def test_verbs_are_offered(offered) -> None:
     assert offered('tactile to') == {'topic'}
-    assert offered('tactile do') == {'doctor'}
 
 
 def test_commands_of_a_verb_are_offered(offered) -> None:

@@ -22,7 +22,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
 
 
 def test_bags_become_a_profile_of_model_run_and_data_set(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    bag, output = spread_collection(tmp_path / 'collected', Sensor(), 50), tmp_path / 'mine.safetensors'
+    bag, output = spread_collection(tmp_path / 'collected', Sensor(), 40), tmp_path / 'mine.safetensors'
     words = ['tune', str(bag), '--max-error', '1', '--only', 'quarter size, 10x10, 24', '--without-contact', '0.5']
     assert main([*words, '--gel', 'gel-7', '-o', str(output)]) == 0
     shown = capsys.readouterr().out

@@ -116,6 +116,13 @@ def test_held_out_errors_are_reported_with_what_more_presses_would_give(
     assert any('no more presses: the greatest number of 10 presses is reached' in line for line in lines)
 
 
+def test_a_calibration_takes_every_picture_of_a_window(calibrated: tuple[Calibrator, list[str]]) -> None:
+    calibrator, _ = calibrated
+    assert calibrator.recordings is not None and calibrator.calibration is not None
+    assert calibrator.recordings.contact.sum() == 3 * 10
+    assert calibrator.calibration.presses == 10
+
+
 def test_the_file_names_gel_source_presses_and_errors(
     calibrated: tuple[Calibrator, list[str]], first_model: Path, other_bag: Path, tmp_path: Path
 ) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,6 @@ from responding_gel import AXISYMMETRIC, NOISE_PX, motion, presses
 
 from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.axisymmetric.regions import LEAST_NOISE_PX, OWN_NOISE_PX, Presses
-from tactile_nodes.learning.calibrating.calibrator import Calibrator
-from tactile_nodes.learning.calibrating.presses import BagPresses, take_presses
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.held_presses import simulate_held
 from tactile_nodes.learning.datasets.holds import holds_of, still, still_holds
@@ -23,7 +20,6 @@ from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import BuildOptions, build
 from tactile_nodes.learning.transfer.fit import OtherGel, transfer
-from tactile_nodes.model_file import load_model
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.geometry import BinGrid
@@ -184,17 +180,6 @@ def test_a_data_set_of_first_images_has_holds_of_one(bag: Path, own_cache: Path)
     options = BuildOptions(Choice('dis'), Choice('cartesian_mean', {'rows': 8, 'cols': 8}))
     dataset = build([bag], options).as_samples()
     assert {len(each) for each in holds_of(dataset, touched(dataset))} == {1}
-
-
-def test_a_calibration_from_a_bag_takes_every_picture_of_a_window(other_bag: Path, first_model: Path) -> None:
-    made = Calibrator(load_model(first_model), {'id': 'gel-7'})
-    with closing(made), closing(BagPresses([other_bag])) as pressed:
-        take_presses(made, pressed, lambda _: None, along=False)
-        made.fit([{'id': 'a', 'gel': 'gel-7', 'attempts': made.presses, 'problems': [], 'clocks': []}])
-    assert made.recordings is not None
-    assert made.recordings.contact.sum() == 3 * made.presses
-    assert made.calibration is not None
-    assert made.calibration.presses == made.presses
 
 
 def test_further_pictures_of_a_simulated_press_differ_from_the_first_by_noise_alone(own_cache: Path) -> None:

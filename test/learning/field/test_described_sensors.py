@@ -139,7 +139,7 @@ def test_pictures_and_a_table_tell_how_stiff_its_gel_is(made: LoadedModel, tmp_p
     gel = dataclasses.replace(gel_of(SMALL), mechanics='linear')
     table, rows = linear_table(gel), ['picture,x_mm,y_mm,force_n,indenter']
     optics, random = Optics(gel, table), np.random.default_rng(3)
-    for number in range(28):
+    for number in range(20):
         (x, y), depth_mm = random.uniform((-6.5, -3.5), (6.5, 3.5)), float(random.uniform(0.3, 0.9))
         presses = (Press(float(x), float(y), depth_mm),) if number >= 8 else ()
         cv2.imwrite(str(tmp_path / f'{number}.png'), optics.render(presses, number))
@@ -192,11 +192,11 @@ def test_bags_of_presses_tell_it_too(made: LoadedModel, tmp_path: Path, monkeypa
     sensor = SmallSensor(dataclasses.replace(gel_of(SMALL), mechanics='linear'))
     collection, random = Collection(tmp_path / 'bag', sensor), np.random.default_rng(3)
     collection.reference(0)
-    for slot in range(24):
+    for slot in range(16):
         x_mm, y_mm, depth_mm = random.uniform((-6.5, -3.5, 0.3), (6.5, 3.5, 0.8)).tolist()
         collection.press(slot, slot + 1, x_mm, y_mm, depth_mm)
     bags = [collection.close()]
-    once = StopRule(first=24, most=24)
+    once = StopRule(first=16, most=16)
     with closing(Calibrator(made, {'id': 'pressed'}, once)) as calibrator, closing(BagPresses(bags)) as presses:
         take_presses(calibrator, presses, lambda line: None)
         finish(calibrator, presses, lambda line: None)

@@ -141,7 +141,7 @@ def test_a_network_on_the_all_zero_answer_is_begun_anew_and_that_is_reported():
     """With raw inputs and a small step the network says nothing; the restart does what is known to help."""
     progress = Teller()
     config = tiny_config({**DULL, 'dropout': 0.0}, learning_rate=1e-3, loss='armse', warm_up_epochs=0,
-                         plateau_epochs=3, epochs=200, patience=200)  # fmt: skip
+                         plateau_epochs=3, epochs=60, patience=60)  # fmt: skip
     _, report = fitted(config, progress)
     assert report['restarts'] >= 1
     assert '3 epochs of the all-zero answer' in progress.said[0]
@@ -171,7 +171,7 @@ def test_training_stops_when_the_loss_no_longer_falls(monkeypatch: pytest.Monkey
 
 def test_a_network_learns_where_presses_are():
     held_out = tiny_held_out(400)
-    config = tiny_config({'hidden': (32,), 'dropout': 0.0}, loss='mse', learning_rate=5e-3, epochs=60)
+    config = tiny_config({'hidden': (32,), 'dropout': 0.0}, loss='mse', learning_rate=5e-3, epochs=40)
     readout, _ = fit_network(tiny_presses(400), held_out, config, Progress())
     unseen = tiny_presses(100, seed=9)
     touched = unseen.presses[:, 3] > 0
