@@ -35,14 +35,14 @@ def other_gel(count: int, seed: int) -> Dataset:
 
 def readings() -> dict[str, np.ndarray]:
     """The errors of what each kind of fit reads of presses that it has not seen."""
-    dataset, few, bins = presses(300, 1), other_gel(42, 2), BinGrid()
+    dataset, few, bins = presses(220, 1), other_gel(25, 2), BinGrid()
     out, quiet = np.arange(len(dataset.presses)) % 5 == 1, Progress()
     response = fit_response(dataset, out, CONFIG, bins, quiet)
     axisymmetric = fit_axisymmetric(dataset, out, AXISYMMETRIC, bins, quiet)
     made = {
         'response': (response, dataset),
         'axisymmetric': (axisymmetric, dataset),
-        'calibrated axisymmetric': (transfer(axisymmetric, few).readout, other_gel(60, 3)),
+        'calibrated axisymmetric': (transfer(axisymmetric, few).readout, other_gel(40, 3)),
     }
     read = {name: live_errors(readout, seen, judges(seen)) for name, (readout, seen) in made.items()}
     return {**read, 'field': field_errors()}

@@ -57,7 +57,7 @@ def test_markers_lie_lower_towards_the_rim_and_the_camera_sees_them_where_region
 
 def test_a_pressure_on_a_patch_is_the_response_to_that_patch() -> None:
     """What presses fit by, and what forces are read by."""
-    regions = Regions(DOMED, 8, 8)
+    regions = Regions(DOMED, 5, 5)
     known, patches = np.flatnonzero(regions.usable), regions.patches
     chosen = 5 * patches.shape[1] + 9
     one = regions.terms_of_patches(known)[..., chosen]

@@ -32,7 +32,7 @@ LIKENESS = Likeness(np.zeros(4, np.float32), np.eye(2, 4, dtype=np.float32), 1.0
 
 @pytest.fixture(scope='module')
 def readout() -> ResponseReadout:
-    return fit_response(presses(900, seed=1), np.zeros(900, bool), CONFIG, BinGrid(), Progress())
+    return fit_response(presses(500, seed=1), np.zeros(500, bool), CONFIG, BinGrid(), Progress())
 
 
 @pytest.fixture(scope='module')
