@@ -21,21 +21,38 @@ from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.run.campaign import Campaign
 from tactile_nodes.collection.run.outlet import Outlet
 from tactile_nodes.collection.run.person import Person
-from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings, SurfaceSettings, SyncSettings
+from tactile_nodes.collection.settings import (
+    AnchorSettings,
+    CollectionSettings,
+    MotionSettings,
+    PressSettings,
+    SurfaceSettings,
+    SyncSettings,
+)
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.drivers.cnc.contract import CncSettings
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
 
-SAFE_Z_MM = -26.0
-PLAN = PlanSettings(columns=3, rows=2, pitch_mm=4.0, depths_mm=(0.5, 1.5))
+SAFE_Z_MM, GEL_Z_MM = -8.0, -10.0
+PLAN = PlanSettings(columns=2, rows=2, pitch_mm=4.0, depths_mm=(0.5, 1.5))
+ALL = list(range(1, 9))
+"""The numbers of its presses."""
+WORLD = WorldSettings(start_mm=(-14.0, -14.0, -5.0), gel_x_mm=-12.0, gel_y_mm=-12.0, gel_z_mm=GEL_Z_MM)
+"""A gel near the end switches."""
 SETTINGS = CollectionSettings(
-    surface=SurfaceSettings(top_mm=-29.8, corners=3, repeats=1, feed_mm_min=60.0),
+    motion=MotionSettings(press_mm_min=120.0, standoff_mm=0.2),
+    press=PressSettings(tare_s=0.2),
+    surface=SurfaceSettings(
+        gel_x_mm=WORLD.gel_x_mm, gel_y_mm=WORLD.gel_y_mm, top_mm=-9.8, bottom_mm=-11.5, reach_mm=4.0,
+        corners=3, feed_mm_min=60.0, repeats=1,
+    ),
     anchor=AnchorSettings(every=0),
-    sync=SyncSettings(pulses=2),
-)
-"""A short search for the surface and short patterns, as each run has them."""
+    sync=SyncSettings(pulses=1),
+    reference_frames=4,
+)  # fmt: skip
+"""A short search for the surface and short patterns, as each run has them, and quick presses."""
 TABLE = contact_table(Gel())
 
 
@@ -97,7 +114,7 @@ class Run:
         folder: Path,
         settings: CollectionSettings = SETTINGS,
         plan: PlanSettings = PLAN,
-        world: WorldSettings | None = None,
+        world: WorldSettings = WORLD,
         dots: Dots | None = None,
         unasked: bool = True,
         machine: Path | None = None,

@@ -59,7 +59,7 @@ def test_stop_is_the_first_thing_sent_after_the_sample_above_the_limit(
     run.rig.safety._on_trip = note
     run.campaign.run()
     deep = [record for record in run.published if record.point.depth_mm == 1.5]
-    assert len(tripped_ns) == len(deep) == 6
+    assert len(tripped_ns) == len(deep) == 4
     assert all(FORCE in record.reason for record in deep)
     for at_ns in tripped_ns:
         after = [(stamp_ns, data) for stamp_ns, data in sent if stamp_ns >= at_ns]

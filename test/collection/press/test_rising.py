@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from rehearsing import SAFE_Z_MM, Run, changed
+from rehearsing import GEL_Z_MM, SAFE_Z_MM, Run, changed
 
 from tactile_nodes.collection.press.rising import rising
 from tactile_nodes.collection.press.surface import HERTZ, Loading, Surface, softest
@@ -19,6 +19,7 @@ from tactile_nodes.errors import DeviceFaultError
 GEL = Surface(-30.0, softest=Loading(-30.0, 0.5, HERTZ))  # 0.354 N at 1 mm
 ZERO = Tare((0.0,) * 6, (0.0,) * 6, 100, 0)
 SETTINGS = changed(surface={'flat_mm': 0.05, 'least_n': 0.02}, limits={'least_share': 0.5})
+SLOW = changed(motion={'press_mm_min': 60.0})
 
 
 def complaint(depth_mm: float, force_n: float, surface: Surface = GEL, tare: Tare = ZERO) -> str:
@@ -66,7 +67,7 @@ class Liar(World):
 )
 def test_press_whose_force_does_not_rise_stops_early_and_ends_the_run(tmp_path: Path, tells: Callable) -> None:
     """The third press is 1.5 mm deep. Half of what is expected at 0.6 mm is more than the force of 0.3 mm."""
-    run = Run(tmp_path, rate_hz=100.0)
+    run = Run(tmp_path, SLOW, rate_hz=100.0)
     run.world.__class__ = Liar
     deepest = [0.0]
 
@@ -84,11 +85,12 @@ def test_press_whose_force_does_not_rise_stops_early_and_ends_the_run(tmp_path: 
 
 
 def test_z_that_does_not_follow_its_motor_ends_the_run_on_the_way_down(tmp_path: Path) -> None:
-    run = Run(tmp_path)
+    run = Run(tmp_path, SLOW)
     run.at(1, run.in_the_gel(lambda: run.world.stick(2, run.rig.clock.now_ns())))
-    with pytest.raises(DeviceFaultError, match='does z move'):
+    with pytest.raises(DeviceFaultError, match='N remain although the machine reports the tip up'):
         run.campaign.run()
-    assert math.isclose(run.height_mm, -30.31, abs_tol=0.02)
+    assert 'in the surface search: is the sensor correct, does z move' in run.published[-1].reason
+    assert math.isclose(run.height_mm, GEL_Z_MM - 0.31, abs_tol=0.02)
 
 
 def test_corners_that_differ_by_more_than_half_are_reported_and_not_taken_for_a_soft_gel() -> None:
@@ -125,7 +127,7 @@ def test_a_surface_that_is_not_felt_at_another_corner_ends_the_search_where_it_w
     tmp_path: Path,
 ) -> None:
     """With a bottom 2.6 mm below the gel; 20 mm farther a gel tilted by 0.05 (surface.tilt) lies 1 mm lower at most."""
-    run = Run(tmp_path, changed(surface={'bottom_mm': -32.6}))
+    run = Run(tmp_path, changed(surface={'bottom_mm': -12.6}))
     corner: list[tuple[float, float]] = []
     deepest = [0.0]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from rehearsing import SAFE_Z_MM, SETTINGS, TABLE
+from rehearsing import GEL_Z_MM, SAFE_Z_MM, SETTINGS, TABLE, WORLD
 
 from benchmarks.devices.rehearsal import Rehearsal
 from tactile_nodes.collection.plan.plan import Point
@@ -13,7 +13,7 @@ from tactile_nodes.collection.press.cycle import Ground, Record, press_cycle
 from tactile_nodes.collection.press.rest import go_to_gel
 from tactile_nodes.collection.press.surface import Surface
 from tactile_nodes.drivers.cnc.contract import CncSettings
-from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.emulators.world import World
 from tactile_nodes.simulation.gel import Gel
 
 DEPTH_MM = 1.5
@@ -21,13 +21,15 @@ DEPTH_MM = 1.5
 
 def pressed(share: float) -> tuple[Record, float]:
     """One press at 5 mm/s, and the simulated time that it took, in s."""
-    world = World(WorldSettings(start_mm=(-60.0, -60.0, SAFE_Z_MM)), Gel(settling_share=share, settling_s=0.3), TABLE)
+    world = World(
+        dataclasses.replace(WORLD, start_mm=(-12.0, -12.0, SAFE_Z_MM)), Gel(settling_share=share, settling_s=0.3), TABLE
+    )
     settings = dataclasses.replace(SETTINGS, motion=dataclasses.replace(SETTINGS.motion, press_mm_min=300.0))
     rig = Rehearsal(world, settings, CncSettings(safe_z_mm=SAFE_Z_MM), rate_hz=100.0, fps=20.0)
     rig.cnc.home()
     zero = rig.hands.run(go_to_gel(settings, SAFE_Z_MM))
     record, begun_ns = Record(Point(1, 0.0, 0.0, DEPTH_MM), 1), rig.clock.now_ns()
-    rig.hands.run(press_cycle(record, Ground(Surface(-30.0), SAFE_Z_MM, zero, 0.0), settings))
+    rig.hands.run(press_cycle(record, Ground(Surface(GEL_Z_MM), SAFE_Z_MM, zero, 0.0), settings))
     return record, (record.start_ns - begun_ns) / 1e9
 
 

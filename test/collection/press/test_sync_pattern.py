@@ -30,16 +30,16 @@ def test_the_same_plan_and_number_give_the_same_gaps_and_others_give_others() ->
 
 
 def test_the_line_is_switched_before_the_first_press_after_the_last_and_in_between(tmp_path: Path) -> None:
-    """Three patterns of six edges around 12 presses, of which one after each fifth."""
-    run = Run(tmp_path, changed(sync={'pulses': 3, 'every': 5}))
+    """Four patterns of four edges around 8 presses, of which one after each third."""
+    run = Run(tmp_path, changed(sync={'pulses': 2, 'every': 3}))
     run.campaign.run()
     edges = run.world.line_edges()
-    assert len(edges) == 24 + 4 * 6
-    start = np.diff([edge.stamp_ns for edge in edges[:6]]) / NS_PER_S
+    assert len(edges) == 16 + 4 * 4
+    start = np.diff([edge.stamp_ns for edge in edges[:4]]) / NS_PER_S
     # On a clock that jumps a gap is kept to the breath of 10 ms in which the hands look around.
-    np.testing.assert_allclose(start, pattern_gaps(run.plan.plan_id, 0, 6)[1:], atol=0.02)
-    assert not edges[5].level and not edges[-1].level
-    assert all(record.start_ns > edges[5].stamp_ns for record in run.published)
+    np.testing.assert_allclose(start, pattern_gaps(run.plan.plan_id, 0, 4)[1:], atol=0.02)
+    assert not edges[3].level and not edges[-1].level
+    assert all(record.start_ns > edges[3].stamp_ns for record in run.published)
 
 
 def test_run_that_is_resumed_after_its_second_pattern_goes_on_with_a_third(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_run_that_is_resumed_after_its_second_pattern_goes_on_with_a_third(tmp_p
 def test_without_pulses_presses_alone_switch_it(tmp_path: Path) -> None:
     run = Run(tmp_path, changed(sync={'pulses': 0}))
     run.campaign.run()
-    assert len(run.world.line_edges()) == 24
+    assert len(run.world.line_edges()) == 16
 
 
 def alike_presses(presses: int, with_pattern: bool) -> np.ndarray:

@@ -27,7 +27,7 @@ TOPICS = {'/press': 'tactile_nodes/msg/Press', '/press_image': 'sensor_msgs/msg/
 
 
 def main(folder: Path, name: str, where: str = '', at: int = 0) -> None:
-    run = Run(folder, changed(anchor={'every': 5}), dots=Dots())
+    run = Run(folder, changed(anchor={'every': 3}), dots=Dots())
     audit(run.journal, run.plan.plan_id, folder, 0)
     run.campaign.progress.done = run.journal.done
     writer = BagWriter(folder / name)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rehearsing import TABLE, Dots, Run, changed, reject
+from rehearsing import ALL, SAFE_Z_MM, TABLE, Dots, Run, changed, reject
 
 from tactile_nodes.collection.readings import frame_of
 from tactile_nodes.collection.run.anchors import follows
@@ -17,8 +17,7 @@ from tactile_nodes.collection.run.shift import imprint, shift_px
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError
 from tactile_nodes.simulation.optics import Press
 
-ALL = list(range(1, 13))
-EVERY = 4
+EVERY = 3
 SETTINGS = changed(anchor={'every': EVERY})
 
 
@@ -76,12 +75,12 @@ def test_axis_that_sticks_makes_the_presses_since_the_last_anchor_suspect(
 ) -> None:
     first = Run(tmp_path, SETTINGS, dots=dots)
     first.at(EVERY + 1, lambda: first.world.stick(axis, first.rig.clock.now_ns()))
-    with pytest.raises(DeviceFaultError, match=r'all presses since the last good anchor \(4\) are suspect'):
+    with pytest.raises(DeviceFaultError, match=r'all presses since the last good anchor \(3\) are suspect'):
         first.campaign.run()
     late = [(record.point.press, record.attempt) for record in first.published[EVERY:]]
     assert first.suspects == late
     assert first.journal.done == first.campaign.progress.done == EVERY
-    assert first.height_mm == pytest.approx(-26.0, abs=0.01)
+    assert first.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
     first.journal.close()
     second = Run(tmp_path, SETTINGS, dots=dots)
     second.campaign.run()
@@ -142,7 +141,7 @@ def interrupted(folder: Path, dots: Dots, stick: bool) -> Run:
     run = Run(folder, SETTINGS, dots=dots)
     if stick:
         run.at(EVERY + 1, lambda: run.world.stick(0, run.rig.clock.now_ns()))
-    run.at(EVERY + 3, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
+    run.at(EVERY + 2, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
     run.campaign.run()
     run.journal.close()
     return run
@@ -164,7 +163,7 @@ def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_was_else
     second = Run(tmp_path, SETTINGS, dots=dots)
     second.earlier = first.published
     second.campaign.run()
-    assert len(second.suspects) == 3
+    assert len(second.suspects) == 2
     assert sorted(first.recorded[:EVERY] + second.recorded) == ALL
 
 
@@ -186,7 +185,7 @@ def test_what_an_interrupted_run_left_is_done_again_when_the_images_have_another
     second = Run(tmp_path, SETTINGS, dots=dots)
     second.earlier = cropped
     second.campaign.run()
-    assert len(second.suspects) == 3
+    assert len(second.suspects) == 2
     assert sorted(first.recorded[:EVERY] + second.recorded) == ALL
 
 
@@ -199,7 +198,7 @@ def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_is_too_s
     second = Run(tmp_path, changed(anchor={'every': EVERY}, limits={'force_n': TABLE.force_at(1.2)}), dots=dots)
     second.earlier = first.published
     assert second.campaign.run().startswith('the plan is done except for presses that were set aside')
-    assert len(second.suspects) == 3
+    assert len(second.suspects) == 2
     assert last.press in second.journal.aside
     assert last.press not in {each.point.press for each in second.published}
     assert not any(each.reason for each in second.published if each.point.depth_mm < 1)
@@ -215,23 +214,23 @@ def test_what_an_interrupted_run_left_is_done_again_when_its_last_press_can_no_l
     second = Run(tmp_path, SETTINGS, dots=dots)
     second.earlier = first.published
     assert second.campaign.run().startswith('the plan is done except for presses that were set aside or rejected')
-    assert len(second.suspects) == 3
+    assert len(second.suspects) == 2
     assert sorted(first.recorded[:EVERY] + second.recorded) == [press for press in ALL if press != last.press]
 
 
 def test_a_run_that_ends_with_presses_that_fail_each_time_is_anchored_to_its_end(
     tmp_path: Path, dots: Dots, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Five places lie beyond the rim of the gel: they are left at the end, and fail one after another."""
-    first = Run(tmp_path, SETTINGS, dots=dots)
-    bad = {point.press for point in first.campaign._order[1::2][:5]}
+    """Four places lie beyond the rim of the gel: they are left at the end, and fail one after another."""
+    first = Run(tmp_path, changed(anchor={'every': EVERY}, limits={'rejects_in_a_row': 4}), dots=dots)
+    bad = {point.press for point in first.campaign._order[1::2]}
     reject(monkeypatch, lambda point: point.press in bad, 'not steady')
-    with pytest.raises(DeviceFaultError, match='5 presses in a row were rejected, the last because not steady'):
+    with pytest.raises(DeviceFaultError, match='4 presses in a row were rejected, the last because not steady'):
         first.campaign.run()
     assert sorted(first.recorded) == [press for press in ALL if press not in bad]
     assert not first.journal.unconfirmed()
     assert first.journal.patterns == 2  # at the start and at the end
-    assert first.height_mm == pytest.approx(-26.0, abs=0.01)
+    assert first.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
 def test_anchor_deeper_than_the_limit_is_refused(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from rehearsing import PLAN, SAFE_Z_MM, SETTINGS, Dots, Run, changed
+from rehearsing import GEL_Z_MM, PLAN, SAFE_Z_MM, SETTINGS, WORLD, Dots, Run, changed
 
 from tactile_nodes.collection.plan.order import ordered
 from tactile_nodes.collection.plan.plan import PlanSettings, Point, make_plan
@@ -17,7 +17,7 @@ from tactile_nodes.collection.settings import AnchorSettings, CollectionSettings
 from tactile_nodes.drivers.cnc.contract import CncSettings
 
 NS_PER_S = 1e9
-SURFACE_Z_MM = -30.0
+HIGH_MM, LOW_MM = -26.0, -30.0
 PLAIN = CollectionSettings()
 POINTS = [Point(number, float(number), 0.0, 1.0) for number in range(1, 7)]
 
@@ -25,7 +25,7 @@ POINTS = [Point(number, float(number), 0.0, 1.0) for number in range(1, 7)]
 def estimated(settings: CollectionSettings, plan: PlanSettings, fps: float = 20.0) -> Estimate:
     drawn = make_plan(plan)
     cnc = CncSettings(safe_z_mm=SAFE_Z_MM)
-    return estimate(drawn.plan_id, ordered(drawn, plan), settings, cnc, SURFACE_Z_MM, plan.rest_mm, fps)
+    return estimate(drawn.plan_id, ordered(drawn, plan), settings, cnc, GEL_Z_MM, plan.rest_mm, fps)
 
 
 def test_leg_takes_the_time_of_a_trapezoid() -> None:
@@ -45,7 +45,7 @@ def test_press_takes_the_sum_of_its_jogs_and_waits() -> None:
     1.5 mm at 1 mm/s, 6 jogs: 1.5 + 6 0.005 s. Up 5 mm at 20 mm/s: 0.25 + 0.1 s. Tare 0.5, steady 0.2, window of 0.1 s
     in looks of 0.02 s: 0.12, tip free 0.1 s.
     """
-    course = Course(PLAIN, SAFE_Z_MM, SURFACE_Z_MM, 60.0)
+    course = Course(PLAIN, HIGH_MM, LOW_MM, 60.0)
     motion_s = 0.7 + 0.775 + 1.53 + 0.35
     took_s = course.press_s(Point(1, -10.0, 0.0, 1.0), Point(2, 0.0, 0.0, 1.0))
     assert took_s == pytest.approx(motion_s + 0.5 + 0.2 + 0.12 + 0.1)
@@ -69,7 +69,7 @@ def test_patterns_at_start_and_end_and_after_every_few_presses_are_counted_as_th
 
 def test_rest_images_are_taken_twice_at_the_start_and_after_every_few_presses() -> None:
     """0.2 s of rest and 16 images in looks of 0.05 s: 0.5 s at 60 a second; 12 presses, one after each fifth: 2 + 2."""
-    course = Course(dataclasses.replace(PLAIN, reference_every=5), SAFE_Z_MM, SURFACE_Z_MM, 60.0)
+    course = Course(dataclasses.replace(PLAIN, reference_every=5), HIGH_MM, LOW_MM, 60.0)
     assert course.rests_s(12) == pytest.approx(4 * 0.5)
 
 
@@ -78,12 +78,13 @@ def test_rest_images_are_taken_twice_at_the_start_and_after_every_few_presses() 
     [
         {},
         {'sync': {'pulses': 2, 'every': 5}},
-        {'anchor': {'every': 5}, 'surface': {'corners': 4, 'repeats': 3, 'top_mm': -29.5}},
+        {'anchor': {'every': 5}, 'surface': {'corners': 4, 'repeats': 3, 'top_mm': -9.5}},
     ],
 )
-def test_run_of_twelve_presses_takes_as_long_as_estimated(tmp_path: Path, blocks: dict[str, dict[str, object]]) -> None:
+def test_run_of_eight_presses_takes_as_long_as_estimated(tmp_path: Path, blocks: dict[str, dict[str, object]]) -> None:
     settings = dataclasses.replace(changed(**blocks), reference_every=4)
-    run = Run(tmp_path, settings, dots=Dots(), rate_hz=100.0)
+    far = dataclasses.replace(WORLD, start_mm=(-50.0, -70.0, -8.0))  # from where homing takes its usual 5 s
+    run = Run(tmp_path, settings, world=far, dots=Dots(), rate_hz=100.0)
     begin_ns = run.rig.clock.now_ns()
     run.campaign.run()
     took_s = (run.rig.clock.now_ns() - begin_ns) / NS_PER_S
@@ -92,9 +93,9 @@ def test_run_of_twelve_presses_takes_as_long_as_estimated(tmp_path: Path, blocks
 
 def test_mean_press_is_one_of_the_plan_without_anchors() -> None:
     whole_run, order = estimated(SETTINGS, PLAN), ordered(make_plan(PLAN), PLAN)
-    course = Course(SETTINGS, SAFE_Z_MM, SURFACE_Z_MM, 20.0)
+    course = Course(SETTINGS, SAFE_Z_MM, GEL_Z_MM, 20.0)
     times = [course.press_s(before, point) for before, point in pairwise((order[0], *order))]
-    assert whole_run.each_s == pytest.approx(sum(times) / 12)
+    assert whole_run.each_s == pytest.approx(sum(times) / 8)
 
 
 def test_a_plan_of_neighbours_one_after_the_other_is_told_in_plain_words() -> None:

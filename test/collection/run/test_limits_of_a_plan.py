@@ -13,7 +13,8 @@ from tactile_nodes.collection.press.workspace import check_approach, check_works
 from tactile_nodes.drivers.cnc.contract import Envelope
 from tactile_nodes.errors import ConfigurationError
 
-BOX = Envelope((-120.0, -120.0, -60.0), (0.0, 0.0, 0.0))  # of the world of the tests; the gel is at -60, -60
+MIDDLE = {'gel_x_mm': -60.0, 'gel_y_mm': -60.0, 'top_mm': -29.8, 'bottom_mm': -31.5, 'reach_mm': 10.0}
+BOX = Envelope((-120.0, -120.0, -60.0), (0.0, 0.0, 0.0))  # the gel is in the middle of it
 
 
 def test_presses_outside_the_workspace_are_refused_before_anything_moves(tmp_path: Path) -> None:
@@ -24,25 +25,25 @@ def test_presses_outside_the_workspace_are_refused_before_anything_moves(tmp_pat
         match=r'outside the workspace of the machine \(x -120 to 0 mm, .*: press 1 at x -61, y 0 mm, 0\.5 mm deep, '
         r'press 2 at x -61, y 0 mm, 1 mm deep, press 5 at x 61, .*, press 6 at x 61, y 0 mm, 1 mm deep$',
     ):
-        Run(tmp_path, plan=plan)
+        Run(tmp_path, changed(surface=MIDDLE), plan)
 
 
 def test_presses_at_the_rim_of_the_workspace_are_not_refused(tmp_path: Path) -> None:
     plan = PlanSettings(columns=2, rows=1, pitch_mm=120.0, depths_mm=(0.5,))
-    assert Run(tmp_path, plan=plan).plan.box_mm == (-60.0, 0.0, 60.0, 0.0)
+    assert Run(tmp_path, changed(surface=MIDDLE), plan).plan.box_mm == (-60.0, 0.0, 60.0, 0.0)
 
 
 def test_presses_below_the_workspace_are_refused_before_anything_moves() -> None:
     """From the height where the search starts, -29.8 mm, 1.5 mm lead to -31.3."""
     points, low = [Point(1, 0.0, 0.0, 1.0), Point(2, 0.0, 0.0, 1.5)], (-120.0, -120.0, -31.0)
-    settings = changed(surface={'bottom_mm': -31.0})
+    settings = changed(surface={**MIDDLE, 'bottom_mm': -31.0})
     with pytest.raises(ConfigurationError, match=r'z -31 to 0 mm.*: press 2 at x 0, y 0 mm, 1\.5 mm deep$'):
         check_workspace(points, settings, Envelope(low, BOX.highest_mm))
 
 
 def test_presses_that_the_surface_found_puts_below_the_workspace_are_refused_before_the_first_press() -> None:
     points, box = [Point(1, 0.0, 0.0, 1.0), Point(2, 10.0, 0.0, 1.0)], Envelope((-120.0, -120.0, -31.1), BOX.highest_mm)
-    settings = changed(surface={'bottom_mm': -31.0})
+    settings = changed(surface={**MIDDLE, 'bottom_mm': -31.0})
     check_workspace(points, settings, box)
     check_workspace(points, settings, box, Surface(-30.0))
     with pytest.raises(ConfigurationError, match=r'mm\)[^:]*: press 2 at x 10, '):
@@ -52,9 +53,9 @@ def test_presses_that_the_surface_found_puts_below_the_workspace_are_refused_bef
 @pytest.mark.parametrize(
     'settings',
     [
-        changed(surface={'bottom_mm': -60.1}),
-        changed(surface={'reach_mm': 60.1}),
-        changed(anchor={'every': 50, 'x_mm': 59.6}),  # half a millimetre beside it is pressed as well
+        changed(surface={**MIDDLE, 'bottom_mm': -60.1}),
+        changed(surface={**MIDDLE, 'reach_mm': 60.1}),
+        changed(surface=MIDDLE, anchor={'every': 50, 'x_mm': 59.6}),  # half a millimetre beside it is pressed as well
     ],
 )
 def test_a_search_or_an_anchor_outside_the_workspace_is_refused(settings: object) -> None:
@@ -64,17 +65,18 @@ def test_a_search_or_an_anchor_outside_the_workspace_is_refused(settings: object
 
 def test_an_approach_outside_the_workspace_is_refused() -> None:
     """2 mm down from -29.8 mm is -31.8 mm."""
-    check_approach(60.0, 0.0, 2.0, SETTINGS, BOX)
+    check_approach(60.0, 0.0, 2.0, changed(surface=MIDDLE), BOX)
     low = Envelope((-120.0, -120.0, -31.7), BOX.highest_mm)
     for x_mm, box in ((60.1, BOX), (0.0, low)):
         with pytest.raises(ConfigurationError, match=rf'x_mm {x_mm:g} and y_mm 0, 2 mm down .* leaves the workspace'):
-            check_approach(x_mm, 0.0, 2.0, SETTINGS, box)
+            check_approach(x_mm, 0.0, 2.0, changed(surface=MIDDLE), box)
 
 
 def test_presses_that_are_too_deep_are_named(tmp_path: Path) -> None:
     """Each second of twelve is 1.5 mm deep; five are named."""
+    plan = PlanSettings(columns=3, rows=2, pitch_mm=4.0, depths_mm=(0.5, 1.5))
     with pytest.raises(ConfigurationError, match=r'allows 1 mm; .*: press 2 at x -4, .*, press 10 at .* and 1 more$'):
-        Run(tmp_path, changed(limits={'depth_mm': 1.0}))
+        Run(tmp_path, changed(limits={'depth_mm': 1.0}), plan)
 
 
 def test_presses_that_will_be_too_strong_are_told_before_the_first(tmp_path: Path) -> None:
@@ -89,6 +91,6 @@ def test_presses_that_will_be_too_strong_are_told_before_the_first(tmp_path: Pat
     first = next(
         number for number, line in enumerate(run.printed) if 'expected to exceed limits.force_n, 0.5 N' in line
     )
-    assert 'limits.force_n, 0.5 N: 6 (press ' in run.printed[first]
+    assert 'limits.force_n, 0.5 N: 4 (press ' in run.printed[first]
     assert not any('set aside' in line for line in run.printed[:first])
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)

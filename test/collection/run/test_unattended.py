@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from collecting import in_a_process
-from rehearsing import SAFE_Z_MM, Run, changed
+from rehearsing import ALL, SAFE_Z_MM, Run, changed
 
 from tactile_nodes.collection.machine_record import BEGUN, MachineRecord
 from tactile_nodes.collection.plan.plan import PlanSettings
@@ -20,7 +20,6 @@ from tactile_nodes.drivers.cnc.contract import CncState, CncStatus
 from tactile_nodes.emulators.world import Wrench
 from tactile_nodes.errors import DeviceFaultError
 
-ALL = list(range(1, 13))
 DEEP = [press for press in ALL if press % 2 == 0]  # 1.5 mm, which is more than 0.5 N
 SOFT = {'force_n': 0.5, 'rejects_in_a_row': 20}
 BUMP: Wrench = (0.0, 0.0, 6.0, 0.0, 0.0, 0.0)  # more than the bearable 5 N
@@ -54,8 +53,8 @@ def test_a_point_whose_force_is_too_great_is_put_aside_and_not_tried_again_in_th
     assert [press for press, step in steps(run) if step == 'aside'] == [
         r.point.press for r in run.published if r.reason
     ]
-    assert ended.startswith('the plan is done except for presses that were set aside or rejected each time: 6 of 12 ')
-    assert f'6 set aside until the next run (press {", ".join(map(str, DEEP))})' in ended
+    assert ended.startswith('the plan is done except for presses that were set aside or rejected each time: 4 of 8 ')
+    assert f'4 set aside until the next run (press {", ".join(map(str, DEEP))})' in ended
     assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
 
 
@@ -106,7 +105,7 @@ def test_an_unbearable_force_that_ends_the_run_halts_the_machine_as_well(tmp_pat
         retreat()
 
     run.rig.hands.retreat = up  # type: ignore[method-assign]
-    run.after(30.0, bump(run))  # in the search for the surface
+    run.after(12.0, bump(run))  # in the search for the surface
     with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
         run.campaign.run()
     assert notes == [['begun', 'halted']]  # before the tip goes up
@@ -115,7 +114,7 @@ def test_an_unbearable_force_that_ends_the_run_halts_the_machine_as_well(tmp_pat
 
 def test_an_unbearable_force_while_homing_halts_the_machine(tmp_path: Path) -> None:
     run = Run(tmp_path)
-    run.after(4.0, bump(run))
+    run.after(2.5, bump(run))
     with pytest.raises(DeviceFaultError, match='more than the bearable 5 N'):
         run.campaign.run()
     assert run.printed[0] == 'homing' and not run.published
@@ -174,7 +173,7 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
 
     def hit() -> None:
         bump(run)()
-        run.after(30.0, run.person.answer)
+        run.after(15.0, run.person.answer)
 
     run.at(3, run.in_the_gel(hit))
     run.rig.clock.every(1.0, look)
@@ -183,10 +182,10 @@ def test_after_an_unbearable_force_nothing_moves_until_a_person_has_looked(tmp_p
         line for line in run.printed if 'more than the bearable 5 N' in line and 'then type: answer' in line
     )
     assert 'check machine, tip and gel' in question
-    assert len(places) > 28 and len(set(places)) == 1
+    assert len(places) > 13 and len(set(places)) == 1
     assert places[0][2] == pytest.approx(SAFE_Z_MM, abs=0.01)
     assert of_the_machine(run) == ['begun', 'halted', 'acknowledged', 'ended']
-    assert len(run.recorded) == 11  # one is aside
+    assert len(run.recorded) == 7  # one is aside
 
 
 def test_a_person_who_answers_much_later_finds_a_sensor_that_has_drifted(tmp_path: Path) -> None:
@@ -200,11 +199,11 @@ def test_a_person_who_answers_much_later_finds_a_sensor_that_has_drifted(tmp_pat
 
     def hit() -> None:
         bump(run)()
-        run.after(600.0, lambda: setattr(run.world, 'wrench_at', drifted))
-        run.after(1200.0, run.person.answer)
+        run.after(20.0, lambda: setattr(run.world, 'wrench_at', drifted))
+        run.after(40.0, run.person.answer)
 
     run.at(3, run.in_the_gel(hit))
-    assert ': 11 of 12 presses recorded' in run.campaign.run()  # one is aside
+    assert ': 7 of 8 presses recorded' in run.campaign.run()  # one is aside
 
 
 @pytest.mark.parametrize('unasked', [True, False])
@@ -229,19 +228,19 @@ def test_after_a_kill_a_run_asks_before_it_homes_or_moves(tmp_path: Path) -> Non
     start = run.world.motor_at(run.rig.clock.now_ns())
     places = []
     run.rig.clock.every(1.0, lambda: places.append(run.world.motor_at(run.rig.clock.now_ns())))
-    run.after(60.0, lambda: places.append('answered') or run.person.answer())
+    run.after(20.0, lambda: places.append('answered') or run.person.answer())
     run.campaign.run()
     assert 'cut off' in run.printed[0] and run.printed[0].endswith('then type: answer')
     assert set(places[: places.index('answered')]) == {start}
-    assert run.journal.done == 12
+    assert run.journal.done == 8
 
 
 def test_the_hours_of_a_run_begin_when_a_person_has_looked(tmp_path: Path) -> None:
     """Killed on a Friday evening, and looked at on Monday."""
     MachineRecord(tmp_path / 'machine.record').note(BEGUN, 1)
-    run = Run(tmp_path, changed(limits={'hours': 0.2}), unasked=False)
-    run.after(800.0, run.person.answer)
-    assert run.campaign.run().startswith('the plan is done: 12 of 12')
+    run = Run(tmp_path, changed(limits={'hours': 0.03}), unasked=False)
+    run.after(120.0, run.person.answer)
+    assert run.campaign.run().startswith('the plan is done: 8 of 8')
 
 
 def test_after_a_kill_the_next_plan_in_another_folder_asks_as_well(tmp_path: Path) -> None:
