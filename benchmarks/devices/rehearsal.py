@@ -68,6 +68,7 @@ class Rehearsal:
         rate_hz: rate of the force samples; fps: that of the images.
         start_ns: start time.
         on_status: called with the state of the machine; on_switch: called when the digital line switches.
+        tick_s: time between two looks for silent devices.
     """
 
     def __init__(
@@ -81,6 +82,7 @@ class Rehearsal:
         start_ns: int = NS_PER_S,
         on_status: Callable[[CncStatus], None] | None = None,
         on_switch: Callable[[Switched], None] | None = None,
+        tick_s: float = TICK_S,
     ) -> None:
         self.world = world
         self.clock = JumpingClock(start_ns)
@@ -102,7 +104,7 @@ class Rehearsal:
         )
         self.clock.every(1 / rate_hz, self._feel)
         self.clock.every(1 / fps, self._take_picture)
-        self.clock.every(TICK_S, self._look_around)
+        self.clock.every(tick_s, self._look_around)
 
     def _feel(self) -> None:
         if not self.silent_sensor:

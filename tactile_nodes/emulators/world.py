@@ -179,21 +179,20 @@ class World:
 
     def press_at(self, time_ns: int) -> Press:
         """The position on the gel's surface and the depth along its normal; negative above it."""
-        s, (x, y, z) = self.settings, self.tip_at(time_ns)
-        gel_x, gel_y = x - s.gel_x_mm, y - s.gel_y_mm
-        below = s.gel_z_mm + s.slope_x * gel_x + s.slope_y * gel_y - z
-        return Press(gel_x, gel_y, below * self._slope[2], s.indenter)
+        return Press(*self._on_gel(time_ns), self.settings.indenter)
 
     def presses_at(self, time_ns: int) -> tuple[Press, ...]:
         """The presses to render: the tip, unless it is beside or above the gel, and dents that recover."""
-        return tuple(press for press in self._shape_at(time_ns).presses if press.depth_mm > 0)
+        return tuple(press for press in self._shape_at(time_ns, self._touch_at(time_ns)).presses if press.depth_mm > 0)
 
     def force_at(self, time_ns: int) -> float:
         """Contact force along the surface's normal in N, by contact table and settling; it rises beyond the table."""
+        if self._on_gel(time_ns)[2] <= 0:  # the usual case, which is faster this way
+            return 0.0
         touch = self._touch_at(time_ns)
         if touch.depth_mm <= 0:
             return 0.0
-        return self._shape_at(time_ns).force_n + self._beyond(touch.depth_mm)
+        return self._shape_at(time_ns, touch).force_n + self._beyond(touch.depth_mm)
 
     def wrench_at(self, time_ns: int) -> Wrench:
         """See `WrenchSource.wrench_at`. The tip does not move sideways, so the force is along the surface's normal."""
@@ -218,6 +217,13 @@ class World:
         size = math.sqrt(1 + s.slope_x**2 + s.slope_y**2)
         return (-s.slope_x / size, -s.slope_y / size, 1 / size)
 
+    def _on_gel(self, time_ns: int) -> Vector:
+        """x, y and depth of the tip in the gel's frame."""
+        s, (x, y, z) = self.settings, self.tip_at(time_ns)
+        gel_x, gel_y = x - s.gel_x_mm, y - s.gel_y_mm
+        below = s.gel_z_mm + s.slope_x * gel_x + s.slope_y * gel_y - z
+        return (gel_x, gel_y, below * self._slope[2])
+
     def _beside(self, *place_mm: float) -> bool:
         """Whether a place lies beside the gel."""
         return not self.gel.rim.holds(np.array(place_mm))
@@ -229,9 +235,8 @@ class World:
             return dataclasses.replace(press, depth_mm=-press.depth_mm)
         return press
 
-    def _shape_at(self, time_ns: int) -> Shape:
+    def _shape_at(self, time_ns: int, touch: Press) -> Shape:
         if self.gel.settling_share == 0:
-            touch = self._touch_at(time_ns)
             return Shape((touch,), self._table.force_at(touch.depth_mm))
         with self._lock:
             return self._memory.at(time_ns)

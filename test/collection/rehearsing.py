@@ -123,7 +123,8 @@ class Run:
         self.plan: Plan = make_plan(plan)
         self.world = World(world, table=TABLE)
         camera = None if dots is None else lambda time_ns: dots.see(self.world.press_at(time_ns))
-        self.rig = Rehearsal(self.world, settings, CncSettings(safe_z_mm=SAFE_Z_MM), camera, rate_hz, fps=20.0)
+        cnc = CncSettings(safe_z_mm=SAFE_Z_MM)
+        self.rig = Rehearsal(self.world, settings, cnc, camera, rate_hz, fps=20.0, tick_s=0.02)
         self.published: list[Record] = []
         self.printed: list[str] = []
         self.rests: list[int] = []
