@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
+from quick_clock import QuickClock
 
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.collection import readings
@@ -31,14 +32,16 @@ from tactile_nodes.messages import types
 
 SAFE_Z_MM = -4.0
 INVALID = types.ForceDistribution.STATUS_INVALID
-# Everything near the end switches, so that a run takes two seconds.
+QUICK = 5
+RATE_HZ = 200.0
+# Everything near the end switches, so that a run takes two seconds, of a clock that is five times as fast.
 SETTINGS = GuardedRunSettings(
-    guard=GuardSettings(hold_s=0.2, stale_ms=1000.0),
-    limits=LimitSettings(force_silence_ms=2000.0),
+    guard=GuardSettings(hold_s=0.2, stale_ms=5000.0, seconds=300.0),
+    limits=LimitSettings(force_silence_ms=10_000.0),
     press=PressSettings(tare_s=0.1),
     surface=SurfaceSettings(gel_x_mm=-3.0, gel_y_mm=-3.0, top_mm=-5.9),
     cnc=CncSettings(safe_z_mm=SAFE_Z_MM),
-    force_torque=ForceTorqueSettings(rate_hz=500.0),
+    force_torque=ForceTorqueSettings(rate_hz=RATE_HZ),
     world=WorldSettings(start_mm=(-3.0, -3.0, -1.0), gel_x_mm=-3.0, gel_y_mm=-3.0, gel_z_mm=-6.0),
     wait_s=0.5,
 )
@@ -48,7 +51,7 @@ SETTINGS = GuardedRunSettings(
 def opened(
     feel: Callable[[GuardedRun, int], Felt | None], settings: GuardedRunSettings = SETTINGS
 ) -> Iterator[GuardedRun]:
-    clock = SystemClock()
+    clock = QuickClock(QUICK)
     run = GuardedRun(settings, clock, lambda: feel(run, clock.now_ns()), Person('answer', print, clock))
     try:
         yield run
@@ -109,8 +112,8 @@ def test_the_force_sensor_tells_of_the_whole_hold_however_long_it_was(monkeypatc
     with opened(truth, dataclasses.replace(SETTINGS, guard=guard)) as run:
         outcome = run.run()
     assert outcome is not None
-    # 500 samples a second, from the first to the last frame of the hold.
-    assert len(outcome.sensor_n) == pytest.approx(500 * outcome.seconds, abs=3)
+    # From the first to the last frame of the hold.
+    assert len(outcome.sensor_n) == pytest.approx(RATE_HZ * outcome.seconds, abs=3)
 
 
 def test_a_safe_height_that_may_be_in_the_gel_is_refused() -> None:
@@ -370,7 +373,7 @@ def test_a_force_that_was_not_bearable_on_the_way_up_after_a_stop_halts_as_well(
         retreat = run.station.hands.retreat
 
         def up() -> None:
-            run.station.safety.fail(OVERLOAD, 'saturated', SystemClock().now_ns())
+            run.station.safety.fail(OVERLOAD, 'saturated', run._clock.now_ns())
             retreat()
 
         run.station.hands.retreat = up  # type: ignore[method-assign]
