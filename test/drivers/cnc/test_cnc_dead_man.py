@@ -35,7 +35,7 @@ sys.path[:0] = sys.argv[1].split(':')
 from cnc_rigs import settings_of
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.cnc.opening import open_cnc
-cnc = open_cnc(settings_of(sys.argv[2], source=sys.argv[3]), SystemClock())
+cnc = open_cnc(settings_of(sys.argv[2], source=sys.argv[3], retract_mm_min=2000.0), SystemClock())
 cnc.home()
 cnc.move(z=float(sys.argv[4]), feed=2000.0)
 cnc.wait_idle()
@@ -65,7 +65,7 @@ def test_what_was_agreed_is_sent_after_a_kill_and_after_a_farewell_nothing(
         os.close(slave)
 
 
-@pytest.mark.parametrize(('kind', 'low_mm'), [('grbl', -25.0), ('marlin', 30.0)])
+@pytest.mark.parametrize(('kind', 'low_mm'), [('grbl', -10.0), ('marlin', 50.0)])
 def test_a_killed_commander_leaves_the_tip_at_the_safe_height(kind: str, low_mm: float, tmp_path: Path) -> None:
     start_mm = (-115.0, -115.0, -5.0) if kind == 'marlin' else (-5.0, -5.0, -5.0)
     clock, world = SystemClock(), World(WorldSettings(start_mm=start_mm), table=coarse_table())
