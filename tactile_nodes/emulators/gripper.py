@@ -6,12 +6,14 @@ import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.params import parameter
 from tactile_nodes.sensors import HandSensor, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
+from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.optics import Press
 from tactile_nodes.simulation.touch.gripping import Finger, Grip, Gripped, Hold
 
@@ -80,7 +82,12 @@ def finger_of(sensor: HandSensor) -> Finger:
     Raises:
         ConfigurationError: there is no such description.
     """
-    gel = gel_of(load_sensor(sensor.sensor) if sensor.sensor else Sensor())
+    return _finger(gel_of(load_sensor(sensor.sensor) if sensor.sensor else Sensor()))
+
+
+@cache
+def _finger(gel: Gel) -> Finger:
+    """Both fingers of most grippers have the same gel, whose drag takes half a second to solve."""
     return Finger(gel, contact_table(gel))
 
 
