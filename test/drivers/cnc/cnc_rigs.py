@@ -153,7 +153,7 @@ def homed_rig(kind: str = 'marlin', **more: Any) -> Rig:
 @contextlib.contextmanager
 def pty_rig(kind: str, folder: Path, **more: Any) -> Iterator[Rig]:
     """Through a pseudo terminal and the operating system, in real time, connected as a program does it."""
-    start_mm = (-115.0, -115.0, -5.0) if kind == 'marlin' else (-5.0, -5.0, -5.0)  # near its switches
+    start_mm = (-119.0, -119.0, -1.0) if kind == 'marlin' else (-1.0, -1.0, -1.0)  # near its switches
     clock, world = SystemClock(), World(WorldSettings(start_mm=start_mm), table=coarse_table())
     zero = (120.0, 120.0, 60.0) if kind == 'marlin' else (0.0, 0.0, 0.0)
     if kind == 'simulated':

@@ -67,7 +67,7 @@ def test_what_was_agreed_is_sent_after_a_kill_and_after_a_farewell_nothing(
 
 @pytest.mark.parametrize(('kind', 'low_mm'), [('grbl', -10.0), ('marlin', 50.0)])
 def test_a_killed_commander_leaves_the_tip_at_the_safe_height(kind: str, low_mm: float, tmp_path: Path) -> None:
-    start_mm = (-115.0, -115.0, -5.0) if kind == 'marlin' else (-5.0, -5.0, -5.0)
+    start_mm = (-119.0, -119.0, -1.0) if kind == 'marlin' else (-1.0, -1.0, -1.0)
     clock, world = SystemClock(), World(WorldSettings(start_mm=start_mm), table=coarse_table())
     zero_mm = 60.0 if kind == 'marlin' else 0.0
     with PtyPort(device_of(kind, world, clock), clock, tmp_path / 'ttyTEST', reset_on_open=True) as port:

@@ -47,9 +47,9 @@ def test_a_sensor_that_moves_again_is_well_again() -> None:
 
 @pytest.mark.parametrize(('axes', 'share'), [(AXES, 0.5), (('fz',), 1.5)])
 def test_a_quiet_sensor_of_coarse_steps_is_not_taken_for_one_that_stands_still(axes: tuple, share: float) -> None:
-    """Noise of half a step on six axes, or of one and a half on one: within the bound of the docstring, for 100 000."""
+    """Noise of half a step on six axes, or of one and a half on one: within the bound of the docstring, for 20 000."""
     chance, check = random.Random(1), SampleCheck(axes, 20)
-    quiet = [tuple(float(round(chance.gauss(0, share))) for _ in AXES) for _ in range(100_000)]
+    quiet = [tuple(float(round(chance.gauss(0, share))) for _ in AXES) for _ in range(20_000)]
     assert first_stalled(check, quiet) is None
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -37,40 +38,60 @@ def hardware(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
         yield opened
 
 
-def test_it_feels_the_load_on_the_axes_that_it_has_and_nothing_on_the_others(rig: Rig) -> None:
+@dataclass
+class Session:
+    """What was read of a sensor that works: at least 101 samples from its opening on."""
+
+    opened_ns: int
+    samples: list[Sample]
+    ended_ns: int
+    axes: tuple[str, ...]
+    rate_hz: float
+
+
+@pytest.fixture(scope='module', params=RIGS)
+def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Session:
+    clock = SystemClock()
+    with rig_of(request.param, tmp_path_factory.mktemp('rig')) as opened:
+        sensor, opened_ns = opened.open(), clock.now_ns()
+        samples = read(sensor, 101)
+        return Session(opened_ns, samples, clock.now_ns(), sensor.axes, sensor.rate_hz)
+
+
+def test_it_feels_the_load_on_the_axes_that_it_has_and_nothing_on_the_others(session: Session) -> None:
     """The noise is at most 5 mN: the mean of 40 is good to 4 standard errors, 4 mN."""
-    sensor = rig.open()
-    samples = read(sensor)
     for axis, name in enumerate(AXES):
-        values = [sample.wrench[axis] for sample in samples]
-        if name in sensor.axes:
+        values = [sample.wrench[axis] for sample in session.samples]
+        if name in session.axes:
             assert math.isclose(sum(values) / len(values), LOAD[axis], abs_tol=0.004)
         else:
             assert all(map(math.isnan, values))
 
 
-def test_stamps_increase_and_are_neither_in_the_future_nor_old(rig: Rig) -> None:
-    sensor, clock = rig.open(), SystemClock()
-    opened_ns = clock.now_ns()
-    samples = read(sensor)
-    assert all(later.stamp_ns > earlier.stamp_ns for earlier, later in itertools.pairwise(samples))
-    assert all(opened_ns - 1e9 < sample.stamp_ns <= sample.arrival_ns <= clock.now_ns() for sample in samples)
+def test_stamps_increase_and_are_neither_in_the_future_nor_old(session: Session) -> None:
+    assert all(later.stamp_ns > earlier.stamp_ns for earlier, later in itertools.pairwise(session.samples))
+    for sample in session.samples:
+        assert session.opened_ns - 1e9 < sample.stamp_ns <= sample.arrival_ns <= session.ended_ns
 
 
-def test_stamps_follow_the_rate_evenly_however_unevenly_samples_arrive(rig: Rig) -> None:
+def test_stamps_follow_the_rate_evenly_however_unevenly_samples_arrive(session: Session) -> None:
     """Over 100 periods, within 2 %, which leaves 4 ms of 200 for the clock that settles."""
-    sensor = rig.open()
-    samples = read(sensor, 101)
-    period_s = (samples[100].stamp_ns - samples[0].stamp_ns) / 100e9
-    assert math.isclose(period_s * sensor.rate_hz, 1.0, abs_tol=0.02)
+    period_s = (session.samples[100].stamp_ns - session.samples[0].stamp_ns) / 100e9
+    assert math.isclose(period_s * session.rate_hz, 1.0, abs_tol=0.02)
 
 
-def test_every_sample_is_read_once_and_in_order(rig: Rig) -> None:
-    samples = read(rig.open(), 60)
-    assert [sample.sequence for sample in samples] == list(range(len(samples)))
-    assert samples[-1].dropped == 0
-    ticks = [sample.device_ticks for sample in samples]
+def test_every_sample_is_read_once_and_in_order(session: Session) -> None:
+    assert [sample.sequence for sample in session.samples] == list(range(len(session.samples)))
+    assert session.samples[-1].dropped == 0
+    ticks = [sample.device_ticks for sample in session.samples]
     assert all(later > earlier for earlier, later in itertools.pairwise(ticks))
+
+
+def test_a_sample_that_is_well_is_usable_and_says_its_size(session: Session) -> None:
+    size = math.hypot(*(LOAD[axis] for axis in range(3) if AXES[axis] in session.axes))
+    for sample in session.samples:
+        assert sample.usable
+        assert math.isclose(sample.force_n, size, abs_tol=0.05)
 
 
 def test_a_slow_reader_learns_how_many_samples_it_has_lost(rig: Rig) -> None:
@@ -98,14 +119,6 @@ def test_a_listener_gets_every_sample_that_is_read(rig: Rig) -> None:
     sensor.listen(received.append)
     samples = [sample for sample in read(sensor) + read(sensor, 20) if sample.sequence >= received[0].sequence]
     assert samples == received[: len(samples)]
-
-
-def test_a_sample_that_is_well_is_usable_and_says_its_size(rig: Rig) -> None:
-    sensor = rig.open()
-    size = math.hypot(*(LOAD[axis] for axis in range(3) if AXES[axis] in sensor.axes))
-    for sample in read(sensor):
-        assert sample.usable
-        assert math.isclose(sample.force_n, size, abs_tol=0.05)
 
 
 def test_health_and_description_speak_of_a_sensor_that_works(rig: Rig) -> None:
