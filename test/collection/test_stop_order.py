@@ -13,6 +13,7 @@ from benchmarks.devices.direct_port import DirectPort
 from tactile_nodes.clock import Clock
 from tactile_nodes.collection.actions import Switch
 from tactile_nodes.collection.hands import TrippedError
+from tactile_nodes.collection.plan.plan import PlanSettings
 from tactile_nodes.collection.safety import FORCE
 from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, CncStatus, Switched
 from tactile_nodes.drivers.cnc.grbl import GrblCnc
@@ -22,6 +23,7 @@ from tactile_nodes.errors import DeviceFaultError
 
 JOG_CANCEL = b'\x85'
 LIMIT_N = 0.4
+PLAN = PlanSettings(columns=2, rows=1, pitch_mm=4.0, depths_mm=(0.5, 1.5))
 JOG_Z = re.compile(rb'\$J=G21 G90 G53 .* Z(-[0-9.]+) ')
 
 
@@ -47,7 +49,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, bytes]]:
 def test_stop_is_the_first_thing_sent_after_the_sample_above_the_limit(
     tmp_path: Path, sent: list[tuple[int, bytes]]
 ) -> None:
-    run = Run(tmp_path, changed(limits={'force_n': LIMIT_N, 'attempts': 1, 'rejects_in_a_row': 20}))
+    run = Run(tmp_path, changed(limits={'force_n': LIMIT_N, 'attempts': 1, 'rejects_in_a_row': 20}), PLAN)
     tripped_ns: list[int] = []
     tell = run.rig.safety._on_trip
     assert tell is not None
@@ -59,7 +61,7 @@ def test_stop_is_the_first_thing_sent_after_the_sample_above_the_limit(
     run.rig.safety._on_trip = note
     run.campaign.run()
     deep = [record for record in run.published if record.point.depth_mm == 1.5]
-    assert len(tripped_ns) == len(deep) == 4
+    assert len(tripped_ns) == len(deep) == 2
     assert all(FORCE in record.reason for record in deep)
     for at_ns in tripped_ns:
         after = [(stamp_ns, data) for stamp_ns, data in sent if stamp_ns >= at_ns]
@@ -72,7 +74,7 @@ def test_stop_is_the_first_thing_sent_after_the_sample_above_the_limit(
 
 def test_jog_that_was_sent_just_after_the_stop_is_stopped_at_once(tmp_path: Path) -> None:
     """Between check and jog the safety may find something wrong, and the guard's thread stop the machine."""
-    run = Run(tmp_path, changed(limits={'attempts': 1, 'rejects_in_a_row': 20}))
+    run = Run(tmp_path, changed(limits={'attempts': 1, 'rejects_in_a_row': 20}), PLAN)
     jog, retreat, now_ns = run.rig.cnc.jog, run.rig.hands.retreat, run.rig.clock.now_ns
     speeds: list[float] = []
 
@@ -95,7 +97,7 @@ def test_jog_that_was_sent_just_after_the_stop_is_stopped_at_once(tmp_path: Path
 
 def test_line_that_a_stop_sets_low_fell_within_what_is_reported(tmp_path: Path, sent: list[tuple[int, bytes]]) -> None:
     """At rest in a window a Grbl is stopped by a reset, which sets the line low long before the tip is up."""
-    run = Run(tmp_path, changed(limits={'attempts': 1, 'rejects_in_a_row': 20}))
+    run = Run(tmp_path, changed(limits={'attempts': 1, 'rejects_in_a_row': 20}), PLAN)
     reported: list[Switched] = []
 
     def tell(switched: Switched) -> None:

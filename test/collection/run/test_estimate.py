@@ -76,7 +76,6 @@ def test_rest_images_are_taken_twice_at_the_start_and_after_every_few_presses() 
 @pytest.mark.parametrize(
     'blocks',
     [
-        {},
         {'sync': {'pulses': 2, 'every': 5}},
         {'anchor': {'every': 5}, 'surface': {'corners': 4, 'repeats': 3, 'top_mm': -9.5}},
     ],

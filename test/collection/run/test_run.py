@@ -342,8 +342,7 @@ def test_machine_that_loses_its_master_comes_to_rest_within_two_jogs(undisturbed
     assert max(undisturbed.owed_mm) == 0.0
 
 
-@pytest.mark.parametrize('silent', ['silent_sensor', 'silent_camera'])
-@pytest.mark.parametrize('waiting', ['paused', 'without a recorder'])
+@pytest.mark.parametrize(('silent', 'waiting'), [('silent_sensor', 'paused'), ('silent_camera', 'without a recorder')])
 def test_a_device_that_falls_silent_while_the_run_waits_with_the_tip_up_is_waited_for(
     silent: str, waiting: str, tmp_path: Path
 ) -> None:

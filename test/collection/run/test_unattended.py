@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -206,25 +207,35 @@ def test_a_person_who_answers_much_later_finds_a_sensor_that_has_drifted(tmp_pat
     assert ': 7 of 8 presses recorded' in run.campaign.run()  # one is aside
 
 
-@pytest.mark.parametrize('unasked', [True, False])
-def test_a_run_that_was_halted_and_stopped_is_asked_about_again_whatever_was_said(
-    tmp_path: Path, unasked: bool
-) -> None:
+def test_a_run_that_was_halted_and_stopped_is_asked_about_again_whatever_was_said(tmp_path: Path) -> None:
     first = Run(tmp_path)
     first.at(3, first.in_the_gel(bump(first)))
     first.at(4, lambda: first.after(5.0, lambda: setattr(first.rig.hands, 'asked_to_stop', True)))
     assert 'stopped on request' in first.campaign.run()
     first.journal.close()
-    second = Run(tmp_path, unasked=unasked)
+    second = Run(tmp_path, unasked=True)
     second.after(10.0, lambda: setattr(second.rig.hands, 'asked_to_stop', True))
     assert 'stopped on request' in second.campaign.run()
     assert any('the run was halted: the force is 6.' in line for line in second.printed)
     assert 'homing' not in second.printed
 
 
-def test_after_a_kill_a_run_asks_before_it_homes_or_moves(tmp_path: Path) -> None:
-    assert in_a_process(tmp_path, 'killed', 'started', '3') == -9
-    run = Run(tmp_path, unasked=False)
+@pytest.fixture(scope='module')
+def cut_off(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run that was killed at its third press."""
+    folder = tmp_path_factory.mktemp('one')
+    assert in_a_process(folder, 'killed', 'started', '3') == -9
+    return folder
+
+
+@pytest.fixture
+def killed(cut_off: Path, tmp_path: Path) -> Path:
+    """The same for a test alone."""
+    return Path(shutil.copytree(cut_off, tmp_path / 'one'))
+
+
+def test_after_a_kill_a_run_asks_before_it_homes_or_moves(killed: Path) -> None:
+    run = Run(killed, unasked=False)
     start = run.world.motor_at(run.rig.clock.now_ns())
     places = []
     run.rig.clock.every(1.0, lambda: places.append(run.world.motor_at(run.rig.clock.now_ns())))
@@ -243,27 +254,26 @@ def test_the_hours_of_a_run_begin_when_a_person_has_looked(tmp_path: Path) -> No
     assert run.campaign.run().startswith('the plan is done: 8 of 8')
 
 
-def test_after_a_kill_the_next_plan_in_another_folder_asks_as_well(tmp_path: Path) -> None:
+def test_after_a_kill_the_next_plan_in_another_folder_asks_as_well(killed: Path, tmp_path: Path) -> None:
     """What was cut off is a matter of the machine: nobody knows where its tip is, whatever is pressed next."""
-    (tmp_path / 'one').mkdir()
-    assert in_a_process(tmp_path / 'one', 'killed', 'started', '3') == -9
     plan = PlanSettings(columns=2, rows=1, pitch_mm=2.0, depths_mm=(0.5,))
-    run = Run(tmp_path / 'two', plan=plan, unasked=False, machine=tmp_path / 'one' / 'machine.record')
+    run = Run(tmp_path / 'two', plan=plan, unasked=False, machine=killed / 'machine.record')
     start = run.world.motor_at(run.rig.clock.now_ns())
     run.after(10.0, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
     assert 'stopped on request' in run.campaign.run()
     assert run.world.motor_at(run.rig.clock.now_ns()) == start
     assert re.fullmatch(
-        r'the run before this one \(plan \w+ in .*/one\) was cut off, so the position of the tip is unknown; .*',
+        r'the run before this one \(plan \w+ in .*/one0\) was cut off, so the position of the tip is unknown; .*',
         run.printed[0],
     )
 
 
-def test_a_run_may_go_on_after_a_kill_where_a_person_said_so_beforehand(tmp_path: Path) -> None:
-    assert in_a_process(tmp_path, 'killed', 'started', '3') == -9
-    run = Run(tmp_path, unasked=True)
+def test_a_run_may_go_on_after_a_kill_where_a_person_said_so_beforehand(killed: Path) -> None:
+    run = Run(killed, unasked=True)
+    run.at(1, lambda: setattr(run.rig.hands, 'asked_to_stop', True))
     run.campaign.run()
     assert run.printed[0] == 'homing'
+    assert run.recorded
 
 
 def test_a_run_that_ended_with_the_tip_up_is_not_asked_about(tmp_path: Path) -> None:
@@ -272,6 +282,7 @@ def test_a_run_that_ended_with_the_tip_up_is_not_asked_about(tmp_path: Path) -> 
     first.campaign.run()
     first.journal.close()
     second = Run(tmp_path, unasked=False)
+    second.at(1, lambda: setattr(second.rig.hands, 'asked_to_stop', True))
     second.campaign.run()
     assert second.printed[0] == 'homing'
 
