@@ -17,16 +17,49 @@ from typing import TYPE_CHECKING, Any
 
 import before_imports  # noqa: F401
 import hypothesis
-import jaxtyping
 import pytest
+import shape_checks
 from found_examples import FoundExamples
 from hypothesis import strategies as st
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
-from pauses import Pauses
+
+from tactile_nodes.clock import monotonic_s
 
 if TYPE_CHECKING:
     from tactile_nodes.bus.node.node import Node
+
+TICK_S = 0.05
+LONG_S = 0.4
+
+
+class Pauses(threading.Thread):
+    """How long this process got no processor: what is tested in real time fails then through no fault of its own.
+
+    Wakes up twenty times a second and notes by how much it is late.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(name='pauses', daemon=True)
+        self.longest_s = 0.0
+        self._over = threading.Event()
+
+    def run(self) -> None:
+        last_s = monotonic_s()
+        while not self._over.wait(TICK_S):
+            now_s = monotonic_s()
+            self.longest_s = max(self.longest_s, now_s - last_s - TICK_S)
+            last_s = now_s
+
+    def were_long(self) -> bool:
+        """Whether one since `longest_s` was last set to zero may have failed a test."""
+        return self.longest_s > LONG_S
+
+    def close(self) -> None:
+        """End."""
+        self._over.set()
+        self.join()
+
 
 PAUSES = Pauses()
 
@@ -42,7 +75,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Shapes and types of arrays are checked in the tests of these packages. Elsewhere it would double the time of many.
 CHECKED = ('sensing', 'simulation')
 CHECKED_TESTS = [TESTS / package for package in CHECKED]
-jaxtyping.install_import_hook([f'tactile_nodes.{package}' for package in CHECKED], 'beartype.beartype')
+shape_checks.install([f'tactile_nodes.{package}' for package in CHECKED])
 
 # The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints, and
 # keeps what it finds.
@@ -102,7 +135,7 @@ draw_any, st.DataObject.draw = st.DataObject.draw, short_draw  # type: ignore[me
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Switch the checks on or off, fixtures included; begin to look for pauses anew."""
-    jaxtyping.config.update('jaxtyping_disable', not any(map(item.path.is_relative_to, CHECKED_TESTS)))
+    shape_checks.switch(on=any(map(item.path.is_relative_to, CHECKED_TESTS)))
     PAUSES.longest_s = 0.0
     return (yield)
 
