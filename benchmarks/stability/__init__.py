@@ -103,11 +103,18 @@ def follow(world: World, change: Change, profiles: Sequence[str], plan: Plan) ->
     return {name: score(each, change) for name, each in answers.items()}
 
 
-def read(world: World, change: Change, profiles: Sequence[str], plan: Plan) -> dict[str, list[Answer]]:
-    """The answers of every profile for every frame."""
-    chains = {name: Chain(name) for name in profiles}
+def read(
+    world: World,
+    change: Change,
+    profiles: Sequence[str],
+    plan: Plan,
+    chains: Mapping[str, Chain] | None = None,
+    begin: int = 0,
+) -> dict[str, list[Answer]]:
+    """The answers of every profile for every frame; `chains` that have read the first ones go on with `begin`."""
+    chains = chains or {name: Chain(name) for name in profiles}
     answers: dict[str, list[Answer]] = {name: [] for name in profiles}
-    for moment, picture in world.frames(change, plan):
+    for moment, picture in world.frames(change, plan, begin):
         values = change.values if change.acts(moment) else None
         for name, chain in chains.items():
             message = chain.read(moment.stamp_ns, picture, moment.age_s, values)

@@ -176,18 +176,20 @@ class World:
         self.noise = NoiseBank(self.gel)
         self._kept: dict[tuple[Presses, ...], np.ndarray] = {}
 
-    def frames(self, change: Change, plan: Plan) -> Iterator[tuple[Moment, np.ndarray]]:
-        """Every frame of a stream with its picture, cropped as by the camera node."""
+    def moments(self, change: Change, plan: Plan) -> list[Moment]:
+        """Every frame of a stream before rendering."""
         presses = random_presses(plan)
         if change.presses is not None:
             presses = change.presses(presses, self.tables)
         moments = course(plan, presses)
         if change.capture is not None:
             moments = [_captured(each, change.capture) for each in moments]
-        if change.course is not None:
-            moments = change.course(moments)
+        return moments if change.course is None else change.course(moments)
+
+    def frames(self, change: Change, plan: Plan, begin: int = 0) -> Iterator[tuple[Moment, np.ndarray]]:
+        """Every frame of a stream from the frame `begin` on, with its picture, cropped as by the camera node."""
         under = self.under(change)
-        for moment in moments:
+        for moment in self.moments(change, plan)[begin:]:
             yield moment, under.picture(moment)
 
     def under(self, change: Change) -> View:

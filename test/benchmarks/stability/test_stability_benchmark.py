@@ -23,7 +23,7 @@ from benchmarks.stability.plots import draw as draw_plots
 from benchmarks.stability.scores import OK
 from benchmarks.stability.stream import DURING, HELD, REST, Change, Plan, World
 
-ONE = Plan(presses=1, before=1, coming=4, rest=1, after=1)
+ONE = Plan(presses=1, before=1, coming=4, hold=3, rest=1, after=1)
 
 
 @pytest.fixture(scope='module')
@@ -90,7 +90,7 @@ def test_four_times_the_noise_is_nearly_four_times_the_floor_and_less_for_a_meth
     assert least_ratio(2.0, 1.0, 4.0) == pytest.approx(math.sqrt(19) / 2)
 
 
-@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     shift_px=draw.just(0.0) | draw.floats(0, 6),
     light=draw.just(1.0) | draw.floats(0.3, 1.9),
