@@ -46,8 +46,11 @@ def measure(part: str, arguments: argparse.Namespace, folder: Path, progress: Pr
     if part == 'bus':
         return _bus(folder, 20, list(SPOILT)[:1], 1.0) if arguments.quick else _bus(folder, 200, list(SPOILT), WATCH_S)
     if part == 'crowd':
-        count, idle_s, sensors, rates = (4, 0.5, 2, RATES_HZ[:1]) if arguments.quick else (100, IDLE_S, 16, RATES_HZ)
-        return {'nodes': many_nodes(count, idle_s, progress), 'sensors': many_sensors(sensors, rates, 5.0, progress)}
+        quick = arguments.quick
+        count, idle_s, sensors, rates = (4, 0.5, 2, RATES_HZ[:1]) if quick else (100, IDLE_S, 16, RATES_HZ)
+        seconds = 2.0 if quick else 5.0
+        nodes = many_nodes(count, idle_s, progress)
+        return {'nodes': nodes, 'sensors': many_sensors(sensors, rates, seconds, progress)}
     models = {'portable': 20} if arguments.quick else MODELS
     return {
         'bags': bag_cuts(folder, progress, 199 if arguments.quick else 1),

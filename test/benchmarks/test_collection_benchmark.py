@@ -20,6 +20,7 @@ from benchmarks.collection.bag import CollectionBag
 from tactile_nodes import messages
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE, SYNC_EDGE
+from tactile_nodes.cli.main import main
 from tactile_nodes.clock import SteppedClock, monotonic_s
 from tactile_nodes.collection.plan.audit import attempts_below, bags_below
 from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
@@ -34,16 +35,19 @@ ROOT = Path(__file__).resolve().parents[2]
 PLAN = PlanSettings(columns=2, rows=1, pitch_mm=6.0, depths_mm=(0.5, 1.5))
 PRESSES = range(1, 5)
 TICK = threading.Event()
-pytestmark = pytest.mark.timeout(180)  # two processes of three seconds, which a busy machine makes many
+
+
+def command(folder: Path) -> list[str]:
+    plan = folder / 'plan.yaml'
+    plan.write_text('columns: 2\nrows: 1\npitch_mm: 6.0\ndepths_mm: [0.5, 1.5]\n', encoding='ascii')
+    return ['bench', 'collection', '--plan', str(plan), '-o', str(folder), '--rate', '100', '--fps', '10']
 
 
 def collect(folder: Path) -> subprocess.Popen[bytes]:
-    """The program, in a process of its own, where nothing checks types at run time."""
-    plan = folder / 'plan.yaml'
-    plan.write_text('columns: 2\nrows: 1\npitch_mm: 6.0\ndepths_mm: [0.5, 1.5]\n', encoding='ascii')
-    words = ['bench', 'collection', '--plan', str(plan), '-o', str(folder), '--rate', '100', '--fps', '20']
+    """The program, in a process of its own, which can be killed."""
     environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'}
-    return subprocess.Popen([sys.executable, '-m', 'tactile_nodes', *words], env=environment, stdout=subprocess.DEVNULL)
+    words = [sys.executable, '-m', 'tactile_nodes', *command(folder)]
+    return subprocess.Popen(words, env=environment, stdout=subprocess.DEVNULL)
 
 
 def has_recorded(folder: Path) -> bool:
@@ -60,8 +64,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         while program.poll() is None and not has_recorded(folder) and monotonic_s() < deadline_s:
             TICK.wait(0.05)
         program.send_signal(signal.SIGKILL)
-    with collect(folder) as program:
-        assert program.wait() == 0
+    assert main(command(folder)) == 0
     return folder
 
 

@@ -5,34 +5,51 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from benchmarks import drivers
+from benchmarks.drivers.devices import PICTURES
 from benchmarks.drivers.meter import Durations, Meter, Order
 from benchmarks.drivers.readers import Flicker, Traffic
 from tactile_nodes.cli import bench
-from tactile_nodes.clock import SteppedClock
+from tactile_nodes.clock import SteppedClock, SystemClock
 
-NAMES = [name for name in drivers.CASES if name != 'camera_60']  # the flood is of the same driver and device
+IN_PROCESSES = ['text', 'sync']
+HERE = [name for name in drivers.CASES if name not in (*IN_PROCESSES, 'camera_60')]
+"""The flood is of the same driver and device as the camera at 60 pictures a second."""
 
 
-@pytest.mark.parametrize('names', [NAMES[first : first + 2] for first in range(0, len(NAMES), 2)], ids='-'.join)
-def test_every_driver_is_measured_against_its_device(
-    names: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def require_measured(entry: dict[str, Any]) -> None:
+    assert entry['received'] > 0
+    assert entry['latency_ms']['p50'] <= entry['latency_ms']['p99']
+    assert entry['memory_mb']['end'] > 0
+
+
+def test_devices_and_drivers_are_measured_side_by_side_in_processes_of_their_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     parser = argparse.ArgumentParser()
     bench.add_arguments(parser)
-    chosen = ['drivers', '--seconds', '0.3', '--together', '2', '--only', *names]
+    chosen = ['drivers', '--seconds', '0.3', '--together', '2', '--only', *IN_PROCESSES]
     assert bench.run(parser.parse_args([*chosen, '-o', str(tmp_path / 'drivers.json')])) == 0
     printed = capsys.readouterr().out
     found = json.loads((tmp_path / 'drivers.json').read_text())['drivers']
-    assert set(found) == set(names)
+    assert set(found) == set(IN_PROCESSES)
     for name, entry in found.items():
-        assert entry['received'] > 0
-        assert entry['latency_ms']['p50'] <= entry['latency_ms']['p99']
-        assert entry['memory_mb']['end'] > 0
+        require_measured(entry)
         assert drivers.CASES[name].title in printed
+
+
+@pytest.mark.parametrize('name', HERE)
+def test_every_driver_is_measured_against_its_device(name: str, tmp_path: Path) -> None:
+    case, stamps, meter = drivers.CASES[name], np.zeros(1 + PICTURES, np.int64), Meter(SystemClock(), 0.3)
+    assert case.device is not None
+    with case.device(tmp_path, stamps) as address:
+        case.reader({**address, 'seconds': drivers.MARGIN_S}, stamps, meter)
+    require_measured(meter.result())
 
 
 def test_durations_are_summed_up_to_one_percent_and_the_worst_exactly() -> None:

@@ -11,7 +11,7 @@ from benchmarks.endurance.stepped import FPS, stepped
 from benchmarks.endurance.trend import Look, growth, slope_per_hour
 from tactile_nodes.learning.progress import Progress
 
-PERIOD_S = 4
+PERIOD_S = 2
 
 
 @pytest.fixture(scope='module')

@@ -28,7 +28,7 @@ class Rehearsed:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.collection = Collection(Session(folder, PLAN, rate_hz=100.0, fps=20.0, compression='none'))
+        self.collection = Collection(Session(folder, PLAN, rate_hz=100.0, fps=10.0, compression='none'))
         self.rig = self.collection._rig
         self.lines: list[str] = []
         self.rig.clock.every(0.01, self._look)

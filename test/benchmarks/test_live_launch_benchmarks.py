@@ -53,7 +53,7 @@ def test_a_live_launch_is_looked_at_process_by_process(running: Sensing) -> None
 
 
 def test_random_messages_and_a_spoilt_folder_kill_no_process(sensed: Sensor) -> None:
-    part = on_bus(sensed, 20, list(SPOILT)[:1], 1.0)
+    part = on_bus(sensed, 20, list(SPOILT)[:1], 0.5)
     assert part['garbage']['died'] == part['garbage']['bugs'] == []
     assert part['garbage']['messages'] > 0
     assert [each['died'] for each in part['spoilt']] == [()]

@@ -28,7 +28,7 @@ def test_without_registration_a_knock_is_read_as_force() -> None:
     """A knock of 3 px moves every region by 3 px; a press of 0.5 N moves none by more than one."""
     off = BY_NAME['registration'].off
     mechanism = Mechanism('registration', '', (), off, ('camera shifted 3',), ('fast',))
-    plan = Plan(presses=2, before=2, coming=6, hold=4, after=2)
+    plan = Plan(presses=2, before=1, coming=4, hold=1, after=1)
     found = figures.streams(mechanism, World(indenters=()), Progress(), plan)['fast, camera shifted 3']
     error = found['force error, mN']
     assert error['without'] > 10 * error['with']

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import pytest
 
-from benchmarks.drift import Hours, page, undisturbed
+from benchmarks.drift import Hours, cases, page, undisturbed
 from benchmarks.drift.cases import BODIES, COURSES, Course, Effort, Point, follow
 from benchmarks.harness.report import surroundings
 from tactile_nodes.learning.progress import Progress
@@ -19,6 +19,13 @@ LITTLE = Effort(BODIES[:1], presses=4, contacts=5)
 @pytest.fixture(scope='module')
 def fast() -> LoadedModel:
     return load_model(find_model('fast'))
+
+
+@pytest.fixture(autouse=True)
+def _coarse_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A press of a second still has three times the samples that a comparison needs."""
+    monkeypatch.setattr(cases, 'CONTACT_HZ', 15)
+    monkeypatch.setattr(cases, 'INDEPENDENT_HZ', 100)
 
 
 def named(name: str, *extents: float) -> Course:

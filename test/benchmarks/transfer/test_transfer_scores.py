@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -21,10 +22,12 @@ from benchmarks.transfer.scores import (
     placed_squares,
     ratio,
 )
+from tactile_nodes.learning import config
 from tactile_nodes.learning.axisymmetric import fit as axisymmetric_fit
 from tactile_nodes.learning.datasets import pressed_gels
 from tactile_nodes.learning.evaluation.evaluate import config_of
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer import fit as transfer_fit
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.explain.reading import Contact, spread_over_bins
 from tactile_nodes.sensing.geometry import BinGrid
@@ -93,6 +96,7 @@ def test_all_gels_are_tested_at_the_same_places_and_depths_and_calibrated_at_oth
 
 def test_in_short_form_ten_presses_make_the_model_serve_another_gel(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pressed_gels, 'PLANNED', 10)
+    monkeypatch.setattr(transfer_fit, 'FOLDS', 3)
     loaded = load_model(find_model('portable'))
     own, scores = measure(loaded, range(1), Progress(), seed=4242, counts=(10,), frames=14)
     before, after, alone = scores
@@ -104,6 +108,7 @@ def test_in_short_form_ten_presses_make_the_model_serve_another_gel(monkeypatch:
 
 def test_in_short_form_a_model_of_its_own_reads_its_gel(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(axisymmetric_fit, 'PAIRS', 1000)
+    monkeypatch.setattr(config, 'AxisymmetricConfig', partial(config.AxisymmetricConfig, turns=6))
     loaded = load_model(find_model('portable'))
     own, (trained,) = measure(loaded, range(0), Progress(), frames=20, trained=150)
     assert (trained.gel, trained.presses, trained.way) == (OWN_GEL, 150, TRAINED)
