@@ -49,8 +49,7 @@ def plain() -> list[types.FlowFeatures]:
     return answered(stream(0.0, 0, begin=0))
 
 
-@pytest.mark.parametrize(('share', 'grey'), [(0.001, 255), (0.001, 0), (0.008, 255), (0.008, 0)])
-@pytest.mark.parametrize('begin', [0, 6])
+@pytest.mark.parametrize(('share', 'grey', 'begin'), [(0.001, 255, 0), (0.001, 0, 6), (0.008, 255, 6), (0.008, 0, 0)])
 def test_dead_pixels_are_filled_in_within_eight_frames_and_nothing_is_said(
     share: float, grey: int, begin: int, plain: list[types.FlowFeatures]
 ) -> None:
@@ -75,6 +74,6 @@ def test_dead_pixels_do_not_end_a_calibration() -> None:
     rest = average([picture(number=number) for number in range(8)])
     monitor.use_calibration(rest)
     monitor.rest(rest)
-    for number, image in enumerate(stream(0.05, 255, begin=0)):
+    for number, image in enumerate([*stream(0.05, 255, begin=0)][::2]):
         monitor.frame(number * S // 2, image)
     assert monitor.verdict.level == Level.VALID

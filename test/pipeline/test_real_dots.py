@@ -27,10 +27,10 @@ RECORDINGS = Path(__file__).parents[2].parent / 'shared' / 'data' / 'gelsight_mi
 BALL, TUBE = RECORDINGS / 'ball_white_thread' / 'exp_num_2', RECORDINGS / 'cheese_tube' / 'exp_num_1'
 FINGERS = 0, 2
 OTHERS = os.environ.get('TACTILE_GRASPS', '')
-REST, HELD, FREE = 11, slice(20, 45), slice(-15, None)
+REST, HELD, FREE = 11, slice(20, 33), slice(-8, None)
 """Frames that are read: the untouched gel; of the ball's the squeeze, and after it."""
-LONG, EVERY = slice(24, 176), 8
-"""Of these frames every eighth is read: in them the ball is held, and little changes."""
+LONG, EVERY = slice(24, 176), 19
+"""Of these frames every nineteenth is read, as the ball is held and little changes; of those after them every other."""
 
 pytestmark = [
     pytest.mark.shared_data,
@@ -90,6 +90,7 @@ def read(video: Path, folder: Path) -> list[types.ForceDistribution]:
     while (frame := capture.read())[0]:
         pictures.append(np.ascontiguousarray(grey(frame[1])))
     if len(pictures) > LONG.stop:
+        pictures[LONG.stop :] = pictures[LONG.stop :: 2]
         pictures[LONG] = pictures[LONG][::EVERY]
     known, dots = load_sensor('printed_dots'), find_dots(pictures[REST])
     assert dots is not None
@@ -97,7 +98,8 @@ def read(video: Path, folder: Path) -> list[types.ForceDistribution]:
     model = str(folder / 'dots.safetensors')
     own = dataclasses.replace(known, pattern=pattern)
     described_model(load_model(find_model('field')), own, '', Path(model), Progress())
-    following, estimating, forces = Following(FollowingParams(model=model)), Estimating(model), []
+    following = Following(FollowingParams(model=model), compiled=True)
+    estimating, forces = Estimating(model, compiled=True), []
     for number, picture in enumerate(pictures):
         head = conversions.header((number + 1) * 40_000_000, '')
         if number == REST:

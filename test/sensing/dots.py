@@ -21,13 +21,19 @@ def picture(*motions: Motion, number: int = 0, light: float = 1.0, gone: float =
 
     `gone`: that share of them is not there.
     """
-    seen = light * (14 + 80 * _drawn(motions, gone))
-    return np.clip(np.rint(seen + NOISE[number % len(NOISE)]), 0, 255).astype(np.uint8)
+    seen = _lit(motions, light, gone) + NOISE[number % len(NOISE)]
+    np.rint(seen, out=seen)
+    return np.clip(seen, 0, 255, out=seen).astype(np.uint8)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
+def _lit(motions: tuple[Motion, ...], light: float, gone: float) -> np.ndarray:
+    """Without noise: a stream shows the same ones frame by frame."""
+    return light * (14 + 80 * _drawn(motions, gone))
+
+
 def _drawn(motions: tuple[Motion, ...], gone: float) -> np.ndarray:
-    """The dots alone: a stream shows the same ones frame by frame."""
+    """The dots alone."""
     at = DOTS[round(gone * len(DOTS)) :]
     for each in motions:
         at = at + each(at)
