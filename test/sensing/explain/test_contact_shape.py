@@ -158,7 +158,7 @@ def test_a_shift_of_all_regions_is_what_is_asked_for() -> None:
     assert gains[2] == pytest.approx(4 * gains[1], rel=0.1)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.1, 300.0))
 def test_whatever_is_seen_a_contact_stays_within_the_splines_and_is_reported_with_a_usual_width(
     seed: int, size: float

@@ -17,7 +17,7 @@ anywhere = st.floats(-40, 40)
 contacts = st.builds(Contact, anywhere, anywhere, st.floats(0, 5), st.one_of(st.floats(0, 20), st.just(math.nan)))
 
 
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.lists(contacts, max_size=4))
 def test_the_sum_of_the_bins_is_the_force_of_all_contacts(found: list[Contact]) -> None:
     forces = spread_over_bins(tuple(found), BINS)
@@ -50,7 +50,7 @@ def test_one_standard_deviation_from_a_border_the_far_bin_gets_what_a_normal_err
     np.testing.assert_allclose(forces[0], [0.158655, 0.841345], atol=1e-6)
 
 
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.floats(-40, 40), st.floats(-40, 40))
 def test_a_force_off_the_surface_is_in_the_outermost_bins(x_mm: float, y_mm: float) -> None:
     forces = spread_over_bins((Contact(x_mm, y_mm, 1.0, 0.0),), BINS)

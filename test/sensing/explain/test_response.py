@@ -27,7 +27,7 @@ SURE = np.ones((GRID, GRID), np.float32)
 places = st.tuples(st.floats(-11, 11), st.floats(-11, 11), st.floats(0.05, 0.98))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(places)
 def test_a_contact_comes_back_to_a_thousandth(place: tuple[float, float, float]) -> None:
     seen = components(GEL, place)
@@ -36,7 +36,7 @@ def test_a_contact_comes_back_to_a_thousandth(place: tuple[float, float, float])
     assert fit.misfit < 1e-3
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(places, st.integers(0, 99))
 def test_what_ends_the_search_for_nothing_does_not_touch_contacts(place: tuple[float, float, float], seed: int) -> None:
     seen = components(GEL, place) + np.random.default_rng(seed).normal(size=COMPONENTS).astype(np.float32)
@@ -90,10 +90,10 @@ def test_the_force_is_that_of_the_contact() -> None:
     assert reading.normal_force_n.sum() == pytest.approx(0.64, abs=2e-3)
 
 
-@pytest.mark.parametrize('growth', [0.0, 8.0])
-def test_errors_scatter_as_the_stated_covariance_says(growth: float) -> None:
+def test_errors_scatter_as_the_stated_covariance_says() -> None:
     """The sum of 300 squared errors of 3 numbers in units of their covariance is chi square with 900 degrees."""
-    gel, random = response(growth), np.random.default_rng(8)
+    growth, random = 8.0, np.random.default_rng(8)
+    gel = response(growth)
     place = np.array([2.3, -4.1, 0.5])
     spread = np.float32(math.sqrt(1 + growth * 0.5**2))
     squares = []
@@ -115,7 +115,7 @@ def test_the_misfit_of_noise_is_its_variance_less_what_three_numbers_take() -> N
     assert np.mean(misfits) == pytest.approx(21 / 24, abs=4 * math.sqrt(2 * 21 / 200) / 24)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(places, st.floats(0, 2 * math.pi), st.floats(10, 15), st.floats(0.2, 0.9), st.integers(0, 99))
 def test_two_contacts_are_found_where_two_are(
     first: tuple[float, float, float], angle: float, apart_mm: float, s: float, seed: int
@@ -131,7 +131,7 @@ def test_two_contacts_are_found_where_two_are(
     np.testing.assert_allclose(found[::order], both, atol=0.5)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(places, st.integers(0, 99))
 def test_one_contact_is_found_where_one_is(place: tuple[float, float, float], seed: int) -> None:
     noise = np.random.default_rng(seed).normal(size=COMPONENTS).astype(np.float32)
@@ -163,7 +163,7 @@ def test_two_contacts_at_one_place_have_finite_uncertainties() -> None:
 
 def test_noise_alone_is_no_force_and_no_place() -> None:
     random = np.random.default_rng(10)
-    for _ in range(100):
+    for _ in range(50):
         reading = READER.read(features(READER, random.normal(size=COMPONENTS)), SURE)
         assert not reading.normal_force_n.any()
         assert reading.contacts[0].sigma_mm == pytest.approx(32 / math.sqrt(12), abs=0.05)

@@ -38,7 +38,7 @@ def test_between_two_knots_they_are_1_23_23_and_1_of_48() -> None:
     np.testing.assert_allclose(pair[0], np.array([1, 23, 23, 1]) / 48, atol=1e-15)
 
 
-@settings(deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.floats(-10, 10))
 def test_the_splines_add_up_to_one_everywhere(value: float) -> None:
     assert AXES[0].design(np.array([value])).sum() == pytest.approx(1.0, abs=1e-12)
@@ -47,7 +47,7 @@ def test_the_splines_add_up_to_one_everywhere(value: float) -> None:
     assert slopes.sum() == pytest.approx(0.0, abs=1e-12)
 
 
-@settings(deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.floats(-10, 10))
 def test_one_place_and_many_have_the_same_splines(value: float) -> None:
     first, pair = AXES[0].weights(value)
@@ -61,14 +61,14 @@ def test_beyond_the_ends_values_are_those_at_the_end(beyond: float, end: float) 
     np.testing.assert_array_equal(AXES[0].design(np.array([beyond])), AXES[0].design(np.array([end])))
 
 
-@settings(deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(places_on(AXES[0]), st.tuples(*[st.floats(-5, 5)] * 3))
 def test_every_cubic_is_reproduced(x: float, roots: tuple[float, float, float]) -> None:
     made = AXES[0].design(np.array([x])) @ cubic_coefficients(AXES[0], roots)
     assert made[0] == pytest.approx((x - roots[0]) * (x - roots[1]) * (x - roots[2]), abs=1e-9)
 
 
-@settings(deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(places_on(AXES[0]), places_on(AXES[1]), places_on(AXES[2]))
 def test_products_of_cubics_and_their_slopes_are_reproduced(x: float, y: float, s: float) -> None:
     """f = (x - 1)² x  (y + 1/2) y²  (s - 1)³; coefficients and result are 32 bit floats."""
@@ -80,7 +80,7 @@ def test_products_of_cubics_and_their_slopes_are_reproduced(x: float, y: float, 
     np.testing.assert_allclose(value_and_slopes(AXES, table, (x, y, s))[:, 0], expected, atol=5e-4)
 
 
-@settings(deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.floats(-2.9, 4.9), st.floats(-0.99, 0.99), st.floats(0.01, 1.99), st.integers(0, 9))
 def test_slopes_are_those_of_differences(x: float, y: float, s: float, seed: int) -> None:
     shape = tuple(axis.count for axis in AXES)
@@ -99,7 +99,7 @@ def test_rows_of_cubes_are_products_with_x_slowest() -> None:
     np.testing.assert_allclose(cubes(*AXES, place)[0], np.einsum('i,j,k->ijk', *each).reshape(-1), atol=1e-15)
 
 
-@settings(deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(places_on(AXES[0]), places_on(AXES[1]), places_on(AXES[2]))
 def test_the_laplacian_of_products_of_cubics_is_reproduced(x: float, y: float, s: float) -> None:
     """Of f above: (6x - 4) (y + 1/2) y² (s - 1)³ + (x - 1)² x (6y + 1) (s - 1)³."""

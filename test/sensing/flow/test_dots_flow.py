@@ -67,8 +67,7 @@ def test_noise_moves_dots_hardly_more_than_it_must() -> None:
     assert np.sqrt(np.square(errors).mean()) < 1.4 * least_px
 
 
-@pytest.mark.parametrize('noise', [2.0, 8.0])
-@pytest.mark.parametrize('shift', [0.0, 0.4])
+@pytest.mark.parametrize(('noise', 'shift'), [(2.0, 0.0), (8.0, 0.4)])
 def test_the_noise_of_the_motion_is_found_in_the_picture(noise: float, shift: float) -> None:
     flow = make_flow('dots', {'rows': 6, 'cols': 8})
     flow.set_reference(drawn(PLACES))

@@ -36,8 +36,10 @@ def middle_of(flow: FlowMethod, image: np.ndarray) -> np.ndarray:
     return found[rows // 5 : -rows // 5, cols // 5 : -cols // 5]
 
 
-@pytest.mark.parametrize('shift', [(0.02, -0.01), (0.5, 0.5), (1.5, -0.8), (-6.3, 4.4), (21.0, -24.5)])
-@pytest.mark.parametrize('options', [{}, SMALL])
+@pytest.mark.parametrize(
+    ('shift', 'options'),
+    [((0.02, -0.01), {}), ((0.5, 0.5), SMALL), ((1.5, -0.8), {}), ((-6.3, 4.4), SMALL), ((21.0, -24.5), SMALL)],
+)
 def test_every_patch_reads_a_shift_of_any_size_with_its_signs(speckle: np.ndarray, shift, options):
     found = middle_of(flow_of(speckle, **options), shifted(speckle, *shift))
     np.testing.assert_allclose(found, np.broadcast_to(shift, found.shape), atol=0.02)
@@ -118,8 +120,7 @@ def test_patches_without_texture_follow_their_neighbours_and_say_so(speckle: np.
     np.testing.assert_allclose(field.displacement_px[9:11, 9:11], np.broadcast_to((0.8, 0.4), (2, 2, 2)), atol=0.1)
 
 
-@pytest.mark.parametrize(('row', 'col'), [(150, 170), (0, 0)])
-@pytest.mark.parametrize('options', [{'rows': 20, 'cols': 20}, SMALL])
+@pytest.mark.parametrize(('row', 'col', 'options'), [(150, 170, SMALL), (0, 0, {'rows': 20, 'cols': 20})])
 def test_what_went_far_is_searched_for_and_patches_far_from_it_stay_as_they_were(
     speckle: np.ndarray, row: int, col: int, options: dict[str, object]
 ):

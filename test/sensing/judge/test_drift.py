@@ -305,7 +305,7 @@ def test_dead_pixels_are_found_however_late_the_gel_is_let_go(monitor: DriftMoni
     def seen(presses: tuple[Press, ...], seed: int) -> np.ndarray:
         return np.where(stuck, np.uint8(255), plain.picture(presses, seed))
 
-    for number in range(20):
+    for number in range(10):
         monitor.frame(number * S // 2, seen(PRESSED, number))
     assert monitor.verdict.reasons == Reason.LOST_REGIONS
     monitor.frame(10 * S, seen((), 30))

@@ -36,7 +36,7 @@ def test_a_lens_that_keeps_lines_straight_tilts_by_one_and_the_square_of_the_dis
 
 
 @given(st.lists(NUMBERS, min_size=8, max_size=8), st.integers(0, 1000))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_the_common_motion_is_found_whatever_a_fifth_of_the_patches_does(terms: list[float], seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = FIT.carried(np.array(terms)) + rng.normal(0, 0.003, (100, 2))

@@ -21,7 +21,7 @@ def rolled(image: np.ndarray, grey: float, period_px: float = 60.0, phase: float
     return np.clip(np.rint(image + bands[:, None]), 0, 255).astype(np.uint8)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.floats(5, 25), st.floats(40, 300), st.floats(0, 6.28), st.floats(0, 6))
 def test_a_picture_is_what_it_was_between_its_bands(grey: float, period: float, phase: float, most_px: float) -> None:
     """To the noise of a row's mean: dots that a press moves change it by less than a grey level and a half."""
@@ -34,7 +34,7 @@ def test_a_picture_is_what_it_was_between_its_bands(grey: float, period: float, 
     assert np.square(mended.astype(float) - plain)[inside].mean() < 1.5**2
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.sampled_from([press(150, 300, 8.0), shift(0.5, -3.0), shift(0, 8), turn(2.0), grow(0.01), None]),
     st.floats(0.2, 1.6), st.floats(0, 0.6), st.integers(0, 7), st.floats(0, 200),
