@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from tactile_nodes.simulation.solution import Problem, Solution, solve_problem
 
 COARSE = Problem(finest_mm=0.16, growth=1.2)
 SMALL = Indenter(0.2, 0.2)
-THICK = Problem(layer_mm=12.0, reach_mm=40.0, finest_mm=0.0125, growth=1.25, indenter=SMALL).mesh()
+THICK = Problem(layer_mm=12.0, reach_mm=40.0, finest_mm=0.0125, growth=1.35, indenter=SMALL).mesh()
 
 
 def nodes(press: Indentation) -> np.ndarray:
@@ -37,7 +36,7 @@ def deep(on_its_way: list[float]) -> Indentation:
     press = Indentation(COARSE.mesh(), PAPER_TIP)
     press.advance(Where(0.0, HALF_MM), 0.05)
     on_its_way.append(press.touch.pushes[1])
-    press.advance(Where(0.0, 1.0), 0.05)
+    press.advance(Where(0.0, 1.0), 0.1)
     return press
 
 
@@ -47,7 +46,7 @@ def sliding() -> tuple[float, float]:
     press = Indentation(COARSE.mesh(), PAPER_TIP, friction=0.0)
     stored, pushes = [], []
     for depth in (HALF_MM - 0.01, HALF_MM, HALF_MM + 0.01):
-        press.advance(Where(0.0, depth), 0.05)
+        press.advance(Where(0.0, depth), 0.1)
         stored.append(press.energy)
         pushes.append(press.touch.pushes[1])
     return pushes[1], (stored[2] - stored[0]) / 0.02
@@ -87,7 +86,7 @@ def test_far_from_the_tip_a_thick_layer_moves_as_boussinesqs_half_space(light: I
 
 def test_a_flat_punch_on_a_thick_layer_is_as_stiff_as_sneddons():
     press = Indentation(THICK, Indenter(0.2, 0.01), friction=0.0)
-    press.advance(Where(0.0, 0.01), 0.002)
+    press.advance(Where(0.0, 0.01), 0.005)
     assert press.touch.pushes[1] / 0.01 == pytest.approx(8 * 0.2, rel=0.06)  # 2 a E* = 8 G a; the edge is round
 
 
@@ -125,7 +124,7 @@ def test_the_tip_is_hardly_in_the_gel(deep: Indentation):
 
 def test_a_gel_that_sticks_does_not_slide(deep: Indentation):
     before, further = deep.touch, copy.deepcopy(deep)
-    further.advance(Where(0.0, 1.2), 0.05)
+    further.advance(Where(0.0, 1.2), 0.1)
     slid = further.touch.place_mm - before.place_mm + [0, 0.2]
     assert np.abs(slid[before.touching]).max() < 0.01
 
@@ -145,7 +144,7 @@ def test_both_sides_of_a_press_in_plane_strain_mirror_each_other():
     half = graded(20.0, 0.2, 1.3, 0.6)
     mesh = Mesh(np.concatenate([-half[:0:-1], half]), -graded(6.0, 0.2, 1.3)[::-1], plane=True)
     press = Indentation(mesh, PAPER_TIP, symmetric=False)
-    press.advance(Where(0.0, 0.5), 0.05)
+    press.advance(Where(0.0, 0.3), 0.1)
     np.testing.assert_allclose(nodes(press)[::-1] * [-1, 1], nodes(press), atol=1e-6)
     assert press.touch.pushes[0] == pytest.approx(0, abs=1e-5)
 
@@ -184,6 +183,7 @@ def test_the_layer_under_a_finite_tip_answers_as_the_linear_layer_far_away(finit
 
 def test_a_compressible_gel_is_softer_in_a_thin_layer():
     """A layer that may change its volume gives way where an incompressible one must flow aside."""
-    thin = dataclasses.replace(COARSE, growth=1.5, layer_mm=1.0, deepest_mm=0.2, rungs=2)
-    rubber, foam = (solve_problem(dataclasses.replace(thin, poisson_ratio=nu)).force_mm2[-1] for nu in (0.5, 0.3))
-    assert foam < 0.8 * rubber
+    foam = Problem(finest_mm=0.3, growth=1.8, layer_mm=1.0, deepest_mm=0.2, rungs=2, poisson_ratio=0.3)
+    rubber = Indentation(foam.mesh(), foam.indenter)
+    rubber.advance(Where(0.0, 0.2), 0.02)
+    assert solve_problem(foam).force_mm2[-1] < 0.8 * rubber.touch.pushes[1]

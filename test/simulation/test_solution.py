@@ -63,14 +63,16 @@ def test_beyond_the_far_side_nothing_moves(solution: Solution):
 
 
 def test_twice_as_light_a_touch_takes_hertzs_share_of_the_force(solution: Solution):
-    table = solve_problem(Problem(finest_mm=0.1, growth=1.5, deepest_mm=0.1, rungs=2)).table(1.0, steps=40)
+    table = solve_problem(Problem(finest_mm=0.1, growth=1.8, deepest_mm=0.1, rungs=2, reach_mm=12.0)).table(
+        1.0, steps=40
+    )
     assert table.force_at(0.1) / table.force_at(0.05) == pytest.approx(2**1.5, rel=0.1)
 
 
 def test_a_tip_is_not_pressed_deeper_than_a_gel_is_thick():
     """A gel of 2 mm can be pressed by a tip, if not 2.5 mm deep; the depth for thicker gels stays 2.5 mm."""
     problem = problem_of(Gel(mechanics='finite_strain', soft_mm=1.7, skin_mm=0.3))
-    solved = solve_problem(dataclasses.replace(problem, finest_mm=0.3, growth=1.8, rungs=4))
+    solved = solve_problem(dataclasses.replace(problem, finest_mm=0.3, growth=2.0, rungs=4, reach_mm=12.0))
     assert solved.depth_mm[-1] == pytest.approx(1.8)
     assert (np.diff(solved.force_mm2) > 0).all()
     assert problem_of(Gel(mechanics='finite_strain', soft_mm=2.5, skin_mm=0.5)).deepest_mm == 2.5

@@ -110,8 +110,9 @@ def test_forces_on_a_border_are_shared_and_none_is_lost():
     np.testing.assert_allclose(summed.sum(axis=(0, 1)), force.sum(axis=0))
 
 
-def test_force_acts_where_the_surface_is_now(bricks: Bricks):
+def test_force_acts_where_the_surface_is_now():
     """A body that does not slip takes the surface under it along: as far as it was dragged, turned as it is turned."""
+    bricks = Bricks(Layer(cells=40, spacing_mm=0.7, rows=5))
     way = Way(force_mm2=4.0, drag_mm=0.4, drag_rad=0.0, friction=20.0, press_stages=2, drag_stages=1)
     table = TouchTable.of_track(solve_track(bricks, make_body('ball'), way), -1.5)
     turn = 0.8
