@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from pressures import hertz
+from coarse_table import hertz
 
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies, KnownBody

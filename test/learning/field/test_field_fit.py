@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from coarse_table import hertz
 from layered_gel import BALL, SENSOR, SIDE, Terms, nominal, pressed, pressed_terms, quiet_scaling, uneven
-from pressures import hertz
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset

@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from coarse_table import linear_table
-from pressures import hertz
+from coarse_table import hertz, linear_table
 
 from tactile_nodes.sensing.elasticity.rays import described_dots
 from tactile_nodes.sensing.elasticity.regions import Regions
