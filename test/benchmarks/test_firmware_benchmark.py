@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import json
 import re
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -68,7 +69,16 @@ def emulated(folder: Path, *changes: str) -> Iterator[Machine]:
     clock, world = SystemClock(), World(WorldSettings(start_mm=(-5.0, -5.0, -5.0)), table=coarse_table())
     device = Grbl(world, clock, GrblSettings(changes=changes))
     with PtyPort(device, clock, folder / 'board', reset_on_open=True) as port:
-        yield firmware.machines(arguments(grbl=[f'a Grbl={port.path.resolve()}']))[0]
+        machine = firmware.machines(arguments(grbl=[f'a Grbl={port.path.resolve()}']))[0]
+        yield replace(machine, settings=replace(machine.settings, boot_s=0.3))
+
+
+@pytest.fixture
+def _soon_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The emulated firmware needs no seconds to come to rest and to answer."""
+    module = sys.modules[Bench.__module__]
+    monkeypatch.setattr(module, 'SETTLE_S', 0.3)
+    monkeypatch.setattr(module, 'ASKED_S', 1.0)
 
 
 # The ear.
@@ -143,6 +153,7 @@ def test_a_command_that_cannot_be_started_is_one_sentence() -> None:
 
 def test_what_does_not_answer_is_refused_by_the_driver(tmp_path: Path) -> None:
     machine = firmware.machines(arguments(grbl=['mute=sleep 100']))[0]
+    machine = replace(machine, settings=replace(machine.settings, boot_s=0.3, answer_s=0.5))
     assert re.match(r'refused: no response from it at', obeys(machine, SystemClock(), tmp_path)['connect'])
 
 
@@ -240,6 +251,7 @@ def test_a_press_that_a_silence_stopped_tells_nothing_of_a_load(tmp_path: Path) 
         require_begun(Bench(machine, FAULTS[name], clock, tmp_path, begun_ns=S), Outcome('it is silent', kind))
 
 
+@pytest.mark.usefixtures('_soon_at_rest')
 def test_too_great_a_force_stops_the_press_and_the_tip_goes_up(tmp_path: Path) -> None:
     with emulated(tmp_path) as machine:
         came = pressed(machine, FAULTS['force'], SystemClock(), tmp_path)
@@ -249,6 +261,7 @@ def test_too_great_a_force_stops_the_press_and_the_tip_goes_up(tmp_path: Path) -
     assert came['up_mm'] == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.usefixtures('_soon_at_rest')
 def test_when_the_commanding_process_is_killed_the_tip_goes_up_by_what_watches_over_it(tmp_path: Path) -> None:
     with emulated(tmp_path) as machine:
         came = pressed(machine, FAULTS['killed'], SystemClock(), tmp_path)
