@@ -87,6 +87,18 @@ def test_large_strain_agrees_with_an_axisymmetric_solution_of_its_own(ball_5_mm:
         assert pressing.advance(Pose(), float(force)).depth_mm == pytest.approx(depth, rel=0.04)
 
 
+def test_a_finer_mesh_changes_little():
+    found = []
+    for cells, rows in ((28, 5), (40, 6)):
+        bricks = Bricks(Layer(cells=cells, spacing_mm=28.0 / cells, rows=rows))
+        stands = Pressing(bricks, make_body('ball')).advance(Pose(), 9.0)
+        sinks = np.abs(stands.state.moved[:, 2]).max(axis=(1, 2))
+        found.append((stands.depth_mm, float(np.interp(-2.0, bricks.layer.z_mm, sinks))))
+    (coarse_mm, coarse), (fine_mm, fine) = found
+    assert coarse_mm == pytest.approx(fine_mm, rel=0.02)
+    assert coarse == pytest.approx(fine, rel=0.05)
+
+
 def test_a_body_wider_than_the_gel_is_refused():
     bricks = Bricks(Layer(cells=24, spacing_mm=0.5, rows=4))
     with pytest.raises(ConfigurationError, match=r'reaches 10\.0 mm from its middle, but the gel ends at 6\.0 mm'):
