@@ -3,36 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import os
 import re
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from launch_processes import processes_of, still_there
+from launched_here import run_here
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.bus import topics
-from tactile_nodes.bus.inprocess import InProcessBus
-from tactile_nodes.bus.node.arguments import parse_arguments
-from tactile_nodes.bus.node.node import Node
-from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.bus.protocol import Qos
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
 from tactile_nodes.clock import monotonic_s
-from tactile_nodes.launching.context import Context
-from tactile_nodes.launching.interpreter import Interpreter
-from tactile_nodes.launching.processes.plan import ProcessPlan
 from tactile_nodes.messages import stamp_ns, types
-from tactile_nodes.nodes.composed import node_class
 
 DOMAIN = 73
 PATIENCE_S = 60.0
@@ -158,13 +149,10 @@ def two_pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def replayed(tmp_path: Path, launch: str, bag: Path, *arguments: str) -> tuple[int, str]:
+def replayed(monkeypatch: pytest.MonkeyPatch, launch: str, bag: Path, folder: Path, **more: str) -> int:
     """What a replay ends with; it records into `made`."""
-    made = ['rate:=20.0', f'record:={tmp_path / "made"}', f'bag:={bag}']
-    command = [sys.executable, '-m', 'tactile_nodes', 'launch', launch, *made, *arguments]
-    environment = {**os.environ, 'ROS_DOMAIN_ID': str(DOMAIN), 'ROS_LOG_DIR': str(tmp_path)}
-    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
-    return ended.returncode, ended.stdout + ended.stderr
+    given = {'bag': str(bag), 'record': str(folder / 'made'), 'rate': '20.0', **more}
+    return run_here(monkeypatch, ROOT / 'launch' / f'{launch}.launch.yaml', folder, **given)
 
 
 def totals(bag: BagReader, sensor: str) -> dict[int, float]:
@@ -182,41 +170,19 @@ def of_topic(bag: BagReader, topic: str) -> list[types.ForceDistribution]:
     return [bag.decode(message) for message in bag.messages([topic])]
 
 
-class Planned:
-    """The processes of a launch file, of which none is started."""
-
-    def __init__(self, name: str, folder: Path, **arguments: str) -> None:
-        self.plans: list[ProcessPlan] = []
-        file = ROOT / 'launch' / f'{name}.launch.yaml'
-        Interpreter(Context({}, folder, file=file), self).include(file, arguments)  # type: ignore[arg-type]
-
-    def start(self, plan: ProcessPlan) -> None:
-        self.plans.append(plan)
-
-    def nodes(self, bus: InProcessBus) -> list[Node]:
-        """What they would run, in this process."""
-        made = []
-        for program, *words in (plan.command for plan in self.plans):
-            composed = list(itertools.takewhile(lambda word: word != '--ros-args', words))
-            names = composed or [Path(program).name.removeprefix('tactile_')]
-            made += [node_class(name)(bus, parse_arguments(words[len(composed) :])) for name in names]
-        return made
-
-
-def test_one_sensor_of_a_hand_is_replayed_by_its_namespace(tmp_path: Path, two_pressed: Path) -> None:
-    bag, record = str(two_pressed), str(tmp_path / 'made')
-    planned = Planned('replay', tmp_path, bag=bag, record=record, namespace='right', rate='20.0', compiled='false')
-    bus = InProcessBus()
-    assert run_until(planned.nodes(bus), threading.Event()) == 0
-    bus.close()
+def test_one_sensor_of_a_hand_is_replayed_by_its_namespace(
+    tmp_path: Path, two_pressed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert replayed(monkeypatch, 'replay', two_pressed, tmp_path, namespace='right') == 0
     with BagReader(tmp_path / 'made') as made:
         require_the_forces_of_the_press(totals(made, '/right'))
         assert not [topic for topic in made.topics if topic.startswith('/left')]
 
 
-def test_all_sensors_of_a_hand_are_replayed_at_once_with_their_sum(tmp_path: Path, two_pressed: Path) -> None:
-    code, printed = replayed(tmp_path, 'replay_hand', two_pressed)
-    assert code == 0, printed
+def test_all_sensors_of_a_hand_are_replayed_at_once_with_their_sum(
+    tmp_path: Path, two_pressed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert replayed(monkeypatch, 'replay_hand', two_pressed, tmp_path) == 0
     with BagReader(tmp_path / 'made') as made:
         left, right = (totals(made, sensor) for sensor in ('/left', '/right'))
         sums = [made.decode(message) for message in made.messages(['/hand_wrench'])]
