@@ -28,7 +28,7 @@ from tactile_nodes.nodes.force_estimator import ForceEstimatorNode
 from tactile_nodes.pipeline.ready_model import Inputs
 
 Advertise = Callable[[Topic], Publisher]
-PRESSES = 6
+PRESSES = 5
 
 
 @pytest.fixture(autouse=True)
@@ -71,7 +71,7 @@ def ended(node: CalibratorNode, meanwhile: Callable[[], None] = lambda: None) ->
     run(node)
     while node._thread.is_alive():
         meanwhile()
-        node._thread.join(0.1)
+        node._thread.join(0.5)
         run(node)
     return node
 
