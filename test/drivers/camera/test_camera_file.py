@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tactile_nodes import decoding
 from tactile_nodes.clock import NS_PER_S, SteppedClock
 from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
 from tactile_nodes.drivers.camera.file import natural_key
@@ -143,14 +144,12 @@ def test_a_file_that_is_no_video_is_refused(tmp_path: Path, jumping: SteppedCloc
         opened(path, jumping)
 
 
-def test_a_video_of_more_than_64_megapixels_is_refused_before_it_is_decoded(
-    tmp_path: Path, jumping: SteppedClock
+def test_a_video_of_too_many_pixels_is_refused_before_it_is_decoded(
+    video: Path, jumping: SteppedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    writer = cv2.VideoWriter(str(tmp_path / 'huge.avi'), cv2.VideoWriter.fourcc(*'MJPG'), 50.0, (8200, 8200))
-    writer.write(np.zeros((8200, 8200, 3), np.uint8))
-    writer.release()
-    with pytest.raises(ImageError, match=r'huge\.avi \(it has 8200x8200 pixels, more than the limit of 8192x8192'):
-        opened(tmp_path / 'huge.avi', jumping)
+    monkeypatch.setattr(decoding, 'LARGEST_SIDE', 55)  # 3025 pixels
+    with pytest.raises(ImageError, match=r'video\.avi \(it has 64x48 pixels, more than the limit of '):
+        opened(video, jumping)
 
 
 def test_a_folder_without_a_rate_says_what_to_set(folder: Path, jumping: SteppedClock) -> None:
