@@ -41,13 +41,13 @@ def subscribe(bus: ZmqBus, topic: Topic, below: str = '') -> Subscription:
     return bus.subscribe(f'{below}/{topic.name.lstrip("/")}', topic.type_name, Qos('queue', 1000))
 
 
-def launched(hand: Path, log: Path) -> subprocess.Popen[str]:
+def launched(hand: Path, log: Path, launch: str = 'hand') -> subprocess.Popen[str]:
     command = [
         sys.executable,
         '-m',
         'tactile_nodes',
         'launch',
-        'hand',
+        launch,
         f'hand:={hand}',
         'monitor:=false',
         'page:=false',
@@ -97,7 +97,9 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
     assert not list(tmp_path.glob('hand/parameters_*'))
 
 
-def test_grasp_of_simulated_fingers_holds_what_is_pulled_by_the_pictures_alone(tmp_path: Path) -> None:
+def test_grasp_of_simulated_fingers_holds_what_is_pulled_by_the_pictures_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     hand = (ROOT / 'config/hands/gripping_fingers.yaml').read_text().replace('fps: 60.0', 'fps: 10.0')
     (tmp_path / 'hand.yaml').write_text(hand)
     grasp = (ROOT / 'launch/grasp.launch.yaml').read_text()
@@ -110,22 +112,22 @@ def test_grasp_of_simulated_fingers_holds_what_is_pulled_by_the_pictures_alone(t
         lines = ''.join(f'        - name: {name}\n          value: {value}\n' for name, value in more.items())
         grasp = grasp.replace(place, lines + place)
     (tmp_path / 'grasp.launch.yaml').write_text(grasp)
-    words = (
-        f'hand:={tmp_path}/hand.yaml',
-        'page:=false',
-        'monitor:=false',
-        'object_mm:=48.0',
-        'pull_n:=0.4',
-        'hold_s:=4.5',
-    )
-    command = [sys.executable, '-m', 'tactile_nodes', 'launch', f'{tmp_path}/grasp.launch.yaml', *words]
-    environment = {**os.environ, 'ROS_DOMAIN_ID': str(DOMAIN), 'ROS_LOG_DIR': str(tmp_path)}
-    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=150, check=False)
-    held = re.search(r'held for 4.\d s, .* ([0-9.]+) N at the end', ran.stdout)
-    assert held is not None, ran.stdout + ran.stderr
+    words = {'page': 'false', 'monitor': 'false', 'object_mm': '48.0', 'pull_n': '0.4', 'hold_s': '4.5'}
+    code = run_here(monkeypatch, tmp_path / 'grasp.launch.yaml', tmp_path, hand=f'{tmp_path}/hand.yaml', **words)
+    printed = capfd.readouterr()
+    held = re.search(r'held for 4.\d s, .* ([0-9.]+) N at the end', printed.out + printed.err)
+    assert held is not None, printed
     # 0.2 N on each side: with the hand's friction of 0.8 a margin of 0.4 asks for 0.42 N and the margin's uncertainty.
     assert float(held[1]) == pytest.approx(0.44, abs=0.06)
-    assert ran.returncode == 0
+    assert code == 0
+
+
+def test_a_grasp_with_a_hand_that_is_none_is_one_sentence_and_a_failure(tmp_path: Path) -> None:
+    (tmp_path / 'hand.yaml').write_text('sensors: [{soruce: simulated}]\n')
+    output, _ = (process := launched(tmp_path / 'hand.yaml', tmp_path, 'grasp')).communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert "unknown parameter 'soruce'" in output.splitlines()[-1]
+    assert 'Traceback' not in output
 
 
 PRESS = ROOT / 'examples/press_bag'
