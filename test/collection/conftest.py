@@ -1,4 +1,4 @@
-"""Beside this file lies what the tests of the folders below import: `rehearsing`."""
+"""Beside this file lies what the tests of the folders below import: `rehearsing` and `quick_clock`."""
 
 from __future__ import annotations
 
