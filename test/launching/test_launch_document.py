@@ -196,17 +196,6 @@ contents = st.recursive(
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
-@given(st.lists(st.dictionaries(st.sampled_from(sorted(READERS)), contents, min_size=1, max_size=1), max_size=3))
-def test_any_tree_of_actions_is_read_or_refused(tmp_path, actions):
-    file = tmp_path / 'fuzz.launch.yaml'
-    file.write_text(yaml.dump({'launch': actions}, allow_unicode=True), encoding='utf-8')
-    try:
-        read_file(file)
-    except LaunchFileError as error:
-        assert str(file) in str(error)
-
-
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150, deadline=None)
 @given(st.text(alphabet='launch: []{}&*!|>-\n\'"#,0.x?%@`\t\x7f', max_size=60))
 def test_any_text_is_read_or_refused(tmp_path, text):
     file = tmp_path / 'fuzz.launch.yaml'
