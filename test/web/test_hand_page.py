@@ -62,7 +62,7 @@ def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loads_n: dict[str, tupl
     ends = {name: bus.advertise(f'/{name}/{topic.name}', topic.type_name, topic.qos) for name in loads_n}
 
     def publish() -> None:
-        while not done.wait(1 / 60):
+        while not done.wait(1 / 20):
             stamp_ns = bus.clock.now_ns()
             for name, load_n in loads_n.items():
                 ends[name].publish(pressed(stamp_ns, *load_n))
@@ -77,9 +77,15 @@ def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loads_n: dict[str, tupl
     bus.close()
 
 
+@pytest.fixture(scope='module')
+def chromium() -> Iterator[Any]:
+    with started() as made:
+        yield made
+
+
 @pytest.fixture
-def page(url: str) -> Iterator[Any]:
-    with started() as browser, opened(browser, url) as made:
+def page(chromium: Any, url: str) -> Iterator[Any]:
+    with opened(chromium, url) as made:
         yield made
         assert made.faults == []
 

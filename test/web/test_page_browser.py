@@ -38,7 +38,7 @@ PRESS_N, PLACE_MM = 0.73, (4.0, -2.0)  # in the bin of row 3, column 5: its midd
 
 @dataclass
 class Sensor:
-    """Publishes twenty times a second what a sensor would that is pressed with `total_n`."""
+    """Publishes ten times a second what a sensor would that is pressed with `total_n`."""
 
     bus: InProcessBus
     total_n: float = PRESS_N
@@ -59,7 +59,7 @@ class Sensor:
         self._thread.join()
 
     def _run(self) -> None:
-        while not self._done.wait(1 / 20):
+        while not self._done.wait(1 / 10):
             if self.sending:
                 for end, message in zip(self._ends, self._messages(), strict=False):  # a field is there at times
                     end.publish(message)
@@ -139,12 +139,13 @@ def shared(chromium: Any) -> Iterator[tuple[Sensor, Any]]:
 
 
 @pytest.fixture
-def sensor(shared: tuple[Sensor, Any]) -> Sensor:
-    """As it was in the beginning."""
+def sensor(shared: tuple[Sensor, Any]) -> Iterator[Sensor]:
+    """As it was in the beginning; at rest between tests, since the browser would draw what it sends."""
     made = shared[0]
     made.total_n, made.status, made.reasons = PRESS_N, types.ForceDistribution.STATUS_OK, 0
     made.sending, made.has_field = True, False
-    return made
+    yield made
+    made.sending = False
 
 
 @pytest.fixture
@@ -455,7 +456,7 @@ def test_the_course_of_the_force_begins_before_the_page_was_opened(
 ) -> None:
     node = running.start(LiveViewNode, port=0)
     assert isinstance(node, LiveViewNode)
-    while len(node.server._audiences['']._history) < 30:
+    while len(node.server._audiences['']._history) < 15:
         threading.Event().wait(0.05)
     own_sensor.total_n = 0.0
     with chromium.new_context(viewport={'width': 1280, 'height': 720}, color_scheme='dark') as context:
