@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import csv
+import functools
 import os
 import re
 import shlex
@@ -20,6 +21,7 @@ from tactile_nodes.cli.main import chosen_verb, make_parser, parse
 from tactile_nodes.launching import files
 
 BLOCKS = blocks()
+PARSER_OF = functools.cache(make_parser)
 
 
 def check_shell(block: Block) -> None:
@@ -75,7 +77,7 @@ def tactile_commands() -> list[str]:
 def test_a_command_of_the_documents_is_one_that_the_program_takes(command: str) -> None:
     words = shlex.split(re.split(r' [>|] ', command, maxsplit=1)[0])[1:]
     verb = chosen_verb(words)
-    arguments = parse(make_parser(verb), verb, words)
+    arguments = parse(PARSER_OF(verb), verb, words)
     if verb == 'launch':
         file, given = files.resolve(arguments.words, os.environ)
         launch.refuse_unknown(file, files.parse_arguments(given))

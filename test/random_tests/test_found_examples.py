@@ -18,6 +18,17 @@ def test_small(number):
     print('tried', number)
     assert number < 1000
 """
+LONG_TESTS = """
+LONG = st.just(b'x' * 4000)  # characters; a report may have 3000 of one argument
+
+@given(number=LONG)
+def test_an_argument(number):
+    pass
+
+@given(number=st.data())
+def test_drawn_in_the_midst(number):
+    number.draw(LONG)
+"""
 
 
 def ran(file: Path, found: Path, seed: int) -> str:
@@ -43,10 +54,11 @@ def ran(file: Path, found: Path, seed: int) -> str:
 def test_what_a_random_run_finds_is_kept_and_tried_first_and_a_seed_tries_the_same_again(
     tmp_path: Path,
 ) -> None:
-    file, found = tmp_path / 'test_small.py', tmp_path / 'found'
-    file.write_text(RANDOM_TEST)
+    file, found = tmp_path / 'test_random.py', tmp_path / 'found'
+    file.write_text(RANDOM_TEST + LONG_TESTS)
     said = ran(file, found, 7)
-    (kept,) = found.glob('*.txt')
+    require_long_arguments_refused(said)
+    (kept,) = found.glob('*test_small-*.txt')
     assert str(kept) in said
     text = kept.read_text()
     assert 'make fuzz SEED=7' in text
@@ -56,10 +68,18 @@ def test_what_a_random_run_finds_is_kept_and_tried_first_and_a_seed_tries_the_sa
     assert ast.literal_eval(decorator[1])
 
     # The next round tries it before it draws any other.
+    file.write_text(RANDOM_TEST)
     assert tried(ran(file, found, 8))[0] == '1000'
 
     # Where nothing was found before, a seed has the same examples tried.
     assert tried(ran(file, tmp_path / 'other', 7)) == tried(said)
+
+
+def require_long_arguments_refused(said: str) -> None:
+    """They would fill the report of a random test, so that nobody sees what was found."""
+    for test in ('test_an_argument', 'test_drawn_in_the_midst'):
+        reported = said.split(f'_ {test} _')[1].split('\n____', maxsplit=1)[0]
+        assert 'give a path or a seed, draw what it is made of' in reported
 
 
 def tried(said: str) -> list[str]:
