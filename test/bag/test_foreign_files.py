@@ -159,10 +159,10 @@ def test_a_record_of_gigabytes_of_nothing_is_not_read(tmp_path: Path, opcode: Op
 
 
 def test_many_names_of_files_are_counted_soon(tmp_path: Path) -> None:
-    """A YAML reader in Python took a quarter of a minute."""
-    names = '\n'.join(f'  - {number}.mcap' for number in range(60_000))
+    """Of 60 000 a YAML reader in Python took a quarter of a minute."""
+    names = '\n'.join(f'  - {number}.mcap' for number in range(6_000))
     (tmp_path / 'metadata.yaml').write_text(HEAD.format(names=names))
-    assert 'lists 60000 files, but at most 1000 can be read' in refusal(tmp_path)
+    assert 'lists 6000 files, but at most 1000 can be read' in refusal(tmp_path)
 
 
 def test_a_few_lines_that_unfold_to_gigabytes_are_refused(tmp_path: Path) -> None:
