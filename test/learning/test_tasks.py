@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,8 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.tasks import done, make_files, on_cluster
 
-pytest.importorskip('distributed')
+# Not imported here: it takes half a second, in each process that collects the tests.
+pytestmark = pytest.mark.skipif(find_spec('distributed') is None, reason='dask.distributed is not installed')
 
 
 @contextmanager
