@@ -57,6 +57,7 @@ def test_it_is_asked_also_where_its_announcement_is_not_heard(
 ) -> None:
     """Cyclone 11 by itself: what comes by the loopback interface is dropped."""
     monkeypatch.setattr(settings, '_interfaces', lambda: '')
+    monkeypatch.setattr(settings, '_ASK_EVERY', '1s')
     offered(bus)
     bridge()
     assert older().ask('finds', topic=TOPIC)['type'] == TYPE
