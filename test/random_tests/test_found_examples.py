@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 TESTS = Path(__file__).parents[1]
 RANDOM_TEST = """
 from hypothesis import given, strategies as st
@@ -51,13 +53,19 @@ def ran(file: Path, found: Path, seed: int) -> str:
     ).stdout
 
 
-def test_what_a_random_run_finds_is_kept_and_tried_first_and_a_seed_tries_the_same_again(
-    tmp_path: Path,
-) -> None:
-    file, found = tmp_path / 'test_random.py', tmp_path / 'found'
+@pytest.fixture(scope='module')
+def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """What the first run says, and the folder with what it found."""
+    folder = tmp_path_factory.mktemp('first')
+    file, found = folder / 'test_random.py', folder / 'found'
     file.write_text(RANDOM_TEST + LONG_TESTS)
-    said = ran(file, found, 7)
-    require_long_arguments_refused(said)
+    return ran(file, found, 7), found
+
+
+def test_what_a_random_run_finds_is_kept_and_tried_first_and_a_seed_tries_the_same_again(
+    first: tuple[str, Path], tmp_path: Path
+) -> None:
+    said, found = first
     (kept,) = found.glob('*test_small-*.txt')
     assert str(kept) in said
     text = kept.read_text()
@@ -68,6 +76,7 @@ def test_what_a_random_run_finds_is_kept_and_tried_first_and_a_seed_tries_the_sa
     assert ast.literal_eval(decorator[1])
 
     # The next round tries it before it draws any other.
+    file = found.parent / 'test_random.py'
     file.write_text(RANDOM_TEST)
     assert tried(ran(file, found, 8))[0] == '1000'
 
@@ -75,10 +84,10 @@ def test_what_a_random_run_finds_is_kept_and_tried_first_and_a_seed_tries_the_sa
     assert tried(ran(file, tmp_path / 'other', 7)) == tried(said)
 
 
-def require_long_arguments_refused(said: str) -> None:
-    """They would fill the report of a random test, so that nobody sees what was found."""
+def test_what_is_drawn_is_short(first: tuple[str, Path]) -> None:
+    """Else it would fill the report, so that nobody sees what was found."""
     for test in ('test_an_argument', 'test_drawn_in_the_midst'):
-        reported = said.split(f'_ {test} _')[1].split('\n____', maxsplit=1)[0]
+        reported = first[0].split(f'_ {test} _')[1].split('\n____', maxsplit=1)[0]
         assert 'give a path or a seed, draw what it is made of' in reported
 
 
