@@ -9,7 +9,7 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.solution import Problem, Solution, problem_of, solve_problem
 
-QUICK = Problem(finest_mm=0.3, growth=1.8, deepest_mm=0.4, rungs=4)
+QUICK = Problem(finest_mm=0.1, growth=1.8, deepest_mm=0.4, rungs=4)
 
 
 @pytest.fixture(scope='module')
@@ -63,9 +63,7 @@ def test_beyond_the_far_side_nothing_moves(solution: Solution):
 
 
 def test_twice_as_light_a_touch_takes_hertzs_share_of_the_force(solution: Solution):
-    table = solve_problem(Problem(finest_mm=0.1, growth=1.8, deepest_mm=0.1, rungs=2, reach_mm=12.0)).table(
-        1.0, steps=40
-    )
+    table = solution.table(1.0, steps=40)
     assert table.force_at(0.1) / table.force_at(0.05) == pytest.approx(2**1.5, rel=0.1)
 
 

@@ -10,6 +10,8 @@ from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.methods import DisplacementField
 
 WIDTH, HEIGHT, PITCH_PX, RADIUS_PX = 320, 240, 44.0, 9.0
+REACH_PX = 40
+"""So far from its middle a dot changes no bit of the sheet."""
 PLACES = np.array([(38.0 + PITCH_PX * col, 32.0 + PITCH_PX * row) for row in range(5) for col in range(6)])
 
 
@@ -18,7 +20,8 @@ def sheet(places: np.ndarray) -> np.ndarray:
     y, x = np.mgrid[:HEIGHT, :WIDTH].astype(float)
     grey: np.ndarray = 150.0 - 0.15 * x
     for px, py in places:
-        grey *= 1 - 0.6 / (1 + np.exp((np.hypot(x - px, y - py) - RADIUS_PX) / 0.7))
+        near = tuple(slice(max(0, int(at) - REACH_PX), max(0, int(at) + REACH_PX)) for at in (py, px))
+        grey[near] *= 1 - 0.6 / (1 + np.exp((np.hypot(x[near] - px, y[near] - py) - RADIUS_PX) / 0.7))
     return grey
 
 

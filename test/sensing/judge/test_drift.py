@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -41,6 +42,7 @@ class Seen:
         return average([self.picture(seed=number) for number in range(8)])
 
 
+@cache
 def changed(**properties: object) -> Seen:
     return Seen(dataclasses.replace(GEL, **properties))  # type: ignore[arg-type]
 
