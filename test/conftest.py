@@ -236,12 +236,18 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope='session')
 def first_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The model that ships for calibrations, as that of a gel named first."""
-    from tactile_nodes.model_file import find_model, load_model, save_model
+    """The model that ships for calibrations, on a quarter of its regions, as that of a gel named first."""
+    from coarse_model import coarse_model
 
-    loaded, file = load_model(find_model('portable')), tmp_path_factory.mktemp('models') / 'first.safetensors'
-    save_model(file, loaded.model, {**loaded.card, 'gel': {'id': 'first'}})
-    return file
+    return coarse_model(tmp_path_factory.mktemp('models') / 'first.safetensors', 'first')
+
+
+@pytest.fixture(scope='session')
+def first_field(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same of the model of any contact."""
+    from coarse_model import coarse_field
+
+    return coarse_field(tmp_path_factory.mktemp('models') / 'field.safetensors')
 
 
 @pytest.fixture(scope='session')

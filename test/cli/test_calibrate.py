@@ -224,11 +224,11 @@ def test_presses_of_a_square_calibrate_the_field_alone(
 
 @pytest.mark.timeout(240)
 def test_bags_of_presses_of_the_tip_calibrate_tips_and_field_without_a_data_set(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], own_cache: Path
+    first_field: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], own_cache: Path
 ) -> None:
     """Five of them: the least that a calibration takes."""
     bag, output = spread_collection(tmp_path / 'bag', BagSensor(OTHER), 5), tmp_path / 'gel-7.safetensors'
-    words = ['--model', 'field', '--gel', 'gel-7', '--curve', '-o', str(output)]
+    words = ['--model', str(first_field), '--gel', 'gel-7', '--curve', '-o', str(output)]
     assert main(['calibrate', str(bag), *words]) == 0
     printed = capsys.readouterr().out
     assert 'it reads held-out presses' in printed
@@ -367,13 +367,13 @@ def test_a_bag_that_was_cut_off_before_its_first_press_is_refused(
 
 
 def test_presses_that_are_left_out_are_counted_with_their_reasons_and_so_are_problems_of_a_bag(
-    other_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], own_cache: Path
+    first_model: Path, other_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], own_cache: Path
 ) -> None:
     """A copy of a bag holds the same attempts, except those in its damaged chunk."""
     whole = next(other_bag.glob('*.mcap')).read_bytes()
     middle, damaged = len(whole) // 2, tmp_path / 'damaged.mcap'
     damaged.write_bytes(whole[:middle] + bytes(100) + whole[middle + 100 :])
-    words = ['--model', 'portable', '--gel', 'gel-7', '-o', str(tmp_path / 'gel-7.safetensors')]
+    words = ['--model', str(first_model), '--gel', 'gel-7', '-o', str(tmp_path / 'gel-7.safetensors')]
     assert main(['calibrate', str(other_bag), str(damaged), *words]) == 0
     printed = capsys.readouterr().out
     assert re.search(r'\nleft out: \d doubled \(the first: the same attempt was reported before\)\n', printed)

@@ -55,12 +55,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope='module')
 def portable(folder: Path) -> Path:
     """The model that calibrates the portable one with these pictures."""
-    return calibrated(folder / 'gel.csv', 'portable')
+    return calibrated(folder / 'gel.csv', find_model('portable'))
 
 
-def calibrated(table: Path, model: str) -> Path:
-    output = table.with_name(f'{model}.safetensors')
-    options = ['--model', model, '--gel', 'by-hand', '-o', str(output)]
+def calibrated(table: Path, model: Path) -> Path:
+    output = table.with_name(f'by_hand_{model.name}')
+    options = ['--model', str(model), '--gel', 'by-hand', '-o', str(output)]
     assert main(['calibrate', '--pictures', str(table), *options]) == 0
     return output
 
@@ -98,13 +98,15 @@ def test_pictures_that_calibrated_a_model_do_not_judge_it(
     assert main(['evaluate', 'portable', '--dataset', str(presses)]) == 0
 
 
-def test_pictures_beside_numbers_of_others_make_no_model(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_pictures_beside_numbers_of_others_make_no_model(
+    folder: Path, first_model: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     random, rows = np.random.default_rng(7), ['image,x,y,Force [N]', 'rest0.png,,,0']
     for number, (x, y) in enumerate(random.uniform(-11, 11, (7, 2)).tolist()):
         rows.append(f'press{number}.png,{x:.2f},{y:.2f},{random.uniform(0.1, 0.9):.2f}')
     table, output = folder / 'mixed.csv', folder / 'mixed.safetensors'
     table.write_text('\n'.join(rows) + '\n')
-    words = ['calibrate', '--pictures', str(table), '--model', 'portable', '--gel', 'mixed', '-o', str(output)]
+    words = ['calibrate', '--pictures', str(table), '--model', str(first_model), '--gel', 'mixed', '-o', str(output)]
     assert main(words) == 1
     said = capsys.readouterr()
     assert "force from 'Force [N]' in N" in ' '.join(said.out.split())
@@ -114,11 +116,13 @@ def test_pictures_beside_numbers_of_others_make_no_model(folder: Path, capsys: p
     assert not output.exists()
 
 
-def test_weights_on_marks_calibrate_the_field_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    loaded = load_model(calibrated(folder / 'few.csv', 'field'))
+def test_weights_on_marks_calibrate_the_field_too(
+    folder: Path, first_field: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loaded = load_model(calibrated(folder / 'few.csv', first_field))
     said = ' '.join(capsys.readouterr().out.split())
     assert 'it reads held-out presses' in said and f'from {FEW} presses' in said
-    readout, source = loaded.model.readout, load_model(find_model('field')).model.readout
+    readout, source = loaded.model.readout, load_model(first_field).model.readout
     assert isinstance(readout, FieldReadout)
     assert isinstance(source, FieldReadout)
     assert readout.tips is not None
