@@ -1,6 +1,6 @@
 """Small fits of every kind and what they read, in a process of its own: `OPENBLAS_CORETYPE` is read when it starts.
 
-Run as `python fits_of_a_kernel.py FILE.npz`. The file holds the errors of readings.
+Run as `python fits_of_a_kernel.py FILE.npz`. The file holds the errors of readings; the kernels are printed.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import dataclasses
 import sys
 
 import numpy as np
+from kernels_in_use import kernels
 from layered_gel import BALL, SENSOR, pressed, pressed_terms, quiet_scaling, uneven
 from responding_gel import AXISYMMETRIC, CONFIG, presses
 
@@ -64,3 +65,4 @@ def judges(dataset: Dataset) -> np.ndarray:
 
 if __name__ == '__main__':
     np.savez(sys.argv[1], **readings())
+    print(*kernels())

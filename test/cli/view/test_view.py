@@ -120,10 +120,18 @@ def in_a_terminal(term: str, until: bytes, *words: str) -> str:
     return output.decode()
 
 
-@pytest.mark.parametrize('term', ['dumb', ''])
-def test_a_terminal_that_cannot_draw_gets_lines(other: ZmqBus, repeating: Repeating, term: str) -> None:
+@pytest.mark.parametrize('environment', [{}, {'TERM': ''}, {'TERM': 'dumb'}, {'TERM': 'unknown'}])
+def test_a_terminal_that_does_not_say_what_it_is_cannot_draw(environment: dict[str, str]) -> None:
+    ours, theirs = os.openpty()
+    with os.fdopen(theirs, 'w') as terminal:
+        assert not view.can_draw(terminal, environment)
+        assert view.can_draw(terminal, {'TERM': 'xterm'})
+    os.close(ours)
+
+
+def test_a_terminal_that_cannot_draw_gets_lines(other: ZmqBus, repeating: Repeating) -> None:
     publish_forces(other, repeating)
-    output = in_a_terminal(term, b' fps  force  0.000 N  contact none', 'view', '--duration', '60')
+    output = in_a_terminal('dumb', b' fps  force  0.000 N  contact none', 'view', '--duration', '60')
     assert 'frames in' in output
     assert '\x1b' not in output
 
