@@ -130,21 +130,14 @@ def entries(launch: str) -> list[dict[str, Any]]:
     return [each for entry in document['launch'] for each in entry.get('group', [entry])]
 
 
-def test_a_replay_that_fails_before_its_first_picture_leaves_no_bag(tmp_path: Path) -> None:
+@pytest.mark.parametrize('words', [('replay',), ('replay_hand', 'hand:=two_fingers')], ids=lambda words: words[0])
+def test_a_replay_that_fails_before_its_first_picture_leaves_no_bag(words: tuple[str, ...], tmp_path: Path) -> None:
     made = tmp_path / 'replayed'
-    with launched('replay', 'bag:=nosuch', f'record:={made}', log=tmp_path / 'log') as process:
+    with launched(*words, 'bag:=nosuch', f'record:={made}', log=tmp_path / 'log') as process:
         output, _ = process.communicate(timeout=2 * PATIENCE_S)
     assert process.returncode == 1
     assert 'there is no bag nosuch' in output.splitlines()[-1]
     assert not made.exists()
-
-
-def test_that_of_a_hand_begins_its_bag_with_a_picture_too() -> None:
-    begun = {}
-    for name in ('replay', 'replay_hand'):
-        (recorder,) = (each['node'] for each in entries(name) if each.get('node', {}).get('exec') == 'recorder_node')
-        begun[name] = {each['name']: each['value'] for each in recorder['param']}['begins_with']
-    assert begun == {'replay': 'image_raw', 'replay_hand': '*/image_raw'}
 
 
 def computed_one_after_another(bag: Path) -> Iterator[types.ForceDistribution]:
