@@ -49,16 +49,11 @@ def contact_table(gel: Gel, indenter: str = 'tip') -> ContactTable:
     return solve(gel)
 
 
-_TIP_TABLES: dict[Gel, ContactTable] = {}
-
-
 def tip_table(gel: Gel, on_step: OnStep | None = None) -> ContactTable:
     """The tip's `contact_table`; if a new table is solved, `on_step` is called as by `solve_problem`."""
-    if gel.mechanics != 'finite_strain':
+    if gel.mechanics != 'finite_strain' or on_step is None:
         return contact_table(gel)
-    if gel not in _TIP_TABLES:
-        _TIP_TABLES[gel] = solution_of(problem_of(gel, 'tip'), on_step).table(gel.shear_modulus_mpa)
-    return _TIP_TABLES[gel]
+    return solution_of(problem_of(gel, 'tip'), on_step).table(gel.shear_modulus_mpa)
 
 
 def solution_of(problem: Problem, on_step: OnStep | None = None) -> Solution:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -127,8 +127,6 @@ class ObservedPresses:
     sure: Float[np.ndarray, 'n known 1']
     presses: Float[np.ndarray, 'n 4']
     fields: list[tuple[Int[np.ndarray, ' same'], Fields]]
-    _known: dict[bytes, Float[np.ndarray, 'n known 2']] = field(default_factory=dict)
-    """What is predicted for each camera that was tried: one fit begins where another ended, and both are judged."""
 
     @classmethod
     def of(
@@ -146,15 +144,12 @@ class ObservedPresses:
 
         The camera differs from its description by `by`, in units of `SCALES`.
         """
-        if (known := self._known.get(by.tobytes())) is not None:
-            return known
         regions = replace(self.regions, sensor=looking(self.regions.sensor, by * SCALES))
         moved = np.zeros(self.motion.shape)
         for same, fields in self.fields:
             one = regions.motion_as_described(self.presses[same, :2], fields, self.known)
             moved[same] = one * self.presses[same, 3][:, None, None]
-        self._known[by.tobytes()] = moved = np.asarray(moved * self.sure)
-        return moved
+        return np.asarray(moved * self.sure)
 
     def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, ' numbers']:
         """Residuals of some presses, with the gel's softness fitted to them."""

@@ -192,17 +192,15 @@ class AxisymmetricReadout:
         """One over the variance of noise in an image; 0 for unseen regions."""
         return np.asarray(np.where(shown, self._certainty, 0.0))
 
-    @property
+    @cached_property
     def _starts(self) -> tuple[Float[np.ndarray, 'starts 3'], Float32[np.ndarray, 'starts inputs'], np.ndarray]:
         """Start contacts, the motion that they cause, and its square."""
-        reach, tables = self.correction.reach_mm * self.response.width, self.response.tables
-        if (reach, self.highest_n) not in tables:
-            along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
-            forces = START_FORCES * self.highest_n
-            starts = np.stack(np.meshgrid(along, along, forces, indexing='ij'), axis=-1).reshape(-1, 3)
-            fields = self.response.motion(starts).reshape(len(starts), -1).astype(np.float32)
-            tables[reach, self.highest_n] = starts, fields, np.square(fields).sum(axis=1)
-        return tables[reach, self.highest_n]
+        reach = self.correction.reach_mm * self.response.width
+        along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
+        forces = START_FORCES * self.highest_n
+        starts = np.stack(np.meshgrid(along, along, forces, indexing='ij'), axis=-1).reshape(-1, 3)
+        fields = self.response.motion(starts).reshape(len(starts), -1).astype(np.float32)
+        return starts, fields, np.square(fields).sum(axis=1)
 
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']

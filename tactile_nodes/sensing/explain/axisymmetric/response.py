@@ -60,11 +60,6 @@ class AxisymmetricResponse:
         """The axis of force, of the gel that the profiles were measured on."""
         return SplineAxis(0.0, self.hardest_n, self.profiles.shape[2] - 3)
 
-    @cached_property
-    def tables(self) -> dict[tuple[float, float], tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Tables of motion by reach [mm] and force [N], kept here for all readouts with this response."""
-        return {}
-
     @property
     def highest_n(self) -> float:
         """The force [N] on this gel at which the profiles end."""
