@@ -1,4 +1,4 @@
-"""Completers for the shell: names of what runs now. They are quick, and silent if they fail."""
+"""Completers for the shell: names of what runs now. They are silent if they fail."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from tactile_nodes.errors import TactileError
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Graph, ProcessBus
 
-CALL_TIMEOUT_S = 0.3
+CALL_TIMEOUT_S = 2.0
+"""A node that is busy answers within a second or so; only one that hangs makes the shell wait this long."""
 
 Completer = Callable[..., list[str]]
 
