@@ -39,7 +39,7 @@ def test_subscriber_gets_the_very_object_that_was_published(bus: InProcessBus) -
     subscription = bus.subscribe('/image', IMAGE, QUEUE)
     message = image(1)
     bus.advertise('/image', IMAGE, QUEUE).publish(message)
-    received = subscription.get(1.0)
+    received = subscription.get(30.0)
     assert received is not None
     assert received.message is message
 
@@ -207,7 +207,7 @@ def test_closing_a_subscription_wakes_who_waits_for_it(bus: InProcessBus) -> Non
     thread.start()
     subscription.close()
     subscription.close()
-    thread.join(5.0)
+    thread.join(30.0)
     assert got == [None]
 
 

@@ -16,7 +16,7 @@ from tactile_nodes.params import parameter
 DOMAIN = 17
 
 
-def wait_until(condition: Callable[[], object], timeout_s: float = 5.0) -> None:
+def wait_until(condition: Callable[[], object], timeout_s: float = 30.0) -> None:
     """Return when `condition` holds; fail when it does not come to."""
     end_s = monotonic_s() + timeout_s
     while not condition():

@@ -236,6 +236,6 @@ def test_a_calibrator_that_somebody_ends_before_there_are_enough_presses_has_not
     run(node)
     assert node._thread.is_alive()
     node.close()
-    node._thread.join(5.0)
+    node._thread.join(30.0)
     assert not node._thread.is_alive()
     assert node.failure is None

@@ -228,7 +228,7 @@ def test_the_rig_does_not_wait_for_simulated_time(bus: InProcessBus, tmp_path: P
     node = RigNode(bus, arguments(tmp_path, more))  # and no /clock
     spinning = threading.Thread(target=node.spin, daemon=True)
     spinning.start()
-    spinning.join(5.0)
+    spinning.join(30.0)
     assert 'no recorder' in str(node.failure)
     node.close()
 

@@ -35,7 +35,7 @@ for file in sys.argv[1:]:
         confidence=np.ones(layout.rows * layout.cols, np.float32), reference_id='0',
     ))
     node.spin_once()
-    print(len(forces.get(5.0).message.normal_force))
+    print(len(forces.get(30.0).message.normal_force))
     node.close()
     bus.close()
 """

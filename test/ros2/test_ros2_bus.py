@@ -319,7 +319,7 @@ def test_numbers_begin_with_the_publishers_own_where_the_middleware_tells_it(rep
     subscription = Subscription('/n', NUMBER, QUEUE, '/node', None, lambda _: None)
     receive = receiving(subscription, SystemClock())
     receive(messages.encode(_number(7)), {'publication_sequence_number': reported})
-    received = subscription.get(1.0)
+    received = subscription.get(30.0)
     assert received is not None
     assert received.sequence == number
 

@@ -97,7 +97,7 @@ def test_callbacks_run_in_the_thread_that_spins(node: Plain, bus: InProcessBus) 
     publisher.publish(types.WrenchStamped())
     until(lambda: threads)
     node.stop()
-    spinning.join(5.0)
+    spinning.join(30.0)
     assert threads == ['spins']
 
 
@@ -112,7 +112,7 @@ def test_no_message_of_a_queue_is_lost_on_the_way_to_its_callback(bus: InProcess
         publisher.publish(types.SyncEdge(count=number))
     until(lambda: len(seen) == 1000)
     node.stop()
-    spinning.join(5.0)
+    spinning.join(30.0)
     node.close()
     assert seen == list(range(1000))
 
@@ -224,7 +224,7 @@ def test_service_answers_from_the_nodes_thread_and_tells_its_errors(bus: InProce
             bus.call('/plain/set', services.SET_BOOL, types.SetBool_Request())
     finally:
         node.stop()
-        spinning.join(5.0)
+        spinning.join(30.0)
         node.close()
 
 
@@ -275,7 +275,7 @@ def test_subscription_made_by_another_thread_while_messages_come_in_works(bus: I
         node.create_subscription(topic, seen.append)
     until(lambda: len(seen) == 50)
     node.stop()
-    spinning.join(5.0)
+    spinning.join(30.0)
     node.close()
 
 

@@ -55,7 +55,7 @@ def ask(join: Callable[..., ZmqBus]) -> Iterator[Callable[[str, Any], Any]]:
     kinds['describe'] = services.DESCRIBE_PARAMETERS
     yield lambda verb, request: client.call(f'/tunable/{verb}_parameters', kinds[verb], request)
     node.stop()
-    spinning.join(5.0)
+    spinning.join(30.0)
     node.close()
 
 

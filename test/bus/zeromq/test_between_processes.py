@@ -195,7 +195,7 @@ def test_latched_message_reaches_a_second_subscriber_of_the_same_process(start: 
     got: list[int] = []
     until(lambda: _taken(first, got) == [1])
     second = bus.subscribe('/ref', NUMBER, QUEUE)
-    received = second.get(5.0)
+    received = second.get(30.0)
     assert received is not None
     assert number_of(received) == 1
     assert first.take() is None

@@ -90,7 +90,7 @@ def forger(folder: Path, subscription: Subscription) -> Iterator[Forger]:
 
 def _still_hears(subscription: Subscription, forger: Forger) -> None:
     forger.send_payload(messages.encode(types.Int64(data=42)))
-    received = subscription.get(5.0)
+    received = subscription.get(30.0)
     assert received is not None
     assert received.message.data == 42
 
@@ -132,7 +132,7 @@ def test_payload_that_is_no_message_is_a_message_error_for_who_looks_at_it(
     forger: Forger, subscription: Subscription, size: int
 ) -> None:
     forger.send_payload(b'\x00\x01\x00\x00'[:size] + bytes(max(0, size - 4)))
-    received = subscription.get(5.0)
+    received = subscription.get(30.0)
     assert received is not None
     with pytest.raises(MessageError):
         _ = received.message
@@ -157,7 +157,7 @@ def looker(join: Callable[..., ZmqBus]) -> Iterator[Looker]:
     thread.start()
     yield node
     node.stop()
-    thread.join(5.0)
+    thread.join(30.0)
     assert not thread.is_alive()
     node.close()
 

@@ -120,5 +120,5 @@ def test_closing_the_bus_ends_calls_of_other_threads(bus: ZmqBus, start: Start) 
     thread.start()
     until(server.count_calls)
     bus.close()
-    thread.join(5.0)
+    thread.join(30.0)
     assert len(raised) == 1

@@ -138,7 +138,7 @@ def test_who_subscribes_with_a_long_word_is_cut_off_and_the_others_go_on(
     made.send(b'\x01' + bytes(length))
     assert made.is_cut_off()
     publisher.publish(types.Int64(data=7))
-    received = subscription.get(5.0)
+    received = subscription.get(30.0)
     assert received is not None
     assert received.message.data == 7
 
@@ -180,7 +180,7 @@ def test_what_the_others_would_not_take_in_is_refused_with_a_sentence(join: Join
     with pytest.raises(BusError, match=r'/say: a rcl_interfaces/msg/Log of 10\d+ bytes .* limit is 1048576'):
         publisher.publish(types.Log(msg='a' * (1 << 20)))
     publisher.publish(types.Log(msg='short'))
-    received = subscription.get(5.0)
+    received = subscription.get(30.0)
     assert received is not None
     assert received.message.msg == 'short'
 
