@@ -114,12 +114,12 @@ class Tally:
     because the bag has their topic with another type. `begin_ns` is the start of the recording.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, begin_ns: int = 0) -> None:
         self.missed_of: Counter[str] = Counter()
         self.malformed: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
         self.other_types: set[str] = set()
-        self.begin_ns = 0
+        self.begin_ns = begin_ns
         self._gaps = GapCounter()
         self._bytes_before = 0
 

@@ -108,8 +108,8 @@ class RecorderNode(Node):
         self._filter = TopicFilter(_in_table, names, params.all, params.regex, params.exclude)
         limits = BagLimits(params.queue_mb * MB, params.max_file_bytes, params.max_file_s)
         self.writer = BagWriter(folder, compression=params.compression, limits=limits)
-        self.failure, self.tally, self._begun_ns, self._ended = None, Tally(), self.clock.now_ns(), {}
-        self.tally.begin_ns = self._begun_ns
+        self._begun_ns = self.clock.now_ns()
+        self.failure, self.tally, self._ended = None, Tally(begin_ns=self._begun_ns), {}
         self.post(self._keep_folder)
         self._opening = Opening(self._begun_ns, begins_with, HELD * params.queue_mb * MB)
         self._look()
@@ -118,6 +118,11 @@ class RecorderNode(Node):
     def _keep_folder(self) -> None:
         if self.writer is not None:
             self.kept.put(_RECORDING, os.fsencode(self.writer.folder))
+
+    @property
+    def recorded_s(self) -> float:
+        """How long the bag is so far [s]; 0 until it begins."""
+        return 0.0 if self._opening is not None else (self.clock.now_ns() - self.tally.begin_ns) / NS_PER_S
 
     def _stop_until_started(self) -> str:
         self.post(lambda: self.kept.put(_RECORDING, _STOPPED))  # else `autostart` records after a restart
@@ -142,8 +147,8 @@ class RecorderNode(Node):
         self._write_what_was_held(opening, writer)
 
     def _write_what_was_held(self, opening: Opening, writer: BagWriter) -> None:
-        self._opening = None
         self.tally.begin_ns = opening.begin_ns
+        self._opening = None
         for arrival, log_ns in opening.release():
             if self.writer is not None:
                 self._write(arrival, log_ns, writer)

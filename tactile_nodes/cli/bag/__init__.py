@@ -63,7 +63,7 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-d', '--max-bag-duration', type=duration, default=0.0, metavar='S', help='split after this time'
     )
-    parser.add_argument('--duration', type=duration, default=0.0, metavar='S', help='stop after this time')
+    parser.add_argument('--duration', type=duration, default=0.0, metavar='S', help='stop when so much is recorded')
     parser.add_argument(
         '--max-cache-size', type=int, default=256 * _MEGABYTE, metavar='BYTES', help='buffer for a slow disk'
     )

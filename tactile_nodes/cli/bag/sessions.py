@@ -18,7 +18,7 @@ from tactile_nodes.bus.node.arguments import NodeArguments, Remap
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.cli.running.session import ended_by_signals, joined
-from tactile_nodes.clock import NS_PER_S, monotonic_s
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import BagError
 from tactile_nodes.nodes.player import PlayerNode
 from tactile_nodes.nodes.recorder import RecorderNode
@@ -44,10 +44,10 @@ def record(arguments: argparse.Namespace) -> int:
     }
     with ended_by_signals() as done, joined() as bus:
         node = RecorderNode(bus, _node_arguments(parameters, Remap('__node', _RECORDER)))
-        end_s = monotonic_s() + arguments.duration if arguments.duration > 0 else float('inf')
+        most_s = arguments.duration or float('inf')
 
         def is_over() -> bool:
-            return node.failure is not None or monotonic_s() >= end_s
+            return node.failure is not None or node.recorded_s >= most_s
 
         with _watched(done, lambda: _recording_line(node), is_over):
             return run_until([node], done)  # the node has logged the reason
