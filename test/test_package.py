@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import email
 import fcntl
+import importlib.metadata
 import re
 import subprocess
 import sys
@@ -12,6 +13,8 @@ from email.message import Message
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 
 ROOT = Path(__file__).parents[1]
 LINK = re.compile(r'\[[^]]*]\(([^)\s]+)\)')
@@ -87,3 +90,20 @@ def test_the_index_gets_who_where_and_what(metadata: Message) -> None:
     }
     assert 'Operating System :: POSIX :: Linux' in metadata.get_all('Classifier', [])
     assert 'ROS 2' in metadata['Keywords']
+
+
+def test_each_python_that_the_package_names_can_install_the_pinned_versions(metadata: Message) -> None:
+    named = [each.removeprefix('Programming Language :: Python :: ') for each in metadata.get_all('Classifier', [])]
+    pythons = [each for each in named if re.fullmatch(r'3\.\d+', each)]
+    assert len(pythons) >= 4
+    pins = re.findall('^.+==.+$', (ROOT / 'constraints.txt').read_text(encoding='ascii'), re.MULTILINE)
+    installed = {each.name: each for each in importlib.metadata.distributions()}
+    checked = 0
+    for pin in map(Requirement, pins):
+        if (found := installed.get(pin.name)) is None or found.version not in pin.specifier:
+            continue
+        for python in pythons:
+            if pin.marker is None or pin.marker.evaluate({'python_version': python}):
+                assert f'{python}.0' in SpecifierSet(found.metadata['Requires-Python'] or ''), (pin, python)
+                checked += 1
+    assert checked > 100
