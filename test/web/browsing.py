@@ -27,19 +27,18 @@ expect.set_options(timeout=PATIENCE_MS)
 
 @contextmanager
 def started() -> Iterator[Any]:
-    """The browser."""
+    """The browser, in which pages are opened; as tabs of one user, since one more of those takes it a second."""
     sandbox = [] if os.geteuid() else ['--no-sandbox']  # Chromium has none for root
     with playwright.sync_playwright() as driver:
         made = driver.chromium.launch(executable_path=CHROMIUM, args=['--disable-gpu', *sandbox])
-        yield made
+        yield made.new_context(viewport=SIZE, color_scheme='dark')
         made.close()
 
 
 @contextmanager
 def opened(browser: Any, url: str) -> Iterator[Any]:
     """A page, and what went wrong on it: its `faults`."""
-    with browser.new_context(viewport=SIZE, color_scheme='dark') as context:
-        made = context.new_page()
+    with browser.new_page() as made:
         made.faults = []
         made.on('pageerror', lambda error: made.faults.append(str(error)))
         made.on('console', lambda message: made.faults.append(message.text) if message.type == 'error' else None)

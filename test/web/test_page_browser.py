@@ -311,6 +311,22 @@ def test_an_invalid_force_is_no_number_and_the_reason_is_a_sentence(page: Any, s
     text(page, '#total').to_have_text('–')
 
 
+def test_when_nothing_comes_what_is_most_wrong_is_named(page: Any) -> None:
+    sentences = {
+        ('warning', 'error'): 'No data for 5 s. /flow: it is flow',
+        ('error', 'error'): 'No data for 5 s. /camera: it is camera',
+        ('ok', 'warning'): 'No data for 5 s. /flow: it is flow',
+        ('ok', 'ok'): 'No data for 5 s.',
+    }
+    told = "async (fields) => (await import('/static/js/status.js')).statusOf(fields, 5, false, { open: true })"
+    for levels, sentence in sentences.items():
+        health = [
+            {'node': f'/{name}', 'level': level, 'text': f'it is {name}', 'silent_s': None}
+            for name, level in zip(('camera', 'flow'), levels, strict=True)
+        ]
+        assert page.evaluate(told, {'force': {}, 'slow': {'health': health}}) == ['nodata', 'NO DATA', sentence]
+
+
 def test_when_nothing_comes_no_number_stays_and_when_it_comes_again_it_is_shown(page: Any, sensor: Sensor) -> None:
     text(page, '#total').to_have_text('0.730')
     sensor.sending = False
@@ -459,9 +475,7 @@ def test_the_course_of_the_force_begins_before_the_page_was_opened(
     while len(node.server._audiences['']._history) < 15:
         threading.Event().wait(0.05)
     own_sensor.total_n = 0.0
-    with chromium.new_context(viewport={'width': 1280, 'height': 720}, color_scheme='dark') as context:
-        page = context.new_page()
-        page.goto(node.server.url)
+    with opened(chromium, node.server.url) as page:
         text(page, '#total').to_have_text('0.000')
         page.wait_for_function(
             """() => {
@@ -493,9 +507,7 @@ def test_a_guest_watches_and_finds_the_buttons_closed(
     monkeypatch.setattr(accounts, 'owners', lambda: frozenset({os.getuid() + 1}))
     running.bus.serve('/flow_features/capture_reference', services.TRIGGER, lambda request, reply: None)
     node = running.start(LiveViewNode, port=0, guests='watch')
-    with chromium.new_context() as context:
-        page = context.new_page()
-        page.goto(node.server.url)
+    with opened(chromium, node.server.url) as page:
         text(page, '#total').to_have_text('0.730')
         text(page, '#answer').to_contain_text('Only the user who started the sensor')
         expect(page.locator('#rest')).to_be_disabled()
@@ -506,9 +518,7 @@ def test_another_account_reads_why_it_sees_nothing(
 ) -> None:
     monkeypatch.setattr(accounts, 'owners', lambda: frozenset({os.getuid() + 1}))
     node = running.start(LiveViewNode, port=0)
-    with chromium.new_context() as context:
-        page = context.new_page()
-        page.goto(node.server.url)
+    with opened(chromium, node.server.url) as page:
         text(page, 'body').to_contain_text('This server is for the user who started it')
 
 
@@ -527,9 +537,7 @@ def test_nothing_lies_beyond_the_edge(page: Any) -> None:
 
 def test_the_page_of_a_sensor_in_a_namespace_says_which(chromium: Any, running: Running) -> None:
     node = running.start(LiveViewNode, namespace='/left', port=0)
-    with chromium.new_context() as context:
-        page = context.new_page()
-        page.goto(node.server.url)
+    with opened(chromium, node.server.url) as page:
         text(page, 'h1').to_have_text('tactile /left')
         text(page, '#status').to_have_text('WAITING')
 
