@@ -71,6 +71,7 @@ def node_kinds() -> tuple[NodeKind, ...]:
     return tuple(NodeKind(name, kind) for name in ordered for kind in _classes(modules[name]))
 
 
+@cache
 def ends_of(kind: type[Node]) -> Ends:
     """The topics and services in the source of a node. Topics chosen at run time, such as those of a bag, are missing.
 

@@ -10,6 +10,7 @@ import re
 import shlex
 import shutil
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from blocks import Block, blocks, commands, script
 
 from tactile_nodes.cli import launch
 from tactile_nodes.cli.main import chosen_verb, make_parser, parse
-from tactile_nodes.launching import files
+from tactile_nodes.launching import description, files
 
 BLOCKS = blocks()
 PARSER_OF = functools.cache(make_parser)
@@ -73,6 +74,15 @@ def tactile_commands() -> list[str]:
     return sorted({command.removesuffix(' &') for command in found if command.startswith('tactile ')})
 
 
+@pytest.fixture(scope='module')
+def _launch_files_read_once() -> Iterator[None]:
+    """Of two hundred commands fifty are launches, most of them of the same file."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(description, 'read_file', functools.cache(description.read_file))
+        yield
+
+
+@pytest.mark.usefixtures('_launch_files_read_once')
 @pytest.mark.parametrize('command', tactile_commands())
 def test_a_command_of_the_documents_is_one_that_the_program_takes(command: str) -> None:
     words = shlex.split(re.split(r' [>|] ', command, maxsplit=1)[0])[1:]

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from launch_processes import processes_of, still_there
+from launch_processes import numpy_only, processes_of, still_there
 from launched_here import run_here
 
 from tactile_nodes.bag.reader import BagReader
@@ -61,7 +61,8 @@ def test_a_hand_senses_with_the_sensors_that_can_start_and_ends_with_all_of_them
     hand = tmp_path / 'hand.yaml'
     hand.write_text(
         'frame: grip\nfps: 10.0\nsensors:\n'
-        '  - {name: left, contact: tip, model: fast, frame: {position_mm: [0.0, 30.0, 80.0]}}\n'
+        f'  - {{name: left, contact: tip, model: fast, config: {numpy_only(tmp_path)},'
+        '     frame: {position_mm: [0.0, 30.0, 80.0]}}\n'
         '  - {name: gone, source: /dev/video99}\n'
         '  - {name: left, contact: ring}\n'
     )
