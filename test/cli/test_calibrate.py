@@ -94,7 +94,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope='module')
 def presses(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp('presses') / 'second.npz'
-    save_dataset(file, recorded(pressed(42, 2, 1.2, 0.7), 'second'))
+    save_dataset(file, recorded(pressed(28, 2, 1.2, 0.7), 'second'))
     return file
 
 
@@ -111,7 +111,7 @@ def test_the_file_is_a_model_that_names_gel_source_and_errors(model: Path, calib
     source = {'model': 'first.safetensors', 'model_id': load_model(model).model_id, 'gel': 'first'}
     assert loaded.card['source'] == source
     record = loaded.card['training']['calibration']
-    assert record['presses'] == 36
+    assert record['presses'] == 24
     assert record['after']['force_rmse_n'] < record['before']['force_rmse_n']
 
 
@@ -139,7 +139,7 @@ def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     same, output = tmp_path / 'same.npz', tmp_path / 'same.safetensors'
-    save_dataset(same, recorded(pressed(28, 5, 1.0, 0.0), 'same'))  # as the gel of the model itself
+    save_dataset(same, recorded(pressed(14, 5, 1.0, 0.0), 'same'))  # as the gel of the model itself
     words = ['calibrate', '--model', str(model), '--dataset', str(same), '-o', str(output)]
     assert main(words) == 1
     assert 'the calibration would not help: held-out presses are read' in capsys.readouterr().err
@@ -387,7 +387,7 @@ def test_a_calibration_is_on_the_list_of_gels_with_its_presses_and_errors(
     capsys.readouterr()
     assert main(['gels', '--json']) == 0
     (found,) = [each for each in json.loads(capsys.readouterr().out) if each['model_id'] == loaded.model_id]
-    assert (found['gel'], found['presses'], found['due']) == ('second', 36, '')
+    assert (found['gel'], found['presses'], found['due']) == ('second', 24, '')
     assert found['error_n'] == loaded.card['training']['calibration']['after']['force_rmse_n']
     assert found['made_ns'] > 0
     assert main(['gels']) == 0
@@ -421,4 +421,4 @@ def test_a_calibration_can_be_forgotten_and_added_again(
     capsys.readouterr()
     main(['gels', '--json'])
     (found,) = [each for each in json.loads(capsys.readouterr().out) if each['model_id'] == model_id]
-    assert (found['sensor'], found['presses']) == ('finger', 36)
+    assert (found['sensor'], found['presses']) == ('finger', 24)
