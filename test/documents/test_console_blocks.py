@@ -171,8 +171,8 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
     """`tactile launch live`, and a bag of it under each name that the pages give to one.
 
-    At a sixth of its rate, since it takes the processor from the commands for as long as they run. Between two presses
-    fifteen frames come then, too few for a rest image where the nodes have missed the first.
+    At a twelfth of its rate, since it takes the processor from the commands for as long as they run. Between two
+    presses seven frames come then, too few for a rest image where the nodes have missed the first.
     """
     words = [
         'tactile',
@@ -181,8 +181,8 @@ def live(folder: Path, environment: dict[str, str]) -> Iterator[None]:
         'page:=false',
         'model:=portable',
         'compiled:=false',
-        'fps:=10',
-        'reference_frames:=8',
+        'fps:=5',
+        'reference_frames:=4',
     ]
     with subprocess.Popen(words, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -212,10 +212,9 @@ def prepare(command: str, folder: Path, environment: dict[str, str]) -> None:
     for name in re.findall(r'\w+\.npz', command):
         if f'-o {name}' not in command and not (folder / name).exists():
             earlier = next(each for each in chosen() if f'-o {name}' in each)
-            subprocess.run(['bash', '-c', earlier], cwd=folder, env=environment, check=True, capture_output=True)
+            run_here(earlier, folder, environment)
     if 'by_hand/presses.csv' in command and not (folder / 'by_hand/presses.csv').exists():  # by a simulated hand
-        words = ['tactile', 'press', 'by_hand', '--sensor', 'mine.yaml', '--indenter', 'ball:5']
-        subprocess.run(words, cwd=folder, env=environment, check=True, capture_output=True)
+        run_here('tactile press by_hand --sensor mine.yaml --indenter ball:5', folder, environment)
     if 'punch_bag' in command and not (folder / 'punch_bag').exists():
         sensor = BodySensor('punch:1.5', 2.0)
         spread_collection(folder / 'punch_bag', sensor, 20, 9.5, (0.1, float(sensor.touched.depth_mm[-1])))
@@ -262,8 +261,8 @@ def test_what_the_documents_learn_from_presses_is_learned(tmp_path: Path, enviro
 
 
 def many_presses() -> RecordedPresses:
-    """Of 200 samples one in seven is the untouched gel; of a gel that moves in proportion to the force."""
-    made = recorded(pressed(200, 2, 1.0, 0.0), 'mine')
+    """Of 140 samples one in seven is the untouched gel; of a gel that moves in proportion to the force."""
+    made = recorded(pressed(140, 2, 1.0, 0.0), 'mine')
     methods = {'flow': make_flow('dis', {}), 'encoding': make_encoding('cartesian_mean', {'rows': 6, 'cols': 6})}
     described = {what: {'name': each.name, 'options': each.options} for what, each in methods.items()}
     return dataclasses.replace(made, card={**made.card, **described})
