@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import signal
 import subprocess
 import sys
@@ -14,6 +16,7 @@ from running_system import Tactile, wait_until
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.protocol import Endpoint, Qos, Received
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
+from tactile_nodes.cli.main import main
 from tactile_nodes.cli.running.session import interruptible
 from tactile_nodes.cli.topic import _end_text
 from tactile_nodes.cli.topic.echo import awaited_type
@@ -310,23 +313,41 @@ def test_the_bandwidth_is_all_bytes_of_the_window_until_now() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ('command', 'printed'), [('hz', 'average rate: '), ('bw', '/s from '), ('delay', 'average delay')]
-)
-def test_measuring_reports_once_a_second_until_ctrl_c(
-    command: str, printed: str, other: ZmqBus, run_folder: object, repeating: Repeating
-) -> None:
+@pytest.fixture
+def _wrenches(other: ZmqBus, repeating: Repeating) -> None:
     publisher = other.advertise('/w', WRENCH, QUEUE)
     repeating(lambda: publisher.publish(types.WrenchStamped(header=types.Header(stamp=time_from_ns(1)))))
-    words = [sys.executable, '-m', 'tactile_nodes', 'topic', command, '/w']
+
+
+@pytest.mark.usefixtures('_wrenches')
+def test_measuring_reports_once_a_second_until_ctrl_c() -> None:
+    words = [sys.executable, '-m', 'tactile_nodes', 'topic', 'hz', '/w']
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stderr is not None
         assert process.stdout.readline() == 'Subscribed to [/w]\n'
-        assert printed in process.stdout.readline()
+        assert 'average rate: ' in process.stdout.readline()
         process.send_signal(2)
         assert process.wait(30.0) == 130
         assert process.stderr.read() == ''
+
+
+class CtrlC(io.StringIO):
+    """A terminal at which somebody presses Ctrl-C once the second line is there."""
+
+    def write(self, text: str) -> int:
+        ended, written = self.getvalue().count('\n') > 1, super().write(text)
+        if self.getvalue().count('\n') > 1 and not ended:
+            signal.raise_signal(signal.SIGINT)
+        return written
+
+
+@pytest.mark.usefixtures('_wrenches')
+@pytest.mark.parametrize(('command', 'printed'), [('bw', '/s from '), ('delay', 'average delay')])
+def test_each_measure_is_reported_in_its_own_words(command: str, printed: str) -> None:
+    with contextlib.redirect_stdout(CtrlC()) as shown:
+        assert main(['topic', command, '/w']) == 130
+    assert printed in shown.getvalue().splitlines()[1]
 
 
 def test_ctrl_c_counts_wherever_it_comes_and_a_second_one_at_once() -> None:

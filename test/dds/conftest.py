@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator
 
 import pytest
-from dds_sides import Other
+from dds_sides import Other, OtherAgain
 from older_side import LIBRARY
 
 from tactile_nodes.bus.inprocess import InProcessBus
@@ -16,7 +16,7 @@ from tactile_nodes.bus.node.node import Node
 from tactile_nodes.nodes.dds_bridge import DdsBridgeNode
 
 
-@pytest.fixture
+@pytest.fixture(scope='session')
 def cyclone() -> None:
     """Skips what needs the extra where it is not installed."""
     pytest.importorskip('cyclonedds', reason="Cyclone DDS is not installed: pip install 'tactile_nodes[dds]'")
@@ -31,11 +31,18 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> int:
     return number
 
 
-@pytest.fixture
-def other(cyclone: None, domain: int) -> Iterator[Other]:
-    made = Other()
+@pytest.fixture(scope='module')
+def others(cyclone: None) -> Iterator[OtherAgain]:
+    made = OtherAgain()
     yield made
     made.end()
+
+
+@pytest.fixture
+def other(others: OtherAgain, domain: int) -> Iterator[Other]:
+    others.begin(domain)
+    yield others
+    others.end_this()
 
 
 @pytest.fixture
