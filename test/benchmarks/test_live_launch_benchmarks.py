@@ -21,10 +21,10 @@ from tactile_nodes.learning.progress import Progress
 
 @pytest.fixture(scope='module')
 def sensed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sensor]:
-    """A live launch, for all that is measured on one; with a third of the usual pictures."""
+    """A live launch, for all that is measured on one; with a sixth of the usual pictures."""
     with pytest.MonkeyPatch.context() as patch:
         module = sys.modules[sensor.__module__]
-        patch.setattr(module, 'CONFIG', module.CONFIG.replace('fps: 60.0', 'fps: 20.0'))
+        patch.setattr(module, 'CONFIG', module.CONFIG.replace('fps: 60.0', 'fps: 10.0'))
         with sensor(tmp_path_factory.mktemp('live'), period_s=4.0) as sensed:
             yield sensed
 

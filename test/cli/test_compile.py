@@ -13,7 +13,7 @@ import pytest
 from running_system import wait_until
 
 from tactile_nodes.cli.compile import compile_all
-from tactile_nodes.pipeline.loop_choice import NEXT_TIME
+from tactile_nodes.pipeline.loop_choice import NEXT_TIME, choose
 from tactile_nodes.sensing.compiling import load_compiled
 
 pytestmark = pytest.mark.timeout(400)
@@ -27,23 +27,18 @@ def test_the_second_time_all_is_there(tmp_path: Path, monkeypatch: pytest.Monkey
     assert compile_all(('pictures',)) == 'all inner loops were already compiled'
 
 
+@needs_numba
+def test_what_was_compiled_ahead_is_used_from_the_first_start_on() -> None:
+    load_compiled('every', print)  # as `tactile compile` does part by part
+    said: list[str] = []
+    assert choose(None, said.append, said.append)
+    assert said == []
+
+
 STARTED = """
 from tactile_nodes.pipeline.loop_choice import choose
 print(choose(None, print, print))
 """
-
-
-def started() -> list[str]:
-    """What a node says at its start, and whether it computes by compiled loops."""
-    return subprocess.run(
-        [sys.executable, '-c', STARTED], capture_output=True, text=True, check=True
-    ).stdout.splitlines()
-
-
-@needs_numba
-def test_what_was_compiled_ahead_is_used_from_the_first_start_on() -> None:
-    load_compiled('every', print)  # as `tactile compile` does part by part
-    assert started() == ['True']
 
 
 @needs_numba
@@ -53,7 +48,8 @@ def test_else_the_first_start_takes_numpy_and_compiles_at_low_priority(
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
     monkeypatch.setenv('TACTILE_LAUNCH', 'marked')  # a launch that ends ends what is marked
-    assert started() == [NEXT_TIME, 'False']
+    started = subprocess.run([sys.executable, '-c', STARTED], capture_output=True, text=True, check=True)
+    assert started.stdout.splitlines() == [NEXT_TIME, 'False']
     try:
         wait_until(lambda: any(each.nice() == 19 for each in begun_here(tmp_path)), 60.0)
     finally:

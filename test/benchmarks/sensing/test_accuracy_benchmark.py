@@ -93,7 +93,7 @@ def test_the_command_writes_page_numbers_and_pictures(
     models: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip('matplotlib')
-    assert main(['bench', 'accuracy', str(models[1]), '--quick', '-o', str(tmp_path)]) == 0
+    assert main(['bench', 'accuracy', str(models[1]), '--quick', '--presses', '8', '-o', str(tmp_path)]) == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ['accuracy.json', 'accuracy.md', 'accuracy_fast.png']
     assert (tmp_path / 'accuracy.md').read_text(encoding='utf-8').strip() in capsys.readouterr().out
 
