@@ -6,13 +6,11 @@ import importlib.metadata
 import json
 import os
 from dataclasses import asdict
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip('onnx')
-pytest.importorskip('onnxruntime')
 
 from benchmarks import runtimes
 from benchmarks.runtimes.ends import BEGIN
@@ -24,7 +22,11 @@ from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
 from tactile_nodes.sensing.explain.network import InputScaling, Mlp, NetworkReadout
 from tactile_nodes.sensing.features import Features
 
-pytestmark = pytest.mark.usefixtures('own_cache')
+INSTALLED = find_spec('onnx') is not None and find_spec('onnxruntime') is not None
+pytestmark = [
+    pytest.mark.usefixtures('own_cache'),
+    pytest.mark.skipif(not INSTALLED, reason='onnx or onnxruntime is not installed'),
+]
 
 SHAPE = (10, 10, 2)
 

@@ -57,7 +57,7 @@ def lamp(other: ZmqBus) -> Iterator[LampNode]:
 
 
 @pytest.fixture
-def repeating() -> Iterator[Callable[[Callable[[], None]], None]]:
+def repeating() -> Iterator[Callable[..., None]]:
     """Does something again and again, every few milliseconds, until the test has ended."""
     stop = threading.Event()
     threads: list[threading.Thread] = []

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-pytest.importorskip('torch')
 sys.path.append(str(Path(__file__).parents[2] / 'learning'))
 
 from tiny_training import tiny_config, tiny_presses
@@ -27,6 +27,7 @@ from tactile_nodes.learning.network.fit import fit_network
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.sensing.explain.network import CalibrationLayer, NetworkReadout
 
+pytestmark = pytest.mark.skipif(find_spec('torch') is None, reason='torch is not installed')
 PLAIN = surroundings('tactile bench transfer_paper')
 CONFIG = tiny_config({'hidden': (20,)}, epochs=8, learning_rate=0.01, rest_repeats=0)
 

@@ -25,7 +25,7 @@ from tactile_nodes.cli.launch.view import Notes, is_worth_seeing
 from tactile_nodes.launching.processes.output import Line
 from tactile_nodes.messages import time_from_ns, types
 
-Repeating = Callable[[Callable[[], None]], None]
+Repeating = Callable[..., None]
 
 
 def publish_forces(bus: ZmqBus, repeating: Repeating, namespace: str = '') -> None:
@@ -36,7 +36,7 @@ def publish_forces(bus: ZmqBus, repeating: Repeating, namespace: str = '') -> No
         header = types.Header(stamp=time_from_ns(bus.clock.now_ns()))
         publisher.publish(types.ForceDistribution(header=header, rows=2, cols=2, normal_force=force(0).normal_force))
 
-    repeating(act)
+    repeating(act, 0.05)
 
 
 def test_the_plain_view_of_a_namespace_sees_its_forces_and_ends_in_a_summary(
@@ -233,7 +233,7 @@ def test_in_front_of_a_launch_the_cause_is_the_last_line_after_where_the_logs_ar
 ) -> None:
     command = 'sh -c "echo the lamp is broken >&2; exit 3"'
     with launch(run_folder, tmp_path, command, errors=subprocess.STDOUT) as process:
-        lines = process.communicate(timeout=10)[0].splitlines()
+        lines = process.communicate(timeout=30)[0].splitlines()
     assert process.returncode == 1
     assert lines[-1] == '[ERROR] [launch]: sh-1 failed: the lamp is broken'
     assert sum(line.startswith('logs: ') for line in lines) == 1
