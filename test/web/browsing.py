@@ -27,20 +27,31 @@ expect.set_options(timeout=PATIENCE_MS)
 
 @contextmanager
 def started() -> Iterator[Any]:
-    """The browser, in which pages are opened; as tabs of one user, since one more of those takes it a second."""
+    """The browser, in which pages are opened: as tabs of one user, since one more of those takes it a second."""
     sandbox = [] if os.geteuid() else ['--no-sandbox']  # Chromium has none for root
     with playwright.sync_playwright() as driver:
         made = driver.chromium.launch(executable_path=CHROMIUM, args=['--disable-gpu', *sandbox])
-        yield made.new_context(viewport=SIZE, color_scheme='dark')
+        browser = made.new_context(viewport=SIZE, color_scheme='dark')
+        browser.unused = []
+        yield browser
         made.close()
 
 
 @contextmanager
 def opened(browser: Any, url: str) -> Iterator[Any]:
-    """A page, and what went wrong on it: its `faults`."""
-    with browser.new_page() as made:
-        made.faults = []
-        made.on('pageerror', lambda error: made.faults.append(str(error)))
-        made.on('console', lambda message: made.faults.append(message.text) if message.type == 'error' else None)
-        made.goto(url)
-        yield made
+    """A page, and what went wrong on it: its `faults`. Afterwards its tab is there for the next one."""
+    made = browser.unused.pop() if browser.unused else _tab(browser)
+    made.faults = []
+    made.set_viewport_size(SIZE)
+    made.goto(url)
+    yield made
+    if not made.is_closed():
+        made.goto('about:blank')
+        browser.unused.append(made)
+
+
+def _tab(browser: Any) -> Any:
+    made = browser.new_page()
+    made.on('pageerror', lambda error: made.faults.append(str(error)))
+    made.on('console', lambda message: made.faults.append(message.text) if message.type == 'error' else None)
+    return made

@@ -50,5 +50,6 @@ def test_marks_are_the_kept_numbers_and_say_what_ships() -> None:
 
 def test_one_result_alone_is_one_panel(tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
-    draw_tips(kept(TIPS), tmp_path, 'front')
+    profiles = {name: {'cpu_ms': {'median': 2.0}, 'armse_n': 0.0003} for name in ('fast', 'paper')}
+    draw_tips({'contenders': {}, 'profiles': profiles}, tmp_path, 'front')
     assert (tmp_path / CHART).read_bytes().startswith(b'\x89PNG')
