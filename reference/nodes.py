@@ -71,15 +71,18 @@ def node_kinds() -> tuple[NodeKind, ...]:
     return tuple(NodeKind(name, kind) for name in ordered for kind in _classes(modules[name]))
 
 
-@cache
 def ends_of(kind: type[Node]) -> Ends:
     """The topics and services in the source of a node. Topics chosen at run time, such as those of a bag, are missing.
 
     Raises:
         ConfigurationError: a publisher or a subscription of a topic that is not in the topic table.
     """
-    module = inspect.getmodule(kind)
-    assert module is not None
+    return _ends_in(kind.__module__)
+
+
+@cache
+def _ends_in(name: str) -> Ends:
+    module = importlib.import_module(name)
     calls = list(_calls(ast.parse(inspect.getsource(module)), {}, module))
     publishes, receives = (
         tuple(dict.fromkeys(topic.name for topic in _named(module, calls, words, _topics)))

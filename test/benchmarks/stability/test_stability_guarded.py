@@ -104,8 +104,9 @@ def test_forces_that_a_disturbance_changes_by_less_than_a_tenth_are_ok(
     assert [each.status for each in held] == [OK] * 3
 
 
-@pytest.mark.parametrize('profile', ['paper', 'fast', 'field'])
-@pytest.mark.parametrize(('name', 'level'), [('', 0), ('magnified', 1)])
+@pytest.mark.parametrize(
+    ('profile', 'name', 'level'), [('paper', '', 0)] + [(each, 'magnified', 1) for each in ('paper', 'fast', 'field')]
+)
 def test_frames_at_rest_and_pressed_are_ok_of_every_profile_but_while_a_contact_begins(
     read_once: Answers, profile: str, name: str, level: float
 ) -> None:
