@@ -42,7 +42,9 @@ class ZarrSink:
 
     def _create(self, column: Column, rows: int) -> Any:
         dtype = 'int32' if column.dtype == TEXT else column.dtype
-        array = self._group.create_array(
+        # The names of the axes, where xarray expects them.
+        axes = ['message', *(f'{column.name}_{axis}' for axis in range(len(column.shape)))]
+        return self._group.create_array(
             column.name,
             shape=(0, *column.shape),
             chunks=(rows, *column.shape),
@@ -52,12 +54,8 @@ class ZarrSink:
             # must be written, too: for a chunk that is missing, zarr-python 2 reads arbitrary values.
             fill_value=None,
             config={'write_empty_chunks': True},
+            attributes={'_ARRAY_DIMENSIONS': axes, **({'unit': column.unit} if column.unit else {})},
         )
-        # The names of the axes, where xarray expects them.
-        array.attrs['_ARRAY_DIMENSIONS'] = ['message', *(f'{column.name}_{axis}' for axis in range(len(column.shape)))]
-        if column.unit:
-            array.attrs['unit'] = column.unit
-        return array
 
 
 def export_zarr(source: Source, folder: Path, facts: dict[str, Any], progress: Progress) -> int:
