@@ -15,10 +15,11 @@ NAMES = [f'{of}openblas_get_corename{bits}' for of in ('scipy_', '') for bits in
 
 
 def kernels() -> list[str]:
-    """What each OpenBLAS of this process has chosen."""
+    """What each OpenBLAS of numpy and scipy in this process has chosen."""
     scipy.linalg.eigvalsh(np.eye(2))
     maps = Path('/proc/self/maps').read_text().splitlines()
-    files = sorted({line.split()[-1] for line in maps if 'openblas' in line.split()[-1].lower()})
+    loaded = {line.split()[-1] for line in maps if 'openblas' in line.split()[-1].lower()}
+    files = sorted(file for file in loaded if 'opencv' not in file)
     return [core_of(ctypes.CDLL(file)) for file in files]
 
 
