@@ -2,8 +2,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from press_bags import Sensor, whole_collection
+from responding_gel import AXISYMMETRIC, presses
+
+from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
+from tactile_nodes.sensing.geometry import BinGrid
 
 
 @pytest.fixture(scope='session')
@@ -14,3 +21,9 @@ def sensor() -> Sensor:
 @pytest.fixture(scope='session')
 def bag(tmp_path_factory: pytest.TempPathFactory, sensor: Sensor) -> Path:
     return whole_collection(tmp_path_factory.mktemp('bags') / 'collected', sensor)
+
+
+@pytest.fixture(scope='session')
+def known_gel() -> AxisymmetricReadout:
+    """The response of the gel of `responding_gel`, fitted to three quarters of 500 presses."""
+    return fit_axisymmetric(presses(500, seed=1), np.arange(500) % 4 == 1, AXISYMMETRIC, BinGrid(), Progress())

@@ -29,9 +29,8 @@ from tactile_nodes.sensing.geometry import BinGrid
 
 
 @pytest.fixture(scope='module')
-def readout() -> AxisymmetricReadout:
-    dataset = presses(500, seed=1)
-    return fit_axisymmetric(dataset, np.arange(500) % 5 == 1, AXISYMMETRIC, BinGrid(), Progress())
+def readout(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
+    return known_gel
 
 
 def test_the_fitted_motion_is_that_of_the_gel(readout: AxisymmetricReadout) -> None:

@@ -6,24 +6,21 @@ import dataclasses
 
 import numpy as np
 import pytest
-from responding_gel import AXISYMMETRIC, presses
+from responding_gel import presses
 
 from tactile_nodes.learning.axisymmetric.calibration import Judged
-from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.axisymmetric.local import ALIKE_MM, NODES, OF_A_PICTURE, OWN, interpolated, with_local
 from tactile_nodes.learning.axisymmetric.regions import Presses
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.fit import OtherGel
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
-from tactile_nodes.sensing.geometry import BinGrid
 
 CENTRE = NODES // 2
 ONE = np.array([[0.0, 0.0]])
 
 
 @pytest.fixture(scope='module')
-def readout() -> AxisymmetricReadout:
-    return fit_axisymmetric(presses(500, seed=1), np.arange(500) % 4 == 1, AXISYMMETRIC, BinGrid(), Progress())
+def readout(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
+    return known_gel
 
 
 def pressed(readout: AxisymmetricReadout, count: int, seed: int) -> Presses:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from responding_gel import AXISYMMETRIC, NOISE_PX, motion, presses
+from responding_gel import NOISE_PX, motion, presses
 
-from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.axisymmetric.regions import LEAST_NOISE_PX, OWN_NOISE_PX, Presses
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.held_presses import simulate_held
@@ -22,7 +21,6 @@ from tactile_nodes.learning.recorded.building import BuildOptions, build
 from tactile_nodes.learning.transfer.fit import OtherGel, transfer
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.network import InputScaling
-from tactile_nodes.sensing.geometry import BinGrid
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 
@@ -48,8 +46,8 @@ def touched(dataset: Dataset) -> np.ndarray:
 
 
 @pytest.fixture(scope='module')
-def source() -> AxisymmetricReadout:
-    return fit_axisymmetric(presses(500, seed=1), np.arange(500) % 4 == 1, AXISYMMETRIC, BinGrid(), Progress())
+def source(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
+    return known_gel
 
 
 @pytest.fixture(scope='module')

@@ -6,9 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from responding_gel import AXISYMMETRIC, NOISE_PX, REACH_MM, motion, presses
+from responding_gel import NOISE_PX, REACH_MM, motion
 
-from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.config import AxisymmetricConfig, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
@@ -17,7 +16,6 @@ from tactile_nodes.learning.transfer.fit import OtherGel
 from tactile_nodes.learning.transfer.prior import found_by_counts, learned_prior
 from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
-from tactile_nodes.sensing.geometry import BinGrid
 
 SOFTER = 1.25
 SHARE = 0.06
@@ -37,9 +35,8 @@ def pressed(count: int, seed: int, share: float = 0.0) -> Dataset:
 
 
 @pytest.fixture(scope='module')
-def source() -> AxisymmetricReadout:
-    dataset = presses(500, seed=1)
-    return fit_axisymmetric(dataset, np.arange(500) % 4 == 1, AXISYMMETRIC, BinGrid(), Progress())
+def source(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
+    return known_gel
 
 
 def test_a_share_of_the_force_that_all_calibrations_lack_is_found(source: AxisymmetricReadout) -> None:

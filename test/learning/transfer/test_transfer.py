@@ -7,13 +7,11 @@ import json
 
 import numpy as np
 import pytest
-from responding_gel import AXISYMMETRIC, NOISE_PX, REACH_MM, motion, presses
+from responding_gel import NOISE_PX, REACH_MM, motion, presses
 
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric.calibration import Judged
-from tactile_nodes.learning.axisymmetric.fit import fit_axisymmetric
 from tactile_nodes.learning.datasets.simulated import Dataset
-from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.calibration import beyond_noise, cautious, nearer_by, nearer_errors
 from tactile_nodes.learning.transfer.checks import require_tared
 from tactile_nodes.learning.transfer.fit import FORMS, OtherGel, Transfer, folds_of, transfer
@@ -41,9 +39,8 @@ def other_gel(count: int, seed: int, reach_mm: float = REACH_MM - 1) -> Dataset:
 
 
 @pytest.fixture(scope='module')
-def source() -> AxisymmetricReadout:
-    dataset = presses(500, seed=1)
-    return fit_axisymmetric(dataset, np.arange(500) % 4 == 1, AXISYMMETRIC, BinGrid(), Progress())
+def source(known_gel: AxisymmetricReadout) -> AxisymmetricReadout:
+    return known_gel
 
 
 @pytest.fixture(scope='module')
@@ -74,7 +71,7 @@ def test_a_gel_so_soft_that_presses_are_beyond_the_known_profiles_is_read_as_har
     source: AxisymmetricReadout,
 ) -> None:
     softer = 2.0  # what is known ends at 1 N, which is 0.5 N here
-    dataset = other_gel(40, seed=5)
+    dataset = other_gel(20, seed=5)
     forces = dataset.presses[:, 3].astype(float)
     field = motion(dataset.presses[:, :2].astype(float), softer * np.maximum(forces, 0.0))
     noise = NOISE_PX * np.random.default_rng(6).normal(size=field.shape)
@@ -103,8 +100,8 @@ def test_regions_that_the_rim_of_the_gel_cuts_are_held_less(source: Axisymmetric
 def test_fresh_presses_are_read_nearly_as_well_as_the_source_reads_its_own(
     source: AxisymmetricReadout, made: Transfer
 ) -> None:
-    place, force = errors(made.readout, other_gel(100, seed=4))
-    own_place, own_force = errors(source, presses(100, seed=5))
+    place, force = errors(made.readout, other_gel(60, seed=4))
+    own_place, own_force = errors(source, presses(60, seed=5))
     assert np.median(place) < 2.5 * np.median(own_place)
     assert np.sqrt(np.mean(force**2)) < 2.5 * np.sqrt(np.mean(own_force**2))
 
@@ -275,7 +272,7 @@ def test_only_what_noise_does_not_explain_shrinks_where_presses_are_nearer() -> 
 def test_places_that_scatter_five_times_as_far_as_noise_makes_them_are_24_parts_of_25_beyond_noise(
     source: AxisymmetricReadout,
 ) -> None:
-    dataset = presses(200, seed=7)
+    dataset = presses(120, seed=7)
     judged = Judged.of(source, dataset, np.flatnonzero(dataset.presses[:, 2] > 0))
     noise_mm = np.median(judged.sigmas[:, 0])
     scatter = 5 * noise_mm * np.random.default_rng(8).normal(size=(len(judged.fits), 3)) * [1, 1, 0]
