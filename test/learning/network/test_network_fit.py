@@ -28,6 +28,12 @@ from tactile_nodes.sensing.geometry import BinGrid  # noqa: E402
 DULL = {'initial_weights': 'glorot', 'output_unit': 'newton', 'input_scaling': 'none'}
 
 
+@pytest.fixture(autouse=True)
+def without_novelty_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes longer than such a training, and has tests of its own."""
+    monkeypatch.setattr(network_fit, 'with_novelty_check', lambda readout, *_: readout)
+
+
 class Teller(Progress):
     """Remembers what is said; interrupts after some epochs if asked to."""
 
