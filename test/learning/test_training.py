@@ -47,6 +47,12 @@ def data(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Dataset:
     return simulate(small_config(tmp_path_factory.mktemp('data')), Progress())
 
 
+@pytest.fixture(scope='module')
+def trained(data: Dataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The model of a training with `small_config`."""
+    return training.train(small_config(tmp_path_factory.mktemp('trained')), command='tactile train x.yaml')
+
+
 def test_a_data_set_has_the_papers_features(data: Dataset):
     assert data.features.shape == (40, 40, 40, 2)
     assert data.confidence.shape == (2, 40, 40)
@@ -79,8 +85,8 @@ def test_other_flow_options_name_another_data_set(tmp_path: Path):
     assert datasets.recipe_id(config) != datasets.recipe_id(dataclasses.replace(config, flow=flow))
 
 
-def test_a_model_says_how_it_was_made(data: Dataset, tmp_path: Path):
-    card = load_model(training.train(small_config(tmp_path), command='tactile train x.yaml')).card
+def test_a_model_says_how_it_was_made(data: Dataset, trained: Path):
+    card = load_model(trained).card
     assert card['command'] == 'tactile train x.yaml'
     assert card['data']['fingerprint'] == data.fingerprint
     assert card['flow']['options']['preset'] == 'ultrafast'
@@ -89,8 +95,8 @@ def test_a_model_says_how_it_was_made(data: Dataset, tmp_path: Path):
     assert card['validation']['armse_n'] > 0
 
 
-def test_predictions_go_through_the_live_estimator(data: Dataset, tmp_path: Path):
-    predictions = predict(load_model(training.train(small_config(tmp_path))), data)
+def test_predictions_go_through_the_live_estimator(data: Dataset, trained: Path):
+    predictions = predict(load_model(trained), data)
     assert len(predictions) == 40
     assert predictions[0].normal_force_n.shape == (9, 9)
 
@@ -101,8 +107,8 @@ def test_without_torch_the_extra_to_install_is_named(monkeypatch: pytest.MonkeyP
         network_layers.import_torch()
 
 
-def test_evaluation_scores_presses_that_training_never_saw(data: Dataset, tmp_path: Path):
-    scores = evaluate(training.train(small_config(tmp_path)), presses=16, seed=77)
+def test_evaluation_scores_presses_that_training_never_saw(data: Dataset, trained: Path):
+    scores = evaluate(trained, presses=16, seed=77)
     assert scores.fingerprint != data.fingerprint
     assert scores.groups['all presses'].presses + scores.rest.frames == 20
     near, away = scores.groups['within 0.3 mm of a bin border'], scores.groups['away from bin borders']
@@ -110,16 +116,14 @@ def test_evaluation_scores_presses_that_training_never_saw(data: Dataset, tmp_pa
     assert 'RMSE_mc' in report([scores])
 
 
-def test_evaluation_on_the_training_presses_is_refused(data: Dataset, tmp_path: Path):
+def test_evaluation_on_the_training_presses_is_refused(trained: Path):
     with pytest.raises(ModelError, match='trained on presses of seed 3'):
-        evaluate(training.train(small_config(tmp_path)), presses=16, seed=3)
+        evaluate(trained, presses=16, seed=3)
 
 
-def test_training_gives_the_same_readout_twice(data: Dataset, tmp_path: Path):
-    weights = []
-    for name in ('one', 'two'):
-        config = dataclasses.replace(small_config(tmp_path), output=tmp_path / f'{name}.safetensors')
-        weights.append(load_model(training.train(config)).model.readout.network.weights)
+def test_training_gives_the_same_readout_twice(trained: Path, tmp_path: Path):
+    again = training.train(small_config(tmp_path))
+    weights = [load_model(file).model.readout.network.weights for file in (trained, again)]
     assert all(mine.tobytes() == theirs.tobytes() for mine, theirs in zip(*weights, strict=True))
 
 
@@ -153,8 +157,8 @@ def test_a_grid_of_presses_is_split_in_three_and_the_test_found_again(tmp_path: 
     np.testing.assert_array_equal(again.presses, test.presses)
 
 
-def test_no_test_is_found_where_nothing_was_put_aside(data: Dataset, tmp_path: Path):
-    loaded = load_model(training.train(small_config(tmp_path)))
+def test_no_test_is_found_where_nothing_was_put_aside(trained: Path):
+    loaded = load_model(trained)
     with pytest.raises(ModelError, match='has no simulated test set'):
         put_aside(loaded, loaded, Progress())
 

@@ -54,6 +54,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.fixture(scope='module')
+def data_set(folder: Path, own_cache: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What all pictures and their table become."""
+    made = tmp_path_factory.mktemp('made') / 'presses.npz'
+    assert imported(folder / 'presses.csv', made) == 0
+    return made
+
+
 def written(table: Path, rows: list[Row], header: Row = HEADER) -> Path:
     table.write_text('\n'.join(','.join(row) for row in [header, *rows]) + '\n')
     return table
@@ -88,10 +96,9 @@ def test_pictures_of_a_sensor_that_is_not_square_become_a_data_set(
     assert 'depths        not known' in shown
 
 
-def test_the_settings_that_a_run_writes_can_be_run_again(folder: Path, tmp_path: Path) -> None:
+def test_the_settings_that_a_run_writes_can_be_run_again(data_set: Path, tmp_path: Path) -> None:
     """Part of the image and bins follow from the data set: 600x440 pixels, and 7 rows of 9 bins."""
-    data_set, written_run = tmp_path / 'presses.npz', tmp_path / 'run.yaml'
-    assert imported(folder / 'presses.csv', data_set) == 0
+    written_run = tmp_path / 'run.yaml'
     presses, first = load_dataset(data_set), load_train_config(Path('config/train/recorded.yaml'))
     run = with_file(replace(first, data=replace(first.data, file=str(data_set))), presses)
     written_run.write_text(yaml.safe_dump(run.resolved()))
@@ -102,11 +109,10 @@ def test_the_settings_that_a_run_writes_can_be_run_again(folder: Path, tmp_path:
 
 
 def test_presses_that_a_model_was_trained_on_are_not_scored_from_a_corrected_table(
-    folder: Path, tmp_path: Path
+    folder: Path, data_set: Path, tmp_path: Path
 ) -> None:
     """A table without one of its rows is another data set, of the same pictures."""
-    data_set, corrected = tmp_path / 'presses.npz', tmp_path / 'corrected.npz'
-    assert imported(folder / 'presses.csv', data_set) == 0
+    corrected = tmp_path / 'corrected.npz'
     assert imported(written(folder / 'corrected.csv', rows_of(folder)[:-1]), corrected) == 0
     presses, config = load_dataset(data_set), load_train_config(Path('config/train/recorded.yaml'))
     data = recorded_data(replace(config, data=replace(config.data, file=str(data_set))), presses, Progress())
@@ -119,9 +125,8 @@ def test_presses_that_a_model_was_trained_on_are_not_scored_from_a_corrected_tab
         evaluation_samples(model, load_dataset(corrected), None)
 
 
-def test_presses_of_one_of_several_indenters_are_chosen(folder: Path, tmp_path: Path) -> None:
-    assert imported(folder / 'presses.csv', tmp_path / 'presses.npz') == 0
-    presses = load_dataset(tmp_path / 'presses.npz')
+def test_presses_of_one_of_several_indenters_are_chosen(folder: Path, data_set: Path) -> None:
+    presses = load_dataset(data_set)
     first = presses.of_indenter('first')
     rows = [row for row in rows_of(folder) if row[4] == 'first']
     assert first.force_n[first.contact] == pytest.approx([float(row[3]) for row in rows])
@@ -225,7 +230,7 @@ def test_a_gel_without_markers_is_refused(folder: Path, tmp_path: Path, capsys: 
     assert 'the rest image shows markers in only 0% of its regions' in capsys.readouterr().err
 
 
-def test_moments_of_a_video_are_read_as_its_pictures(folder: Path, tmp_path: Path) -> None:
+def test_moments_of_a_video_are_read_as_its_pictures(folder: Path, data_set: Path, tmp_path: Path) -> None:
     rows, video = rows_of(folder), tmp_path / 'video.avi'
     writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*'FFV1'), 10.0, (640, 480), False)
     for row in rows:
@@ -234,8 +239,7 @@ def test_moments_of_a_video_are_read_as_its_pictures(folder: Path, tmp_path: Pat
     timed = [[f'{number / 10:.2f}', *row[1:]] for number, row in enumerate(rows)]
     table = written(folder / 'times.csv', timed[::-1], ['time_s', *HEADER[1:]])
     assert imported(table, tmp_path / 'video.npz', '--pictures', str(video)) == 0
-    assert imported(folder / 'presses.csv', tmp_path / 'pictures.npz') == 0
-    one, other = (load_dataset(tmp_path / f'{name}.npz') for name in ('video', 'pictures'))
+    one, other = load_dataset(tmp_path / 'video.npz'), load_dataset(data_set)
     assert np.array_equal(one.features, other.features)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import sys
@@ -77,6 +78,12 @@ def response(*, gain: float = 0.0, contacts: int = 1) -> LoadedModel:
     whitening = np.asarray(np.diag(np.linspace(1, 2, 6)), np.float32)
     readout = ResponseReadout(scaling(), likeness, whitening, made, BINS, calibration, contacts)
     return LoadedModel(ForceModel(LAYOUT, BINS, readout, 0.05, 'abc'), CARD)
+
+
+@functools.cache
+def exported(make: Callable[[], LoadedModel]) -> bytes:
+    """A model as it is made without options."""
+    return onnx_bytes(make())
 
 
 @pytest.mark.parametrize(
@@ -208,7 +215,7 @@ def test_a_network_that_knows_no_uncertainty_does_not_make_one_up() -> None:
 
 def test_a_response_answers_as_numpy_does() -> None:
     loaded = response()
-    found = compare(loaded, onnx_bytes(loaded), shown(loaded))
+    found = compare(loaded, exported(response), shown(loaded))
     assert found.place_mm < 0.005  # steps end at 0.002 mm
     assert max(found.bin_n, found.force_n) < 1e-3
     assert max(found.sigma_share, found.unlikeness_share) < 1e-3
@@ -236,7 +243,7 @@ def test_wide_contacts_and_those_near_two_ends_are_reported_as_in_numpy() -> Non
     assert max(each.unlikeness for each in readings[1:3]) < 1
     assert readings[3].total_sigma_n > 3 * readings[0].total_sigma_n
     assert [each.unlikeness for each in readings[4:]] == 2 * [BEYOND_UNLIKENESS]
-    found = compare(loaded, onnx_bytes(loaded), frames)
+    found = compare(loaded, exported(response), frames)
     assert max(found.bin_n, found.force_n, found.sigma_share, found.unlikeness_share) < 2e-3
 
 
@@ -247,7 +254,7 @@ def test_missing_regions_have_no_say_as_in_numpy(places: list[tuple[int, int]]) 
     whole = [ForceEstimator(loaded.model).predict(each).unlikeness for each in shown(loaded)]
     lost = [ForceEstimator(loaded.model).predict(each).unlikeness for each in frames]
     assert whole != lost
-    found = compare(loaded, onnx_bytes(loaded), frames)
+    found = compare(loaded, exported(response), frames)
     assert found.place_mm < 0.005
     assert max(found.bin_n, found.force_n, found.sigma_share, found.unlikeness_share) < 2e-3
 
@@ -259,9 +266,9 @@ def test_fewer_inputs_than_components_give_nothing(regions: int, known: bool) ->
     confidence[2, :regions] = 1
     values = shown(loaded)[0].values
     frame = Features('cartesian_mean', values, confidence)
-    found = OnnxSession(onnx_bytes(loaded)).answer(values, confidence)
+    found = OnnxSession(exported(response)).answer(values, confidence)
     assert np.isfinite(found['contact']).all() == known
-    assert compare(loaded, onnx_bytes(loaded), [frame]).bin_n < 2e-3
+    assert compare(loaded, exported(response), [frame]).bin_n < 2e-3
 
 
 def test_what_may_be_noise_is_no_force() -> None:
@@ -278,7 +285,7 @@ def test_features_that_are_no_numbers_give_no_force(make: Callable[[], LoadedMod
     loaded = make()
     values = shown(loaded)[0].values.copy()
     values[2, 2, 0] = bad
-    found = OnnxSession(onnx_bytes(loaded)).answer(values, np.ones((4, 5), np.float32))
+    found = OnnxSession(exported(make)).answer(values, np.ones((4, 5), np.float32))
     assert not found['unlikeness'] <= 1
     assert not np.isfinite(found['contact']).all()
 
@@ -286,7 +293,7 @@ def test_features_that_are_no_numbers_give_no_force(make: Callable[[], LoadedMod
 def test_the_share_of_regions_seen_is_reported() -> None:
     loaded = network()
     (frame,) = lose(shown(loaded, 1), (2, 2), (0, 0))  # the second is not trusted anyway
-    found = OnnxSession(onnx_bytes(loaded)).answer(frame.values, frame.confidence)
+    found = OnnxSession(exported(network)).answer(frame.values, frame.confidence)
     assert found['seen'] == pytest.approx(17 / 18)
 
 
@@ -304,7 +311,7 @@ def test_frames_with_several_contacts_are_counted_and_flagged() -> None:
 def test_another_runtime_gives_the_same_answers(make: Callable[[], LoadedModel]) -> None:
     """The reference implementation of ONNX, in numpy: nothing leans on what onnxruntime alone does."""
     loaded = make()
-    content = onnx_bytes(loaded)
+    content = exported(make)
     reference, session = ReferenceEvaluator(onnx.load_from_string(content)), OnnxSession(content)
     for frame in [*shown(loaded, 3), *lose(shown(loaded, 3), (2, 2), (3, 1))]:
         values = reference.run(None, {'features': frame.values[None], 'confidence': frame.confidence})
@@ -322,7 +329,7 @@ def test_the_file_holds_the_card(tmp_path: Path) -> None:
 
 
 def test_equal_models_are_equal_files() -> None:
-    assert onnx_bytes(response()) == onnx_bytes(response())
+    assert onnx_bytes(response()) == exported(response)
 
 
 def test_the_command_exports_a_model_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
