@@ -36,7 +36,7 @@ def test_usual_contacts_that_are_wider_than_the_gel_are_left_out():
 
 
 def test_a_contact_is_solved_once_and_then_known(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(touch_tables, 'CELLS', 48)
+    monkeypatch.setattr(touch_tables, 'CELLS', 40)
     monkeypatch.setattr(touch_tables, 'CELL_MM', 0.8)
     gel, steps = load_gel('paper'), list[tuple[int, int]]()
     contact = Contact('ball', force_n=0.5, drag_mm=0.0)

@@ -123,7 +123,7 @@ def test_tuning_tries_all_and_says_what_the_next_smaller_one_costs(monkeypatch: 
         Candidate('cheap', Choice('inverse_compositional', {**patches, 'finest_scale': 1}), 6, 8),
         Candidate('dear', slow, 6, 16),
     ]
-    tuned = tune(Measured(presses(500, seed=1)), Wish(max_ms=1e6), Progress(), 'tactile tune', among)
+    tuned = tune(Measured(presses(250, seed=1)), Wish(max_ms=1e6), Progress(), 'tactile tune', among)
     assert [each.candidate.name for each in tuned.front] == ['cheap', 'dear']
     assert tuned.chosen.candidate.name == 'dear'
     assert tuned.smaller is tuned.front[0]

@@ -268,24 +268,22 @@ def appended(*rows: Row) -> Change:
     return lambda known: known.extend(rows)
 
 
-@pytest.mark.parametrize('command', [calibrated, imported])
 def test_one_picture_that_is_stated_twice_is_refused_with_both_lines(
-    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = edited(folder, appended(['press2.png', '3.0', '-6.5', '1', 'ball:0.6']))
-    assert command(table, tmp_path / 'made') == 1
+    assert imported(table, tmp_path / 'made') == 1
     printed = capsys.readouterr().err
     assert 'edited.csv, line 18 has the image of line 8, but gives 0.00981 N at 3, -6.5 mm instead of ' in printed
 
 
-@pytest.mark.parametrize('command', [calibrated, imported])
 def test_a_press_that_is_stated_to_be_the_untouched_gel_is_refused_with_both_lines(
-    command: Callable[..., int], folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def change(rows: list[Row]) -> None:
         rows[1][0] = 'press0.png'
 
-    assert command(edited(folder, change), tmp_path / 'made') == 1
+    assert imported(edited(folder, change), tmp_path / 'made') == 1
     printed = capsys.readouterr().err
     assert re.search(r'line (6 has the image of line 3|3 has the image of line 6), but gives .*gel untouched', printed)
 

@@ -28,14 +28,14 @@ from tactile_nodes.simulation.optics import Optics, Press
 
 GEL = Gel(seed=31, shear_modulus_mpa=0.09, camera_shift_mm=(1.0, -0.6))
 HEADER = 'picture,x_mm,y_mm,grams'
-RESTS, PRESSES, FEW = 20, 12, 8
+RESTS, PRESSES, FEW = 13, 12, 8
 
 pytestmark = pytest.mark.usefixtures('own_cache')
 
 
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twenty pictures untouched, and twelve weights of 10 to 46 g on marks."""
+    """Thirteen pictures untouched, and twelve weights of 10 to 46 g on marks."""
     made, table = tmp_path_factory.mktemp('pictures'), contact_table(GEL)
     optics, random = Optics(GEL, table), np.random.default_rng(11)
     rows = [HEADER]

@@ -28,9 +28,9 @@ def model() -> LoadedModel:
 
 @pytest.fixture(scope='module')
 def pressed(model: LoadedModel) -> dict[str, tuple[Dataset, np.ndarray]]:
-    """Twenty presses of each body, and what they are: total and centre."""
+    """Fourteen presses of each body, and what they are: total and centre."""
     return {
-        name: BodySensor(name, most_n).presses(model, 20, reach_mm, seed)
+        name: BodySensor(name, most_n, cells=48).presses(model, 14, reach_mm, seed)
         for seed, (name, (most_n, reach_mm)) in enumerate(BODIES.items(), 1)
     }
 

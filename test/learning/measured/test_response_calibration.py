@@ -32,12 +32,13 @@ LIKENESS = Likeness(np.zeros(4, np.float32), np.eye(2, 4, dtype=np.float32), 1.0
 
 @pytest.fixture(scope='module')
 def readout() -> ResponseReadout:
-    return fit_response(presses(500, seed=1), np.zeros(500, bool), CONFIG, BinGrid(), Progress())
+    config = dataclasses.replace(CONFIG, smoothing=(1e-3,))
+    return fit_response(presses(500, seed=1), np.zeros(500, bool), config, BinGrid(), Progress())
 
 
 @pytest.fixture(scope='module')
 def judges() -> Dataset:
-    return presses(320, seed=3)
+    return presses(240, seed=3)
 
 
 def test_normal_errors_need_no_factor() -> None:
@@ -110,8 +111,8 @@ def test_stated_errors_are_scaled_to_presses_that_the_final_fit_did_not_see(
         place_factors=tuple(each / 2 for each in readout.calibration.place_factors),
         force_factors=tuple(each / 4 for each in readout.calibration.force_factors),
     )
-    right = rescaled(readout, judges, np.arange(320))
-    again = rescaled(dataclasses.replace(readout, calibration=halved), judges, np.arange(320))
+    right = rescaled(readout, judges, np.arange(240))
+    again = rescaled(dataclasses.replace(readout, calibration=halved), judges, np.arange(240))
     assert again.place_factors == pytest.approx(right.place_factors)
     assert again.force_factors == pytest.approx(right.force_factors)
 
@@ -126,12 +127,12 @@ def test_a_frame_without_regions_does_not_judge(readout: ResponseReadout, judges
     dark = judges.rest.copy()
     dark[7] = 1
     with_dark = dataclasses.replace(judges, confidence=confidence, rest=dark)
-    without = np.delete(np.arange(320), 7)
-    assert calibrated(readout, with_dark, np.arange(320))[0] == calibrated(readout, judges, without)[0]
+    without = np.delete(np.arange(240), 7)
+    assert calibrated(readout, with_dark, np.arange(240))[0] == calibrated(readout, judges, without)[0]
 
 
 def test_what_noise_gains_at_rest_is_no_contact(readout: ResponseReadout, judges: Dataset) -> None:
-    calibration, _ = calibrated(readout, judges, np.arange(320))
+    calibration, _ = calibrated(readout, judges, np.arange(240))
     still = np.flatnonzero(judges.presses[:, 2] < 0)
     seen = [readout.observed(judges.features[i].astype(np.float32), judges.confidence[0]) for i in still]
     components = [readout.whitening @ each.scores for each in seen]

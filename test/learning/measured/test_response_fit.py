@@ -31,7 +31,7 @@ def learned(dataset: Dataset, config: ResponseConfig = CONFIG, every: int = 4) -
 
 @pytest.fixture(scope='module')
 def readout() -> ResponseReadout:
-    return learned(presses(1200, seed=1), every=2)
+    return learned(presses(1200, seed=1), dataclasses.replace(CONFIG, smoothing=(1e-3,)), every=2)
 
 
 @pytest.fixture(scope='module')

@@ -278,7 +278,7 @@ def test_what_the_rig_switches_brings_a_recorder_to_its_clock_within_2_ms(
     other = edges_of(seen_by(clock, edges, RecorderFaults(missing, doubled, 0.001), seed), 0.001)
     clocks = fitted({'rig': rig, 'other': other}, 'rig')
     assert not clocks.warnings
-    for time_ns in range(edges[0].stamp_ns, edges[-1].stamp_ns, SECOND_NS):
+    for time_ns in np.linspace(edges[0].stamp_ns, edges[-1].stamp_ns, 30).astype(int).tolist():
         assert abs(clocks.corrected_ns(read(clock, time_ns), 'other') - time_ns) < 2_000_000
 
 

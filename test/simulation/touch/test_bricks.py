@@ -57,9 +57,9 @@ def test_waves_of_pressure_and_of_shear_move_the_surface_as_theory_says(bricks: 
     assert sheared == pytest.approx(np.tanh(k * layer.thickness_mm) / k, rel=near)
 
 
-def test_forces_are_the_slope_of_an_energy(bricks: Bricks):
+def test_forces_are_the_slope_of_an_energy():
     """The work on the way to a large deformation does not depend on the way: there is no force but an elastic one."""
-    random = np.random.default_rng(2)
+    random, bricks = np.random.default_rng(2), Bricks(Layer(cells=16, spacing_mm=0.8, rows=5))
     shape = bricks.at_rest().moved[1:].shape
     ends = [np.float32(0.05) * random.standard_normal(shape).astype(np.float32) for _ in range(2)]
 

@@ -17,7 +17,7 @@ WAY = Way(force_mm2=4.0, drag_mm=0.4, drag_rad=0.5, press_stages=2, drag_stages=
 
 @pytest.fixture(scope='module')
 def bricks() -> Bricks:
-    return Bricks(Layer(cells=60, spacing_mm=0.6, rows=6))
+    return Bricks(Layer(cells=48, spacing_mm=0.6, rows=6))
 
 
 @pytest.fixture(scope='module')
@@ -59,10 +59,10 @@ def test_the_table_gives_what_was_solved(track: Track, table: TouchTable):
 def test_a_table_tells_how_markers_move_that_lie_close_below_the_surface(track: Track):
     """0.35 mm below it the gel moves aside as it was solved to, though that changes fast with depth there."""
     shallow = TouchTable.of_track(track, -0.3)
-    x, y = np.meshgrid(track.line_mm[20:-20], track.line_mm[20:-20])
+    x, y = np.meshgrid(track.line_mm[14:-14], track.line_mm[14:-14])
     points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -0.35)]).astype(np.float32)
     found = Placed(shallow, points, Touch('ball', 0.0, 0.0)).moved_mm(2.0)[:, :2]
-    solved = CubicSpline(track.z_mm, track.moved_mm[2])(-0.35)[:2, 20:-20, 20:-20].reshape(2, -1).T
+    solved = CubicSpline(track.z_mm, track.moved_mm[2])(-0.35)[:2, 14:-14, 14:-14].reshape(2, -1).T
     assert np.linalg.norm(found - solved) < 0.1 * np.linalg.norm(solved)
 
 
@@ -112,7 +112,7 @@ def test_forces_on_a_border_are_shared_and_none_is_lost():
 
 def test_force_acts_where_the_surface_is_now():
     """A body that does not slip takes the surface under it along: as far as it was dragged, turned as it is turned."""
-    bricks = Bricks(Layer(cells=40, spacing_mm=0.7, rows=5))
+    bricks = Bricks(Layer(cells=32, spacing_mm=0.7, rows=5))
     way = Way(force_mm2=4.0, drag_mm=0.4, drag_rad=0.0, friction=20.0, press_stages=2, drag_stages=1)
     table = TouchTable.of_track(solve_track(bricks, make_body('ball'), way), -1.5)
     turn = 0.8
