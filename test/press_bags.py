@@ -45,6 +45,10 @@ class Sensor:
         self._seed += 1
         return np.ascontiguousarray(centre_crop(self._optics.render(presses, self._seed)))
 
+    def begin_anew(self) -> None:
+        """Noise begins again: collections that are made alike hold the same images."""
+        self._seed = 0
+
     def touching(self, x_mm: float, y_mm: float, depth_mm: float) -> Shaping:
         """What presses so deep at a place."""
         return Press(x_mm, y_mm, depth_mm)

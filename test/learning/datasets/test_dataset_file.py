@@ -194,15 +194,29 @@ def test_training_leaves_the_test_set_alone(file: Path, tmp_path: Path) -> None:
     assert (touched.sum(), (touched & ~data.held_out).sum()) == (9, 7)
 
 
-@pytest.mark.parametrize('split', ['sample', 'position'])
-def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(file: Path, tmp_path: Path, split: str) -> None:
+def trained(folder: Path, file: Path, split: str) -> Path:
+    """A model of all presses but those that are put aside."""
     pytest.importorskip('torch')
+    from tactile_nodes.learning.training.train import train
+
+    return train(run_config(folder, file, split), forced=True)
+
+
+@pytest.fixture(scope='module')
+def model(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return trained(tmp_path_factory.mktemp('trained'), file, 'sample')
+
+
+@pytest.mark.parametrize('split', ['sample', 'position'])
+def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(
+    file: Path, model: Path, tmp_path: Path, split: str
+) -> None:
     from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
     from tactile_nodes.learning.evaluation.tables import report
-    from tactile_nodes.learning.training.train import train
     from tactile_nodes.model_file import load_model
 
-    model = train(run_config(tmp_path, file, split), forced=True)
+    if split != 'sample':
+        model = trained(tmp_path, file, split)
     card = load_model(model).card
     assert (card['data']['origin'], card['data']['split'], card['gel']) == ('recorded', split, {'id': 'gel-7'})
     assert card['data']['fingerprint'] == load_dataset(file).fingerprint
@@ -214,12 +228,9 @@ def test_a_model_of_recorded_presses_is_judged_by_what_was_put_aside(file: Path,
         evaluate_recorded(model, file, split=other)
 
 
-def test_another_file_of_the_same_bags_is_no_test(file: Path, bag: Path, tmp_path: Path) -> None:
-    pytest.importorskip('torch')
+def test_another_file_of_the_same_bags_is_no_test(bag: Path, model: Path, tmp_path: Path) -> None:
     from tactile_nodes.learning.evaluation.evaluate import evaluate_recorded
-    from tactile_nodes.learning.training.train import train
 
-    model = train(run_config(tmp_path, file), forced=True)
     save_dataset(tmp_path / 'each.npz', build([bag], dataclasses.replace(OPTIONS, frames='each')))
     with pytest.raises(ModelError, match='presses of the same bags'):
         evaluate_recorded(model, tmp_path / 'each.npz')

@@ -95,7 +95,7 @@ def seen_by(clock: DeviceClock | None, edges: Sequence[Edge], faults: RecorderFa
 
 def collection(folder: Path, sensor: Sensor, clock: DeviceClock | None, camera_sees: bool = True) -> Path:
     """Twelve presses; the camera's stamps and edges are of a clock of its own, if one is given."""
-    sensor._seed = 0  # the same pictures in each
+    sensor.begin_anew()
     made = SeveralClocks(folder, sensor, camera_ns=SAME if clock is None else lambda time_ns: read(clock, time_ns))
     made.edges('rig', seen_by(None, line(), RecorderFaults(jitter_s=0.0005)), 0.0005)
     if camera_sees:
@@ -170,7 +170,7 @@ class Heard(Progress):
 def test_a_clock_that_cannot_be_fitted_is_a_warning_and_changes_nothing(
     tmp_path: Path, sensor: Sensor, plain: RecordedPresses
 ) -> None:
-    sensor._seed = 0
+    sensor.begin_anew()
     made = SeveralClocks(tmp_path / 'few', sensor)
     made.edges('rig', seen_by(None, line(2)))
     made.edges('camera', seen_by(None, line(2))[:5])
@@ -189,6 +189,7 @@ def test_a_clock_that_cannot_be_fitted_is_a_warning_and_changes_nothing(
 
 def test_images_that_the_rig_took_by_a_wrong_clock_are_left_out(tmp_path: Path, sensor: Sensor) -> None:
     """The rig chose them by stamps; by the corrected clock they were taken 0.3 s before the window."""
+    sensor.begin_anew()
     made = SeveralClocks(tmp_path / 'live', sensor)
     made.edges('rig', seen_by(None, line()))
     made.edges('camera', seen_by(DeviceClock(1e9, START_NS, START_NS + 300_000_000, 0.0, 64), line()))
@@ -200,6 +201,7 @@ def test_images_that_the_rig_took_by_a_wrong_clock_are_left_out(tmp_path: Path, 
 
 def test_images_at_the_border_of_a_window_go_and_the_others_stay(tmp_path: Path, sensor: Sensor) -> None:
     """Stamped 10 ms late, the first image of the window was taken before it."""
+    sensor.begin_anew()
     made = SeveralClocks(tmp_path / 'late', sensor)
     made.edges('rig', seen_by(None, line()))
     made.edges('camera', seen_by(DeviceClock(1e9, START_NS, START_NS + 10_000_000, 0.0, 64), line()))
@@ -210,6 +212,7 @@ def test_images_at_the_border_of_a_window_go_and_the_others_stay(tmp_path: Path,
 
 def force_bag(folder: Path, sensor: Sensor, sensor_sees: bool) -> Path:
     """A force that rises by 1 N/s, stamped by a clock that is 0.3 s behind; the rig took samples by their stamps."""
+    sensor.begin_anew()
     made = SeveralClocks(folder, sensor)
     made.edges('rig', seen_by(None, line()))
     behind = DeviceClock(1e9, START_NS, START_NS - 300_000_000, 0.0, 64)

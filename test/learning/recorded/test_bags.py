@@ -40,6 +40,7 @@ def presses(bag: Path, own_cache: Path) -> RecordedPresses:
 @pytest.fixture
 def collection(tmp_path: Path, sensor: Sensor) -> Collection:
     """A bag to be written; it begins with a rest image."""
+    sensor.begin_anew()
     made = Collection(tmp_path / 'odd', sensor)
     made.reference(0)
     return made
@@ -254,6 +255,7 @@ def test_the_same_bag_twice_gives_each_press_once(bag: Path) -> None:
 def resumed(tmp_path: Path, sensor: Sensor) -> list[Path]:
     """A collection cut short after its first press, and one that began again at that press."""
     bags = []
+    sensor.begin_anew()
     for number, start_ns in enumerate((START_NS, START_NS + 3600 * SECOND_NS)):
         collection = Collection(tmp_path / f'part{number}', sensor, start_ns)
         collection.reference(0)
