@@ -52,7 +52,7 @@ def cautious(ratios: Float[np.ndarray, ' n'], presses: int) -> float:
 def beyond_noise(held: list[Judged], dataset: Dataset) -> float:
     """The share of the variance of held-out places that the stated noise alone does not explain."""
     sure = [
-        Judged.of(replace(each.readout, response=replace(each.readout.response, unsure=None)), dataset, each.rows)
+        Judged.of(replace(each.readout, response=each.readout.response.as_if_sure()), dataset, each.rows)
         for each in held
     ]
     noise_mm = float(np.median(np.concatenate([each.sigmas[:, 0] for each in sure])))

@@ -194,13 +194,15 @@ class AxisymmetricReadout:
 
     @cached_property
     def _starts(self) -> tuple[Float[np.ndarray, 'starts 3'], Float32[np.ndarray, 'starts inputs'], np.ndarray]:
-        """Start contacts, the motion that they cause, and its square."""
-        reach = self.correction.reach_mm * self.response.width
-        along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
-        forces = START_FORCES * self.highest_n
-        starts = np.stack(np.meshgrid(along, along, forces, indexing='ij'), axis=-1).reshape(-1, 3)
-        fields = self.response.motion(starts).reshape(len(starts), -1).astype(np.float32)
-        return starts, fields, np.square(fields).sum(axis=1)
+        """Start contacts, the motion that they cause, and its square; readouts of one response share them."""
+        reach, tables = self.correction.reach_mm * self.response.width, self.response.tables
+        if (reach, self.highest_n) not in tables:
+            along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
+            forces = START_FORCES * self.highest_n
+            starts = np.stack(np.meshgrid(along, along, forces, indexing='ij'), axis=-1).reshape(-1, 3)
+            fields = self.response.motion(starts).reshape(len(starts), -1).astype(np.float32)
+            tables[reach, self.highest_n] = starts, fields, np.square(fields).sum(axis=1)
+        return tables[reach, self.highest_n]
 
     def read(
         self, values: Float32[np.ndarray, 'rows cols channels'], confidence: Float32[np.ndarray, 'rows cols']

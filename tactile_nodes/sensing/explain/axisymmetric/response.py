@@ -9,7 +9,7 @@ Seen obliquely, markers lie along a radial line, see `axisymmetric.radial_smear`
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +59,17 @@ class AxisymmetricResponse:
     def force(self) -> SplineAxis:
         """The axis of force, of the gel that the profiles were measured on."""
         return SplineAxis(0.0, self.hardest_n, self.profiles.shape[2] - 3)
+
+    @cached_property
+    def tables(self) -> dict[tuple[float, float], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """What readouts keep of this response, by the reach [mm] and the force [N] that they need it for."""
+        return {}
+
+    def as_if_sure(self) -> AxisymmetricResponse:
+        """The same motion, without the uncertainty of the regions' numbers."""
+        sure = replace(self, unsure=None)
+        vars(sure)['tables'] = self.tables
+        return sure
 
     @property
     def highest_n(self) -> float:
