@@ -36,6 +36,7 @@ from tactile_nodes.sensors import load_sensor
 _KEPT, _MEMORY = 'rest_image', 'memory'
 KEEP_NS = NS_PER_S
 """Learned state is saved for a restart at most this often."""
+ANOTHER_TIME_NS = NS_PER_S
 
 SOONEST = 0.75
 """Fraction of the frame interval: a picture that comes sooner after the last one is skipped."""
@@ -95,6 +96,7 @@ class FlowFeaturesNode(Node):
         self._trouble = ''
         self._rest: tuple[Level, str] | None = None
         self._drawn: tuple[Path | None, int] = None, 0  # the folder of drawings, and the last number before this start
+        self._coming: list[Received] = []  # rest images from the topic, for pictures that are still to come
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/capture_reference', self._capture_again)
@@ -104,7 +106,7 @@ class FlowFeaturesNode(Node):
 
     def _begin(self, chosen: FlowFeaturesParams) -> None:
         if chosen.reference == 'topic':
-            self.create_subscription(topics.REFERENCE_IMAGE, self._on_reference)
+            self.create_subscription(topics.REFERENCE_IMAGE, self._coming.append)
             return
         self._reference = self.create_publisher(topics.REFERENCE_IMAGE)
         if self._restored():
@@ -153,6 +155,7 @@ class FlowFeaturesNode(Node):
         self._apart_ns, self._received_ns = now_ns - (self._received_ns or now_ns), now_ns
         if self._too_soon(stamp_ns(received.message.header.stamp)):
             return
+        self._take_reference(received)
         image, head = self._picture(received.message), received.message.header
         acquire_s = math.nan if self.params.use_sim_time else (received.source_ns - stamp_ns(head.stamp)) * 1e-9
         features = self._following.answer(image, head, acquire_s=acquire_s, waited_s=self.age_s(received))
@@ -213,10 +216,21 @@ class FlowFeaturesNode(Node):
         else:
             self.report('pictures', *self._about)
 
-    def _on_reference(self, received: Received) -> None:
-        image = np.array(conversions.image_array(received.message))
-        self._following.use_reference(image, received.message.header)
-        self._tell_reference()
+    def _take_reference(self, picture: Received) -> None:
+        """Use the last rest image from the topic that was captured before this picture.
+
+        In a replay, a rest image arrives while many earlier pictures still wait. Its stamp is ignored for pictures that
+        arrive later than `ANOTHER_TIME_NS` after it: then it is of another time base.
+        """
+        due = [each for each in self._coming if _is_before(each, picture)]
+        if not due:
+            return
+        del self._coming[: self._coming.index(due[-1]) + 1]
+        try:
+            image = np.array(conversions.image_array(due[-1].message))
+            self._following.use_reference(image, due[-1].message.header)
+        except TactileError as error:  # the picture is measured against the rest image before
+            self.report('rest image', Level.WARN, str(error))
 
     def _tell_reference(self) -> None:
         before, self._trouble = self._trouble, self._following.trouble
@@ -263,6 +277,12 @@ class FlowFeaturesNode(Node):
             self._drawn = folder, _last_number(folder, mine)
         file = folder / f'{mine}_{self._drawn[1] + self._frames:06d}.png'
         return f'saved {write_png(file, self._following.overlay())}'
+
+
+def _is_before(reference: Received, picture: Received) -> bool:
+    """Whether a rest image applies to a picture."""
+    captured_ns, at_ns = (stamp_ns(each.message.header.stamp) for each in (reference, picture))
+    return captured_ns <= at_ns or picture.received_ns - reference.received_ns > ANOTHER_TIME_NS
 
 
 def _last_number(folder: Path, mine: str) -> int:

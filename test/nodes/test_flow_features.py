@@ -23,6 +23,7 @@ from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.nodes.flow_features import FlowFeaturesNode
+from tactile_nodes.sensing.rest.reference import content_id
 
 Listen = Callable[[Topic], Subscription]
 FORCE = types.ForceDistribution
@@ -424,3 +425,42 @@ def test_the_nodes_of_two_sensors_draw_over_no_picture_of_each_other(
             run(tested)
     drawn = sorted(each.name for each in (tmp_path / 'drawn').iterdir())
     assert drawn == [f'{name}.flow_features_00000{number}.png' for name in ('left', 'right') for number in (1, 2)]
+
+
+def test_a_rest_image_from_the_topic_is_not_used_for_pictures_that_were_captured_before_it(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    """In a replay on a busy machine, pictures wait in a queue, and a rest image does not wait behind them."""
+    features, camera, reference = (
+        listen(topics.FLOW_FEATURES),
+        publisher(topics.IMAGE),
+        publisher(topics.REFERENCE_IMAGE),
+    )
+    tested, first, second = node(bus, clock, 'reference:=topic'), PATTERN, PATTERN[::-1].copy()
+    for pixels, captured_ns in ((first, START_NS), (second, START_NS + 3)):
+        reference.publish(image(pixels, captured_ns))
+        run(tested)
+    used = []
+    for after_ns, pixels in ((1, first), (2, first), (3, second), (4, second)):
+        camera.publish(image(pixels, START_NS + after_ns))
+        run(tested)
+        used += [message.reference_id for message in measured(features)]
+    assert used == 2 * [content_id(first)] + 2 * [content_id(second)]
+
+
+def test_a_rest_image_with_a_stamp_of_another_time_base_is_used_a_second_after_it_has_come(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+) -> None:
+    features, camera, reference = (
+        listen(topics.FLOW_FEATURES),
+        publisher(topics.IMAGE),
+        publisher(topics.REFERENCE_IMAGE),
+    )
+    tested = node(bus, clock, 'reference:=topic')
+    reference.publish(image(PATTERN, START_NS + 10**15))
+    for _ in range(2):
+        clock.advance(0.6)
+        camera.publish(image(PATTERN, clock.now_ns()))
+        run(tested)
+    (only,) = measured(features)
+    assert stamp_ns(only.header.stamp) == START_NS + 1_200_000_000
