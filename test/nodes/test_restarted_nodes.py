@@ -324,3 +324,15 @@ def test_things_of_two_namespaces_are_kept_apart(launch: Path, clock: SteppedClo
         run(node)
     words = ['--ros-args', '-r', '__ns:=/left', '-p', f'model:={small_model}']
     assert ForceEstimatorNode(InProcessBus(clock), parse_arguments(words), clock).params.least_confidence == 0.1
+
+
+def test_where_the_new_cannot_be_kept_a_restart_does_not_find_the_old(launch: Path) -> None:
+    """On a full disk: a rest image from before the camera was moved gives wrong forces."""
+    kept = Kept('/flow_features')
+    kept.put('rest_image', b'before')
+    (launch / '.flow_features.rest_image').mkdir()  # nothing can be written there
+    kept.put('rest_image', b'before')  # as a restarted node does: it is there already
+    assert kept.get('rest_image') == b'before'
+    with pytest.raises(BusError, match='will not be available after a restart'):
+        kept.put('rest_image', b'after')
+    assert kept.get('rest_image') is None

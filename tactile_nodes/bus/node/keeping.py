@@ -31,20 +31,15 @@ class Kept:
         """Keep this, in the place of what was kept before.
 
         Raises:
-            BusError: it cannot be written.
+            BusError: it cannot be written; then nothing is kept, because what was kept before is outdated.
         """
-        if self._stem is None:
+        if self._stem is None or self.get(name) == data:
             return
-        file = self._file(name)
-        draft = file.with_name(f'.{file.name}')
         try:
-            file.parent.mkdir(mode=0o700, exist_ok=True)
-            draft.write_bytes(data)
-            draft.rename(file)
-        except OSError as error:
-            raise BusError(
-                f'cannot store {name} in {file.parent} ({error.strerror}); it will not be available after a restart'
-            ) from error
+            self._write(name, data)
+        except BusError:
+            self.drop(name)
+            raise
 
     def get(self, name: str) -> bytes | None:
         """What is kept under a name, if anything is."""
@@ -65,10 +60,22 @@ class Kept:
         return {} if (text := self.get(_CHANGES)) is None else _values(text)
 
     def add_changes(self, before: Mapping[str, object], after: Mapping[str, object]) -> None:
-        """Keep the parameters that differ. Raises BusError."""
+        """Keep the parameters that differ. Raises BusError; then those that were kept before are still kept."""
         new = {name: value for name, value in after.items() if value != before[name]}
         if self._stem is not None and new:
-            self.put(_CHANGES, json.dumps({**self.changes, **new}).encode())
+            self._write(_CHANGES, json.dumps({**self.changes, **new}).encode())
+
+    def _write(self, name: str, data: bytes) -> None:
+        file = self._file(name)
+        draft = file.with_name(f'.{file.name}')
+        try:
+            file.parent.mkdir(mode=0o700, exist_ok=True)
+            draft.write_bytes(data)
+            draft.rename(file)
+        except OSError as error:
+            raise BusError(
+                f'cannot store {name} in {file.parent} ({error.strerror}); it will not be available after a restart'
+            ) from error
 
     def _file(self, name: str) -> Path:
         assert self._stem is not None
