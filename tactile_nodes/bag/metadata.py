@@ -15,7 +15,8 @@ from tactile_nodes.messages import definition, type_hash
 VERSION = 8  # the newest that ROS 2 Humble can read: from 9 on, the quality of service is a list instead of a string
 NEWEST = 9
 FILE_NAME = 'metadata.yaml'
-LARGEST_METADATA_BYTES = 1 << 20  # enough for a thousand files and topics
+MOST_FILES = 1000  # of a bag: a reader keeps each open
+LARGEST_METADATA_BYTES = 1 << 20  # enough for so many files and topics
 _ROOT = 'rosbag2_bagfile_information'
 # Those of libyaml take a fifth of the time, or less; a recorder writes its description once a second.
 _Loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader

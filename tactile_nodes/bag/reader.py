@@ -17,14 +17,13 @@ from tactile_nodes.bag import growing_file, sqlite_storage
 from tactile_nodes.bag.content import ALWAYS_NS, BagMessage, Selection, Storage
 from tactile_nodes.bag.mcap_records import LARGEST_BYTES, unpack_zstd
 from tactile_nodes.bag.mcap_storage import McapStorage
-from tactile_nodes.bag.metadata import FILE_NAME, LARGEST_METADATA_BYTES, BagMetadata, BagTopic, Extent
+from tactile_nodes.bag.metadata import FILE_NAME, LARGEST_METADATA_BYTES, MOST_FILES, BagMetadata, BagTopic, Extent
 from tactile_nodes.bag.sqlite_storage import SqliteStorage
 from tactile_nodes.bag.stamps import first_stamp_ns, header_stamp_ns
 from tactile_nodes.bag.types import BagTypes
 from tactile_nodes.errors import BagError
 from tactile_nodes.files import open_plain, read_plain
 
-_MOST_FILES = 1000  # each is kept open
 _SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 _PACKED = '.zstd'  # behind the name of a file that ros2 bag record compressed as a whole
 _ZSTD = b'\x28\xb5\x2f\xfd'  # how zstd begins; a message that is not compressed begins with 0
@@ -222,9 +221,9 @@ def _unpacked(data: bytes) -> bytes:
 
 
 def _check_number(files: list[Path], source: Path) -> None:
-    if len(files) > _MOST_FILES:
+    if len(files) > MOST_FILES:
         raise BagError(
-            f'{source} lists {len(files)} files, but at most {_MOST_FILES} can be read; open some of them separately'
+            f'{source} lists {len(files)} files, but at most {MOST_FILES} can be read; open some of them separately'
         )
 
 

@@ -11,7 +11,7 @@ from operator import attrgetter
 from pathlib import Path
 
 from tactile_nodes.bag.mcap_file import COMPRESSIONS, Entry, McapFile
-from tactile_nodes.bag.metadata import FILE_NAME, BagMetadata, BagTopic, Extent
+from tactile_nodes.bag.metadata import FILE_NAME, MOST_FILES, BagMetadata, BagTopic, Extent
 from tactile_nodes.bag.stamps import header_stamp_ns
 from tactile_nodes.clock import NS_PER_S, monotonic_s
 from tactile_nodes.errors import BagError
@@ -24,7 +24,10 @@ _HOLD_NS = 50_000_000
 
 @dataclass(frozen=True)
 class BagLimits:
-    """`queue_bytes`: buffer for the disk; `file_bytes` and `file_s` split a bag into several files (0: never)."""
+    """`queue_bytes`: buffer for the disk; `file_bytes` and `file_s` split a bag into several files (0: never).
+
+    The last of `MOST_FILES` files takes all the rest.
+    """
 
     queue_bytes: int = 256 << 20
     file_bytes: int = 0
@@ -260,7 +263,8 @@ class BagWriter:
     def _is_full(self) -> bool:
         extent, limits = self._file.extent, self.limits
         too_big = 0 < limits.file_bytes <= self._file.size
-        return extent.messages > 0 and (too_big or 0.0 < limits.file_s <= extent.duration_ns / NS_PER_S)
+        too_long = 0.0 < limits.file_s <= extent.duration_ns / NS_PER_S
+        return extent.messages > 0 and (too_big or too_long) and len(self._metadata.files) < MOST_FILES
 
     def _split(self) -> None:
         self._file.close(self._metadata_now().to_record())

@@ -178,3 +178,19 @@ def test_slow_disk_drops_counts_and_never_blocks(tmp_path: Path, monkeypatch: py
     totals = writer.close()
     assert taken == [True] * room + [False] * 3
     assert (totals.messages, totals.dropped, writer.dropped_of['/force']) == (room, 3, 3)
+
+
+def test_a_recording_is_not_split_into_more_files_than_can_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ('reader', 'writer'):
+        monkeypatch.setattr(f'tactile_nodes.bag.{module}.MOST_FILES', 2)
+    writer = BagWriter(tmp_path / 'press', limits=BagLimits(file_bytes=1))
+    writer.add_topic(BagTopic.of_type('/text', 'std_msgs/msg/String'))
+    for number in range(4):
+        writer.write('/text', text(number), START_NS + number, START_NS)
+        until(lambda number=number: writer.totals.messages == number + 1)
+    writer.close()
+    assert [entry['message_count'] for entry in metadata_of(tmp_path / 'press')['files']] == [1, 3]
+    with BagReader(tmp_path / 'press') as reader:
+        assert len(list(reader.messages())) == 4
