@@ -44,7 +44,7 @@ class CameraParams(CameraSettings, NodeParams):
     crop: int = parameter(
         440, 'side of the central square crop [px], smaller if the image is smaller; used without `sensor`', minimum=40
     )
-    wait_s: float = parameter(0.0, 'longest wait for a subscriber before the source starts', minimum=0.0, maximum=10.0)
+    wait_s: float = parameter(0.0, 'longest wait for a subscriber before the source starts', minimum=0.0, maximum=60.0)
     wait_for: str = parameter('', 'node that must subscribe before the source starts; empty: any node')
     open_within_s: float = parameter(
         0.0, 'how long to try to open a source that is missing or does not respond', minimum=0.0, maximum=60.0
@@ -101,8 +101,17 @@ class CameraNode(Node):
         return replace(settings, width=self._sensor.image.width, height=self._sensor.image.height)
 
     def _wait_for_listener(self) -> None:
-        deadline_ns = self.clock.now_ns() + round(self.params.wait_s * NS_PER_S)
-        while (now_ns := self.clock.now_ns()) < deadline_ns and not self._has_listener():
+        if not (wait_s := self.params.wait_s):
+            return
+        deadline_ns = self.clock.now_ns() + round(wait_s * NS_PER_S)
+        while not self._has_listener():
+            if (now_ns := self.clock.now_ns()) >= deadline_ns:
+                self.log.warn(
+                    f'{self.params.wait_for or "a node"} did not subscribe to {self._image.topic} within {wait_s:g} s, '
+                    'so it misses the first pictures, which in a recording show the untouched gel: launch it again, or '
+                    'set a longer wait_s'
+                )
+                return
             self.still_wanted()
             self.clock.sleep_until(now_ns + NS_PER_S // 100)
 

@@ -324,3 +324,13 @@ def test_a_source_waits_for_the_node_that_it_is_reported_to_wait_for(
     CameraNode(bus, parse_arguments(words), Later()).close()
     assert waited
     somebody.close()
+
+
+def test_a_source_that_starts_without_the_node_that_it_waited_for_is_reported(
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
+) -> None:
+    """The node misses the first pictures, so that another than that of the untouched gel becomes its rest image."""
+    cv2.imwrite(str(tmp_path / '1.png'), PATTERN)
+    logs = listen(bus, topics.ROSOUT)
+    start(f'source:={tmp_path}', 'wait_for:=flow_features', 'wait_s:=0.1', 'crop:=160')
+    assert first(logs).message.msg.startswith('flow_features did not subscribe to /image_raw within 0.1 s')
