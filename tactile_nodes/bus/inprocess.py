@@ -44,11 +44,13 @@ class InProcessBus:
     # --- topics ---------------------------------------------------------------------------------------------
 
     def advertise(self, topic: str, type_name: str, qos: Qos, node: str = '') -> LocalPublisher:
+        require_full(topic)
         return self._offer(LocalPublisher(self, topic, type_name, qos, node))
 
     def subscribe(
         self, topic: str, type_name: str, qos: Qos, node: str = '', on_ready: Callable[[], None] | None = None
     ) -> Subscription:
+        require_full(topic)
         return self._listen(Subscription(topic, type_name, qos, node, on_ready, self._forget_subscription))
 
     def _listen(self, subscription: Subscription) -> Subscription:
@@ -276,6 +278,12 @@ class _LocalService:
 
     def close(self) -> None:
         self._bus._forget_service(self)
+
+
+def require_full(topic: str) -> None:
+    """Raise a BusError if the name of a topic is relative, as those of the topic table: no node uses it as it is."""
+    if not topic.startswith('/'):
+        raise BusError(f'{topic!r} is not the full name of a topic, which begins with a slash: /{topic}')
 
 
 def require_type(service: str, served: str, wanted: str) -> None:

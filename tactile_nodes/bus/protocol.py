@@ -71,7 +71,7 @@ class Bus(Protocol):
     def subscribe(
         self, topic: str, type_name: str, qos: Qos, node: str = '', on_ready: Callable[[], None] | None = None
     ) -> Subscription:
-        """Receive `topic` from all its publishers, present and future.
+        """Receive `topic` (a full name) from all its publishers, present and future.
 
         `on_ready` is called, from any thread, after each received message; it must return at once.
         """

@@ -286,3 +286,12 @@ def test_service_is_served_once_and_again_after_it_was_closed(bus: InProcessBus)
     bus.serve('/s', services.TRIGGER, lambda request, reply: reply(types.Trigger_Response()), '/b')
     first.close()  # its late second closing does not take the new one away
     assert bus.call('/s', services.TRIGGER, types.Trigger_Request()) is not None
+
+
+def test_a_relative_name_of_a_topic_is_refused_as_no_node_uses_it(bus: InProcessBus) -> None:
+    """The names of the topic table are relative: `bus.subscribe(topics.WRENCH.name, …)` would wait for ever."""
+    for act in (bus.subscribe, bus.advertise):
+        with pytest.raises(
+            BusError, match="'image' is not the full name of a topic, which begins with a slash: /image"
+        ):
+            act('image', IMAGE, QUEUE)

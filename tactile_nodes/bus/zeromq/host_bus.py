@@ -17,7 +17,7 @@ from typing import Any, Protocol, cast
 
 import zmq
 
-from tactile_nodes.bus.inprocess import InProcessBus, require_type
+from tactile_nodes.bus.inprocess import InProcessBus, require_full, require_type
 from tactile_nodes.bus.protocol import Graph, Participant, Qos, ServiceHandler
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.zeromq.calls import CallServer, call_remote, is_bound, ping_remote
@@ -81,6 +81,7 @@ class ZmqBus(InProcessBus):
     # --- topics ---------------------------------------------------------------------------------------------
 
     def advertise(self, topic: str, type_name: str, qos: Qos, node: str = '') -> ZmqPublisher:
+        require_full(topic)
         self._check_open()
         return self._offer(ZmqPublisher(self, topic, type_name, qos, node))
 
