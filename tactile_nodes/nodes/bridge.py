@@ -98,7 +98,7 @@ class BridgeNode(Node):
 
     @property
     def outlived(self) -> bool:
-        return not self._bridge.closed or (self._finder is not None and self._finder.trying)
+        return super().outlived or not self._bridge.closed or (self._finder is not None and self._finder.trying)
 
     def _find(self) -> None:
         """Also connect to bridges that were found and are older than this one."""

@@ -65,6 +65,7 @@ class Node:
         self._timers: list[tuple[int, int, _Timer]] = []
         self._order = itertools.count()
         self._ends: list[Closing] = []
+        self._beside: list[threading.Thread] = []
         self._stopping = self._closed = False
         self._ending = arguments.ending
         self.failure: TactileError | None = None
@@ -160,9 +161,9 @@ class Node:
         """Whether a thread is still inside a library after `close`.
 
         Then the process ends without Python's own shutdown, which would end such a thread when it returns, through
-        frames of C++ or Rust, and so abort the process ("exception not rethrown").
+        frames of C++ or Rust, and so abort the process ("exception not rethrown", "without an active exception").
         """
-        return False
+        return self.spinning or any(thread.is_alive() for thread in self._beside)
 
     def run_beside(self, part: str, work: Callable[[], None]) -> threading.Thread:
         """Start `work` in a thread of its own. What it raises ends this node with `fail`: else nobody would know."""
@@ -176,6 +177,7 @@ class Node:
                 self.fail(part, TactileError(f'a bug ended this thread:\n{traceback.format_exc()}'))
 
         thread = threading.Thread(target=watched, name=part, daemon=True)
+        self._beside.append(thread)
         thread.start()
         return thread
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -200,3 +203,36 @@ def test_what_is_there_when_frames_begin_is_never_looked_through_for_garbage() -
         assert id(before) not in looked_through and id(after) in looked_through
     finally:
         gc.unfreeze()
+
+
+BUSY_IN_A_LIBRARY = """
+import os, signal, sys, threading
+import cv2, numpy
+from tactile_nodes.bus.node.node import Node
+from tactile_nodes.bus.node.runtime import run_nodes
+
+class Busy(Node):
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        if sys.argv[1] == 'callback':
+            self.post(self.compute)
+        else:
+            self.run_beside('computing', self.compute)
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    def compute(self):
+        while True:
+            cv2.GaussianBlur(numpy.zeros((2000, 2000), numpy.uint8), (31, 31), 0)
+
+sys.exit(run_nodes([Busy], []))
+"""
+
+
+@pytest.mark.parametrize(('busy', 'status'), [('callback', 1), ('thread', 0)])
+def test_signal_does_not_abort_a_program_of_which_a_thread_is_busy_in_a_library(
+    folder: Path, busy: str, status: int
+) -> None:
+    """Python's own end would end the thread as it returns into C++, which calls that an error: SIGABRT."""
+    words, environment = [sys.executable, '-c', BUSY_IN_A_LIBRARY, busy], {**os.environ, 'TACTILE_RUN_DIR': str(folder)}
+    ended = subprocess.run(words, env=environment, stderr=subprocess.PIPE, text=True, timeout=60.0, check=False)
+    assert ended.returncode == status, ended.stderr
