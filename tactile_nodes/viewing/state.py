@@ -27,6 +27,7 @@ from tactile_nodes.viewing.measures import (
 
 WINDOW_S = 5.0
 SILENT_AFTER_S = 3.5  # nodes report once a second
+EARLIER_S = 10.0
 _WARN = 30
 _ERROR = 2  # of a DiagnosticStatus
 _LOG_LEVELS = {30: 'WARN', 40: 'ERROR', 50: 'FATAL'}
@@ -283,8 +284,12 @@ def reason_names(reasons: int) -> list[str]:
 
 
 def complaint(shot: Snapshot) -> str:
-    """The worst report of a node, with its name; empty if all is fine."""
-    bad = [entry for entry in shot.health if 0 < entry.level <= _ERROR]
+    """The worst report of a node, with its name; empty if all is fine.
+
+    A node that was silent long before the forces ended, such as a recorder, is not the cause.
+    """
+    concerned = [entry for entry in shot.health if not entry.age_s > shot.age_s + EARLIER_S]
+    bad = [entry for entry in concerned if 0 < entry.level <= _ERROR]
     worst = max(bad, key=lambda entry: entry.level, default=None)
     return f'{worst.node}: {worst.text}' if worst else ''
 

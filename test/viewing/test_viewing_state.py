@@ -10,7 +10,7 @@ from seen import MS, NAN, S, diagnostics, force, log, received
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import types
 from tactile_nodes.viewing.measures import Comparison, Histogram, Recent, StampGaps, stage_times
-from tactile_nodes.viewing.state import ViewState, reason_names, silent
+from tactile_nodes.viewing.state import ViewState, complaint, reason_names, silent
 
 # --- stages and rates -------------------------------------------------------------------------------------------
 
@@ -309,3 +309,14 @@ def test_a_force_of_the_namespace_itself_ends_the_view_of_other_sensors() -> Non
     assert len(state.snapshot(0).sensors) == 2
     state.add_force(received(force(0)))
     assert state.snapshot(0).sensors == state.summary(0).sensors == ()
+
+
+def test_a_node_that_was_silent_long_before_the_forces_ended_is_not_named_as_the_cause() -> None:
+    """A recorder that ended an hour ago with an error, say."""
+    state = ViewState()
+    state.add_diagnostics(received(diagnostics(('bag_recorder: bag', 2, 'the disk is full')), 0))
+    state.add_force(received(force(3600_000), 3600_000))
+    state.add_diagnostics(received(diagnostics(('camera: camera', 1, 'lost')), 3600_000))
+    assert complaint(state.snapshot(3605 * S)) == '/camera: camera: lost'
+    state.add_diagnostics(received(diagnostics(('bag_recorder: bag', 2, 'the disk is full')), 3604_000))
+    assert complaint(state.snapshot(3605 * S)) == '/bag_recorder: bag: the disk is full'

@@ -327,6 +327,16 @@ def test_when_nothing_comes_what_is_most_wrong_is_named(page: Any) -> None:
         assert page.evaluate(told, {'force': {}, 'slow': {'health': health}}) == ['nodata', 'NO DATA', sentence]
 
 
+def test_a_node_that_was_silent_long_before_the_data_ended_is_not_named(page: Any) -> None:
+    """A recorder that ended an hour ago, say. The camera was lost with its last words."""
+    told = "async (fields) => (await import('/static/js/status.js')).statusOf(fields, 5, false, { open: true })"
+    recorder = {'node': '/bag_recorder', 'level': 'error', 'text': 'bag: the disk is full', 'silent_s': 3600.0}
+    for level, sentence in {'error': '/camera: camera: lost', 'ok': '/camera is silent.'}.items():
+        camera = {'node': '/camera', 'level': level, 'text': 'camera: lost', 'silent_s': 6.0}
+        found = page.evaluate(told, {'force': {}, 'slow': {'health': [recorder, camera]}})
+        assert found == ['nodata', 'NO DATA', f'No data for 5 s. {sentence}']
+
+
 def test_when_nothing_comes_no_number_stays_and_when_it_comes_again_it_is_shown(page: Any, sensor: Sensor) -> None:
     text(page, '#total').to_have_text('0.730')
     sensor.sending = False
