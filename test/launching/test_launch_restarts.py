@@ -131,3 +131,12 @@ def test_a_process_whose_program_is_missing_at_a_restart_is_tried_again(tmp_path
 
     service = LaunchService(file, screen=screen, environment=os.environ, log_base=tmp_path / 'logs')
     assert (service.run(), starts(shown)) == (0, 2)
+
+
+def test_a_launch_that_another_launch_starts_keeps_where_that_one_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sensors of a hand are launched again and again: an object may be held meanwhile, and be no rest image."""
+    monkeypatch.setenv('TACTILE_KEEP', str(tmp_path / 'outer'))
+    _, shown, _ = run(tmp_path, action('echo "kept in $TACTILE_KEEP"', tmp_path, 'output: screen'), stop_at=9)
+    assert any(text.endswith(f'kept in {tmp_path / "outer"}') for text in shown)
