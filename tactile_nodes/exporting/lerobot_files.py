@@ -95,7 +95,7 @@ class Meta:
         self._texts: dict[str, list[str]] = {}
         self.frames = 0
         self.episodes: list[dict[str, Any]] = []
-        self._statistics: dict[str, list[dict[str, Any] | None]] = {}
+        self._statistics: dict[str, Statistics] = {}
 
     def agree(self, features: list[Feature], texts: dict[str, list[str]], bag: Path) -> None:
         """Check the features of a bag, and the `texts` that say what they mean, against those of the bags before.
@@ -129,8 +129,8 @@ class Meta:
         """Add a finished episode to the description."""
         file.close(facts)
         found = {key: statistics.summary() for key, statistics in file.statistics.items()}
-        for key, each in found.items():
-            self._statistics.setdefault(key, []).append(each)
+        for key, statistics in file.statistics.items():
+            self._statistics.setdefault(key, Statistics(statistics.shape)).join(statistics)
         place = _place(file.number)
         self.episodes.append({
             'episode_index': file.number,
@@ -175,8 +175,9 @@ class Meta:
         }
 
     def _all_statistics(self) -> dict[str, Any]:
-        """Statistics over all episodes, without features that have none in some episode."""
-        return {key: _joined(parts) for key, parts in self._statistics.items() if all(parts)}  # type: ignore[arg-type]
+        """Statistics over all episodes."""
+        found = {key: statistics.summary() for key, statistics in self._statistics.items()}
+        return {key: each for key, each in found.items() if each}
 
     def _episode_table(self) -> Any:
         names = list(dict.fromkeys(name for episode in self.episodes for name in episode))
@@ -221,19 +222,3 @@ def _brightness(encoded: bytes) -> np.ndarray:
     picture = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None
     return np.asarray(picture[::4, ::4, ::-1] / 255.0)
-
-
-def _joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    """Statistics of all episodes, each weighted by its frames."""
-    counts = np.array([part['count'][0] for part in parts], np.float64)
-    means, spreads = (np.array([part[name] for part in parts], np.float64) for name in ('mean', 'std'))
-    weights = (counts / counts.sum()).reshape(-1, *[1] * (means.ndim - 1))
-    mean = (weights * means).sum(axis=0)
-    spread = np.sqrt((weights * (spreads**2 + (means - mean) ** 2)).sum(axis=0))
-    return {
-        'min': np.min([part['min'] for part in parts], axis=0).tolist(),
-        'max': np.max([part['max'] for part in parts], axis=0).tolist(),
-        'mean': mean.tolist(),
-        'std': spread.tolist(),
-        'count': [int(counts.sum())],
-    }

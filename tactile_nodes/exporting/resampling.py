@@ -159,6 +159,16 @@ class Statistics:
         self._low = np.minimum(self._low, np.where(finite, values, np.inf).min(axis=0))
         self._high = np.maximum(self._high, np.where(finite, values, -np.inf).max(axis=0))
 
+    def join(self, other: Statistics) -> None:
+        """Add all rows of `other`."""
+        pivot = np.where(np.isnan(self._pivot), other._pivot, self._pivot)
+        moved = np.nan_to_num(other._pivot - pivot)  # sums of numbers less one pivot become those less the other
+        self._squares += other._squares + 2 * moved * other._sum + moved**2 * other._count
+        self._sum += other._sum + moved * other._count
+        self._count += other._count
+        self._low, self._high = np.minimum(self._low, other._low), np.maximum(self._high, other._high)
+        self._pivot, self.rows = pivot, self.rows + other.rows
+
     def summary(self) -> dict[str, Any] | None:
         """The statistics under LeRobot's names; None if a component was never a number."""
         if not self._count.all():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, WRENCH
 from tactile_nodes.cli.main import main
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import header, wrench_message
+from tactile_nodes.exporting.features import Feature
+from tactile_nodes.exporting.lerobot_files import Meta
 from tactile_nodes.exporting.resampling import NEAREST, PREVIOUS, Episode, Resampler, Statistics
 
 pa = pytest.importorskip('pyarrow')
@@ -329,3 +332,19 @@ def test_each_sensor_has_its_namespace_in_front_and_frames_are_where_both_speak(
     left = f'/left/{FORCE_DISTRIBUTION.name}'
     assert (facts['ends_with'], facts['left_out_at_end_s']) == (left, pytest.approx(2 * STEP_NS / NS_PER_S))
     assert f'left out: the last 0.03 s of the forces, after the last message of {left}' in capsys.readouterr().out
+
+
+def test_statistics_of_episodes_with_unequal_gaps_are_those_of_all_numbers(tmp_path: Path) -> None:
+    """A contact is NaN while nothing touches, and in an episode without any touch throughout."""
+    meta, nan = Meta(tmp_path, 30, 'touch', 'hand'), float('nan')
+    meta.agree([Feature('observation.contact', '/contact', 'float32', ('x',), (0,))], {}, tmp_path)
+    for values in ([1.0, nan, nan, nan], [nan, nan], [3.0, 4.0, 5.0, nan]):
+        file = meta.open_episode()
+        for number, value in enumerate(values):
+            file.take(number, number, {'observation.contact': np.float32(value)})
+        meta.close_episode(file, {}, {})
+    meta.close({})
+    found = json.loads((tmp_path / 'meta/stats.json').read_text())['observation.contact']
+    assert (found['min'], found['max'], found['count']) == ([1.0], [5.0], [10])
+    assert found['mean'] == pytest.approx([3.25])  # (1 + 3 + 4 + 5) / 4
+    assert found['std'] == pytest.approx([math.sqrt(35 / 16)])  # (81 + 1 + 9 + 49) / 16 / 4
