@@ -142,9 +142,7 @@ def _blocked(numbers: set[signal.Signals]) -> Iterator[None]:
 def _environment(plan: ProcessPlan, mark: str, folder: Path) -> dict[str, str]:
     # Without a terminal, Python buffers its output, and a killed node would lose its last lines.
     marks = ':'.join(filter(None, [plan.environment.get(orphans.VARIABLE), mark]))
-    kept = str(
-        folder / 'kept'
-    )  # a launch that a process of another launch starts, again and again, keeps what it keeps
+    kept = str(folder / 'kept')  # a launch within a launch keeps its state where the outer one does
     return {'PYTHONUNBUFFERED': '1', KEEP: kept, **plan.environment, orphans.VARIABLE: marks}
 
 
