@@ -114,8 +114,16 @@ class Value:
     def reshape(self, *shape: int) -> Value:
         return self.writer.op('Reshape', self, self.writer.constant(np.array(shape, np.int64)))
 
-    def transpose(self) -> Value:
-        return self.writer.op('Transpose', self)
+    def times_transposed(self, other: Value) -> Value:
+        """The matrix product with the transpose of `other`.
+
+        Without `Transpose`: onnxruntime 1.20 to 1.23 fuses it with `MatMul`, and cannot compute that of 64-bit numbers.
+        """
+        return self.writer.op('Gemm', self, other, transB=1)
+
+    def transposed_times(self, other: Value) -> Value:
+        """The matrix product of the transpose of this with `other`."""
+        return self.writer.op('Gemm', self, other, transA=1)
 
     def take(self, places: np.ndarray) -> Value:
         """Entries of a vector, in the shape of `places`."""

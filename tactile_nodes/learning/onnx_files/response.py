@@ -139,7 +139,7 @@ def _compare(response: Response, components: Value, current: Value) -> tuple[Val
     left, certainty = components - modelled.reshape(-1), _certainty(response, current[2])
     slopes = slopes.cast(np.float64)
     weighted = slopes * certainty.cast(np.float64)
-    return (left * left * certainty).mean(), weighted @ slopes.transpose(), weighted @ left.cast(np.float64)
+    return (left * left * certainty).mean(), weighted.times_transposed(slopes), weighted @ left.cast(np.float64)
 
 
 def _certainty(response: Response, s: Value) -> Value:
@@ -257,10 +257,12 @@ def _width(
 def _shifted(shifts: np.ndarray, inverse: Value, slopes: Value, left: Value, certainty: Value) -> tuple[Value, Value]:
     """See `contact_shape`; for features with two channels, whose equations are solved explicitly."""
     weighted = certainty * shifts
-    by_contact = slopes @ weighted.transpose()
+    by_contact = slopes.times_transposed(weighted)
     shared = inverse @ by_contact
-    down = shifts @ left - shared.transpose() @ (slopes @ left)
-    own = weighted @ np.ascontiguousarray(shifts.T) - by_contact.transpose() @ shared + SHIFT_INFORMATION * np.eye(2)
+    down = shifts @ left - (slopes @ left) @ shared
+    own = (
+        weighted @ np.ascontiguousarray(shifts.T) - by_contact.transposed_times(shared) + SHIFT_INFORMATION * np.eye(2)
+    )
     along_x, along_y = own[0], own[1]
     determinant = along_x[0] * along_y[1] - along_x[1] * along_y[0]
     first = (down[0] * along_y[1] - down[1] * along_x[1]) / determinant
