@@ -170,7 +170,7 @@ def check_ended_in_one_sentence(process: subprocess.Popen, folder: Path, reason:
 
 
 def test_file_at_its_limit_ends_in_one_sentence_and_a_readable_bag(tmp_path: Path) -> None:
-    limit = 'import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (2 << 20, 2 << 20))'
+    limit = 'import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (6 << 20, 6 << 20))'  # one chunk of 4 MB fits
     process = recorder(tmp_path / 'press', size=20_000, count=1000, before=limit)
     check_ended_in_one_sentence(process, tmp_path / 'press', 'File too large')
 
@@ -179,7 +179,7 @@ def test_file_at_its_limit_ends_in_one_sentence_and_a_readable_bag(tmp_path: Pat
 def tiny_disk(tmp_path: Path) -> Iterator[Path]:
     folder = tmp_path / 'disk'
     folder.mkdir()
-    command = ['mount', '-t', 'tmpfs', '-o', 'size=2m', 'none', str(folder)]
+    command = ['mount', '-t', 'tmpfs', '-o', 'size=6m', 'none', str(folder)]
     mount = subprocess.run(command, capture_output=True, check=False)
     if mount.returncode != 0:
         pytest.skip('only root can mount a small disk')
