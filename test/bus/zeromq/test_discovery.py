@@ -230,8 +230,9 @@ def test_folder_that_cannot_be_made_again_is_reported_once_and_ends_nobody(
     publisher = publishing.advertise('/n', NUMBER, QUEUE)
     subscription = listening.subscribe('/n', NUMBER, QUEUE)
     until(lambda: publisher.publish(types.Int64(data=1)) or subscription.take())
-    shutil.rmtree(folder / 'd7')
-    (folder / 'd7').write_text('in the way')
+    (folder / 'file').write_text('in the way')
+    (folder / 'd7').rename(folder / 'gone')  # at once: a folder that is seen empty ends the connections
+    (folder / 'file').rename(folder / 'd7')
     printed = ''
 
     def all_printed() -> str:
