@@ -32,8 +32,8 @@ CONNECT_S, WORKERS_S = 10.0, 30.0
 LOOK_S = 2.0
 """Interval at which to check for workers while no task ends."""
 
-OUT_OF_TIME = asyncio.TimeoutError
-"""What Dask raises; before Python 3.11 it is not the builtin `TimeoutError`."""
+DaskTimeoutError = asyncio.TimeoutError
+"""Before Python 3.11 it is not the builtin `TimeoutError`."""
 
 RETRIES = 3
 """How often a task is given to another worker after its worker was killed."""
@@ -132,7 +132,7 @@ def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job])
         from distributed import CancelledError, Client, KilledWorker
     try:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, OUT_OF_TIME, ValueError) as error:
+    except (OSError, DaskTimeoutError, ValueError) as error:
         raise ConfigurationError(
             f'no Dask scheduler answers at {scheduler} ({error}); start one with: dask scheduler'
         ) from error
@@ -176,7 +176,7 @@ def _result(future: Any, client: Any, scheduler: str) -> Any:
     while True:
         try:
             return future.result(timeout=LOOK_S)
-        except OUT_OF_TIME:
+        except DaskTimeoutError:
             if future.status == 'error':  # an error of the task itself
                 raise
             _await_workers(client, scheduler)
@@ -186,7 +186,7 @@ def _await_workers(client: Any, scheduler: str) -> None:
     try:
         if not client.scheduler_info()['workers']:
             client.wait_for_workers(1, timeout=WORKERS_S)
-    except OUT_OF_TIME as error:
+    except DaskTimeoutError as error:
         raise ConfigurationError(
             f'{scheduler} has lost all its workers; start some with: {_START.format(scheduler)}; {_GOES_ON}'
         ) from error
@@ -197,7 +197,7 @@ def _await_workers(client: Any, scheduler: str) -> None:
 def _require_workers(client: Any, scheduler: str) -> None:
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)
-    except OUT_OF_TIME as error:
+    except DaskTimeoutError as error:
         raise ConfigurationError(f'{scheduler} has no workers; start some with: {_START.format(scheduler)}') from error
     try:
         versions = set(client.run(_version).values())

@@ -37,6 +37,7 @@ _KEPT, _MEMORY = 'rest_image', 'memory'
 KEEP_NS = NS_PER_S
 """Learned state is saved for a restart at most this often."""
 ANOTHER_TIME_NS = NS_PER_S
+"""A rest image from the topic that came so long before a picture applies to it, whatever its stamp."""
 
 SOONEST = 0.75
 """Fraction of the frame interval: a picture that comes sooner after the last one is skipped."""
@@ -219,8 +220,8 @@ class FlowFeaturesNode(Node):
     def _take_reference(self, picture: Received) -> None:
         """Use the last rest image from the topic that was captured before this picture.
 
-        In a replay, a rest image arrives while many earlier pictures still wait. Its stamp is ignored for pictures that
-        arrive later than `ANOTHER_TIME_NS` after it: then it is of another time base.
+        In a replay, a rest image arrives while many earlier pictures still wait. After `ANOTHER_TIME_NS` its stamp does
+        not count any more, since it may be of another time base.
         """
         due = [each for each in self._coming if _is_before(each, picture)]
         if not due:

@@ -27,7 +27,7 @@ from tactile_nodes.viewing.measures import (
 
 WINDOW_S = 5.0
 SILENT_AFTER_S = 3.5  # nodes report once a second
-EARLIER_S = 10.0
+EARLIER_S = 10.0  # a node that was silent so long before the forces ended is not the cause
 _WARN = 30
 _ERROR = 2  # of a DiagnosticStatus
 _LOG_LEVELS = {30: 'WARN', 40: 'ERROR', 50: 'FATAL'}

@@ -147,15 +147,20 @@ def test_closed_bag_takes_no_more(tmp_path: Path) -> None:
         writer.write('/text', text(0), START_NS, START_NS)
 
 
-def test_splits_when_a_file_is_long_enough_and_there_is_more(tmp_path: Path) -> None:
-    # `ros2 bag reindex` takes the earliest of the files' times; that of a file without messages is 1970.
-    writer = BagWriter(tmp_path / 'press', limits=BagLimits(file_bytes=1))
+def in_small_files(folder: Path, count: int) -> list[int]:
+    """Record so many messages, a file each as long as there may be more files; how many each file has."""
+    writer = BagWriter(folder, limits=BagLimits(file_bytes=1))
     writer.add_topic(BagTopic.of_type('/text', 'std_msgs/msg/String'))
-    for number in range(3):
+    for number in range(count):
         writer.write('/text', text(number), START_NS + number, START_NS)
         until(lambda number=number: writer.totals.messages == number + 1)
     writer.close()
-    assert [entry['message_count'] for entry in metadata_of(tmp_path / 'press')['files']] == [1, 1, 1]
+    return [entry['message_count'] for entry in metadata_of(folder)['files']]
+
+
+def test_splits_when_a_file_is_long_enough_and_there_is_more(tmp_path: Path) -> None:
+    # `ros2 bag reindex` takes the earliest of the files' times; that of a file without messages is 1970.
+    assert in_small_files(tmp_path / 'press', 3) == [1, 1, 1]
     with BagReader(tmp_path / 'press') as reader:
         assert [reader.decode(message).data for message in reader.messages()] == ['number 0', 'number 1', 'number 2']
 
@@ -185,12 +190,6 @@ def test_a_recording_is_not_split_into_more_files_than_can_be_read(
 ) -> None:
     for module in ('reader', 'writer'):
         monkeypatch.setattr(f'tactile_nodes.bag.{module}.MOST_FILES', 2)
-    writer = BagWriter(tmp_path / 'press', limits=BagLimits(file_bytes=1))
-    writer.add_topic(BagTopic.of_type('/text', 'std_msgs/msg/String'))
-    for number in range(4):
-        writer.write('/text', text(number), START_NS + number, START_NS)
-        until(lambda number=number: writer.totals.messages == number + 1)
-    writer.close()
-    assert [entry['message_count'] for entry in metadata_of(tmp_path / 'press')['files']] == [1, 3]
+    assert in_small_files(tmp_path / 'press', 4) == [1, 3]
     with BagReader(tmp_path / 'press') as reader:
         assert len(list(reader.messages())) == 4

@@ -37,7 +37,7 @@ class Silent(argcomplete.CompletionFinder):
     """Writes nothing into file 9, which is another one in the process of a test."""
 
     def _init_debug_stream(self) -> None:
-        """Not."""
+        """There is no debug output."""
 
 
 @pytest.fixture

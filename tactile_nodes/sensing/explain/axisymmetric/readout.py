@@ -192,7 +192,7 @@ class AxisymmetricReadout:
         """One over the variance of noise in an image; 0 for unseen regions."""
         return np.asarray(np.where(shown, self._certainty, 0.0))
 
-    @cached_property
+    @property
     def _starts(self) -> tuple[Float[np.ndarray, 'starts 3'], Float32[np.ndarray, 'starts inputs'], np.ndarray]:
         """Start contacts, the motion that they cause, and its square; readouts of one response share them."""
         reach, tables = self.correction.reach_mm * self.response.width, self.response.tables

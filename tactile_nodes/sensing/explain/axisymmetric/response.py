@@ -62,7 +62,7 @@ class AxisymmetricResponse:
 
     @cached_property
     def tables(self) -> dict[tuple[float, float], tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """What readouts keep of this response, by the reach [mm] and the force [N] that they need it for."""
+        """Start contacts of a search, their motion and its square, by the reach [mm] and the highest force [N]."""
         return {}
 
     def as_if_sure(self) -> AxisymmetricResponse:

@@ -1,7 +1,7 @@
 // The status of a force, as a word and a sentence, for the page of one sensor and the page of all sensors.
 
 export const OLD_S = 0.6; // a force older than this is not shown as current
-const EARLIER_S = 10;
+const EARLIER_S = 10; // a node that was silent so long before the data ended is not the cause
 const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 
 /** A status, its word, and a sentence about it, for data of this age in seconds that came through a link. */
