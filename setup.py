@@ -13,6 +13,15 @@ SHARE = Path('share/tactile_nodes')
 VERSION = '0.2.0'
 HOME = 'https://github.com/tactile-nodes/tactile_nodes'
 
+CYCLONE = 'cyclonedds==11.0.1'  # tactile_nodes/dds/endpoints.py uses a part of it that may change
+
+# trimesh finds the lower side of a mesh with embreex, or six times as slowly with rtree, where embreex has no wheels.
+MESH = [
+    'trimesh>=4.6,<6',
+    'embreex>=2.17,<5; platform_machine == "x86_64"',
+    'rtree>=1.4,<2; platform_machine != "x86_64"',
+]
+
 NODES = [
     'camera',
     'flow_features',
@@ -136,26 +145,25 @@ setup(
         'rich>=13,<16',
         'rosbags>=0.11,<0.12',
         'safetensors>=0.5,<1',
-        'scipy>=1.11,<2',
+        'scipy>=1.12,<2',
     ],
     extras_require={
-        'train': ['torch>=2.4,<3', 'matplotlib>=3.9,<4'],
+        'train': ['torch>=2.4,<3', 'matplotlib>=3.10.9,<4'],
         'onnx': ['onnx>=1.17,<2', 'onnxruntime>=1.20,<2'],
         'export': ['pyarrow>=16,<27', 'zarr>=3.1,<4; python_version >= "3.11"'],
         'bridge': ['eclipse-zenoh>=1.10,<2', 'cryptography>=44,<51'],
         'compiled': [],  # what it brought comes with all installs now
         'cluster': ['distributed>=2025.1,<2027'],
-        'mesh': ['trimesh>=4.6,<6', 'embreex>=2.17,<5'],
-        'dds': ['cyclonedds==11.0.1'],  # tactile_nodes/dds/endpoints.py uses a part of it that may change
+        'mesh': MESH,
+        'dds': [CYCLONE],
         'docs': ['mkdocs>=1.6,<2', 'mkdocs-material>=9.7,<10', 'mkdocstrings[python]>=1,<2'],
         'dev': [
             'beartype>=0.20,<1',
             'cryptography>=44,<51',
-            'cyclonedds==11.0.1',
+            f'{CYCLONE}; platform_machine == "x86_64"',  # there are no wheels for ARM
             'distributed>=2025.1,<2027',
             'eclipse-zenoh>=1.10,<2',
-            'embreex>=2.17,<5',
-            'hypothesis>=6.100,<7',
+            'hypothesis>=6.140,<7',
             'import-linter>=2.1,<3',
             'jaxtyping>=0.3,<0.4',
             'mypy>=2.4,<3',
@@ -169,7 +177,7 @@ setup(
             'pytest-timeout>=2.3,<3',
             'pytest-xdist>=3.6,<4',
             'ruff>=0.17.5,<0.18',
-            'trimesh>=4.6,<6',
+            *MESH,
             'types-PyYAML>=6,<7',
             'types-psutil>=6,<8',
             'types-pyserial>=3.5,<4',

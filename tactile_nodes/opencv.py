@@ -19,6 +19,9 @@ _WISHES = {
     'OPENCV_FFMPEG_CAPTURE_OPTIONS': 'rtsp_transport;tcp',
 }
 
+SILENT = 0
+"""OpenCV's least level of log output."""
+
 
 @cache
 def load() -> ModuleType:
@@ -28,5 +31,6 @@ def load() -> ModuleType:
     import cv2
 
     if 'OPENCV_LOG_LEVEL' not in os.environ:
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        named_so_in_4_11 = hasattr(cv2, 'setLogLevel')
+        (cv2 if named_so_in_4_11 else cv2.utils.logging).setLogLevel(SILENT)
     return cv2

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tactile_nodes import opencv
 from tactile_nodes.decoding import decode, size_of
 from tactile_nodes.drivers.camera import jpeg
 
@@ -148,3 +149,12 @@ def test_a_stream_drops_a_picture_that_claims_to_be_gigantic() -> None:
     at = whole.index(b'\xff\xc0') + 5
     assert jpeg.decode(whole) is not None
     assert jpeg.decode(whole[:at] + struct.pack('>HH', 60000, 60000) + whole[at + 4 :]) is None
+
+
+def test_opencv_4_11_is_silenced_by_the_name_that_it_has_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    levels: list[int] = []
+    monkeypatch.delenv('OPENCV_LOG_LEVEL', raising=False)
+    monkeypatch.delattr(cv2.utils, 'logging', raising=False)
+    monkeypatch.setattr(cv2, 'setLogLevel', levels.append, raising=False)
+    assert opencv.load.__wrapped__() is cv2
+    assert levels == [0]

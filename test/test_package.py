@@ -107,3 +107,13 @@ def test_each_python_that_the_package_names_can_install_the_pinned_versions(meta
                 assert f'{python}.0' in SpecifierSet(found.metadata.get('Requires-Python') or ''), (pin, python)
                 checked += 1
     assert checked > 100
+
+
+def test_on_arm_nothing_is_required_that_has_no_wheels_there(metadata: Message) -> None:
+    """`dds` alone asks for Cyclone DDS, which pip can compile there; embreex it cannot."""
+    wanted = [Requirement(each) for each in metadata.get_all('Requires-Dist', [])]
+    for extra in ('', 'train', 'onnx', 'export', 'bridge', 'cluster', 'mesh', 'docs', 'dev'):
+        here = {'extra': extra, 'platform_machine': 'aarch64'}
+        names = {each.name for each in wanted if each.marker is None or each.marker.evaluate(here)}
+        assert not names & {'embreex', 'cyclonedds'}, extra
+        assert ('rtree' in names) == (extra in {'mesh', 'dev'})
