@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros2_here import HAS_ROS
 
 from tactile_nodes import messages
 from tactile_nodes.bus import topics
@@ -69,6 +70,19 @@ def test_message_travels_as_the_bytes_of_our_codec(join: Join, until: Until) -> 
     assert second is not None
     assert (first.data[: len(data)], second.data[: len(data)]) == (data, data)
     assert first.message.data.tolist() == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.skipif(HAS_ROS, reason='needs an rclpy like that of Humble')
+def test_callbacks_that_get_the_message_alone_as_in_humble_do(
+    join: Join, until: Until, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr(importlib.import_module('rclpy.subscription').Subscription, 'CallbackType')
+    bus = join()
+    subscription = bus.subscribe('/n', NUMBER, QUEUE)
+    _connected(bus.advertise('/n', NUMBER, QUEUE), until).publish(_number(7))
+    received = subscription.get(10.0)
+    assert received is not None
+    assert (received.message.data, received.source_ns) == (7, received.received_ns)
 
 
 def test_subscriber_of_the_same_process_gets_it_too(join: Join, until: Until) -> None:

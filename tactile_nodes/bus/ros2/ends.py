@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from tactile_nodes import messages
@@ -72,8 +73,10 @@ class Ros2Service:
             self._on_close()
 
 
-def receiving(subscription: Subscription, clock: Clock) -> Callable[[bytes, dict[str, Any]], None]:
-    """rclpy's callback for a raw subscription.
+def receiving(subscription: Subscription, clock: Clock, *, informed: bool = True) -> Callable[..., None]:
+    """rclpy's callback for a raw subscription: of the bytes and, if `informed`, of their rmw_message_info_t.
+
+    Humble's rclpy passes the bytes alone; later ones pass both to a callback that cannot be called with one.
 
     rclpy tells no publisher, so messages are counted as they come in: `sequence` shows no losses on the way. It begins
     with the publisher's own number where the middleware tells that (`publication_sequence_number` of
@@ -93,4 +96,4 @@ def receiving(subscription: Subscription, clock: Clock) -> Callable[[bytes, dict
         source_ns = published_ns + now_ns - wall_ns() if published_ns > 0 else now_ns
         subscription.put(Received(subscription.type_name, publisher, next(numbers), source_ns, now_ns, data=data))
 
-    return receive
+    return receive if informed else partial(receive, info={})

@@ -20,6 +20,7 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node as RclpyNode
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription as RclpySubscription
 
 from tactile_nodes.bus.inprocess import new_uid
 from tactile_nodes.bus.protocol import Graph, Qos, ServiceHandler
@@ -101,7 +102,7 @@ class Ros2Bus:
             subscription = Subscription(topic, type_name, qos, node, on_ready, forget)
             there = [end for end in owner.get_publishers_info_by_topic(topic) if end.topic_type == type_name]
             profile = subscription_profile(topic, qos, there)
-            callback = receiving(subscription, self.clock)
+            callback = receiving(subscription, self.clock, informed=hasattr(RclpySubscription, 'CallbackType'))
             with _making(f'subscribe to {topic} as {type_name}'):
                 handles.append(owner.create_subscription(generated, topic, callback, profile, raw=True))
             return self._keep(subscription)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import itertools
 import time
+from enum import Enum
 from typing import Any
 
 from rclpy import network
@@ -64,6 +65,9 @@ class _Waiting(_End):
 
 
 class Subscription(_Waiting):
+    CallbackType = Enum('CallbackType', ['MessageOnly', 'WithMessageInfo'])
+    """Humble's class has none: there callbacks get the message alone."""
+
     def __init__(
         self, node: Any, msg_type: Any, topic: str, callback: Any, qos_profile: Any, callback_group: Any, raw: bool
     ) -> None:
@@ -71,12 +75,12 @@ class Subscription(_Waiting):
         self.msg_type, self.topic, self.callback, self.qos_profile, self.raw = (
             msg_type, topic, callback, qos_profile, raw
         )  # fmt: skip
+        self._with_info = False
         try:
             inspect.signature(callback).bind(object())
-            self._with_info = False
         except TypeError:
             inspect.signature(callback).bind(object(), object())
-            self._with_info = True
+            self._with_info = hasattr(Subscription, 'CallbackType')
 
     def arrive(self, data: bytes) -> None:
         info = {'source_timestamp': time.time_ns(), 'received_timestamp': time.time_ns()}
