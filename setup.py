@@ -145,7 +145,7 @@ setup(
         'rich>=13,<16',
         'rosbags>=0.11,<0.12',
         'safetensors>=0.5,<1',
-        'scipy>=1.12,<2',
+        'scipy>=1.15,<2',
     ],
     extras_require={
         'train': ['torch>=2.4,<3', 'matplotlib>=3.10.9,<4'],
