@@ -23,24 +23,29 @@ def ordered(plan: Plan, settings: PlanSettings) -> tuple[Point, ...]:
     that has had more presses than others counts as farther away, so that the last presses of a plan do not crowd in one
     corner. The order of the depths at a place is random, seeded by the plan's hash. If no place keeps that distance,
     the one that has recovered longest comes next.
+
+    A spread plan keeps its own order, in which any first part covers the gel; only presses too near the last ones are
+    postponed.
     """
-    waiting = _by_place(plan)
-    places = np.array(list(waiting), np.float64).reshape(-1, 2)
-    stacks = list(waiting.values())
+    in_turn = settings.kind == 'spread'
+    stacks = [[point] for point in plan.points] if in_turn else _by_place(plan)
+    places = np.array([stack[0][1:3] for stack in stacks], np.float64)
     rest_mm = settings.rest_mm if settings.rest_presses else 0.0
-    walk = _walk(places, [len(stack) for stack in stacks], rest_mm, settings.rest_presses)
+    walk = _walk(places, [len(stack) for stack in stacks], rest_mm, settings.rest_presses, in_turn=in_turn)
     return tuple(stacks[place].pop() for place in walk)
 
 
-def _by_place(plan: Plan) -> dict[tuple[float, float], list[Point]]:
+def _by_place(plan: Plan) -> list[list[Point]]:
     found: dict[tuple[float, float], list[Point]] = {}
     for point in sorted(plan.points, key=lambda point: _mixed(plan, point)):
         found.setdefault(point[1:3], []).append(point)
-    return dict(sorted(found.items()))
+    return [stack for _, stack in sorted(found.items())]
 
 
-def _walk(places: npt.NDArray[np.float64], counts: Sequence[int], rest_mm: float, rest_presses: int) -> Sequence[int]:
-    """Indices of places, each as often as its count."""
+def _walk(
+    places: npt.NDArray[np.float64], counts: Sequence[int], rest_mm: float, rest_presses: int, *, in_turn: bool
+) -> Sequence[int]:
+    """Indices of places, each as often as its count: the nearest next, or the lowest index if `in_turn`."""
     left, visits = np.array(counts), np.zeros(len(places))
     free_from = np.zeros(len(places), np.int64)  # the step from which a place has recovered
     walk = [0]
@@ -51,7 +56,8 @@ def _walk(places: npt.NDArray[np.float64], counts: Sequence[int], rest_mm: float
         visits[current] += 1
         free_from[distances_mm < rest_mm] = step + rest_presses
         if step < sum(counts):
-            walk.append(_next(distances_mm + AHEAD * rest_mm * visits, left, free_from, step))
+            cost = np.arange(len(places), dtype=np.float64) if in_turn else distances_mm + AHEAD * rest_mm * visits
+            walk.append(_next(cost, left, free_from, step))
     return walk
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
+
 from tactile_nodes.collection.plan.order import least_rest, ordered, travel_mm
-from tactile_nodes.collection.plan.plan import PlanSettings, make_plan, numbered
+from tactile_nodes.collection.plan.plan import PlanSettings, load_plan_settings, make_plan, numbered, plan_path
 
 PAPER = PlanSettings()
 
@@ -30,6 +33,25 @@ def test_without_rest_a_row_is_walked_from_end_to_end() -> None:
     row = numbered([(float(x), 0.0, 1.0) for x in (3, 0, 2, 4, 1)])
     order = ordered(row, PlanSettings(rest_mm=0.0))
     assert [point.x_mm for point in order] == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_a_spread_plan_without_rest_comes_in_its_own_order() -> None:
+    spread = PlanSettings(kind='spread', count=40, rest_mm=0.0)
+    assert ordered(make_plan(spread), spread) == make_plan(spread).points
+
+
+@pytest.mark.parametrize('side', [3, 5, 7, 10])
+def test_the_first_presses_of_a_calibration_already_span_the_gel(side: int) -> None:
+    """No place lies farther from them than twice the half diagonal of as many squares that cover the gel.
+
+    That is the bound of the furthest-first traversal (Gonzalez 1985). A walk to the nearest place exceeds it.
+    """
+    settings = load_plan_settings(plan_path('calibrate'))
+    pressed = np.array([point[1:3] for point in ordered(make_plan(settings), settings)[: side**2]])
+    line = np.linspace(-settings.reach_mm, settings.reach_mm, 41)
+    gel = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    nearest_mm = np.linalg.norm(gel[:, None] - pressed, axis=2).min(axis=1)
+    assert nearest_mm.max() <= 2 * settings.reach_mm / side * np.sqrt(2)
 
 
 def test_travel_is_the_sum_of_the_ways() -> None:
