@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import json
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -41,6 +44,21 @@ def test_each_verb_has_a_module_with_arguments_and_help(verb: str, capsys: pytes
         make_parser(verb).parse_args([verb, '--help'])
     assert ended.value.code == 0
     assert f'usage: tactile {verb}' in capsys.readouterr().out
+
+
+def examples() -> list[str]:
+    """The commands in the help texts, without the remarks behind them."""
+    texts = (getattr(importlib.import_module(f'tactile_nodes.cli.{verb}'), 'EPILOG', '') for verb in VERBS)
+    lines = (line.strip() for text in texts for line in text.splitlines())
+    found = (re.split(r'  |# |&& | > | \| ', line)[0] for line in lines if re.match('tactile [a-z]', line))
+    return sorted(each for each in set(found) if not each.endswith('--help'))
+
+
+@pytest.mark.parametrize('example', examples())
+def test_an_example_in_a_help_text_is_a_command_that_the_program_takes(example: str) -> None:
+    words = shlex.split(example)[1:]
+    verb = chosen_verb(words)
+    parse(make_parser(verb), verb, words)
 
 
 def test_a_letter_that_the_terminal_lacks_ends_no_launch(tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ EPILOG = """\
 examples:
   tactile dataset build collected_1 collected_2 -o presses.npz --gel gel-7
   tactile dataset build collected_1 -o presses.npz --profile portable
-  tactile dataset build collected_1 -o presses.npz --flow dis --encoding cartesian_mean --rows 20 --cols 20
   tactile dataset build new_gel_bag -o new_gel.npz --profile portable --frames each    # for tactile calibrate
   tactile dataset import presses.csv -o presses.npz --gel gel-7        # pictures beside the table, no rig
   tactile dataset import times.csv --pictures video.mp4 -o presses.npz --model mine.safetensors
