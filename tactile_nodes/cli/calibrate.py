@@ -75,6 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     given = sum(map(bool, (arguments.bags, arguments.dataset, arguments.pictures)))
     if not given and arguments.sensor:
+        _require_used(arguments)
         return _of_description(arguments)
     if given != 1:
         raise ConfigurationError(
@@ -121,14 +122,18 @@ def _say_objection(objection: str) -> None:
 
 
 def _require_used(arguments: argparse.Namespace) -> None:
-    """Refuse options that have no effect on these presses. Raises ConfigurationError."""
+    """Refuse options that have no effect on these presses, or without any. Raises ConfigurationError."""
     from tactile_nodes.errors import ConfigurationError
 
-    if arguments.layer and arguments.bags:
-        raise ConfigurationError('--layer needs --dataset FILE; make one from the bags with: tactile dataset build')
+    listed = arguments.dataset or arguments.pictures
+    for option in ('body', 'force'):
+        if getattr(arguments, option) and not (arguments.bags or listed):
+            raise ConfigurationError(f'--{option} needs presses; leave it out, or give them')
+    if arguments.layer and not listed:
+        raise ConfigurationError('--layer needs --dataset FILE; leave it out, or make one with: tactile dataset build')
     if arguments.gel and arguments.dataset:
         raise ConfigurationError('--gel does not go with --dataset: the data set names its gel; leave it out')
-    if arguments.indenter and arguments.bags:
+    if arguments.indenter and not listed:
         raise ConfigurationError('--indenter chooses presses of a data set or a table; leave it out')
     if arguments.untouched_below and not arguments.pictures:
         raise ConfigurationError('--untouched-below needs --pictures CSV; leave it out')

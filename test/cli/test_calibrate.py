@@ -345,6 +345,29 @@ def test_an_option_that_would_have_no_effect_is_refused(
     assert refusal in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    'unused',
+    [
+        ['--body', 'ball:5'],
+        ['--curve'],
+        ['--force'],
+        ['--indenter', 'ball:5'],
+        ['--layer', 'layer.yaml'],
+        ['--namespace', 'left'],
+        ['--untouched-below', '0.1'],
+    ],
+    ids=' '.join,
+)
+def test_an_option_for_presses_is_refused_where_a_description_alone_makes_the_model(
+    unused: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / 'mine.safetensors'
+    assert main(['calibrate', '--model', 'field', '--sensor', 'simulated', '-o', str(output), *unused]) == 1
+    assert f'{unused[0]} ' in (said := capsys.readouterr().err)
+    assert 'leave it out' in said
+    assert not output.exists()
+
+
 def test_presses_measured_otherwise_are_distinguished_by_what_differs_alone(
     presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
