@@ -120,6 +120,7 @@ def put_aside(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tu
     Raises:
         ModelError: as `evaluate_put_aside`, or this release splits presses in another way.
     """
+    _require_simulated(loaded)
     theirs, ours = other.card['data'], loaded.card['data']
     if theirs.get('origin') != 'simulated' or 'split_id' not in theirs:
         raise ModelError(
@@ -174,10 +175,7 @@ def score(
 def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConfig:
     """Presses of the paper's depths over the paper's 27 mm, for a model's own gel, flow and features."""
     card = loaded.card
-    if card.get('data', {}).get('origin') != 'simulated':
-        raise ModelError(
-            f'model {loaded.model_id} was not trained on the simulated gel; evaluate it with --dataset FILE'
-        )
+    _require_simulated(loaded)
     if seed <= card['data']['seed'] <= seed + 1:
         raise ModelError(
             f'model {loaded.model_id} was trained on presses of seed {card["data"]["seed"]}, but the evaluation uses '
@@ -188,6 +186,13 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
         without_contact=0.2, crop=card['crop_px'],
     )  # fmt: skip
     return dataclasses.replace(config_of(loaded), data=data)
+
+
+def _require_simulated(loaded: LoadedModel) -> None:
+    if loaded.card.get('data', {}).get('origin') != 'simulated':
+        raise ModelError(
+            f'model {loaded.model_id} was not trained on the simulated gel; evaluate it with --dataset FILE'
+        )
 
 
 def config_of(loaded: LoadedModel) -> TrainConfig:

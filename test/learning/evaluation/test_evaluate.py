@@ -132,6 +132,9 @@ def test_what_training_put_aside_of_a_grid_is_scored_for_others_too(model: Path,
         evaluate_put_aside(other, of=grid)
     with pytest.raises(ModelError, match='has no simulated test set'):
         evaluate_put_aside(grid, of=model)
+    real = save(tmp_path / 'real.safetensors', config, {'origin': 'recorded'}, seed=2)
+    with pytest.raises(ModelError, match='was not trained on the simulated gel'):
+        evaluate_put_aside(real, of=grid)
 
 
 def test_cells_of_the_error_map_hold_the_median_of_their_presses() -> None:
