@@ -350,6 +350,15 @@ def test_the_command_exports_a_model_file(tmp_path: Path, capsys: pytest.Capture
     assert (tmp_path / 's.onnx').read_bytes() == onnx_bytes(loaded)
 
 
+def test_a_model_of_recorded_presses_has_no_frames_to_compare_it_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_model(tmp_path / 'small.safetensors', response().model, CARD)
+    words = [str(tmp_path / 'small.safetensors'), '-o', str(tmp_path / 's.onnx')]
+    assert main(['model', 'export', *words, '--check']) == 1
+    assert 'export it without --check' in capsys.readouterr().err
+
+
 def test_a_place_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save_model(tmp_path / 'small.safetensors', network().model, CARD)
     (tmp_path / 'file').touch()
