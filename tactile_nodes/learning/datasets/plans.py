@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_nodes.collection.plan.plan import PlanSettings, make_plan
+from tactile_nodes.collection.plan.plan import CANDIDATES, PlanSettings, make_plan
 from tactile_nodes.learning.config import DataConfig
 from tactile_nodes.shapes import Float, Int
 from tactile_nodes.simulation.optics import Press
@@ -18,12 +18,13 @@ NO_CONTACT_MM = -1.0
 
 
 def press_count(data: DataConfig) -> int:
-    """Number of frames of a plan: 10952 presses of the paper's, 800 of the coarse, plus its frames without contact."""
+    """Number of frames of a plan, with those without contact.
+
+    Without those, the paper's has at most 10952 presses, the coarse 800, a spread one 2000.
+    """
     if data.plan == 'random':
         return data.presses
-    presses = data.presses
-    if data.plan != 'spread':
-        presses = min(presses, len(_places_mm(data)) ** 2 * DEPTHS)
+    presses = min(data.presses, CANDIDATES if data.plan == 'spread' else len(_places_mm(data)) ** 2 * DEPTHS)
     return presses + round(presses * data.without_contact / (1 - data.without_contact))
 
 
@@ -62,7 +63,7 @@ def spread_plan(data: DataConfig) -> Float[np.ndarray, 'frames 3']:
     """x, y and depth (mm) of presses as in a calibration. Frames without contact are placed as in a grid."""
     settings = PlanSettings(
         kind='spread',
-        count=data.presses,
+        count=min(data.presses, CANDIDATES),
         reach_mm=data.reach_mm,
         depths_mm=(data.shallowest_mm, data.deepest_mm),
         seed=data.seed,

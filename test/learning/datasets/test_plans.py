@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_nodes.learning.config import DataConfig
-from tactile_nodes.learning.datasets.plans import grid_plan, planned_presses, press_count, press_numbers
+from tactile_nodes.learning.datasets.plans import grid_plan, planned_presses, press_count, press_numbers, spread_plan
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.training.source import simulated_split
 from tactile_nodes.sensing.geometry import BinGrid
@@ -35,6 +35,12 @@ def test_the_coarse_plan_is_800_presses_at_every_fourth_of_the_papers_places():
     assert len(plan) == press_count(paper(plan='coarse')) == 800
     np.testing.assert_allclose(np.unique(plan[:, 0]), np.arange(-13.5, 13.51, 3.0))
     assert {tuple(press) for press in plan.tolist()} <= {tuple(press) for press in grid_plan(paper()).tolist()}
+
+
+def test_a_spread_plan_is_2000_presses_at_most():
+    """As many places as it is chosen from."""
+    plan = spread_plan(paper(plan='spread'))
+    assert len(plan) == press_count(paper(plan='spread')) == 2000
 
 
 def test_the_papers_plan_is_split_into_the_papers_numbers():
