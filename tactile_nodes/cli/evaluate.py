@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tactile_nodes.cli.running import cluster
+from tactile_nodes.cli.running.session import count
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.evaluation.evaluate import Evaluation
@@ -23,14 +24,14 @@ examples:
   tactile evaluate gel-7.safetensors --dataset presses.npz  on the recorded presses held out by the training
   tactile evaluate gel-7.safetensors --dataset presses.npz --table told.csv  press by press
 """
-MOST_PRESSES = 1_000_000
+PRESSES, SEED, MOST_PRESSES = 2000, 1001, 1_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     parser.add_argument('model', nargs='+', help='model files, or names of shipped models; several are compared')
-    parser.add_argument('--presses', type=int, default=2000, metavar='N', help='presses to score (default: 2000)')
-    parser.add_argument('--seed', type=int, default=1001, metavar='S', help='seed of the presses (default: 1001)')
+    parser.add_argument('--presses', type=int, metavar='N', help=f'presses to score (default: {PRESSES})')
+    parser.add_argument('--seed', type=count, metavar='S', help=f'seed of the presses (default: {SEED})')
     parser.add_argument(
         '--put-aside', nargs='?', const='', metavar='MODEL',
         help='score the presses of the simulated grid that the training of MODEL held out (the same for all models)',
@@ -72,8 +73,11 @@ def _check(arguments: argparse.Namespace) -> None:
 
     for output in filter(None, (arguments.json, arguments.table, arguments.picture)):
         check_output(output, arguments.dataset, *map(Path, arguments.model))
-    if not 1 <= arguments.presses <= MOST_PRESSES:
+    if not 1 <= _given(arguments.presses, PRESSES) <= MOST_PRESSES:
         raise ConfigurationError(f'--presses must be from 1 to {MOST_PRESSES}')
+    for name in ('presses', 'seed'):
+        if getattr(arguments, name) is not None and (arguments.dataset or arguments.put_aside is not None):
+            raise ConfigurationError(f'--{name} is for random simulated presses; a held-out set is scored as a whole')
     if arguments.dataset and arguments.put_aside is not None:
         raise ConfigurationError('--put-aside is for simulated presses; --dataset FILE scores held-out presses anyway')
     if arguments.split and not arguments.dataset:
@@ -91,7 +95,12 @@ def _evaluated(name: str, arguments: argparse.Namespace) -> Evaluation:
     if arguments.put_aside is not None:
         of = find_model(arguments.put_aside) if arguments.put_aside else None
         return evaluate_put_aside(model, of=of, progress=progress)
-    return evaluate(model, presses=arguments.presses, seed=arguments.seed, progress=progress)
+    presses, seed = _given(arguments.presses, PRESSES), _given(arguments.seed, SEED)
+    return evaluate(model, presses=presses, seed=seed, progress=progress)
+
+
+def _given(value: int | None, usual: int) -> int:
+    return usual if value is None else value
 
 
 def _named(file: Path, one: Evaluation, evaluated: list[Evaluation]) -> Path:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tactile_nodes.cli.running import cluster
+from tactile_nodes.cli.running.session import count
 
 if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig
@@ -38,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
     parser.add_argument('--plan', choices=PLANS, help='where simulated presses lie')
-    parser.add_argument('--seed', type=int, metavar='S', help='seed of the presses and of the training')
+    parser.add_argument('--seed', type=count, metavar='S', help='seed of the presses and of the training')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='train on recorded presses; see tactile dataset')
     parser.add_argument('--split', choices=('sample', 'position'), help='how to hold out the test set')
     parser.add_argument('--device', choices=('auto', 'cpu', 'cuda'), help='where to train (auto: CUDA if there is one)')

@@ -44,7 +44,7 @@ class DataConfig:
 
     plan: str = parameter('random', 'kind of plan', choices=('random', 'paper', 'jittered', 'coarse', 'spread'))
     presses: int = parameter(20000, 'presses of a random plan; most presses of another', minimum=1)
-    seed: int = parameter(1, 'seed of places, depths and noise')
+    seed: int = parameter(1, 'seed of places, depths and noise', minimum=0)
     reach_mm: float = parameter(14.0, 'random presses lie within plus and minus this along x and y', minimum=0.0)
     shallowest_mm: float = parameter(0.0, 'smallest depth of a random press', minimum=0.0)
     deepest_mm: float = parameter(2.1, 'largest depth of a random press', minimum=0.0, maximum=2.5)
@@ -55,7 +55,7 @@ class DataConfig:
     crop: int = parameter(440, 'side of the square cut from the middle of the image, px', minimum=32)
     file: str = parameter('', 'data set of recorded presses, instead of simulated ones; see tactile dataset build')
     split: str = parameter('sample', 'how the test set is split off', choices=('sample', 'position'))
-    split_seed: int = parameter(1, 'seed of the split')
+    split_seed: int = parameter(1, 'seed of the split', minimum=0)
     test: float = parameter(0.2, 'share of the test set', minimum=0.01, maximum=0.9)
 
     def simulated(self) -> dict[str, object]:
@@ -100,7 +100,7 @@ class TrainingConfig:
     validation: float = parameter(0.1, 'share of the presses held back for validation', minimum=0.01, maximum=0.5)
     plateau: str = parameter('restart', 'what to do if the network only predicts zero', choices=('restart', 'wait'))
     plateau_epochs: int = parameter(40, 'epochs on the all-zero answer before a restart', minimum=1)
-    seed: int = parameter(1, 'seed of initial weights, order and dropout')
+    seed: int = parameter(1, 'seed of initial weights, order and dropout', minimum=0)
     threads: int = parameter(2, 'processor threads; the result depends on it in the last digits', minimum=1)
     device: str = parameter('auto', 'where to train; auto: CUDA when there is one', choices=('auto', 'cpu', 'cuda'))
     checkpoint_s: float = parameter(20.0, 'seconds between checkpoints', minimum=0.0)
@@ -124,7 +124,7 @@ class ResponseConfig:
     )
     most_contacts: int = parameter(3, 'most contacts used to explain one frame', minimum=1, maximum=8)
     contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
-    seed: int = parameter(1, 'seed of the presses held out to choose smoothing and uncertainty')
+    seed: int = parameter(1, 'seed of the presses held out to choose smoothing and uncertainty', minimum=0)
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class AxisymmetricConfig:
     )
     most_contacts: int = parameter(3, 'most contacts used to explain one frame', minimum=1, maximum=8)
     contact_threshold_n: float = parameter(0.015, 'least force reported as a contact', minimum=0.0)
-    seed: int = parameter(1, 'seed of the presses used in each turn, and of those held out')
+    seed: int = parameter(1, 'seed of the presses used in each turn, and of those held out', minimum=0)
     other_gels: int = parameter(0, 'simulated gels for the prior of calibration errors', minimum=0)
 
 

@@ -38,7 +38,17 @@ def test_options_reach_the_method_they_are_for(tmp_path: Path):
 
 @pytest.mark.parametrize(
     'text',
-    ['data: {pressses: 7}', 'flow: {nam: dis}', 'gel: {sead: 3}', 'network: {dropout: 2.0}', 'training: {loss: l1}'],
+    [
+        'data: {pressses: 7}',
+        'flow: {nam: dis}',
+        'gel: {sead: 3}',
+        'network: {dropout: 2.0}',
+        'training: {loss: l1}',
+        'data: {seed: -1}',
+        'data: {split_seed: -1}',
+        'training: {seed: -1}',
+        'response: {seed: -1}',
+    ],
 )
 def test_a_wrong_key_or_value_is_an_error(tmp_path: Path, text: str):
     with pytest.raises(ConfigurationError):

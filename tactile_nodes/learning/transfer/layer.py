@@ -49,7 +49,7 @@ class LayerConfig:
     epochs: int = parameter(1000, 'most epochs', minimum=1)
     validation: float = parameter(0.1, 'share of the presses that stop the training', minimum=0.01, maximum=0.5)
     judged: float = parameter(0.2, 'share of the places held out for evaluation', minimum=0.05, maximum=0.5)
-    seed: int = parameter(1, 'seed of order, dropout and held-out presses')
+    seed: int = parameter(1, 'seed of order, dropout and held-out presses', minimum=0)
     threads: int = parameter(1, 'processor threads; the result depends on it in the last digits', minimum=1)
 
 
