@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from press_bags import SECOND_NS, START_NS, Collection, Sensor
 
 from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
 from tactile_nodes.learning.config import Choice, NetworkConfig, TrainConfig, TrainingConfig, load_train_config
@@ -234,6 +235,24 @@ def test_another_file_of_the_same_bags_is_no_test(bag: Path, model: Path, tmp_pa
     save_dataset(tmp_path / 'each.npz', build([bag], dataclasses.replace(OPTIONS, frames='each')))
     with pytest.raises(ModelError, match='presses of the same bags'):
         evaluate_recorded(model, tmp_path / 'each.npz')
+
+
+def test_bags_of_runs_that_ended_before_their_first_press_are_not_the_same_presses(
+    model: Path, tmp_path: Path, sensor: Sensor
+) -> None:
+    from tactile_nodes.learning.training.source import evaluation_samples
+    from tactile_nodes.model_file import load_model
+
+    others = Collection(tmp_path / 'others', sensor, start_ns=START_NS + 1000 * SECOND_NS)
+    others.reference(0)
+    others.press(0, 1, 0.0, 0.0, 0.5)
+    recordings = build([Collection(tmp_path / 'ended', sensor).close(), others.close()], OPTIONS)
+    ended, _ = recordings.card['bags']
+    loaded = load_model(model)
+    data = {**loaded.card['data'], 'bags': [*loaded.card['data']['bags'], ended['id']]}
+    both = dataclasses.replace(loaded, card={**loaded.card, 'data': data})
+    samples, _ = evaluation_samples(both, recordings, None)
+    assert len(samples.presses) == len(recordings)
 
 
 def test_a_model_of_other_features_is_refused(file: Path, tmp_path: Path) -> None:
