@@ -25,7 +25,7 @@ examples:
   tactile gels                            all calibrations; those that are due are marked
   tactile gels --after 30                 also mark those older than 30 days as due
   tactile gels add gel-7.safetensors      add a calibration that was made elsewhere or earlier
-  tactile gels look collection/           read the drift monitor's findings from bags
+  tactile gels look collected_1           read the drift monitor's findings from bags
   tactile gels forget 6faa5caaacb8        remove it from the list; the model file stays
 
 The list is one SQLite file, ~/.local/share/tactile_nodes/gels.sqlite or the file in TACTILE_GELS.
