@@ -116,7 +116,11 @@ def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
         )
     data = dataclasses.replace(data, **_given(arguments, 'presses', 'seed', 'split'))
     training = dataclasses.replace(training, **_given(arguments, 'seed', 'device'))
-    return dataclasses.replace(config, data=data, training=training, **_given(arguments, 'output'))
+    readouts = {
+        name: dataclasses.replace(getattr(config, name), **_given(arguments, 'seed'))
+        for name in ('response', 'axisymmetric')
+    }
+    return dataclasses.replace(config, data=data, training=training, **readouts, **_given(arguments, 'output'))
 
 
 def _given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -45,6 +45,7 @@ def test_the_command_line_changes_what_it_names(grid: str):
     config = verb.chosen_config(asked(grid, '-o', 'x.safetensors', '--seed', '7', '--presses', '30', '--device', 'cpu'))
     assert config.output == Path('x.safetensors')
     assert (config.data.seed, config.training.seed, config.data.presses) == (7, 7, 30)
+    assert (config.response.seed, config.axisymmetric.seed) == (7, 7)
     assert config.training.device == 'cpu'
 
 
