@@ -31,6 +31,7 @@ from tactile_nodes.pipeline.following import Following, FollowingParams
 from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.pipeline.methods import image_size
 from tactile_nodes.sensing.geometry import centre_crop, middle_part
+from tactile_nodes.sensing.rest.reference import content_id
 from tactile_nodes.sensors import load_sensor
 
 _KEPT, _MEMORY = 'rest_image', 'memory'
@@ -98,6 +99,7 @@ class FlowFeaturesNode(Node):
         self._rest: tuple[Level, str] | None = None
         self._drawn: tuple[Path | None, int] = None, 0  # the folder of drawings, and the last number before this start
         self._coming: list[Received] = []  # rest images from the topic, for pictures that are still to come
+        self._renewed = '', 0  # id and stamp of the last rest image that this node renewed itself
         self._begin(self.params)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/capture_reference', self._capture_again)
@@ -221,15 +223,17 @@ class FlowFeaturesNode(Node):
         """Use the last rest image from the topic that was captured before this picture.
 
         In a replay, a rest image arrives while many earlier pictures still wait. After `ANOTHER_TIME_NS` its stamp does
-        not count any more, since it may be of another time base.
+        not count any more, since it may be of another time base. A rest image that was renewed live has been renewed
+        here from the same pictures: taken again, it would lose what is known of the camera's motion.
         """
         due = [each for each in self._coming if _is_before(each, picture)]
         if not due:
             return
         del self._coming[: self._coming.index(due[-1]) + 1]
         try:
-            image = np.array(conversions.image_array(due[-1].message))
-            self._following.use_reference(image, due[-1].message.header)
+            image, head = np.array(conversions.image_array(due[-1].message)), due[-1].message.header
+            if (content_id(image), stamp_ns(head.stamp)) != self._renewed:
+                self._following.use_reference(image, head)
         except TactileError as error:  # the picture is measured against the rest image before
             self.report('rest image', Level.WARN, str(error))
 
@@ -244,6 +248,8 @@ class FlowFeaturesNode(Node):
         if self.params.reference != 'topic':
             self._reference.publish(message)
             self.post(lambda: self.kept.put(_KEPT, encode(message)))  # not now: a full disk is no reason to end
+        if self._following.renewed:
+            self._renewed = self._following.reference_id, stamp_ns(message.header.stamp)
         how = 'renewed (no contact)' if self._following.renewed else 'new'
         text = f'{self._following.reference_id}, {message.width}x{message.height}'
         if self._following.doubtful:
@@ -281,9 +287,9 @@ class FlowFeaturesNode(Node):
 
 
 def _is_before(reference: Received, picture: Received) -> bool:
-    """Whether a rest image applies to a picture."""
+    """Whether a rest image applies to a picture; not yet to that of its stamp, which was the last it was made from."""
     captured_ns, at_ns = (stamp_ns(each.message.header.stamp) for each in (reference, picture))
-    return captured_ns <= at_ns or picture.received_ns - reference.received_ns > ANOTHER_TIME_NS
+    return captured_ns < at_ns or picture.received_ns - reference.received_ns > ANOTHER_TIME_NS
 
 
 def _last_number(folder: Path, mine: str) -> int:

@@ -437,7 +437,7 @@ def test_a_rest_image_from_the_topic_is_not_used_for_pictures_that_were_captured
         publisher(topics.REFERENCE_IMAGE),
     )
     tested, first, second = node(bus, clock, 'reference:=topic'), PATTERN, PATTERN[::-1].copy()
-    for pixels, captured_ns in ((first, START_NS), (second, START_NS + 3)):
+    for pixels, captured_ns in ((first, START_NS), (second, START_NS + 2)):
         reference.publish(image(pixels, captured_ns))
         run(tested)
     used = []
