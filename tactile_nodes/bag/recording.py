@@ -111,15 +111,18 @@ class Tally:
 
     `malformed` counts messages that could not be encoded. `foreign` counts messages on a topic that had another type,
     or another version of it, or an unannounced publisher. `other_types` names publishers whose messages never come,
-    because the bag has their topic with another type. `begin_ns` is the start of the recording.
+    because the bag has their topic with another type. `begin_ns` is the start of the recording. `is_steady` says of a
+    topic whether its messages come at a steady pace: only then those before the first that was received can be
+    estimated. Of others, such as log messages, there may have been none.
     """
 
-    def __init__(self, begin_ns: int = 0) -> None:
+    def __init__(self, begin_ns: int = 0, is_steady: Callable[[str], bool] = lambda _: True) -> None:
         self.missed_of: Counter[str] = Counter()
         self.malformed: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
         self.other_types: set[str] = set()
         self.begin_ns = begin_ns
+        self._is_steady = is_steady
         self._gaps = GapCounter()
         self._bytes_before = 0
 
@@ -145,7 +148,7 @@ class Tally:
 
     def lost_of(self, dropped_of: Counter[str]) -> Counter[str]:
         """Number of missing messages per topic; `dropped_of` are those that were dropped for a slow disk."""
-        late = {topic: count for topic, (count, _) in self._gaps.late(self.begin_ns).items()}
+        late = {topic: count for topic, (count, _) in self._late().items()}
         return +(dropped_of + self.missed_of + self.malformed + self.foreign + Counter(late))
 
     def complaint(self, totals: BagTotals) -> str:
@@ -173,11 +176,14 @@ class Tally:
         losses = [f'{why}: {_listed(counts)}' for why, counts in kinds.items() if counts.total()]
         late = [
             f'{topic} {seconds:.1f} s (about {count} messages)'
-            for topic, (count, seconds) in sorted(self._gaps.late(self.begin_ns).items())
+            for topic, (count, seconds) in sorted(self._late().items())
         ]
         losses += [f'heard late: {", ".join(late)}'] if late else []
         losses += [self._of_other_types()] if self.other_types else []
         return '; ' + '; '.join(losses) + _meanings(self.lost_of(dropped_of), meaning) if losses else ''
+
+    def _late(self) -> dict[str, tuple[int, float]]:
+        return {topic: each for topic, each in self._gaps.late(self.begin_ns).items() if self._is_steady(topic)}
 
     def _of_other_types(self) -> str:
         return f'not recorded, as the bag has the topic with another type: {", ".join(sorted(self.other_types))}'

@@ -182,7 +182,6 @@ CONTACT = Topic(
     'geometry_msgs/msg/PointStamped',
     'the place of the largest contact, while there is one [m]',
     _LATEST,
-    60.0,
     frame=_SURFACE,
     holds='m; nothing is sent without contact, or while the force is invalid',
 )

@@ -109,7 +109,7 @@ class RecorderNode(Node):
         limits = BagLimits(params.queue_mb * MB, params.max_file_bytes, params.max_file_s)
         self.writer = BagWriter(folder, compression=params.compression, limits=limits)
         self._begun_ns = self.clock.now_ns()
-        self.failure, self.tally, self._ended = None, Tally(begin_ns=self._begun_ns), {}
+        self.failure, self.tally, self._ended = None, Tally(self._begun_ns, _comes_often), {}
         self.post(self._keep_folder)
         self._opening = Opening(self._begun_ns, begins_with, HELD * params.queue_mb * MB)
         self._look()

@@ -89,6 +89,15 @@ def test_a_topic_heard_from_its_first_message_on_is_not_late() -> None:
     assert not tally_of('/image', range(1, 30), 5000 * MS, 20 * MS).lost_of(Counter())
 
 
+def test_what_comes_now_and_then_is_never_late() -> None:
+    """Two lines of a log within a millisecond, after ten seconds without any: not the third and fourth were missed."""
+    tally = Tally(is_steady=lambda topic: topic != '/rosout')
+    for number, at_ns in ((5, 10_000 * MS), (6, 10_001 * MS)):
+        tally.note('/rosout', 'a', number, at_ns)
+    assert tally.losses(Counter(), str) == ''
+    assert not tally.lost_of(Counter())
+
+
 def test_losses_are_reported_by_topics_with_what_they_mean() -> None:
     tally = Tally()
     for number in (1, 2, 5):

@@ -218,6 +218,21 @@ def test_a_topic_that_is_heard_late_is_reported_at_the_end(bus, clock, start: St
     assert (values['bag'], values['lost'], values['lost_of']) == (str(tmp_path / 'bag'), '150', '/camera_info 150')
 
 
+@pytest.mark.parametrize('topic', [topics.ROSOUT, topics.DIAGNOSTICS, topics.CONTACT], ids=lambda each: each.name)
+def test_a_topic_that_comes_now_and_then_is_not_reported_as_heard_late(
+    topic: topics.Topic, bus, clock, start: Start
+) -> None:
+    """Two messages within a millisecond, after ten seconds without any; a hand reports its sensors so, each second."""
+    talker = advertise(bus, f'/{topic.name.lstrip("/")}', topic.type_name)
+    talker.sequence = 100
+    node = start()
+    for after_s in (10.0, 0.001):
+        clock.advance(after_s)
+        talker.publish(messages.message_class(topic.type_name)())
+        run(node)
+    assert 'heard late' not in node.stop_recording()
+
+
 def diagnosed(node: RecorderNode) -> list[types.DiagnosticStatus]:
     node._report_health()
     return node.diagnostics.message(0).status
