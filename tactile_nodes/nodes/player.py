@@ -135,7 +135,7 @@ class PlayerNode(Node):
 
     def _advertise(self) -> dict[str, Publisher]:
         rules = tuple(parse_remap(rule) for rule in self.params.remap)
-        names = replace(self.names, remaps=(*rules, *self.names.remaps))
+        names = self._played_as = replace(self.names, remaps=(*rules, *self.names.remaps))
         self._wanted = self._named(self.params.topics)
         if unknown := self._wanted - self.reader.topics.keys():
             raise BagError(f'{self.reader.path} holds no {", ".join(sorted(unknown))}{self._others(unknown)}')
@@ -253,20 +253,24 @@ class PlayerNode(Node):
             return
         nodes = ', '.join(f'{sensor}/{self.params.wait_for}' for sensor in sorted(unheard))
         text = f'{nodes} did not subscribe within {_LISTENS_AT_MOST_S:g} s'
-        if unheard == self._sensors():
+        if unheard == self._sensors().keys():
             raise BagError(text)
         self.log.warn(f'{text}; the images of the others are played')
 
-    def _sensors(self) -> set[str]:
-        return {topic.rpartition('/')[0] for topic in self._wanted or self._publishers}
+    def _sensors(self) -> dict[str, set[str]]:
+        """The topics of each sensor under the names that they are played as."""
+        found: dict[str, set[str]] = {}
+        for topic in self._wanted or self._publishers:
+            found.setdefault(topic.rpartition('/')[0], set()).add(self._played_as.resolve(topic))
+        return found
 
     def _unheard(self) -> set[str]:
         """The sensors whose node `wait_for` does not subscribe."""
         if not self.params.wait_for:
             return set()
-        ends = [end for peer in self.bus.graph().participants for end in peer.subscriptions]
+        ends = self.bus.graph().subscriptions()
         subscribed = {end.name for end in ends if end.node.rpartition('/')[2] == self.params.wait_for}
-        return {each for each in self._sensors() if not any(topic.startswith(f'{each}/') for topic in subscribed)}
+        return {sensor for sensor, topics_of in self._sensors().items() if not topics_of & subscribed}
 
     def _has_met_all(self) -> bool:
         """Whether all running subscribers are connected, so that they receive the first message."""

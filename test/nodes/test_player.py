@@ -210,6 +210,16 @@ def test_a_player_waits_for_the_node_that_has_to_listen(bus: InProcessBus, bag: 
     assert taken(clock.chatter) == NUMBERS
 
 
+def test_a_player_does_not_take_the_node_of_another_sensor_for_the_one_that_has_to_listen(
+    bus: InProcessBus, play: Callable[..., PlayerNode]
+) -> None:
+    """A hand runs while the recording of a single sensor is played beside it: its nodes do not hear that."""
+    bus.subscribe('/left/chatter', STRING, Qos('queue', 100), '/left/flow_features')
+    node = play(wait_for='flow_features')
+    node.spin()
+    assert str(node.failure).endswith('/flow_features did not subscribe within 30 s')
+
+
 def test_a_player_that_nobody_hears_says_so_instead_of_playing(
     bus: InProcessBus, play: Callable[..., PlayerNode]
 ) -> None:
