@@ -26,6 +26,7 @@ from tactile_nodes.viewing.measures import (
 )
 
 WINDOW_S = 5.0
+OLD_S = 1.0  # a value that came longer ago is not shown as current
 SILENT_AFTER_S = 3.5  # nodes report once a second
 EARLIER_S = 10.0  # a node that was silent so long before the forces ended is not the cause
 _WARN = 30
@@ -49,7 +50,7 @@ class Snapshot:
 
     `force` and `truth` belong together: when a true force exists, they are the last two of the same stamp.
     `lost` counts forces that were published but not received here; `skipped`, frames without a published force. For a
-    hand it holds the snapshots of its `sensors`, and the total force on them.
+    hand it holds the snapshots of its `sensors`, and the total force on them, unless that is old.
     """
 
     namespace: str
@@ -90,6 +91,7 @@ class ViewState:
         self.advice = 'start a sensor with: tactile launch live'
         self.sensors: dict[str, ViewState] = {}
         self._wrench: Any = None
+        self._wrench_ns = 0
         self._health: dict[str, _NodeHealth] = {}
         self._logs: deque[_LogLine] = deque(maxlen=4)
         self._start_ns = start_ns
@@ -143,7 +145,7 @@ class ViewState:
 
     def add_wrench(self, received: Received) -> None:
         """Add the total force on a hand."""
-        self._wrench = received.message
+        self._wrench, self._wrench_ns = received.message, received.received_ns
 
     def add_diagnostics(self, received: Received) -> None:
         """Add diagnostics of nodes."""
@@ -223,7 +225,7 @@ class ViewState:
             advice=self.advice,
             first_after_s=math.nan if self._first_ns is None else (self._first_ns - self._start_ns) / NS_PER_S,
             sensors=sensors,
-            wrench=self._wrench,
+            wrench=self._wrench if now_ns - self._wrench_ns <= OLD_S * NS_PER_S else None,
         )
 
     def _shown(self) -> tuple[Any, Any]:

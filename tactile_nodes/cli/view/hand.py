@@ -80,7 +80,7 @@ def _margin(namespace: str, wrench: Any) -> str:
 def _sum_text(wrench: Any) -> str:
     """Force and torque on all gels, in the frame of the hand."""
     if wrench is None:
-        return 'no data: hand_wrench has no publisher'
+        return 'no data: nothing comes on hand_wrench'
     missing = f'  without {", ".join(wrench.missing)}' if wrench.missing else ''
     if not wrench.sensors:
         return f'not known{missing}'

@@ -15,7 +15,7 @@ from tactile_nodes.cli.view import FULL_SCALE_N
 from tactile_nodes.cli.view.map import MAP_WIDTH, map_lines
 from tactile_nodes.viewing.measures import STAGES, Scores, strongest
 from tactile_nodes.viewing.net import net_of
-from tactile_nodes.viewing.state import NodeHealth, Snapshot, complaint, reason_names, silent
+from tactile_nodes.viewing.state import OLD_S, NodeHealth, Snapshot, complaint, reason_names, silent
 
 BOLD, _DIM, _PLAIN = Style(bold=True), Style(dim=True), Style()
 LEVELS = (Style(color='green'), Style(color='yellow'), Style(color='red', bold=True), Style(color='magenta'))
@@ -218,7 +218,7 @@ def _drops_text(shot: Snapshot) -> str:
 
 def is_old(shot: Snapshot) -> bool:
     """Whether the last force is too old to be shown as current."""
-    return shot.age_s > 1
+    return shot.age_s > OLD_S
 
 
 def state_text(shot: Snapshot) -> str:

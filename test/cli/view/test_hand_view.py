@@ -46,6 +46,14 @@ def test_a_sensor_that_falls_silent_is_reported() -> None:
     assert 'no force for 2.0 s, the last was OK' in row
 
 
+def test_a_sum_that_came_longer_ago_than_a_second_is_not_shown_nor_are_its_margins() -> None:
+    for late_ms, shown in ((990.0, True), (1000.0, False)):  # it came 6 ms before
+        lines = hand.picture(seen(late_ms=late_ms)).plain.splitlines()
+        assert any('force +0.100' in line for line in lines) is shown
+        assert any('0.40' in line for line in lines) is shown
+    assert 'sum no data: nothing comes on hand_wrench' in hand.line(seen(late_ms=1000.0))
+
+
 def test_a_line_and_the_summary_hold_the_same() -> None:
     shot = seen()
     assert 'left 0.750 N OK  right 0.000 N INVALID' in hand.line(shot)
