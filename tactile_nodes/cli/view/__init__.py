@@ -186,11 +186,16 @@ class Watch:
         self._feeds.close()
 
     def _look_elsewhere(self, published: set[str], now_ns: int) -> None:
-        """Suggest the command that shows the sensor of another namespace; several in this one are shown together."""
+        """Suggest the command that shows the sensor of another namespace.
+
+        Several in this one, or those of a hand, are shown together, also if only one of a hand has started.
+        """
+        from tactile_nodes.bus import topics
+
         ending = f'/{self._force_topic.rpartition("/")[2]}'
         there = sorted(name.removesuffix(ending) for name in published if name.endswith(ending))
         inside = [name for name in there if name.startswith(self._full(''))]
-        if len(inside) > 1:
+        if len(inside) > 1 or self._full(topics.HAND_WRENCH.name) in published:
             for namespace in inside:
                 self._add_sensor(namespace, now_ns)
         elif there:

@@ -76,6 +76,15 @@ def test_all_sensors_of_a_hand_are_seen_together(other: ZmqBus, tactile: Tactile
     assert min(rows['left'], rows['right']) > 0
 
 
+def test_the_only_sensor_of_a_hand_that_has_started_is_seen(
+    other: ZmqBus, tactile: Tactile, repeating: Repeating
+) -> None:
+    publish_forces(other, repeating, '/left')
+    other.advertise('/hand_wrench', topics.HAND_WRENCH.type_name, topics.HAND_WRENCH.qos, '/hand_wrench')
+    ended = tactile('view', '--plain', '--duration', '3.1')
+    assert 'left 0.000 N OK  sum no data' in ended.out
+
+
 def test_a_view_of_a_sensor_that_is_missing_does_not_show_others_in_its_place(
     other: ZmqBus, tactile: Tactile, repeating: Repeating
 ) -> None:
