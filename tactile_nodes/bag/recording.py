@@ -14,6 +14,9 @@ from tactile_nodes.clock import NS_PER_S, wall_ns
 from tactile_nodes.errors import ConfigurationError
 
 MB = 1_000_000
+LATE_AT_MOST_S = 10.0
+"""A topic is heard after some seconds, even on a busy machine. One that is first heard later was silent until then: its
+camera was unplugged, or its player paused."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +72,8 @@ class _Stream:
             return 0, 0.0
         period_ns = (self.newest_ns - self.first_ns) / (self.newest - self.first)
         before_ns = self.first_ns - begin_ns
-        count = min(self.first - 1, int(before_ns / period_ns))
-        return count, min(before_ns, (self.first - 1) * period_ns) / NS_PER_S
+        late_s = min(before_ns, (self.first - 1) * period_ns) / NS_PER_S
+        return (min(self.first - 1, int(before_ns / period_ns)), late_s) if late_s <= LATE_AT_MOST_S else (0, 0.0)
 
 
 class GapCounter:

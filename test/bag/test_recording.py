@@ -89,6 +89,11 @@ def test_a_topic_heard_from_its_first_message_on_is_not_late() -> None:
     assert not tally_of('/image', range(1, 30), 5000 * MS, 20 * MS).lost_of(Counter())
 
 
+def test_a_camera_that_is_plugged_in_again_during_a_recording_is_not_said_to_be_late() -> None:
+    """It had sent 5000 pictures before it was unplugged, and sends the next one half a minute after the beginning."""
+    assert not tally_of('/image', range(5001, 5100), 30_000 * MS, 20 * MS).lost_of(Counter())
+
+
 def test_what_comes_now_and_then_is_never_late() -> None:
     """Two lines of a log within a millisecond, after ten seconds without any: not the third and fourth were missed."""
     tally = Tally(is_steady=lambda topic: topic != '/rosout')
