@@ -23,6 +23,7 @@ import numpy as np
 
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
+from tactile_nodes.bus.names import absolute_namespace
 from tactile_nodes.errors import BagError, TactileError
 from tactile_nodes.learning.figures import figure, save
 from tactile_nodes.messages import stamp_ns, types
@@ -69,9 +70,10 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         output = arguments.output or Path(f'{arguments.bag.resolve().stem}.png')
-        forces, truth = read(arguments.bag, arguments.namespace)
+        namespace = absolute_namespace(arguments.namespace)
+        forces, truth = read(arguments.bag, namespace)
         at = instant(forces, arguments.at)
-        surface = read_surface(arguments.bag, arguments.namespace, stamp_ns(forces.told[at].header.stamp))
+        surface = read_surface(arguments.bag, namespace, stamp_ns(forces.told[at].header.stamp))
         save(draw(forces, truth, arguments.at, surface), output)
     except TactileError as error:
         print(error, file=sys.stderr)

@@ -96,6 +96,19 @@ def test_the_program_writes_a_picture_of_a_bag_of_before_shear_was_reported(
     assert (tmp_path / 'press.png').read_bytes().startswith(b'\x89PNG')
 
 
+@pytest.mark.parametrize('namespace', ['/left', 'left'])
+def test_the_sensor_is_named_as_in_the_commands(
+    namespace: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writer, topic = BagWriter(tmp_path / 'hand'), f'/left/{FORCE_DISTRIBUTION.name}'
+    writer.add_topic(BagTopic.of_type(topic, FORCE_DISTRIBUTION.type_name))
+    writer.write(topic, encode(force(1, START_NS)), START_NS, START_NS)
+    writer.close()
+    words = ['bag_to_figure.py', str(tmp_path / 'hand'), '--namespace', namespace, '-o', str(tmp_path / 'left.png')]
+    monkeypatch.setattr(sys, 'argv', words)
+    assert example('bag_to_figure').main() == 0
+
+
 def test_a_bag_without_forces_is_refused_in_a_sentence(
     bag: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
