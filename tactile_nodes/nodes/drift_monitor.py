@@ -91,8 +91,9 @@ class DriftMonitorNode(Node):
 
     def _on_reference(self, received: Received) -> None:
         picture = conversions.image_array(received.message)
-        self._rest_shape = picture.shape
-        self._reference_id = content_id(picture)
+        if (reference_id := content_id(picture)) == self._reference_id:
+            return  # sensing was started again and goes on with it: the evidence stays
+        self._rest_shape, self._reference_id = picture.shape, reference_id
         try:
             self._monitor.rest(picture)
         finally:  # also if it cannot be compared: the verdict on the rest image before no longer holds

@@ -154,6 +154,18 @@ def test_an_estimator_that_starts_again_leaves_the_evidence_against_its_calibrat
     assert (state.level, state.reasons) == (STATE.LEVEL_AGEING, STATE.REASON_MOVED_SINCE_CALIBRATION)
 
 
+def test_sensing_that_starts_again_with_its_rest_image_leaves_the_evidence_against_it(
+    bench: Callable[..., Bench],
+) -> None:
+    tested = bench()
+    tested.rest(REST)
+    tested.pictures(KNOCKED)
+    tested.rest(REST)
+    assert tested.published()[-1].reasons == STATE.REASON_PICTURE_MOVED
+    tested.rest(KNOCKED)
+    assert not tested.published()[-1].reasons & STATE.REASON_PICTURE_MOVED
+
+
 def test_without_one_the_first_rest_image_stands_in(bench: Callable[..., Bench]) -> None:
     tested = bench()
     tested.model()
