@@ -130,8 +130,8 @@ class FlowFeaturesNode(Node):
         except TactileError as error:
             self.report('rest image', Level.WARN, f'the rest image from before the restart cannot be used: {error}')
             return False
+        self._go_on()  # also with what speaks against the rest image
         self._tell_reference()
-        self._go_on()
         return True
 
     def _go_on(self) -> None:

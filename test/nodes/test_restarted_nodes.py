@@ -87,6 +87,21 @@ def test_the_restored_rest_image_is_reported_to_those_who_come_later(launch: Pat
     np.testing.assert_array_equal(received.message.data, PATTERN.ravel())
 
 
+def test_a_restored_rest_image_of_a_picture_that_never_rested_is_reported_as_before(
+    launch: Path, born: Born, clock: SteppedClock
+) -> None:
+    tested, bus = born(FlowFeaturesNode, *SMALL, 'reference_frames:=2')
+    camera = bus.advertise('/image_raw', topics.IMAGE.type_name, Qos('latest', 1))
+    for number in range(10):  # four times two frames, one that ends the capture, and one that is measured
+        camera.publish(image(np.roll(PATTERN, number % 2, axis=1), clock.now_ns() + number))
+        run(tested)
+    said = []
+    for each in (tested, born(FlowFeaturesNode, *SMALL, 'reference_frames:=2')[0]):
+        said += [status for status in each.diagnostics.message(0).status if status.name.endswith(': rest image')]
+    assert 'never was still' in said[0].message
+    assert (said[1].level, said[1].message) == (said[0].level, said[0].message)
+
+
 def test_another_launch_captures_its_own_rest_image(
     launch: Path, born: Born, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
