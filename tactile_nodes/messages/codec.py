@@ -32,6 +32,8 @@ def encode_view(message: Any) -> memoryview:
     name = type_name(message)
     try:
         return store().serialize_cdr(message, name)
+    except UnicodeEncodeError:  # the name of a folder that is not UTF-8: such letters are sent as their codes
+        return encode_view(_escaped(message))
     except Exception as error:  # generated code raises many kinds of errors for a wrong field
         raise MessageError(f'a field of this {name} has an invalid value: {error}') from error
 
@@ -55,6 +57,17 @@ def decode_within(data: bytes, name: str) -> Any:
         MessageError: no such type, or the bytes are not a message of this type.
     """
     return _decoded(data, name, store().deserialize_cdr_within)
+
+
+def _escaped(value: Any) -> Any:
+    r"""A message or a part of it, whose texts can be encoded: 'm\udcfc' becomes r'm\udcfc'."""
+    if isinstance(value, str):
+        return value.encode(errors='backslashreplace').decode()
+    if isinstance(value, list):
+        return [_escaped(each) for each in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return dataclasses.replace(value, **{each: _escaped(part) for each, part in vars(value).items()})
+    return value
 
 
 def _decoded(data: Any, name: str, decoder: Callable[[Any, str], Any]) -> Any:

@@ -26,6 +26,16 @@ def test_header_bytes_are_xcdr1_little_endian() -> None:
     assert messages.encode(header) == b'\x00\x01\x00\x00' + struct.pack('<iII', 1, 2, 4) + b'gel\x00'
 
 
+def test_a_path_that_is_not_utf_8_is_sent_with_the_codes_of_its_odd_letters() -> None:
+    """'m' and 'ü' in Latin-1, as Python has the name of such a folder; the state of a recorder names it."""
+    odd, shown = b'/m\xfc/bag'.decode(errors='surrogateescape'), r'/m\udcfc/bag'
+    status = types.DiagnosticStatus(level=1, message=odd, values=[types.KeyValue(key='bag', value=odd)])
+    (sent,) = messages.decode(
+        messages.encode(types.DiagnosticArray(status=[status])), 'diagnostic_msgs/msg/DiagnosticArray'
+    ).status
+    assert (sent.level, sent.message, sent.values[0].value) == (1, shown, shown)
+
+
 def test_fields_not_given_are_zero_as_in_ros_2() -> None:
     message = types.ForceDistribution()
     assert (message.rows, message.total, message.status, message.provenance.model) == (0, 0.0, 0, '')
