@@ -30,7 +30,7 @@ _RECORDER = 'bag_recorder'  # a launch has a `recorder`, whose services the butt
 
 
 def record(arguments: argparse.Namespace) -> int:
-    """Record until Ctrl-C, or for ``--duration``; 1 if not everything could be received and written."""
+    """Record until Ctrl-C, or for ``--duration``; 1 if not everything that was received could be written."""
     parameters: dict[str, Value] = {
         'bag': arguments.output,
         'topics': arguments.topics,
