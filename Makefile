@@ -1,6 +1,7 @@
 # make live [SOURCE=/dev/video0 | video.avi | folder | http://… | rtsp://…]   see force, live
 # make live SENSOR=mine.yaml [SOURCE=…] [MODEL=…]                             of a described sensor (docs/sensors.md)
 # make test                                                                   run the tests
+# make oldest                                                                 run them with the oldest versions that setup.py allows
 # make documents                                                              run the commands of the documents, the long ones too
 # make site                                                                   build the documentation as a searchable site
 # make fuzz                                                                   run the random ones with other examples, until Ctrl-C
@@ -16,7 +17,7 @@ ARGS ?=
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(min(4, 1 + (os.cpu_count() or 1)))')
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
 
-.PHONY: live test fuzz documents lint docs site site-serve clean
+.PHONY: live test oldest fuzz documents lint docs site site-serve clean
 
 # Of a described sensor, without a model of it, that which follows from the description; it takes some seconds.
 OWN_MODEL := build/live/$(notdir $(basename $(SENSOR))).safetensors
@@ -32,6 +33,14 @@ endif
 
 test: $(VENV)/.dev
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist worksteal $(ARGS)
+
+# What another program pins may be older than what pip would choose: ROS 2 Jazzy needs numpy 1.26, and so OpenCV 4.11.
+oldest:
+	@test -e build/oldest/bin/python || $(PYTHON) -m venv build/oldest
+	build/oldest/bin/python -m pip install --quiet --constraint constraints.txt torch uv
+	build/oldest/bin/uv pip install --python build/oldest --resolution lowest-direct --editable '.[train,dev]'
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
+	  build/oldest/bin/python -m pytest --numprocesses $(WORKERS) --dist worksteal $(ARGS)
 
 # The random tests, again and again with other examples until Ctrl-C or a failure; SEED=… tries those of that seed again.
 # What fails is kept in .hypothesis/found, and tried first in the next round.

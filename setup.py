@@ -132,7 +132,7 @@ setup(
     },
     data_files=shared_files(),
     install_requires=[
-        'aiohttp>=3.14,<4',
+        'aiohttp>=3.14.4,<4',
         'argcomplete>=3.5,<4',
         'mcap>=1.5,<2',
         'numba>=0.61,<0.69',

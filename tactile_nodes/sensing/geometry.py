@@ -207,8 +207,9 @@ class PinholeCamera:
             import cv2
 
             until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-12)
-            lens = np.array(self.distortion)
-            plane = cv2.undistortPoints(plane[:, None], np.eye(3), lens, criteria=until)[:, 0]
+            seen = plane[:, None], np.eye(3), np.array(self.distortion), np.eye(3), np.eye(3)
+            in_opencv_4 = getattr(cv2, 'undistortPointsIter', None)
+            plane = (in_opencv_4(*seen, until) if in_opencv_4 else cv2.undistortPoints(*seen, criteria=until))[:, 0]
         rays = np.column_stack([plane, np.ones(len(plane))])
         unit: np.ndarray = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         return unit

@@ -254,6 +254,8 @@ class _Anderson:
         normal = np.array([[np.vdot(one, other) for other in self._steps] for one in self._steps], float)
         right = np.array([np.vdot(each, step) for each in self._steps], float)
         normal[np.diag_indices(len(normal))] *= 1 + 1e-8
-        for share, place, change in zip(np.linalg.lstsq(normal, right)[0], self._places, self._steps, strict=True):
+        for share, place, change in zip(
+            np.linalg.lstsq(normal, right, rcond=None)[0], self._places, self._steps, strict=True
+        ):
             ahead = ahead - share.astype(ahead.dtype) * (place + change)
         return ahead
