@@ -6,6 +6,7 @@ import functools
 import gc
 import os
 import signal
+import socket
 import sys
 import tempfile
 import threading
@@ -14,7 +15,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import before_imports
+import before_imports  # noqa: F401
 import hypothesis
 import pytest
 import shape_checks
@@ -74,8 +75,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Shapes and types of arrays are checked in the tests of these packages. Elsewhere it would double the time of many.
 CHECKED = ('sensing', 'simulation')
 CHECKED_TESTS = [TESTS / package for package in CHECKED]
-CHECKED_PACKAGES = [f'tactile_nodes.{package}' for package in CHECKED]
-shape_checks.install(CHECKED_PACKAGES)
+shape_checks.install([f'tactile_nodes.{package}' for package in CHECKED])
 
 # The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints, and
 # keeps what it finds.
@@ -142,19 +142,14 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Look for pauses of the machine; have each worker count the tries of its own tests.
-
-    Else it asks the process that started it, 1.5 ms for each test, so that one which kills its worker gets another try.
-    """
-    before_imports.compile_share(config, CHECKED_PACKAGES)
+    """Look for pauses of the machine; have each test wait less for the process that counts its tries."""
     PAUSES.start()
     if PROFILE == 'fuzz':
         config.pluginmanager.register(FOUND)
-    if hasattr(config, 'workerinput') and config.pluginmanager.hasplugin('rerunfailures'):
-        from pytest_rerunfailures import StatusDB
-
-        config.failures_db.sock.close()
-        config.failures_db = StatusDB()
+    tries = getattr(config, 'failures_db', None)
+    if hasattr(config, 'workerinput') and hasattr(tries, 'sock'):
+        # Of two short lines the second waited for the acknowledgement of the first, 40 ms.
+        tries.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
 @pytest.hookimpl(tryfirst=True)
