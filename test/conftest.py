@@ -15,7 +15,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import before_imports  # noqa: F401
+import before_imports
 import hypothesis
 import pytest
 import shape_checks
@@ -143,6 +143,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
     """Look for pauses of the machine; have each test wait less for the process that counts its tries."""
+    before_imports.compile_share(config)
     PAUSES.start()
     if PROFILE == 'fuzz':
         config.pluginmanager.register(FOUND)
