@@ -6,7 +6,6 @@ import functools
 import gc
 import os
 import signal
-import socket
 import sys
 import tempfile
 import threading
@@ -142,15 +141,19 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Look for pauses of the machine; have each test wait less for the process that counts its tries."""
+    """Look for pauses of the machine; have each worker count the tries of its own tests.
+
+    Else it asks the process that started it, 1.5 ms for each test, so that one which kills its worker gets another try.
+    """
     before_imports.compile_share(config)
     PAUSES.start()
     if PROFILE == 'fuzz':
         config.pluginmanager.register(FOUND)
-    tries = getattr(config, 'failures_db', None)
-    if hasattr(config, 'workerinput') and hasattr(tries, 'sock'):
-        # Of two short lines the second waited for the acknowledgement of the first, 40 ms.
-        tries.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    if hasattr(config, 'workerinput') and config.pluginmanager.hasplugin('rerunfailures'):
+        from pytest_rerunfailures import StatusDB
+
+        config.failures_db.sock.close()
+        config.failures_db = StatusDB()
 
 
 @pytest.hookimpl(tryfirst=True)
