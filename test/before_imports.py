@@ -15,6 +15,7 @@ import contextlib
 import importlib.util
 import os
 import sys
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
@@ -28,24 +29,29 @@ if importlib.util.find_spec('rclpy') is not None:
     sys.path[:] = [*(path for path in sys.path if path != str(ROOT)), str(ROOT)]
 
 
-def compile_share(config: pytest.Config) -> None:
-    """Have each worker compile its share of the sources: in a fresh checkout each would compile all of them."""
+def compile_share(config: pytest.Config, checked: list[str]) -> None:
+    """Have each worker compile its share of the sources: in a fresh checkout each would compile all of them.
+
+    Files of tests get pytest's assertions, and those of the packages that are `checked` the checks of their arrays.
+    """
     worker = getattr(config, 'workerinput', None)
     if worker is None:
         return
     files = sorted(file for room in ('tactile_nodes', 'benchmarks', 'test') for file in (ROOT / room).rglob('*.py'))
     for file in files[int(worker['workerid'].removeprefix('gw')) :: worker['workercount']]:
+        name = '.'.join(file.relative_to(ROOT).with_suffix('').parts)
         if file.name.startswith('test_') or file.name == 'conftest.py':
-            rewrite_asserts(file)
+            loader = next(finder for finder in sys.meta_path if hasattr(finder, 'mark_rewrite'))
+            load_without_imports(importlib.util.spec_from_file_location(name, file, loader=loader))
+        elif name.startswith(tuple(f'{package}.' for package in checked)):
+            load_without_imports(importlib.util.find_spec(name))
         else:
             compileall.compile_file(file, quiet=2)
 
 
-def rewrite_asserts(file: Path) -> None:
-    """Have pytest keep the bytecode of a file of tests, without what the file imports: at its first import it ends."""
-    loader = next(finder for finder in sys.meta_path if hasattr(finder, 'mark_rewrite'))
-    spec = importlib.util.spec_from_file_location(file.stem, file, loader=loader)
+def load_without_imports(spec: ModuleSpec) -> None:
+    """Have the loader of a module keep its bytecode; the module itself ends at its first import."""
     module = importlib.util.module_from_spec(spec)
     module.__builtins__ = {}
     with contextlib.suppress(ImportError):
-        loader.exec_module(module)
+        spec.loader.exec_module(module)

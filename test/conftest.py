@@ -74,7 +74,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Shapes and types of arrays are checked in the tests of these packages. Elsewhere it would double the time of many.
 CHECKED = ('sensing', 'simulation')
 CHECKED_TESTS = [TESTS / package for package in CHECKED]
-shape_checks.install([f'tactile_nodes.{package}' for package in CHECKED])
+CHECKED_PACKAGES = [f'tactile_nodes.{package}' for package in CHECKED]
+shape_checks.install(CHECKED_PACKAGES)
 
 # The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints, and
 # keeps what it finds.
@@ -145,7 +146,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     Else it asks the process that started it, 1.5 ms for each test, so that one which kills its worker gets another try.
     """
-    before_imports.compile_share(config)
+    before_imports.compile_share(config, CHECKED_PACKAGES)
     PAUSES.start()
     if PROFILE == 'fuzz':
         config.pluginmanager.register(FOUND)
