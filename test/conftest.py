@@ -189,6 +189,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_runtestloop() -> None:
     """From here on memory is looked through as ever, but not what is there already."""
     gc.freeze()
+    gc.set_threshold(20_000)
     gc.enable()
 
 
