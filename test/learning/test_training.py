@@ -2,26 +2,27 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-torch = pytest.importorskip('torch')
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.learning.config import Choice, DataConfig, NetworkConfig, TrainConfig, TrainingConfig
+from tactile_nodes.learning.datasets import simulated as datasets
+from tactile_nodes.learning.datasets.simulated import Dataset, simulate
+from tactile_nodes.learning.evaluation.evaluate import evaluate, put_aside
+from tactile_nodes.learning.evaluation.predictions import predict
+from tactile_nodes.learning.evaluation.tables import report
+from tactile_nodes.learning.network import layers as network_layers
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.run.folder import read_run
+from tactile_nodes.learning.training import train as training
+from tactile_nodes.learning.training.source import training_data
+from tactile_nodes.model_file import load_model
 
-from tactile_nodes.errors import ConfigurationError, ModelError  # noqa: E402
-from tactile_nodes.learning.config import Choice, DataConfig, NetworkConfig, TrainConfig, TrainingConfig  # noqa: E402
-from tactile_nodes.learning.datasets import simulated as datasets  # noqa: E402
-from tactile_nodes.learning.datasets.simulated import Dataset, simulate  # noqa: E402
-from tactile_nodes.learning.evaluation.evaluate import evaluate, put_aside  # noqa: E402
-from tactile_nodes.learning.evaluation.predictions import predict  # noqa: E402
-from tactile_nodes.learning.evaluation.tables import report  # noqa: E402
-from tactile_nodes.learning.network import layers as network_layers  # noqa: E402
-from tactile_nodes.learning.progress import Progress  # noqa: E402
-from tactile_nodes.learning.run.folder import read_run  # noqa: E402
-from tactile_nodes.learning.training import train as training  # noqa: E402
-from tactile_nodes.learning.training.source import training_data  # noqa: E402
-from tactile_nodes.model_file import load_model  # noqa: E402
+pytestmark = pytest.mark.skipif(find_spec('torch') is None, reason='torch is not installed')
 
 
 @pytest.fixture(scope='module', autouse=True)

@@ -5,25 +5,25 @@ import signal
 import subprocess
 import sys
 from contextlib import nullcontext
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tiny_training import tiny_config, tiny_held_out, tiny_presses
 
-torch = pytest.importorskip('torch')
+from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.learning.config import TrainConfig
+from tactile_nodes.learning.network import attempt as network_attempt
+from tactile_nodes.learning.network import fit as network_fit
+from tactile_nodes.learning.network.fit import fit_network
+from tactile_nodes.learning.network.scores import Validation
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.run.folder import Run, RunFolder
+from tactile_nodes.sensing.explain.network import NetworkReadout
+from tactile_nodes.sensing.geometry import BinGrid
 
-from tiny_training import tiny_config, tiny_held_out, tiny_presses  # noqa: E402
-
-from tactile_nodes.errors import ConfigurationError, ModelError  # noqa: E402
-from tactile_nodes.learning.config import TrainConfig  # noqa: E402
-from tactile_nodes.learning.network import attempt as network_attempt  # noqa: E402
-from tactile_nodes.learning.network import fit as network_fit  # noqa: E402
-from tactile_nodes.learning.network.fit import fit_network  # noqa: E402
-from tactile_nodes.learning.network.scores import Validation  # noqa: E402
-from tactile_nodes.learning.progress import Progress  # noqa: E402
-from tactile_nodes.learning.run.folder import Run, RunFolder  # noqa: E402
-from tactile_nodes.sensing.explain.network import NetworkReadout  # noqa: E402
-from tactile_nodes.sensing.geometry import BinGrid  # noqa: E402
+pytestmark = pytest.mark.skipif(find_spec('torch') is None, reason='torch is not installed')
 
 DULL = {'initial_weights': 'glorot', 'output_unit': 'newton', 'input_scaling': 'none'}
 
@@ -187,13 +187,16 @@ def test_a_network_learns_where_presses_are():
 
 
 def test_a_device_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(torch.cuda, 'is_available', lambda: False)
+    monkeypatch.setattr('torch.cuda.is_available', lambda: False)
     with pytest.raises(ConfigurationError, match='torch finds no CUDA device'):
         fitted(tiny_config(device='cuda'))
 
 
-@pytest.mark.skipif(not torch.cuda.is_available(), reason='no CUDA device')
 def test_cuda_finds_nearly_the_same_network():
+    import torch
+
+    if not torch.cuda.is_available():
+        pytest.skip('no CUDA device')
     (here, _), (there, report) = (
         fitted(tiny_config({'dropout': 0.0}, epochs=2, device=device)) for device in ('cpu', 'cuda')
     )
@@ -203,6 +206,8 @@ def test_cuda_finds_nearly_the_same_network():
 
 
 def test_armse_in_torch_is_the_papers():
+    import torch
+
     true, predicted = torch.tensor([[3.0, 0.0], [4.0, 0.0]]), torch.zeros(2, 2)
     assert network_attempt.armse(predicted, true).item() == pytest.approx(np.sqrt(12.5) / 2, rel=1e-5)
 

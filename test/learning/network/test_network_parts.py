@@ -1,25 +1,25 @@
 from __future__ import annotations
 
 import dataclasses
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from tiny_training import tiny_config, tiny_held_out, tiny_presses
 
-torch = pytest.importorskip('torch')
-
-from tiny_training import tiny_config, tiny_held_out, tiny_presses  # noqa: E402
-
-from tactile_nodes.errors import ConfigurationError  # noqa: E402
-from tactile_nodes.learning.config import NetworkConfig, TrainConfig  # noqa: E402
-from tactile_nodes.learning.network.calibration import fit_likeness, fit_spread, principal_directions  # noqa: E402
-from tactile_nodes.learning.network.inputs import (  # noqa: E402
+from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.learning.config import NetworkConfig, TrainConfig
+from tactile_nodes.learning.network.calibration import fit_likeness, fit_spread, principal_directions
+from tactile_nodes.learning.network.inputs import (
     fit_scaling,
     judging_samples,
     output_scale_n,
     prepare,
     shown_samples,
 )
-from tactile_nodes.learning.network.layers import as_mlp, build_network  # noqa: E402
+from tactile_nodes.learning.network.layers import as_mlp, build_network
+
+pytestmark = pytest.mark.skipif(find_spec('torch') is None, reason='torch is not installed')
 
 EVERY = np.arange(120)
 
@@ -83,6 +83,8 @@ def test_an_output_of_one_means_a_newton_or_the_labels_size():
 
 @pytest.mark.parametrize('activation', ['logistic', 'relu'])
 def test_the_live_network_computes_what_torch_does(activation: str):
+    import torch
+
     config, data = tiny_config({'activation': activation, 'hidden': (8, 6)}), tiny_presses()
     inputs = prepare(data, fit_scaling(data, EVERY, config))
     network = build_network(config, inputs.shape[1]).eval()
@@ -99,6 +101,8 @@ def test_a_network_starts_balanced(activation: str, mean: float, spread: tuple[f
     Rectified units keep the size of what comes in: of a normal distribution of spread s half is cut off, and the mean
     of the rest is 0.4 s; with He's spread (for as many outputs as inputs) s is the root of two.
     """
+    import torch
+
     torch.manual_seed(0)
     config = TrainConfig(network=NetworkConfig(hidden=(800, 800), activation=activation))
     network = build_network(config, 800).eval()

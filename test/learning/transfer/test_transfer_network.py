@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tiny_training import tiny_config, tiny_presses
 
-torch = pytest.importorskip('torch')
-
-from tiny_training import tiny_config, tiny_presses  # noqa: E402
-
-from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError  # noqa: E402
-from tactile_nodes.learning.datasets.simulated import Dataset  # noqa: E402
-from tactile_nodes.learning.network.fit import fit_network  # noqa: E402
-from tactile_nodes.learning.progress import Progress  # noqa: E402
-from tactile_nodes.learning.transfer.layer import (  # noqa: E402
+from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
+from tactile_nodes.learning.datasets.simulated import Dataset
+from tactile_nodes.learning.network.fit import fit_network
+from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.transfer.layer import (
     FittedLayer,
     LayerConfig,
     LayerTraining,
     fit_layer,
     load_layer_config,
 )
-from tactile_nodes.learning.transfer.network import NetworkTransfer, shuffled_parts, transfer_network  # noqa: E402
-from tactile_nodes.model_file import LoadedModel, load_model, save_model  # noqa: E402
-from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel  # noqa: E402
-from tactile_nodes.sensing.explain.network import NetworkReadout  # noqa: E402
-from tactile_nodes.sensing.explain.reading import Readout  # noqa: E402
+from tactile_nodes.learning.transfer.network import NetworkTransfer, shuffled_parts, transfer_network
+from tactile_nodes.model_file import LoadedModel, load_model, save_model
+from tactile_nodes.sensing.explain.model import FeatureLayout, ForceModel
+from tactile_nodes.sensing.explain.network import NetworkReadout
+from tactile_nodes.sensing.explain.reading import Readout
+
+pytestmark = pytest.mark.skipif(find_spec('torch') is None, reason='torch is not installed')
 
 CARD = {
     'flow': {'name': 'dis', 'options': {}}, 'encoding': {'name': 'polar_mean', 'options': {}},
@@ -83,6 +83,8 @@ def test_the_layer_begins_as_the_identity_to_the_bit(source: NetworkReadout, har
 def test_the_layer_in_training_is_the_one_that_is_read_live(
     source: NetworkReadout, harder: Dataset, centred: bool
 ) -> None:
+    import torch
+
     every = np.arange(64)
     training = LayerTraining.begin(source, harder, every, dataclasses.replace(QUICK, centred=centred))
     for _ in range(3):
@@ -96,6 +98,8 @@ def test_the_layer_in_training_is_the_one_that_is_read_live(
 
 def test_a_centred_layer_takes_smaller_steps_at_the_same_rate(source: NetworkReadout, harder: Dataset) -> None:
     """One step of Nadam moves every weight by about the rate; of features that are never negative that adds up."""
+    import torch
+
     every, moved = torch.arange(64), []
     for centred in (False, True):
         training = LayerTraining.begin(source, harder, every.numpy(), dataclasses.replace(QUICK, centred=centred))
