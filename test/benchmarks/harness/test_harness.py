@@ -252,13 +252,11 @@ def test_a_bus_of_ones_own_ends_with_it(tmp_path: Path, monkeypatch: pytest.Monk
     assert os.environ['TACTILE_RUN_DIR'] == 'before'
 
 
-@pytest.mark.parametrize('benchmark', BENCHMARKS.values(), ids=lambda each: each.name)
-def test_a_benchmark_names_itself_in_a_line_and_what_it_depends_on(benchmark: Benchmark) -> None:
-    assert benchmark.help.endswith(('.', '?'))
-    assert benchmark.about
-    assert (
-        f'benchmarks/{benchmark.name}/**' in benchmark.sources or f'benchmarks/{benchmark.name}.py' in benchmark.sources
-    )
+def test_every_benchmark_names_itself_in_a_line_and_what_it_depends_on() -> None:
+    for benchmark in BENCHMARKS.values():
+        assert benchmark.help.endswith(('.', '?')), benchmark.name
+        assert benchmark.about, benchmark.name
+        assert {f'benchmarks/{benchmark.name}/**', f'benchmarks/{benchmark.name}.py'} & set(benchmark.sources)
 
 
 def test_a_run_has_all_cases_or_those_that_were_asked_for() -> None:
