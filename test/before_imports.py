@@ -53,5 +53,5 @@ def load_without_imports(spec: ModuleSpec) -> None:
     """Have the loader of a module keep its bytecode; the module itself ends at its first import."""
     module = importlib.util.module_from_spec(spec)
     module.__builtins__ = {}
-    with contextlib.suppress(ImportError):
+    with contextlib.suppress(ImportError, NameError, SyntaxError):  # a fault is reported where it is really imported
         spec.loader.exec_module(module)

@@ -256,8 +256,10 @@ def test_what_the_documents_learn_from_presses_is_learned(tmp_path: Path, enviro
     save_dataset(tmp_path / 'presses.npz', many_presses())
     learning = [command for command in page_commands() if ON_PRESSES.search(command)]
     under_one_name = (each.replace('my_gel', 'gel-7').replace('gel_7.npz', 'presses.npz') for each in learning)
-    for command in dict.fromkeys(under_one_name):
-        run(command, tmp_path, environment)
+    commands = list(dict.fromkeys(under_one_name))
+    for command in commands:
+        if not any(other.startswith(f'{command} ') for other in commands):  # which does the same and more
+            run(command, tmp_path, environment)
 
 
 def many_presses() -> RecordedPresses:
