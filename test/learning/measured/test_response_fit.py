@@ -21,8 +21,8 @@ from tactile_nodes.sensing.explain.splines import SplineAxis, cubes
 from tactile_nodes.sensing.geometry import BinGrid
 
 BINS = BinGrid()
-COARSE = dataclasses.replace(CONFIG, components=8, spacing_mm=4.0)
-"""Enough to see what reaches a fit."""
+COARSE, FEW = dataclasses.replace(CONFIG, components=8, spacing_mm=4.0), 200
+"""Enough to see what reaches a fit, and how many presses are enough for it."""
 
 
 def learned(dataset: Dataset, config: ResponseConfig = CONFIG, every: int = 4) -> ResponseReadout:
@@ -110,8 +110,8 @@ def test_motion_that_no_press_causes_is_unlike(readout: ResponseReadout, fresh: 
 
 
 def test_smoothing_that_presses_the_response_flat_is_not_chosen() -> None:
-    free = learned(presses(400, seed=1), dataclasses.replace(COARSE, smoothing=(1e-1, 1e5)))
-    fixed = learned(presses(400, seed=1), dataclasses.replace(COARSE, smoothing=(1e-1,)))
+    free = learned(presses(FEW, seed=1), dataclasses.replace(COARSE, smoothing=(1e-1, 1e5)))
+    fixed = learned(presses(FEW, seed=1), dataclasses.replace(COARSE, smoothing=(1e-1,)))
     np.testing.assert_array_equal(free.response.coefficients, fixed.response.coefficients)
 
 
@@ -127,30 +127,30 @@ def test_with_few_noisy_presses_more_smoothing_is_chosen_than_none() -> None:
 
 @pytest.fixture(scope='module')
 def one() -> ResponseReadout:
-    return learned(presses(400, seed=5), COARSE)
+    return learned(presses(FEW, seed=5), COARSE)
 
 
 def test_the_same_presses_give_the_same_bits(one: ResponseReadout) -> None:
-    other = learned(presses(400, seed=5), COARSE)
+    other = learned(presses(FEW, seed=5), COARSE)
     np.testing.assert_array_equal(one.response.coefficients, other.response.coefficients)
     np.testing.assert_array_equal(one.likeness.directions, other.likeness.directions)
     assert one.calibration == other.calibration
 
 
 def test_presses_held_out_do_not_reach_the_fit(one: ResponseReadout) -> None:
-    dataset = presses(400, seed=5)
-    dataset.features[np.arange(400) % 4 == 1] += np.float16(1.0)
+    dataset = presses(FEW, seed=5)
+    dataset.features[np.arange(FEW) % 4 == 1] += np.float16(1.0)
     other = learned(dataset, COARSE)
     np.testing.assert_array_equal(one.response.coefficients, other.response.coefficients)
 
 
 def test_a_region_without_markers_does_not_reach_the_readout() -> None:
-    dataset = presses(400, seed=5)
+    dataset = presses(FEW, seed=5)
     confidence = dataset.confidence.copy()
     confidence[0, 2, 2] = 0.01
     blind = learned(dataclasses.replace(dataset, confidence=confidence), COARSE)
     noisy = dataset.features.copy()
-    noisy[:, 2, 2] = np.random.default_rng(6).normal(0, 30, (400, 2))
+    noisy[:, 2, 2] = np.random.default_rng(6).normal(0, 30, (FEW, 2))
     other = learned(dataclasses.replace(dataset, confidence=confidence, features=noisy), COARSE)
     np.testing.assert_allclose(other.response.coefficients, blind.response.coefficients, atol=1e-5)
 
