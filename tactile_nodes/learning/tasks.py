@@ -130,7 +130,9 @@ def _done_here(make: Callable[[Job], Result], jobs: Mapping[int, Job], processes
 def _done_on(scheduler: str, make: Callable[[Job], Result], jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
     with from_extra('cluster', 'work on a cluster'):
         from distributed import CancelledError, Client, KilledWorker
+        from distributed.comm.addressing import get_address_host_port
     try:
+        get_address_host_port(scheduler, strict=False)  # with an address that is none, a client is begun and hangs
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, DaskTimeoutError, ValueError) as error:
         raise ConfigurationError(

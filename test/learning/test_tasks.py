@@ -169,6 +169,22 @@ def test_a_scheduler_that_is_not_there_is_one_sentence(monkeypatch: pytest.Monke
     assert monotonic_s() - begun_s < 20
 
 
+def test_an_address_that_is_none_is_one_sentence_and_leaves_nothing_to_wait_for() -> None:
+    """A client that was begun would be waited for in vain when the process ends, and Python would tell of that."""
+    code = (
+        'from drawing import JOBS, drawn\nfrom tactile_nodes.learning.tasks import done, on_cluster\n'
+        'from tactile_nodes.errors import ConfigurationError\nimport sys\n'
+        'for address in "nonsense", "tcp://nonsense", "http://127.0.0.1:80":\n'
+        '    try:\n        with on_cluster(address):\n            list(done(drawn, JOBS, 1))\n'
+        '    except ConfigurationError as error:\n        print(error, file=sys.stderr)\n'
+    )
+    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
+    words, environment = [sys.executable, '-c', code], {**os.environ, 'PYTHONPATH': path}
+    found = subprocess.run(words, capture_output=True, text=True, env=environment, check=True)
+    assert len(found.stderr.splitlines()) == 3
+    assert found.stderr.count('no Dask scheduler answers at ') == 3
+
+
 def test_a_scheduler_without_workers_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr('tactile_nodes.learning.tasks.WORKERS_S', 0.5)
     with cluster(0) as scheduler, on_cluster(scheduler), pytest.raises(ConfigurationError, match='has no workers'):
