@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,15 +12,25 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from press_bags import Collection, Sensor
 from responding_gel import CONFIG, presses
 
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.learning.recorded.building import BuildOptions
 from tactile_nodes.learning.training.source import TrainingData
 from tactile_nodes.learning.tuning.profile import said_of, table_of
-from tactile_nodes.learning.tuning.search import Candidate, SimulatedSource, Wish, candidates, chosen_place, tune
+from tactile_nodes.learning.tuning.search import (
+    Candidate,
+    RecordedSource,
+    SimulatedSource,
+    Wish,
+    candidates,
+    chosen_place,
+    tune,
+)
 from tactile_nodes.learning.tuning.times import cpu_times_ms
 from tactile_nodes.sensing.metrics import pareto_front
 
@@ -134,6 +145,15 @@ def test_tuning_tries_all_and_says_what_the_next_smaller_one_costs(monkeypatch: 
     table = table_of(tuned)
     assert [(row[0], row[-1]) for row in table.rows] == [('cheap', 'front'), ('dear', 'chosen')]
     assert len(table.heads) == len(table.rows[0])
+
+
+def test_images_to_measure_times_with_come_from_any_of_the_bags(tmp_path: Path) -> None:
+    """A run that ended before its first press leaves a bag without."""
+    ended, pressed = Collection(tmp_path / 'ended', Sensor()), Collection(tmp_path / 'pressed', Sensor())
+    pressed.reference(0)
+    pressed.press(0, 1, 0.0, 0.0, 0.5)
+    found = RecordedSource([ended.close(), pressed.close()], BuildOptions(), TrainConfig()).images()
+    assert len(found) == 2
 
 
 def test_times_need_an_image_of_a_press() -> None:

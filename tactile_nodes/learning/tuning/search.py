@@ -188,15 +188,16 @@ class RecordedSource:
         with ExitStack() as stack:
             options = self._options
             opened = open_bags(self._bags, stack, lambda _: None, options.namespace, options.reference_clock)
-            presses = opened[0].presses()
-            assert isinstance(presses, Generator)
-            with closing(presses):  # it holds the bag's file open
+            for bag in opened:
+                presses = bag.presses()
+                assert isinstance(presses, Generator)
+                stack.enter_context(closing(presses))  # it holds the bag's file open
                 for press in presses:
                     if press.reference is not None and press.frames:
                         found = found or [press.reference.image]
                         found.append(press.frames[0].image)
                     if len(found) > IMAGES:
-                        break
+                        return found
         return found
 
 
