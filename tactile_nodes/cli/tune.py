@@ -107,6 +107,8 @@ def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
         )
     base = _base(arguments)
     if not arguments.bags:
+        if given := [name for name in ('gel', 'namespace') if getattr(arguments, name)]:
+            raise ConfigurationError(f'--{given[0]} is for bags; the gel to simulate stands in the run of --train')
         return SimulatedSource(base)
     if arguments.presses is not None:
         raise ConfigurationError('--presses is the number of presses to simulate; it cannot be used with bags')

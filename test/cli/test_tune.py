@@ -42,6 +42,12 @@ def test_a_data_set_is_refused_because_it_holds_no_images(tmp_path: Path, capsys
     assert 'presses.npz is a data set' in capsys.readouterr().err
 
 
+def test_a_gel_is_refused_where_presses_are_simulated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ['tune', '--gel', 'stiff.yaml', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]
+    assert main(words) == 1
+    assert '--gel is for bags; the gel to simulate stands in the run of --train' in capsys.readouterr().err
+
+
 def test_a_configuration_that_does_not_exist_names_those_that_do(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
