@@ -150,9 +150,11 @@ def load_plan_settings(path: Path) -> PlanSettings:
     """Plan settings from a YAML file; a list file is searched for in the same folder.
 
     Raises:
-        ConfigurationError: no such file, or an entry that is not a setting of a plan.
+        ConfigurationError: no such file, one without entries, or an entry that is not a setting of a plan.
     """
-    settings = from_mapping(PlanSettings, load_mapping(path), source=str(path), exact=False)
+    if not (written := load_mapping(path)):
+        raise ConfigurationError(f'the plan {path} has no entries, of which at least one is needed, such as kind: grid')
+    settings = from_mapping(PlanSettings, written, source=str(path), exact=False)
     if settings.file and not Path(settings.file).is_absolute():
         values = {**settings.__dict__, 'file': str(path.parent / settings.file)}
         settings = PlanSettings(**values)

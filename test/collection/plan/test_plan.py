@@ -66,6 +66,14 @@ def test_random_plan_is_the_same_every_time_and_another_for_another_seed() -> No
     assert same[0] == same[1] != same[2]
 
 
+@pytest.mark.parametrize('text', ['', '# my plan\n'])
+def test_a_plan_without_entries_is_not_the_papers(text: str, tmp_path: Path) -> None:
+    """A full disk leaves such a file, and the paper's plan takes 13 hours."""
+    (tmp_path / 'plan.yaml').write_text(text)
+    with pytest.raises(ConfigurationError, match=r'plan\.yaml has no entries'):
+        load_plan_settings(tmp_path / 'plan.yaml')
+
+
 def test_list_of_points_is_read(tmp_path: Path) -> None:
     (tmp_path / 'points.csv').write_text('# by hand\nx_mm,y_mm,depth_mm\n1.0, 2.0, 0.5\n-1, 0, 1\n')
     (tmp_path / 'plan.yaml').write_text('kind: list\nfile: points.csv\n')
