@@ -118,7 +118,9 @@ class CalibratorNode(Node):
 
     def _finish(self) -> str:
         self._session.calibrator.asked_to_finish = True
-        return 'the calibration starts after the next press, with the presses so far'
+        if not self.params.bag:
+            self.post(self._rig.stop)  # a paused or halted rig would send no further press
+        return 'the calibration starts with the presses so far'
 
 
 def main() -> int:

@@ -157,6 +157,22 @@ def test_the_running_force_estimator_takes_over_and_answers_every_frame(
     assert estimator.params.model == str(file)
 
 
+@pytest.mark.timeout(180)  # a fit takes seconds of a processor, more of one with other work
+def test_a_person_ends_it_also_while_the_rig_sends_no_press(
+    bus: InProcessBus, clock: SteppedClock, publisher: Advertise, make: Callable[..., CalibratorNode], other_bag: Path
+) -> None:
+    """The rig is paused, or waits for somebody to look at it."""
+    rig, node = Rig(bus, clock, publisher), make(**{'rule.first': 100})
+    rig.press(other_bag, node, most=PRESSES)
+    while node._session.calibrator.presses < PRESSES:
+        node._thread.join(0.1)
+    node._finish()
+    ended(node, rig.rest)
+    assert node.failure is None
+    assert rig.stops == 1
+    assert (Path(node.params.folder) / 'gel-7_01.safetensors').is_file()
+
+
 def test_a_rig_that_is_gone_after_too_few_presses_is_reported_as_such(
     bus: InProcessBus, clock: SteppedClock, publisher: Advertise, make: Callable[..., CalibratorNode], other_bag: Path
 ) -> None:
