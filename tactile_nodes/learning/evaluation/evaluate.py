@@ -32,6 +32,8 @@ from tactile_nodes.simulation.gel import Gel
 
 LIGHTEST_MM = 0.25
 """The smallest depth of the paper. Touches up to this depth are a separate set."""
+SHARING = {'paper', 'coarse'}
+"""Plans with presses at the same places and depths."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,8 @@ def put_aside(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tu
             f'the training of model {other.model_id} has no simulated test set; name another model, or evaluate on '
             'random presses'
         )
-    if ours.get('plan') == theirs['plan'] and ours.get('split_id') != theirs['split_id']:
+    plans = {ours.get('plan'), theirs['plan']}
+    if (len(plans) == 1 or plans == SHARING) and ours.get('split_id') != theirs['split_id']:
         raise ModelError(
             f'model {loaded.model_id} was trained on another part of the {theirs["plan"]} plan than model '
             f'{other.model_id}, so it may have seen the test set of that one; train it with the same split'

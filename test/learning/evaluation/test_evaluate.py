@@ -132,6 +132,11 @@ def test_what_training_put_aside_of_a_grid_is_scored_for_others_too(model: Path,
         evaluate_put_aside(other, of=grid)
     with pytest.raises(ModelError, match='has no simulated test set'):
         evaluate_put_aside(grid, of=model)
+    coarse = save(
+        tmp_path / 'coarse.safetensors', config_for(plan='coarse'), {**origin, 'plan': 'coarse', 'split_id': 'c'}
+    )
+    with pytest.raises(ModelError, match='may have seen the test set of that one'):
+        evaluate_put_aside(coarse, of=grid)
     real = save(tmp_path / 'real.safetensors', config, {'origin': 'recorded'}, seed=2)
     with pytest.raises(ModelError, match='was not trained on the simulated gel'):
         evaluate_put_aside(real, of=grid)
