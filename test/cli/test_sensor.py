@@ -171,6 +171,12 @@ def test_a_description_or_picture_that_is_there_is_kept(
     assert Path(name).read_text() == 'name: precious\n'
 
 
+def test_a_description_is_not_written_over_its_figure(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['sensor', 'new', 'rest', '-o', 'mine.png', '--width', '18', '--yes']) == 1
+    assert 'mine.png is the name of the figure' in capsys.readouterr().err
+    assert not Path('mine.png').exists()
+
+
 def test_the_picture_of_the_mask_is_not_drawn_over(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path('mine.png').write_bytes(mask := Path('rest/0.png').read_bytes())
     words = ['rest', '-o', 'mine.yaml', '--width', '18', '--mask', 'mine.png', '--force', '--yes']

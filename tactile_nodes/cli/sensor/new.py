@@ -70,6 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
     from tactile_nodes.sensors.writing import text_of
 
     output, drawn = arguments.output, arguments.output.with_suffix('.png')
+    if output == drawn:
+        raise ConfigurationError(f'{output} is the name of the figure; the name of a description ends in .yaml')
     for each in (output, drawn):
         check_output(each, *map(Path, [*arguments.pictures, arguments.mask or 'none']), arguments.camera_info)
         if each.exists() and not arguments.force:
