@@ -185,7 +185,8 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
     origin = loaded.card.get('data', {})
     if origin.get('origin') == 'recorded' and origin.get('fingerprint') == recordings.fingerprint:
         return _put_aside(loaded, recordings, kind)
-    ours = {bag['id'] for bag in recordings.card['bags'] if bag.get('attempts') != 0}  # those all have one id
+    pressed = [bag for bag in recordings.card['bags'] if bag.get('attempts') != 0]  # all bags without have one id
+    ours = {bag['id'] for bag in pressed}
     if ours & set(origin.get('bags', ())):
         if origin.get('origin') != 'recorded':  # a calibration holds no presses back
             raise ModelError(
