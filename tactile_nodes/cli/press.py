@@ -175,7 +175,7 @@ class TerminalPerson:
         print('\n'.join(sketch(sides_mm, target, done)))
         print(
             f'press at x {target.x_mm:g} mm, y {target.y_mm:g} mm (X, and the cross in {drawn}) with about '
-            f'{target.force_n / self._newton:.3g} {self._unit}, and hold'
+            f'{float(f"{target.force_n / self._newton:.3g}"):g} {self._unit}, and hold'
         )
 
     def sees(self, state: str, place_mm: tuple[float, float]) -> None:

@@ -96,7 +96,7 @@ class Histogram:
         """Count a duration; NaN is not counted."""
         if math.isnan(seconds):
             return
-        place = int(math.log(max(seconds, 1e-6) / 1e-6) / self._WIDTH)
+        place = int(math.log(min(max(seconds, 1e-6), 100.0) / 1e-6) / self._WIDTH)
         self._counts[min(place, self._BINS - 1)] += 1
         self.total += 1
 

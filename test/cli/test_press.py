@@ -337,6 +337,12 @@ def test_what_a_terminal_shows_begins_on_a_line_of_its_own(
     assert set(lines[5]) == {'.'}
 
 
+def test_a_force_in_millinewtons_is_asked_for_in_digits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    person = TerminalPerson(tmp_path, Sensor(), 'mN', 1e-3)
+    person.press(Target(0.0, 0.0, 1.2753), np.zeros((480, 640), np.uint8), [])
+    assert 'with about 1280 mN, and hold' in capsys.readouterr().out
+
+
 def test_a_mark_in_the_picture_is_where_the_description_says() -> None:
     # The pupil is 23 mm below the middle of the gel, so that this is seen in the middle of the picture.
     drawn = marked(np.zeros((480, 640), np.uint8), Sensor(), Target(0.0, 0.0, 0.2), [Done(-5.0, 0.0, 0.2)])

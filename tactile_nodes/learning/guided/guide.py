@@ -94,7 +94,9 @@ class Guide:
         """The presses so far, and those that are missing."""
         done = self._folder.done
         folder, wanted = self._folder, zip(self._wish.forces_n, self._wish.counts(done), strict=True)
-        forces = ', '.join(f'{count} of about {force / folder.newton:.3g} {folder.unit}' for force, count in wanted)
+        forces = ', '.join(
+            f'{count} of about {float(f"{force / folder.newton:.3g}"):g} {folder.unit}' for force, count in wanted
+        )
         gap = f', largest distance to a press {self._wish.gap_mm(done):.1f} mm' if done else ''
         return f'{len(done)} of {self._wish.presses} presses ({forces}){gap}'
 
