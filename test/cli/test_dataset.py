@@ -76,6 +76,15 @@ def test_a_run_of_ones_own_says_how_pictures_are_measured(bag: Path, tmp_path: P
     assert presses.card['flow']['options']['preset'] == 'fast'
 
 
+def test_pictures_of_another_size_than_described_make_no_data_set(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / 'presses.npz'
+    assert main(['dataset', 'build', str(bag), '-o', str(output), '--sensor', 'speckle_membrane']) == 1
+    assert 'pixels, but the sensor is described with 640x480' in capsys.readouterr().err
+    assert not output.exists()
+
+
 def test_info_draws(file: Path, tmp_path: Path) -> None:
     pytest.importorskip('matplotlib')
     assert main(['dataset', 'info', str(file), '--picture', str(tmp_path / 'p.png')]) == 0

@@ -67,7 +67,8 @@ def _of_run(arguments: argparse.Namespace) -> BuildOptions:
     if not arguments.sensor:
         return options
     sensor = load_sensor(arguments.sensor)
-    return replace(options, bins=BinGrid.of_sensor(sensor), crop=sensor.image.crop_px)
+    described = sensor.image.width, sensor.image.height
+    return replace(options, bins=BinGrid.of_sensor(sensor), crop=sensor.image.crop_px, picture=described)
 
 
 def written(presses: RecordedPresses, output: Path) -> int:

@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tactile_nodes import __version__
 from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.config import Choice
@@ -27,6 +29,7 @@ from tactile_nodes.messages import types
 from tactile_nodes.model_file import LoadedModel, crop_of_size
 from tactile_nodes.params import load_mapping
 from tactile_nodes.sensing.geometry import BinGrid
+from tactile_nodes.shapes import UInt8
 from tactile_nodes.simulation.gel import Gel
 
 FRAMES = {
@@ -45,6 +48,7 @@ class BuildOptions:
         without_contact: share of the samples that show the untouched gel, if the bags hold enough such images.
         gel: name or id of the gel, or all properties of a simulated gel, with its id.
         separate_runs: a press of the same plan in another bag is another press, not another attempt at it.
+        picture: width and height of the images that are described, of which `crop` is cut; None: any.
         namespace: the sensor whose topics are used, for bags that hold several.
         reference_clock: the recorder of edges whose clock is the reference for all others; None: the machine's.
     """
@@ -57,6 +61,7 @@ class BuildOptions:
     limits: Limits = field(default_factory=Limits)
     gel: dict[str, Any] = field(default_factory=lambda: {'id': ''})
     crop: int | tuple[int, int] = 440
+    picture: tuple[int, int] | None = None
     separate_runs: bool = False
     namespace: str | None = None
     reference_clock: str | None = None
@@ -118,7 +123,11 @@ class Builder:
         return len(self._usable)
 
     def take(self, bag: int, press: RecordedPress) -> list[Sample]:
-        """Check and measure one attempt. Returns its samples, none if it cannot be used."""
+        """Check and measure one attempt. Returns its samples, none if it cannot be used.
+
+        Raises:
+            DatasetError: its images have another size than described.
+        """
         message = press.message
         if message.status == types.Press.STATUS_SUSPECT:
             self._suspects[message.plan_id, message.press, message.attempt, self._run(bag)] = message.reason
@@ -197,6 +206,7 @@ class Builder:
 
     def _samples(self, bag: int, press: RecordedPress) -> list[Sample]:
         assert press.reference is not None  # otherwise `judge` would have rejected it
+        self._require_described(press.reference.image)
         self.measurer.use_reference(press.reference.image)
         if press.reference.stamp_ns >= self._rest[0]:
             self._rest = press.reference.stamp_ns, self.measurer.rest_image
@@ -212,6 +222,12 @@ class Builder:
                 groups = _groups(press.untouched, self.options.frames)
                 samples += [self._sample(bag, press, group, contact=False) for group in groups]
         return samples
+
+    def _require_described(self, image: UInt8[np.ndarray, 'h w']) -> None:
+        described, size = self.options.picture, image.shape[::-1]
+        if described and size not in (described, self.options.crop):
+            came, wanted = (f'{width}x{height}' for width, height in (size, described))
+            raise DatasetError(f'the images have {came} pixels, but the sensor is described with {wanted}')
 
     def _sample(self, bag: int, press: RecordedPress, frames: Sequence[Frame], *, contact: bool) -> Sample:
         measured = self.measurer.measure([frame.image for frame in frames])
