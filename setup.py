@@ -163,9 +163,10 @@ setup(
             f'{CYCLONE}; platform_machine == "x86_64"',  # there are no wheels for ARM
             'distributed>=2025.1,<2027',
             'eclipse-zenoh>=1.10,<2',
-            'hypothesis>=6.140,<7',
+            'hypothesis>=6.168,<7',
             'import-linter>=2.1,<3',
             'jaxtyping>=0.3,<0.4',
+            'markdown-it-py>=3,<5',
             'mypy>=2.4,<3',
             'onnx>=1.17,<2',
             'onnxruntime>=1.20,<2',

@@ -36,7 +36,7 @@ class Mlp:
     """Fully connected layers; hidden units logistic (the paper's) or rectified, outputs linear.
 
     `weights[i]` is (outputs, inputs), as in torch. The result for one input vector depends only on that vector and the
-    weights: each output is one dot product, independent of the number of threads.
+    weights: each output is one dot product, independent of the number of threads, except with numpy before 2.
     """
 
     weights: tuple[Float32[np.ndarray, '_ _'], ...]

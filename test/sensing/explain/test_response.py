@@ -230,7 +230,9 @@ def test_scores_without_some_inputs_are_those_of_least_squares(lost: int) -> Non
     missing[random.permutation(60)[:lost]] = True
     inputs[missing] = 0
     seen = project(np.ascontiguousarray(directions), inputs, missing)
-    expected, squares, *_ = np.linalg.lstsq(directions[:, ~missing].T.astype(float), inputs[~missing].astype(float))
+    expected, squares, *_ = np.linalg.lstsq(
+        directions[:, ~missing].T.astype(float), inputs[~missing].astype(float), rcond=None
+    )
     # Every direction is granted a thousandth of itself, so that those of which nothing is left come out as zero.
     np.testing.assert_allclose(seen.scores, expected, rtol=4e-3, atol=1e-3)
     assert seen.left_over == pytest.approx(math.sqrt(squares[0] / (60 - lost)), rel=2e-3)
