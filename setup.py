@@ -15,7 +15,7 @@ HOME = 'https://github.com/tactile-nodes/tactile_nodes'
 
 CYCLONE = 'cyclonedds==11.0.1'  # tactile_nodes/dds/endpoints.py uses a part of it that may change
 
-# trimesh finds the lower side of a mesh with embreex, or six times as slowly with rtree, where embreex has no wheels.
+# trimesh finds the lower side of a mesh with embreex, or more slowly with rtree, where embreex has no wheels.
 MESH = [
     'trimesh>=4.6,<6',
     'embreex>=2.17,<5; platform_machine == "x86_64"',

@@ -14,7 +14,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import before_imports
+import before_imports  # noqa: F401
 import hypothesis
 import pytest
 import shape_checks
@@ -74,8 +74,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Shapes and types of arrays are checked in the tests of these packages. Elsewhere it would double the time of many.
 CHECKED = ('sensing', 'simulation')
 CHECKED_TESTS = [TESTS / package for package in CHECKED]
-CHECKED_PACKAGES = [f'tactile_nodes.{package}' for package in CHECKED]
-shape_checks.install(CHECKED_PACKAGES)
+shape_checks.install([f'tactile_nodes.{package}' for package in CHECKED])
 
 # The suite tries the same examples on every run. `make fuzz` tries others each time, from a seed that it prints, and
 # keeps what it finds.
@@ -144,9 +143,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 def pytest_configure(config: pytest.Config) -> None:
     """Look for pauses of the machine; have each worker count the tries of its own tests.
 
-    Else it asks the process that started it, 1.5 ms for each test, so that one which kills its worker gets another try.
+    Else each test asks the process that started its worker, and one that kills its worker gets another try.
     """
-    before_imports.compile_share(config, CHECKED_PACKAGES)
     PAUSES.start()
     if PROFILE == 'fuzz':
         config.pluginmanager.register(FOUND)
@@ -189,7 +187,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_runtestloop() -> None:
     """From here on memory is looked through as ever, but not what is there already."""
     gc.freeze()
-    gc.set_threshold(20_000)
     gc.enable()
 
 

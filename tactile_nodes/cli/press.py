@@ -139,7 +139,7 @@ def _known(indenter: str) -> KnownBody:
 
 def _forces_n(sensor: Sensor, body: KnownBody | None, given: list[float], unit: str) -> tuple[float, ...]:
     """Forces to press with (N): those given in the unit of the scale, or those within the linear range of the layer."""
-    from tactile_nodes.learning.guided.targets import LINEAR_SHARES, linear_most_n
+    from tactile_nodes.learning.guided.targets import LINEAR_SHARES, digits, linear_most_n
     from tactile_nodes.learning.tables.columns import NEWTONS
 
     newton = NEWTONS[UNITS[unit]]
@@ -147,7 +147,7 @@ def _forces_n(sensor: Sensor, body: KnownBody | None, given: list[float], unit: 
     if body is None:
         return wished or tuple(each * NEWTONS['g'] for each in USUAL_G)
     most = linear_most_n(sensor, body)
-    range_text = f'under {body.name} the gel responds linearly up to about {float(f"{most / newton:.2g}"):g} {unit}'
+    range_text = f'under {body.name} the gel responds linearly up to about {digits(most / newton, 2)} {unit}'
     if not wished:
         print(f'{range_text}; the forces asked for stay below that')
     elif max(wished) > most:
@@ -168,6 +168,7 @@ class TerminalPerson:
     def press(self, target: Target, picture: Picture, done: list[Done]) -> None:
         from tactile_nodes.drivers.camera.pictures import write_png
         from tactile_nodes.learning.guided.drawing import marked, sketch
+        from tactile_nodes.learning.guided.targets import digits
 
         sides_mm = self._sensor.gel.width_mm, self._sensor.gel.height_mm
         drawn = write_png(self._folder / 'next.png', marked(picture, self._sensor, target, done))
@@ -175,7 +176,7 @@ class TerminalPerson:
         print('\n'.join(sketch(sides_mm, target, done)))
         print(
             f'press at x {target.x_mm:g} mm, y {target.y_mm:g} mm (X, and the cross in {drawn}) with about '
-            f'{float(f"{target.force_n / self._newton:.3g}"):g} {self._unit}, and hold'
+            f'{digits(target.force_n / self._newton)} {self._unit}, and hold'
         )
 
     def sees(self, state: str, place_mm: tuple[float, float]) -> None:

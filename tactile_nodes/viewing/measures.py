@@ -97,7 +97,7 @@ class Histogram:
         if math.isnan(seconds):
             return
         place = int(math.log(min(max(seconds, 1e-6), 100.0) / 1e-6) / self._WIDTH)
-        self._counts[min(place, self._BINS - 1)] += 1
+        self._counts[place] += 1
         self.total += 1
 
     def percentiles(self) -> Percentiles:

@@ -32,6 +32,7 @@ from tactile_nodes.simulation.gel import Gel
 
 LIGHTEST_MM = 0.25
 """The smallest depth of the paper. Touches up to this depth are a separate set."""
+EVALUATE_RECORDED = '; evaluate it with --dataset FILE'
 SHARING = {'paper', 'coarse'}
 """Plans with presses at the same places and depths."""
 
@@ -122,7 +123,7 @@ def put_aside(other: LoadedModel, loaded: LoadedModel, progress: Progress) -> tu
     Raises:
         ModelError: as `evaluate_put_aside`, or this release splits presses in another way.
     """
-    _require_simulated(loaded)
+    require_simulated(loaded, EVALUATE_RECORDED)
     theirs, ours = other.card['data'], loaded.card['data']
     if theirs.get('origin') != 'simulated' or 'split_id' not in theirs:
         raise ModelError(
@@ -178,7 +179,7 @@ def score(
 def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConfig:
     """Presses of the paper's depths over the paper's 27 mm, for a model's own gel, flow and features."""
     card = loaded.card
-    _require_simulated(loaded)
+    require_simulated(loaded, EVALUATE_RECORDED)
     if seed <= card['data']['seed'] <= seed + 1:
         raise ModelError(
             f'model {loaded.model_id} was trained on presses of seed {card["data"]["seed"]}, but the evaluation uses '
@@ -191,11 +192,10 @@ def evaluation_config(loaded: LoadedModel, presses: int, seed: int) -> TrainConf
     return dataclasses.replace(config_of(loaded), data=data)
 
 
-def _require_simulated(loaded: LoadedModel) -> None:
+def require_simulated(loaded: LoadedModel, advice: str) -> None:
+    """Raises ModelError with this advice: the model was not trained on simulated presses."""
     if loaded.card.get('data', {}).get('origin') != 'simulated':
-        raise ModelError(
-            f'model {loaded.model_id} was not trained on the simulated gel; evaluate it with --dataset FILE'
-        )
+        raise ModelError(f'model {loaded.model_id} was not trained on the simulated gel{advice}')
 
 
 def config_of(loaded: LoadedModel) -> TrainConfig:

@@ -11,7 +11,7 @@ import numpy as np
 from tactile_nodes.drivers.camera.contract import Camera, Frame
 from tactile_nodes.errors import DatasetError, DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.learning.guided.folder import PressFolder
-from tactile_nodes.learning.guided.targets import Done, Target, Wish
+from tactile_nodes.learning.guided.targets import Done, Target, Wish, digits
 from tactile_nodes.learning.guided.watching import STEADY, UNTOUCHED, Watch
 from tactile_nodes.sensing.geometry import grey
 from tactile_nodes.sensing.picture.change import PictureComparison
@@ -94,9 +94,7 @@ class Guide:
         """The presses so far, and those that are missing."""
         done = self._folder.done
         folder, wanted = self._folder, zip(self._wish.forces_n, self._wish.counts(done), strict=True)
-        forces = ', '.join(
-            f'{count} of about {float(f"{force / folder.newton:.3g}"):g} {folder.unit}' for force, count in wanted
-        )
+        forces = ', '.join(f'{count} of about {digits(force / folder.newton)} {folder.unit}' for force, count in wanted)
         gap = f', largest distance to a press {self._wish.gap_mm(done):.1f} mm' if done else ''
         return f'{len(done)} of {self._wish.presses} presses ({forces}){gap}'
 

@@ -110,6 +110,11 @@ def linear_most_n(sensor: Sensor, body: KnownBody) -> float:
     return Pressures(Regions(sensor, 1, 1), body).most_n
 
 
+def digits(value: float, count: int = 3) -> str:
+    """A number rounded to so many digits, below a million without an exponent: '1280' for 1275.3."""
+    return f'{float(f"{value:.{count}g}"):g}'
+
+
 def distances(places: Float[np.ndarray, 'places 2'], done: Sequence[Done | Target]) -> Float[np.ndarray, ' places']:
     """The distance of each place to the nearest press; without presses the centre counts as farthest."""
     known = np.array([each[:2] for each in done if np.isfinite(each[:2]).all()]).reshape(-1, 2)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
-from tactile_nodes.learning.evaluation.evaluate import evaluation_config
+from tactile_nodes.learning.evaluation.evaluate import evaluation_config, require_simulated
 from tactile_nodes.learning.onnx_files.session import OnnxSession
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel
@@ -45,11 +44,7 @@ def real_samples(loaded: LoadedModel, count: int, progress: Progress | None = No
     Raises:
         ModelError: the model was not trained on simulated presses.
     """
-    if loaded.card.get('data', {}).get('origin') != 'simulated':
-        raise ModelError(
-            f'model {loaded.model_id} was not trained on the simulated gel, so there are no frames to compare it on; '
-            'export it without --check'
-        )
+    require_simulated(loaded, ', so there are no frames to compare it on; export it without --check')
     presses = -(-count * 4 // 5)
     dataset = simulate(evaluation_config(loaded, presses, SEED), progress or Progress())
     return dataset.take(np.arange(min(count, len(dataset.presses))))
