@@ -94,7 +94,7 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
     assert 'enough presses. Next steps:' in capsys.readouterr().out
     table = tmp_path / 'by_hand' / 'presses.csv'
     rows = read_table(table).rows
-    assert [row.touches for row in rows] == [False] * RESTS + [True] * 5
+    assert [row.touches for row in rows] == [False] * RESTS + [False, True] * 5
     assert main(['dataset', 'import', str(table), '-o', str(tmp_path / 'presses.npz')]) == 0
     presses = load_dataset(tmp_path / 'presses.npz')
     assert presses.card['indenters'] == ['ball:0.6'] and presses.contact.sum() == 5
@@ -265,6 +265,36 @@ def test_a_camera_that_moved_a_little_since_the_last_session_shows_no_press(tmp_
         Guide(camera, person, folder_of(tmp_path / 'out'), Wish(2, (0.3,), Sensor()), Sensor()).run()
     assert len(folder_of(tmp_path / 'out').rows) == RESTS
     assert lines == ['pressing at x 0, y 0 mm']
+
+
+def test_a_camera_that_was_moved_since_the_last_session_is_refused(tmp_path: Path) -> None:
+    """By 0.2 mm, three pixels: each press would be measured against another part of the pattern."""
+    gel = replace(Gel(), mechanics='linear')
+    folder = folder_of(tmp_path / 'out')
+    folder.add_rest(Optics(gel, linear_table(gel)).render((), 1))
+    moved = Optics(replace(gel, camera_shift_mm=(0.2, 0.0)), linear_table(gel))
+    (tmp_path / 'pictures').mkdir()
+    for number in range(12):
+        cv2.imwrite(str(tmp_path / 'pictures' / f'{number:02}.png'), moved.render((), 100 + number))
+    camera = open_camera(CameraSettings(source=str(tmp_path / 'pictures'), rate=0.0), JumpingClock())
+    person = SimulatedPerson(Sensor(), NEWTON_PER_GRAM, [].append, world='none')
+    with pytest.raises(DatasetError, match=r'the camera has moved by 2\.\d px, .* start another folder'):
+        Guide(camera, person, folder, Wish(2, (0.3,), Sensor()), Sensor()).run()
+
+
+def test_a_gel_is_untouched_though_the_camera_drifts_and_a_press_is_still_seen() -> None:
+    """By 0.06 px in 150 images, twice what counts as a touch if it comes at once."""
+    gel = replace(Gel(), mechanics='linear')
+    table = linear_table(gel)
+
+    def seen(number: int, presses: tuple[Press, ...] = ()) -> np.ndarray:
+        drifted = replace(gel, camera_shift_mm=(0.004 * min(number / 150, 1.0), 0.0))
+        return Optics(drifted, table).render(presses, number)
+
+    watch = Watch(Sensor(), [seen(0) for _ in range(RESTS)])
+    assert {watch.see(seen(number)) for number in range(150)} == {UNTOUCHED}
+    press = (Press(0.0, 0.0, table.depth_at(20 * NEWTON_PER_GRAM)),)
+    assert [watch.see(seen(150 + number, press)) for number in range(HELD)][-1] == STEADY
 
 
 def test_dark_pictures_with_which_a_camera_begins_are_passed_over(

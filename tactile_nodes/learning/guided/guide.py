@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
@@ -12,7 +13,7 @@ from tactile_nodes.drivers.camera.contract import Camera, Frame
 from tactile_nodes.errors import DatasetError, DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.learning.guided.folder import PressFolder
 from tactile_nodes.learning.guided.targets import Done, Target, Wish, digits
-from tactile_nodes.learning.guided.watching import STEADY, UNTOUCHED, Watch
+from tactile_nodes.learning.guided.watching import HELD, STEADY, UNTOUCHED, Watch
 from tactile_nodes.sensing.geometry import grey
 from tactile_nodes.sensing.picture.change import PictureComparison
 from tactile_nodes.sensing.picture.quality import require_picture
@@ -24,7 +25,8 @@ from tactile_nodes.shapes import UInt8
 RESTS = 20
 """Images of the untouched gel: a fifth is held out for a test, and twelve have to remain."""
 MOVED_PX = 1.0
-"""Motion from which the camera counts as displaced."""
+"""Motion from which the camera counts as displaced. Less is removed with the image of the untouched gel that is saved
+before each press."""
 PATIENCE_S = 5.0
 UNUSABLE = 60
 """So many images in a row may be dark or damaged: many cameras begin with dark ones."""
@@ -76,6 +78,7 @@ class Guide:
         self._camera, self._person, self._folder, self._wish = camera, person, folder, wish
         self._sensor = sensor
         self._skipped: list[Target] = []
+        self._untouched = deque[Picture](maxlen=HELD)
 
     def run(self) -> None:
         """Ask for all presses that are missing; returns when none is.
@@ -107,18 +110,20 @@ class Guide:
             if capture.waiting:
                 self._person.sees('moving', NO_PLACE)
         if kept:
-            self._require_same(average(kept), picture)
+            self._require_same(average(kept[:RESTS]), picture)
         now = [self._picture() for _ in range(RESTS)]
         for each in now[len(kept) :]:
             self._folder.add_rest(each)
+        self._untouched.append(now[-1])
         return now
 
     def _require_same(self, before: Picture, now: Picture) -> None:
         if before.shape != now.shape:
             raise DatasetError(f'the images in {self._folder.folder} have another size than the camera delivers now')
         change = PictureComparison(before).of(now)
-        if not change.same or not change.apart_px <= MOVED_PX:
-            difference = f'the camera has moved by {change.apart_px:.1f} px' if change.same else 'it sees another gel'
+        moved_px = max(change.size_px, change.apart_px)
+        if not change.same or not moved_px <= MOVED_PX:
+            difference = f'the camera has moved by {moved_px:.1f} px' if change.same else 'it sees another gel'
             raise DatasetError(
                 f'compared with the untouched images in {self._folder.folder}, {difference}, or something touches '
                 'the gel; start another folder, and give both tables to tactile dataset import'
@@ -127,6 +132,8 @@ class Guide:
     def _press(self, watch: Watch, target: Target) -> None:
         """One press: wait for it, ask for its reading, save it, and wait until the gel is released."""
         picture = self._until(watch, STEADY)
+        before = self._untouched[0]  # the newest may show the beginning of the touch
+        self._untouched.clear()
         answer = self._answer(watch, target)
         if answer is None:
             self._skipped.append(target)
@@ -135,6 +142,7 @@ class Guide:
             self._person.say('the press moved while you read the scale, so it was not kept: hold it until it is kept')
         else:
             reading, place_mm = answer
+            self._folder.add_rest(before)
             self._folder.add_press(picture, place_mm, reading)
             self._person.say(f'kept; {self.missing()}. Lift off')
         self._until(watch, UNTOUCHED)
@@ -161,6 +169,8 @@ class Guide:
             picture = self._picture()
             seen = watch.see(picture)
             self._person.sees(seen, watch.place_mm)
+            if seen == UNTOUCHED:
+                self._untouched.append(picture)
             if seen == state:
                 return picture
 

@@ -29,6 +29,10 @@ TOUCHED_NOISE, SAME_NOISE, SAME_SHARE = 3.0, 2.0, 0.03
 """Thresholds in units of that noise: for contact, and for the difference between two images of one press. The third
 is a share of the largest motion, added to the second."""
 
+FOLLOWED = 0.02
+"""Share of what is left of the motion that an image of the untouched gel adds to what is subtracted: cameras drift. At
+60 images a second, a press still counts if a region moves by more than 0.04 px in a second."""
+
 
 class Watch:
     """Compares image after image with the untouched gel.
@@ -52,6 +56,7 @@ class Watch:
         places = np.stack(np.meshgrid(*(np.linspace(-0.4, 0.4, 9) * side for side in _sides(sensor))), axis=-1)
         seen = View(sensor).shares_of(places.reshape(-1, 2))
         self._usable = Regions(sensor, REGIONS, REGIONS).usable.reshape(REGIONS, REGIONS)
+        self._drifted_px = np.zeros((REGIONS, REGIONS, 2), np.float32)
         self._place_of = np.linalg.lstsq(_with_one(seen), places.reshape(-1, 2), rcond=None)[0]
         self._noise_px = max(LEAST_NOISE_PX, *(_most(self._looked_at(each)[0]) for each in rests))
         self.state, self.place_mm = UNTOUCHED, (np.nan, np.nan)
@@ -63,6 +68,7 @@ class Watch:
         self.place_mm = place
         if _most(motion) < TOUCHED_NOISE * self._noise_px:
             self.state = UNTOUCHED
+            self._drifted_px += FOLLOWED * np.nan_to_num(motion)
         else:
             same = len(self._held) == HELD and all(self._alike(self._held[0], each) for each in self._held)
             self.state = STEADY if same else MOVING
@@ -81,7 +87,7 @@ class Watch:
     def _looked_at(self, picture: UInt8[np.ndarray, 'h w']) -> tuple[np.ndarray, tuple[float, float]]:
         seen = self._rest.features(self._cut(picture))
         followed = (seen.confidence >= 0.5) & self._usable
-        motion = np.where(followed[..., None], seen.values, np.nan)
+        motion = np.where(followed[..., None], seen.values - self._drifted_px, np.nan)
         moved = np.nan_to_num(np.square(motion).sum(axis=-1))
         x, y = (_with_one(middles(moved[None])) @ self._place_of)[0].tolist()
         return motion, (x, y)

@@ -7,7 +7,7 @@ Consecutive rows with the same place, forces, torques, depth and indenter are im
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, NamedTuple
@@ -35,6 +35,9 @@ from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Float32
+
+LONG_SERIES = 4
+"""So many images of the untouched gel in succession suffice for a rest image."""
 
 UNTOUCHED = 0.5
 """All images of the untouched gel are divided among the presses. `frames` determines how many of each part are used."""
@@ -135,10 +138,45 @@ def require_rows(source: Imported, sensor: Sensor | None = None) -> None:
         raise DatasetError(f'{table.file} {tells}: press with at least two weights')
 
 
+def _ordered(rows: Sequence[TablePress]) -> Sequence[TablePress]:
+    """The rows in the order of their images: those of a video by time, others as in the table."""
+    return sorted(rows, key=lambda row: row.time_s) if all(not row.picture for row in rows) else rows
+
+
 def _presses(rows: Sequence[TablePress]) -> list[list[TablePress]]:
     """Rows of each press, in order."""
-    ordered = sorted(rows, key=lambda row: row.time_s) if all(not row.picture for row in rows) else rows
-    return [list(group) for held, group in groupby(ordered, lambda row: (row.touches, row.held)) if held[0]]
+    return [list(group) for held, group in groupby(_ordered(rows), lambda row: (row.touches, row.held)) if held[0]]
+
+
+class _Part(NamedTuple):
+    """Rows of successive presses, and those of the untouched gel right before them."""
+
+    rests: list[TablePress]
+    presses: list[list[TablePress]]
+
+
+def _parts(rows: Sequence[TablePress]) -> list[_Part]:
+    """The rows in parts. Presses at the beginning count to the first rest images after them, rest images at the end to
+    the last presses."""
+    parts = [_Part([], [])]
+    for touches, group in groupby(_ordered(rows), lambda row: row.touches):
+        if touches:
+            parts[-1].presses.extend(_presses(list(group)))
+        elif parts[-1].rests:
+            parts.append(_Part(list(group), []))
+        else:
+            parts[-1].rests.extend(group)
+    if len(parts) > 1 and not parts[-1].presses:
+        last = parts.pop()
+        parts[-1].rests.extend(last.rests)
+    return parts
+
+
+def _rest_image(parts: Sequence[_Part], picture_of: Mapping[int, Picture]) -> Picture:
+    """The mean of the longest series of rest images, or of all if that is short: the camera may move between two."""
+    longest = max((part.rests for part in parts), key=len)
+    rests = longest if len(longest) >= LONG_SERIES else [row for part in parts for row in part.rests]
+    return average([picture_of[row.line] for row in rests])
 
 
 class _Taken(NamedTuple):
@@ -149,40 +187,46 @@ class _Taken(NamedTuple):
     rows: list[Row]
 
 
-def _taken(builder: Builder, number: int, source: Imported, size: OneSize) -> _Taken:
+def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Taken:
     """Give a table's presses to a builder."""
-    table, faults = source.table, source.table.faults
+    table, faults, measurer = source.table, source.table.faults, builder.measurer
     pressed: list[str] = []
     untouched = list(_checked(source, [row for row in table.rows if not row.touches], size, faults))
-    rests = [picture for _, picture in untouched]
     known = [Row(table, row, picture_id(picture)) for row, picture in untouched]
     faults.require_none()
-    presses = _presses(table.rows)
-    plan = hashlib.sha256(repr((table.rows, [each.tobytes() for each in rests])).encode()).hexdigest()[:12]
-    reference = Frame(0, average(rests))
+    parts, picture_of = _parts(table.rows), {row.line: picture for row, picture in untouched}
+    rests = [each.tobytes() for each in picture_of.values()]
+    plan = hashlib.sha256(repr((table.rows, rests)).encode()).hexdigest()[:12]
+    reference = Frame(0, _rest_image(parts, picture_of))
+    moved: dict[int, np.ndarray] = {}
     try:
-        builder.measurer.use_reference(reference.image)
+        measurer.use_reference(reference.image)
+        for part in parts:
+            measurer.look_before([picture_of[row.line] for row in part.rests])
+            moved |= {row.line: measurer.measure([picture_of[row.line]]).values for row in part.rests}
     except ImageError as error:
         raise DatasetError(f'{table.file}: {error}') from error
-    moved = np.stack([builder.measurer.measure([each]).values for each in rests]).astype(np.float32)
-    press_of = {row.line: press for press, rows in enumerate(presses) for row in rows}
-    pictures = _checked(source, [row for rows in presses for row in rows], size, faults)
+    presses = [(part, number) for part in parts for number in range(len(part.presses))]
+    press_of = {row.line: press for press, (part, number) in enumerate(presses) for row in part.presses[number]}
+    pictures = _checked(source, [row for part, number in presses for row in part.presses[number]], size, faults)
     for press, group in groupby(pictures, lambda pair: press_of[pair[0].line]):
-        pairs = list(group)
+        pairs, (part, number) = list(group), presses[press]
         frames = [picture for _, picture in pairs]
         if faults:
             continue  # the remaining rows are still checked for faults
         known += [Row(table, row, picture_id(picture)) for row, picture in pairs]
         pressed += map(picture_id, frames)
-        rest = [Frame(reference.stamp_ns, each) for each in rests[press :: len(presses)]]
-        builder.take(number, _recorded(plan, press, presses[press][0], frames, rest, reference))
+        before = [Frame(reference.stamp_ns, picture_of[row.line]) for row in part.rests]
+        rest = before[number :: len(part.presses)]
+        builder.take(bag, _recorded(plan, press, part.presses[number][0], frames, rest, before, reference))
     faults.require_none()
     name = hashlib.sha256(''.join([plan, *pressed]).encode()).hexdigest()[:12]
     card = {
         'id': name, 'gel': builder.options.gel['id'], 'attempts': len(presses), 'problems': [], 'clocks': [],
         'columns': table.description, 'pictures': pressed,
     }  # fmt: skip
-    return _Taken(card, as_motion(builder.measurer.encoding.name, moved), known)
+    motion = np.stack([moved[line] for line in picture_of]).astype(np.float32)
+    return _Taken(card, as_motion(measurer.encoding.name, motion), known)
 
 
 def _checked(
@@ -201,6 +245,7 @@ def _recorded(
     row: TablePress,
     pictures: Sequence[Picture],
     untouched: Sequence[Frame],
+    before: Sequence[Frame],
     reference: Frame,
 ) -> RecordedPress:
     """A press in the form that a rig would report. Its time is unknown: row k is set to second k."""
@@ -226,4 +271,4 @@ def _recorded(
         force_rate=unknown,
         status=types.Press.STATUS_RECORDED,
     )  # fmt: skip
-    return RecordedPress(message, tuple(frames), tuple(untouched), reference, len(frames))
+    return RecordedPress(message, tuple(frames), tuple(untouched), tuple(before), reference, len(frames))

@@ -43,14 +43,15 @@ class Frame:
 class RecordedPress:
     """One attempt as recorded in a bag, with the images of its window in order of their stamps.
 
-    `untouched` are the images between the previous window and this one, in which nothing touches the gel. `reference`
-    is the last rest image before the window. `held` is the number of images of the window in the bag by the rig's
-    stamps, before any correction.
+    `untouched` are images of the untouched gel, for samples without force. `before` are those of them that were taken
+    between the previous window and this one, and show where the camera stood. `reference` is the last rest image before
+    the window. `held` is the number of images of the window in the bag by the rig's stamps, before any correction.
     """
 
     message: types.Press
     frames: tuple[Frame, ...]
     untouched: tuple[Frame, ...]
+    before: tuple[Frame, ...]
     reference: Frame | None
     held: int
 
@@ -158,7 +159,7 @@ class Aligner:
         held = sum(start_ns <= self._uncorrected_ns[each] <= end_ns for each in stamps)
         renewed = message if self._samples is None else self._samples.renewed(message)
         frames = tuple(Frame(each, self._frames[each]) for each in inside)
-        pressed = RecordedPress(renewed, frames, untouched, self._reference_at(start_ns), held)
+        pressed = RecordedPress(renewed, frames, untouched, untouched, self._reference_at(start_ns), held)
         self._forget(max([end_ns, *inside]))
         return pressed
 

@@ -210,6 +210,7 @@ class Builder:
         self.measurer.use_reference(press.reference.image)
         if press.reference.stamp_ns >= self._rest[0]:
             self._rest = press.reference.stamp_ns, self.measurer.rest_image
+        self.measurer.look_before([frame.image for frame in press.before])
         samples = [
             self._sample(bag, press, group, contact=True) for group in _groups(press.frames, self.options.frames)
         ]

@@ -19,10 +19,14 @@ from tactile_nodes import paths
 from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
-from tactile_nodes.sensing.features import make_encoding
+from tactile_nodes.sensing.features import Features, make_encoding
 from tactile_nodes.sensing.flow.choice import code_id, make_flow
+from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import centre_crop, largest_side
+from tactile_nodes.sensing.picture import moved_dots
 from tactile_nodes.sensing.picture.quality import require_picture
+from tactile_nodes.sensing.picture.registration import NEGLIGIBLE_PX
+from tactile_nodes.sensing.rest.moved_camera import MovedCamera, common_motion
 from tactile_nodes.sensing.rest.prepared import Measuring, PreparedRest
 from tactile_nodes.sensing.rest.reference import average, content_id
 from tactile_nodes.shapes import UInt8
@@ -53,6 +57,9 @@ class Measurer:
         self._crop = (crop, crop) if isinstance(crop, int) else crop
         self._reference = b''
         self._shape = 0, 0, 0
+        self._before: np.ndarray | None = None
+        self._camera: MovedCamera | None = None
+        self._least_px = moved_dots.KNOCK_PX if isinstance(self.flow, DotsFlow) else NEGLIGIBLE_PX
         self._cache = FeatureCache(_cache_folder() / f'{self.recipe_id}.sqlite')
 
     @property
@@ -75,7 +82,7 @@ class Measurer:
         cut = self.cut(image)
         if (name := content_id(cut)) == self.reference_id:
             return
-        self._rest = Measuring(self.flow, self.encoding).beside(cut)
+        self._rest, self._before = Measuring(self.flow, self.encoding).beside(cut), None
         self.reference_id, self._reference = name, cut.tobytes()
         self._shape = (*self._rest.still_features.confidence.shape, len(self.encoding.channels))
 
@@ -83,6 +90,20 @@ class Measurer:
     def rest_image(self) -> UInt8[np.ndarray, 'h w']:
         """The current rest image, as cropped; it has no rows before the first is set."""
         return np.zeros((0, 0), np.uint8) if self._rest is None else self._rest.image
+
+    def look_before(self, untouched: Sequence[UInt8[np.ndarray, 'h w']]) -> None:
+        """Take images of the untouched gel. If the camera has moved since the rest image, that motion is removed from
+        now on, as live sensing does.
+
+        Raises:
+            ImageError: they do not show the pattern of the rest image, or as `measure`.
+        """
+        self._before = self._camera = None
+        if self._rest is None or not untouched:
+            return
+        found = self.measure(untouched)
+        _, size_px = common_motion(self._rest, Features(self.encoding.name, found.values, found.confidence))
+        self._before = self._mean(untouched) if size_px >= self._least_px else None
 
     def measure(self, images: Sequence[UInt8[np.ndarray, 'h w']]) -> Measured:
         """Features of the mean of some images (of one image: of that image).
@@ -92,18 +113,24 @@ class Measurer:
         """
         for image in images:
             require_picture(image)
-        cut = self.cut(average(images) if len(images) > 1 else images[0])
-        key = hashlib.sha256(repr(cut.shape).encode() + self._reference + cut.tobytes()).digest()
+        cut = self._mean(images)
+        before = b'' if self._before is None else self._before.tobytes()
+        key = hashlib.sha256(repr(cut.shape).encode() + self._reference + cut.tobytes() + before).digest()
         if kept := self._cache.get(key, self._shape):
             self.found += 1
             return kept
         if self._rest is None:
             raise ImageError('there is no rest image yet; leave the gel untouched while one is captured')
-        features = self._rest.features(cut)
+        if self._before is not None:
+            self._camera = self._camera or MovedCamera(self._rest, self._before)
+        features = (self._camera or self._rest).features(cut)
         measured = Measured(features.values.astype(np.float16), features.confidence)
         self._cache.put(key, measured)
         self.computed += 1
         return measured
+
+    def _mean(self, images: Sequence[UInt8[np.ndarray, 'h w']]) -> UInt8[np.ndarray, 'ch cw']:
+        return self.cut(average(images) if len(images) > 1 else images[0])
 
     def close(self) -> None:
         """Close the cache."""

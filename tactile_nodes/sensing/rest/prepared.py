@@ -50,6 +50,11 @@ class PreparedRest:
         return self.encoding.encode(self.still)
 
     @cached_property
+    def own_features(self) -> Features:
+        """The features of the rest image itself."""
+        return self.encoding.encode(self.own)
+
+    @cached_property
     def bands(self) -> RollingBands:
         """The detector of rolling bands relative to this image."""
         return RollingBands(self.image)

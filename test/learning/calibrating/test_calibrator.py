@@ -259,7 +259,11 @@ def test_images_of_another_size_are_refused(calibrator: Calibrator, pressed: lis
     press = pressed[0]
     assert press.reference is not None
     small = dataclasses.replace(
-        press, frames=tuple(map(smaller, press.frames)), untouched=(), reference=smaller(press.reference)
+        press,
+        frames=tuple(map(smaller, press.frames)),
+        untouched=(),
+        before=(),
+        reference=smaller(press.reference),
     )
     with pytest.raises(ModelError, match=r'have 320x320 pixels, but model .* needs 440x440'):
         calibrator.take(small)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +30,7 @@ from tactile_nodes.simulation.optics import Optics, Press
 
 HEADER = ['picture', 'x_mm', 'y_mm', 'force_n', 'indenter']
 RESTS = 4
+PX_PER_MM = 290 / 20  # in the middle: 290 px per radian, and markers 17 to 23 mm from the pupil
 DESCRIPTION = 'image: {width: 640, height: 480, crop: 600, crop_height: 440}\nbins: {rows: 7, cols: 9}\n'
 Row = list[str]
 
@@ -74,6 +76,29 @@ def rows_of(folder: Path) -> list[Row]:
 def imported(table: Path, output: Path, *words: str) -> int:
     sensor = ['--sensor', str(table.parent / 'sensor.yaml')]
     return main(['dataset', 'import', str(table), '-o', str(output), *sensor, *words])
+
+
+@pytest.mark.parametrize('moved_mm', [0.003, 0.05])
+def test_a_camera_that_moves_between_presses_moves_no_feature(
+    folder: Path, data_set: Path, tmp_path: Path, moved_mm: float
+) -> None:
+    """By 0.04 or 0.7 px, after the first press; each later one has an image of the untouched gel before it."""
+    gel = replace(Gel(), camera_shift_mm=(moved_mm, 0.0))
+    optics, table = Optics(gel, contact_table(gel)), contact_table(gel)
+    rows = rows_of(folder)
+    moved = rows[: RESTS + 1]
+    for name in ['sensor.yaml', *(row[0] for row in moved)]:
+        shutil.copy(folder / name, tmp_path)
+    for number, row in enumerate(rows[RESTS + 1 :], 1):
+        cv2.imwrite(str(tmp_path / f'before{number}.png'), optics.render((), 200 + number))
+        press = Press(float(row[1]), float(row[2]), table.depth_at(float(row[3])))
+        cv2.imwrite(str(tmp_path / row[0]), optics.render((press,), 100 + number))
+        moved += [[f'before{number}.png', '', '', '0', ''], row]
+    assert imported(written(tmp_path / 'presses.csv', moved), tmp_path / 'moved.npz') == 0
+    found, still = load_dataset(tmp_path / 'moved.npz'), load_dataset(data_set)
+    off = (found.features[found.contact] - still.features[still.contact]).astype(float)
+    known = still.confidence[still.confidence_row[still.contact]] > 0.5
+    assert np.abs(np.median(off[known], axis=0)).max() < 0.05 * moved_mm * PX_PER_MM
 
 
 def test_pictures_of_a_sensor_that_is_not_square_become_a_data_set(
