@@ -43,7 +43,7 @@ class LimitSettings:
         5, 'number of rejected presses in a row, or of consecutive silences, that ends the run', minimum=1
     )
     attempts: int = parameter(3, 'number of attempts before a press is left out', minimum=1)
-    hours: float = parameter(24.0, 'the run ends after this many hours', minimum=0.0)
+    hours: float = parameter(24.0, 'the run ends after this many hours, not counting waits for a person', minimum=0.0)
 
 
 @dataclass(frozen=True)

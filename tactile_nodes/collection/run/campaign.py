@@ -127,7 +127,7 @@ class Campaign:
         ended = ''
         try:
             self._prepare()
-            end_ns = hands.clock.now_ns() + round(limits.hours * 3600 * NS_PER_S)  # a person may have looked days later
+            end_ns = self._recovery.unwaited_ns + round(limits.hours * 3600 * NS_PER_S)
             while not ended and (left := self._left()):
                 self.progress.start(hands.clock.now_ns())
                 ended = self._round(left, end_ns)
@@ -175,7 +175,7 @@ class Campaign:
         """Each of these once; returns why it ended before the last, if it did."""
         for point in left:
             self._wait_while_paused()
-            if self._hands.clock.now_ns() > end_ns:
+            if self._recovery.unwaited_ns > end_ns:
                 return f'stopped after {self._settings.limits.hours:g} hours'
             self._await_recorder()
             if self._since_reference >= self._settings.reference_every:
@@ -306,8 +306,10 @@ class Campaign:
         return not_up if self._ground is not None else ''
 
     def _wait_while_paused(self) -> None:
-        if self.paused:
-            self._outlet.say('paused; nothing moves until it is resumed')
+        if not self.paused:
+            return
+        self._outlet.say('paused; nothing moves until it is resumed')
+        unwaited_ns = self._recovery.unwaited_ns
         try:
             while self.paused:  # a sensor drifts in a long pause, so what is no force is measured again and again
                 self.stands = True
@@ -315,6 +317,7 @@ class Campaign:
                 self._recovery.tare = self._recovery.patiently(still, tip_is_up=True)
         finally:
             self.stands = False
+            self._recovery.waited_ns += self._recovery.unwaited_ns - unwaited_ns
 
     def _await_recorder(self) -> None:
         while not self._outlet.require_recorder():

@@ -46,7 +46,14 @@ class Recovery:
         self._outlet = outlet
         self._shaken = shaken
         self.tare: Tare | None = None
+        self.waited_ns = 0
+        """How long the run has waited for a person."""
         self._nothing_moved = False  # since the tip was found free: a force is none of the gel
+
+    @property
+    def unwaited_ns(self) -> int:
+        """The time, without that for which the run has waited for a person."""
+        return self._hands.clock.now_ns() - self.waited_ns
 
     def begin(self, run_name: str) -> None:
         """Note that the machine moves from now on, for a run of this name."""
@@ -173,7 +180,9 @@ class Recovery:
         return self._hands.safety.trip or tripped.trip
 
     def _ask(self, why: str) -> None:
+        since_ns = self._hands.clock.now_ns()
         require_looked(why, self._outlet.person, self._record, self._hands)
+        self.waited_ns += self._hands.clock.now_ns() - since_ns
 
     def _note(self, step: str, reason: str = '') -> None:
         self._record.note(step, self._hands.clock.now_ns(), reason)

@@ -254,6 +254,23 @@ def test_the_hours_of_a_run_begin_when_a_person_has_looked(tmp_path: Path) -> No
     assert run.campaign.run().startswith('the plan is done: 8 of 8')
 
 
+def test_the_hours_of_a_run_do_not_count_while_it_waits_for_a_person(tmp_path: Path) -> None:
+    """Paused for 150 s and halted for 150 s, with 108 s for the presses, which take less."""
+    run = Run(tmp_path, changed(limits={'hours': 0.03}))
+
+    def pause() -> None:
+        run.campaign.paused = True
+        run.after(150.0, lambda: setattr(run.campaign, 'paused', False))
+
+    def hit() -> None:
+        bump(run)()
+        run.after(150.0, run.person.answer)
+
+    run.at(2, pause)
+    run.at(4, run.in_the_gel(hit))
+    assert ': 7 of 8 presses recorded' in run.campaign.run()  # one is aside
+
+
 def test_after_a_kill_the_next_plan_in_another_folder_asks_as_well(killed: Path, tmp_path: Path) -> None:
     """What was cut off is a matter of the machine: nobody knows where its tip is, whatever is pressed next."""
     plan = PlanSettings(columns=2, rows=1, pitch_mm=2.0, depths_mm=(0.5,))
