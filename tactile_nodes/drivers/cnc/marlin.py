@@ -4,13 +4,15 @@ Differences from Grbl: Marlin does not report its limits, so the workspace must 
 into the gel, so the homing command must be set. It processes one line after another, and ``M400`` blocks it until it is
 at rest. So `wait_idle` sends ``M400`` only when the motion can be over, and `status` is answered meanwhile: with the
 real position if it has M114_REALTIME, else with the target. It has no feed hold. ``M410`` stops at once only with the
-emergency parser (abruptly, so that steps may be lost at speed). Without the parser, jogs are limited to 0.05 mm; and if
-that is fewer than 6 steps of every axis, jogs are refused, because Marlin drops such moves silently.
+emergency parser (abruptly, so that steps may be lost at speed). Without the parser, jogs are limited to 0.05 mm. Marlin
+silently drops a move of fewer than 6 steps of every axis, so such a jog is refused, or left out if it is no longer than
+the error with which a target counts as reached.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 from collections import deque
 from collections.abc import Mapping
@@ -27,7 +29,7 @@ from tactile_nodes.drivers.cnc.contract import (
 )
 from tactile_nodes.drivers.cnc.dead_man import ALONE_S, ALONE_TIMES
 from tactile_nodes.drivers.cnc.envelope import AXES, describe_place, guard, way_between
-from tactile_nodes.drivers.cnc.guarded import UNKNOWN_ACCELERATION
+from tactile_nodes.drivers.cnc.guarded import ARRIVED_MM, UNKNOWN_ACCELERATION
 from tactile_nodes.drivers.cnc.marlin_dialogue import AT_ONCE, IDENTITY, PLACE, STOP_S, MarlinDialogue
 from tactile_nodes.drivers.cnc.marlin_settings import NUMBER, QUESTIONS, AxisSettings, axis_settings
 from tactile_nodes.drivers.cnc.motion import Motion, Verdict
@@ -95,15 +97,16 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         """As `Cnc.jog`.
 
         Raises:
-            ConfigurationError: also for a jog of so few steps that Marlin would drop it.
+            ConfigurationError: also for a jog that Marlin would drop, if the tip would then be too far from its target.
         """
         steps = self._axes.steps((dx, dy, dz))
-        if self.blind_step_mm is not None and steps is not None and 0 < steps < FEWEST_STEPS:
+        if self.blind_step_mm is None or steps is None or not 0 < steps < FEWEST_STEPS:
+            super().jog(dx, dy, dz, feed=feed)
+        elif math.hypot(dx, dy, dz) > ARRIVED_MM:
             raise ConfigurationError(
                 f'{self._name} would silently drop a jog of {steps} steps, and without an emergency parser a '
                 'longer one cannot be stopped; build its firmware with EMERGENCY_PARSER, or use finer microsteps'
             )
-        super().jog(dx, dy, dz, feed=feed)
 
     def home(self) -> None:
         """As `Cnc.home`, with the command from the settings."""

@@ -21,6 +21,19 @@ def test_a_jog_that_marlin_would_drop_is_refused() -> None:
     assert rig.tip[2] == pytest.approx(before - 0.05)
 
 
+def test_a_jog_that_is_too_short_for_marlin_and_for_an_error_is_left_out() -> None:
+    """0.0125 mm are 5 steps of z: no more than the 0.02 mm at which a place counts as reached. 0.015 mm are 6."""
+    rig = homed_rig('marlin without parser')
+    before = rig.tip
+    for _ in range(3):
+        rig.cnc.jog(dz=-0.0125, feed=60.0)
+        rig.cnc.wait_idle()
+    assert rig.tip == before == pytest.approx(rig.cnc.status().position_mm)
+    rig.cnc.jog(dz=-0.015, feed=60.0)
+    rig.cnc.wait_idle()
+    assert rig.tip[2] == pytest.approx(before[2] - 0.015)
+
+
 def test_a_move_that_marlin_drops_leaves_the_tip_where_it_is_known_to_be() -> None:
     """As 2.1.2 with M114_REALTIME did: after a stop it was 0.05 mm, 4 steps of x, from where it was sent."""
     rig = homed_rig('marlin realtime')
