@@ -83,13 +83,19 @@ class GrblDialogue(GrblHearing):
             return self.reports.last
 
     def poll_until(self, done: Callable[[Report], bool], timeout_s: float, every_s: float = 0.05) -> bool:
-        """Request reports until one satisfies the condition; False: none did, or everything was aborted."""
-        deadline_ns, generation = self._clock.now_ns() + round(timeout_s * NS_PER_S), self.generation
-        while self.alarm is None and generation == self.generation and self._clock.now_ns() < deadline_ns:
-            with contextlib.suppress(DeviceTimeoutError):  # a lost response; the deadline decides
+        """Request reports until one satisfies the condition; False: none did, or everything was aborted.
+
+        A question that takes longer than it can, because this computer stood still, counts for no longer than that.
+        """
+        left_ns, generation = round(timeout_s * NS_PER_S), self.generation
+        longest_ns = round((2 * SILENT_S + every_s) * NS_PER_S)
+        while self.alarm is None and generation == self.generation and left_ns > 0:
+            asked_ns = self._clock.now_ns()
+            with contextlib.suppress(DeviceTimeoutError):  # a lost response; the time limit decides
                 if done(self.fresh_report(SILENT_S)):
                     return True
             self.link.wait(lambda: self.alarm is not None, every_s)
+            left_ns -= min(self._clock.now_ns() - asked_ns, longest_ns)
         return False
 
     def _settle(self, request: Request, timeout_s: float) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from cnc_rigs import START_NS, Rig, device_of, direct_rig, settings_of
+from cnc_rigs import START_NS, Rig, device_of, direct_rig, homed_rig, settings_of
 from coarse_table import coarse_table
 from jumping_clock import JumpingClock
 
@@ -402,3 +402,26 @@ def test_a_computer_that_stands_still_is_no_controller_that_hangs(kind: str, mon
     monkeypatch.setattr(rig.port, 'read', late)
     switched = rig.cnc.set_line(True)
     assert switched.latest_ns - switched.earliest_ns >= 3_000_000_000
+
+
+@pytest.mark.parametrize('kind', ['grbl', 'marlin'])
+def test_a_motion_that_ends_while_the_computer_stands_still_has_ended(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A way of 0.5 s may take 2.8 s; after the first report the computer stands still for 10 s."""
+    rig = homed_rig(kind)
+    below = rig.tip[2] - 0.5
+    rig.cnc.jog(dz=-0.5, feed=60.0)
+    read, reads = rig.port.read, []
+
+    def late(timeout_s: float) -> bytes:
+        reads.append(timeout_s)
+        if len(reads) != 3:
+            return read(timeout_s)
+        rig.clock.advance(10.0)
+        return b''
+
+    monkeypatch.setattr(rig.port, 'read', late)
+    rig.cnc.wait_idle()
+    assert rig.tip[2] == pytest.approx(below)
+    assert len(reads) > 3
