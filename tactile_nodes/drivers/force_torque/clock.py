@@ -120,7 +120,10 @@ class TickClock:
         return self._line[0] + self._line[1] * x - y
 
     def stamp(self, ticks: int, arrival_ns: int) -> int:
-        """Measurement time of the sample with these ticks (unwrapped); strictly increasing, never after arrival."""
+        """Measurement time of the sample with these ticks (unwrapped); strictly increasing.
+
+        Of samples with one arrival, each that is stamped on it is a nanosecond later than the one before.
+        """
         if self._count == 0:
             self._first_ns = arrival_ns
             self._begin(ticks, arrival_ns)

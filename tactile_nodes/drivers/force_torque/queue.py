@@ -76,6 +76,7 @@ class SampleQueue:
             missing = max(missing, self._missed_since(self._newest.stamp_ns, stamp_ns))
         self._sequence += 1 + missing
         self._missing += missing
+        arrival_ns = max(arrival_ns, stamp_ns)  # of one read, several stamped on arrival are a nanosecond apart
         sample = Sample(wrench, stamp_ns, arrival_ns, ticks, self._sequence, self._missing, int(flags), status, raw)
         for listener in self._listeners:
             listener(sample)

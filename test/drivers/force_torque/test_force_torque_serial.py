@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Iterator
@@ -254,6 +255,24 @@ def test_a_clock_that_begins_again_is_noticed_however_long_it_has_run(minutes: i
     assert queue.newest is not None
     with pytest.raises(DeviceLostError, match='has restarted'):
         send(12_500)
+
+
+def test_lines_that_come_at_once_are_not_stamped_after_their_arrival() -> None:
+    """1 kHz; all are 3 ms late, but then three come in one read, and the last of them was not late at all."""
+    port = ScriptedPort(b'', [])
+    settings, stepped = ForceTorqueSettings('text:port', rate_hz=1000.0), SteppedClock(10**18)
+    connection, queue = text.TextLineConnection(port, settings, stepped), SampleQueue('port', 200, SampleCheck())
+    for number in range(150):
+        stepped.advance(0.001)
+        port._to_say = [b'%d,%d\n' % (1000 * number, number % 7)]
+        connection.fetch(queue)
+    port._to_say = [b''.join(b'%d,%d\n' % (1000 * number, number % 7) for number in (151, 152, 153))]
+    stepped.advance(0.001)
+    connection.fetch(queue)
+    samples = queue.take(0.0)
+    assert all(later.stamp_ns > earlier.stamp_ns for earlier, later in itertools.pairwise(samples))
+    assert all(0 <= sample.arrival_ns - sample.stamp_ns <= 3_000_000 for sample in samples)
+    assert abs(samples[-1].arrival_ns - stepped.now_ns()) <= 3
 
 
 def test_bytes_that_are_never_a_sample_are_distinguished_from_silence(
