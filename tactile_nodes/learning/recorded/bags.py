@@ -1,14 +1,15 @@
 """Reads collection bags, and matches presses with their images by capture stamps.
 
-A bag holds more images than fit in memory, so it is read once, as a stream. A press is assembled as soon as the next
-press message arrives, and older messages are dropped. Receive times are not used, only stamps. If a recorder had
-another clock, its stamps are first converted to the rig's clock (`clocks`).
+A bag holds more images than fit in memory, so it is read once, as a stream. A press is assembled when the next press
+message and a later image have arrived, and older messages are dropped. Receive times are not used, only stamps: a
+recorder that stood still receives one topic after the other. If a recorder had another clock, its stamps are first
+converted to the rig's clock (`clocks`).
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -81,7 +82,10 @@ class Span:
 
 
 class Aligner:
-    """Takes the messages of one bag in any order within a press, and returns presses in the order of their messages."""
+    """Takes the messages of one bag, and assembles presses in the order of their messages.
+
+    The messages of a topic must be in order. Those of different topics need not be.
+    """
 
     def __init__(self, clocks: Clocks | None = None) -> None:
         self.odd: Counter[str] = Counter()
@@ -92,12 +96,12 @@ class Aligner:
         self._frames: dict[int, np.ndarray] = {}
         self._references: dict[int, np.ndarray] = {}
         self._spans: list[Span] = []
-        self._waiting: types.Press | None = None
-        self._last_end_ns = 0
+        self._waiting: deque[types.Press] = deque()
+        self._last_end_ns = self._newest_ns = 0
 
     def take_image(self, message: types.Image) -> None:
         """Take one image of a window, or from before it."""
-        self._keep(message, self._frames, 'images recorded twice')
+        self._newest_ns = max(self._newest_ns, self._keep(message, self._frames, 'images recorded twice'))
 
     def take_reference(self, message: types.Image) -> None:
         """Take one rest image. The latched image may be repeated in each bag."""
@@ -118,25 +122,25 @@ class Aligner:
         corrected_ns = self.clocks.corrected_ns(uncorrected_ns, message.header.frame_id)
         self._samples.take(uncorrected_ns, corrected_ns, message.wrench.force.z)
 
-    def take_press(self, message: types.Press) -> RecordedPress | None:
-        """Take one finished press. Returns the previous press, which is now complete."""
-        finished = self.finish()
-        self._waiting = message
-        return finished
+    def take_press(self, message: types.Press) -> None:
+        """Take one finished press."""
+        self._waiting.append(message)
 
-    def finish(self) -> RecordedPress | None:
-        """The press that still waits for images, if there is one."""
-        if self._waiting is None:
-            return None
-        finished, self._waiting = self._aligned(self._waiting), None
-        return finished
+    def assembled(self, *, over: bool = False) -> Iterator[RecordedPress]:
+        """The presses that are complete by now; `over`: all, because no more images come."""
+        while self._waiting and (over or self._is_complete(self._waiting[0])):
+            yield self._aligned(self._waiting.popleft())
+
+    def _is_complete(self, message: types.Press) -> bool:
+        return len(self._waiting) > 1 and self._newest_ns > stamp_ns(message.window_end)
 
     @property
     def left_over(self) -> int:
         """Number of images that belong to no press: an interrupted collection leaves some after its last press."""
         return len(self._frames)
 
-    def _keep(self, message: types.Image, kept: dict[int, np.ndarray], twice: str) -> None:
+    def _keep(self, message: types.Image, kept: dict[int, np.ndarray], twice: str) -> int:
+        """Keep an image; returns its stamp."""
         uncorrected_ns = stamp_ns(message.header.stamp)
         stamp = self.clocks.corrected_ns(uncorrected_ns, message.header.frame_id)
         if stamp in kept and twice:
@@ -147,6 +151,7 @@ class Aligner:
             self._slack_ns = max(self._slack_ns, self.clocks.error_ns(message.header.frame_id))
         except ImageError as error:
             self.odd[f'images that cannot be read ({error})'] += 1
+        return stamp
 
     def _aligned(self, message: types.Press) -> RecordedPress:
         start_ns, end_ns = stamp_ns(message.window_start), stamp_ns(message.window_end)
@@ -228,9 +233,9 @@ class CollectionBag:
         """Close its files."""
         self._reader.close()
 
-    def _chosen(self, namespace: str | None) -> dict[str, Callable[[Any], RecordedPress | None]]:
+    def _chosen(self, namespace: str | None) -> dict[str, Callable[[Any], None]]:
         """The handler for the messages of each topic in the bag."""
-        takers: dict[str, Callable[[Any], RecordedPress | None]] = {
+        takers: dict[str, Callable[[Any], None]] = {
             self._topic(PRESS, namespace, needed=True): self.aligner.take_press,
             self._topic(PRESS_IMAGE, namespace, needed=True): self.aligner.take_image,
             self._topic(REFERENCE_IMAGE, namespace): self.aligner.take_reference,
@@ -268,20 +273,19 @@ class CollectionBag:
     def presses(self) -> Iterator[RecordedPress]:
         """All attempts in the bag, in order."""
         for message in self._reader.messages([name for name in self._takers if name]):
-            if finished := self._take(message):
-                yield finished
-        if finished := self.aligner.finish():
-            yield finished
+            self._take(message)
+            yield from self.aligner.assembled()
+        yield from self.aligner.assembled(over=True)
 
-    def _take(self, message: BagMessage) -> RecordedPress | None:
+    def _take(self, message: BagMessage) -> None:
         try:
             decoded = self._reader.decode(message)
         except MessageError:
             self.malformed += 1
-            return None
+            return
         if message.topic == self._press_topic:
             self._digest.update(message.data)
-        return self._takers[message.topic](decoded)
+        self._takers[message.topic](decoded)
 
     def _require_ours(self, type_name: str) -> None:
         if not self._reader.types.is_ours(type_name):

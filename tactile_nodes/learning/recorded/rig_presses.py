@@ -51,6 +51,7 @@ class RigPresses:
         with self._lock:
             if not self._over:
                 self._aligner.take_image(message)
+                self._give()
 
     def reference(self, message: types.Image) -> None:
         """Take a rest image."""
@@ -79,7 +80,8 @@ class RigPresses:
                 return
             self._digest.update(data)
             self._attempts += 1
-            self._give(self._aligner.take_press(message))
+            self._aligner.take_press(message)
+            self._give()
             self._last_press_ns = now_ns
 
     def look(self, now_ns: int, rig_is_there: bool) -> str:
@@ -89,7 +91,7 @@ class RigPresses:
         """
         with self._lock:
             if self._last_press_ns is not None and now_ns - self._last_press_ns >= SETTLED_NS:
-                self._give(self._aligner.finish())
+                self._give(over=True)
                 self._last_press_ns = None
             self._seen |= rig_is_there
             self._first_look_ns = now_ns if self._first_look_ns is None else self._first_look_ns
@@ -105,7 +107,7 @@ class RigPresses:
         with self._lock:
             if not self._over:
                 self._over = True
-                self._give(self._aligner.finish())
+                self._give(over=True)
                 self._ready.put(None)
 
     # --- called by the calibration
@@ -140,6 +142,6 @@ class RigPresses:
     def close(self) -> None:
         """Nothing to close."""
 
-    def _give(self, press: RecordedPress | None) -> None:
-        if press is not None:
+    def _give(self, *, over: bool = False) -> None:
+        for press in self._aligner.assembled(over=over):
             self._ready.put(press)

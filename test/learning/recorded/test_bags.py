@@ -12,7 +12,7 @@ from press_bags import DEPTHS_MM, FRAME_NS, FRAMES, PLACES_MM, SECOND_NS, START_
 
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bus.topics import PRESS, REFERENCE_IMAGE
+from tactile_nodes.bus.topics import PRESS, PRESS_IMAGE, REFERENCE_IMAGE, RIG_STATE
 from tactile_nodes.conversions import image_array
 from tactile_nodes.errors import ConfigurationError, DatasetError
 from tactile_nodes.learning.config import Choice
@@ -202,6 +202,24 @@ def test_a_press_from_before_the_first_rest_image_is_left_out(tmp_path: Path, se
     collection.reference(1)
     collection.press(1, 2, 0.0, 0.0, 0.5)
     assert left_out(build([collection.close()], COARSE)) == [(1, 1, exclusions.NO_REFERENCE)]
+
+
+def test_presses_that_a_recorder_took_in_before_their_images_are_kept(
+    collection: Collection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It stood still during three presses, and then took in one topic after the other."""
+    write, late_ns = collection.writer.write, collection.start_ns + 60 * SECOND_NS
+    order = {f'/{topic.name}': number for number, topic in enumerate((RIG_STATE, PRESS, PRESS_IMAGE))}
+
+    def late(topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
+        write(topic, data, late_ns + order[topic], publish_ns)
+
+    monkeypatch.setattr(collection.writer, 'write', late)
+    for slot in range(3):
+        collection.press(slot, slot + 1, 0.0, 0.0, 0.5)
+    found = build([collection.close()], COARSE)
+    assert left_out(found) == []
+    assert found.press.tolist() == [1, 2, 3]
 
 
 def test_a_press_with_a_black_image_is_left_out(collection: Collection, monkeypatch: pytest.MonkeyPatch) -> None:
