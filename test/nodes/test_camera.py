@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import re
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -18,12 +19,13 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.diagnostics import Level
+from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import SystemClock, monotonic_s
 from tactile_nodes.contact_tables import touch_tables
-from tactile_nodes.errors import AskedToEndError, ConfigurationError, DeviceNotFoundError, ImageError
+from tactile_nodes.errors import NOT_AGAIN, AskedToEndError, ConfigurationError, DeviceNotFoundError, ImageError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.nodes.camera import CameraNode
 
@@ -250,6 +252,17 @@ def test_picture_of_another_size_than_asked_names_both(start: Callable[..., Came
     cv2.imwrite(str(tmp_path / '0.png'), PATTERN)
     with pytest.raises(ImageError, match=r'160x160.*640x480'):
         start(f'source:={tmp_path}', 'width:=640', 'height:=480')
+
+
+def test_a_folder_of_pictures_of_two_sizes_is_not_played_again(
+    start: Callable[..., CameraNode], tmp_path: Path
+) -> None:
+    """A launch would start it again for ever, and play the first pictures each time."""
+    for number, side in enumerate((100, 50)):
+        cv2.imwrite(str(tmp_path / f'{number}.png'), np.full((side, side), number * 100, np.uint8))
+    node = start(f'source:={tmp_path}', 'fps:=100.0')
+    assert run_until([node], threading.Event()) == NOT_AGAIN
+    assert 'put each size into its own folder' in str(node.failure)
 
 
 def test_a_light_outside_the_picture_is_reported(start: Callable[..., CameraNode], tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ NodeFactory = Callable[[Bus, NodeArguments], Node]
 
 _FINISH_WITHIN_S = 1.0  # for the callback that runs
 _END_WITHIN_S = 1.8  # for everything, closing devices included
+_FOR_A_PERSON = (ConfigurationError, ModelError)  # starting again would not help, however long it took to find out
 _ONE_SIGNAL_S = 1.0  # a terminal and a launcher may both send the one that a person meant, a busy launcher its own late
 
 
@@ -76,9 +77,9 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
         return _run(factories, arguments)
     except AskedToEndError:
         return 0
-    except (ConfigurationError, ModelError) as error:
+    except _FOR_A_PERSON as error:
         sys.stderr.write(f'{error}\n')
-        return NOT_AGAIN  # however long it took on a busy machine to find out
+        return NOT_AGAIN
     except TactileError as error:
         sys.stderr.write(f'{error}\n')
         return 1
@@ -121,7 +122,8 @@ def settle() -> None:
 def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
     """Spin `nodes` until `done` is set or one of them fails, and close them.
 
-    Returns the exit status: 0, 1 after a bug or when a node would not end, else the FAILURE_STATUS of one that failed.
+    Returns the exit status: 0, 1 after a bug or when a node would not end; else of one that failed NOT_AGAIN, if its
+    settings cannot be used, or its FAILURE_STATUS.
     """
     failed: list[Node] = []
 
@@ -148,7 +150,11 @@ def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
             failed.append(node)
     for node in nodes:
         _close(node)
-    return 1 if failed else max((node.FAILURE_STATUS for node in nodes if node.failure), default=0)
+    return 1 if failed else max((_status(node) for node in nodes if node.failure), default=0)
+
+
+def _status(node: Node) -> int:
+    return NOT_AGAIN if isinstance(node.failure, _FOR_A_PERSON) else node.FAILURE_STATUS
 
 
 def _close(node: Node) -> None:

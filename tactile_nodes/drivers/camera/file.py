@@ -20,7 +20,7 @@ from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.decoding import open_video, read_picture
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture, check_size
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
+from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.files import open_plain
 from tactile_nodes.paths import OF_PICTURES
 
@@ -114,7 +114,11 @@ class FileCamera:
         self._open = True
 
     def read(self, timeout_s: float) -> Frame | None:
-        """The next picture when it is due; None after the last one, unless it loops."""
+        """The next picture when it is due; None after the last one, unless it loops.
+
+        Raises:
+            ConfigurationError: a picture that cannot be read, or of another size than the first.
+        """
         if not self._open:
             raise DeviceError(f'{self._recording.name} is closed; open it before reading')
         if self._waiting is None and (picture := self._next()) is not None:
@@ -145,12 +149,15 @@ class FileCamera:
         return due_ns
 
     def _next(self) -> Picture | None:
-        picture = self._recording.next()
-        if picture is None and self._settings.loop:
-            self._recording.start()
+        try:
             picture = self._recording.next()
+            if picture is None and self._settings.loop:
+                self._recording.start()
+                picture = self._recording.next()
+        except ImageError as error:  # it would come to the same picture when played again
+            raise ConfigurationError(str(error)) from error
         if picture is not None and picture.shape[:2] != self._shape[:2]:
-            raise ImageError(
+            raise ConfigurationError(
                 f'{self._recording.name} contains pictures of {self._shape[1]}x{self._shape[0]} and of '
                 f'{picture.shape[1]}x{picture.shape[0]}; put each size into its own folder'
             )

@@ -15,7 +15,7 @@ from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
 from tactile_nodes.drivers.camera.file import natural_key
 from tactile_nodes.drivers.camera.opening import open_camera
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.errors import DeviceTimeoutError, ImageError
+from tactile_nodes.errors import ConfigurationError, DeviceTimeoutError, ImageError
 
 SHARED = Path(__file__).parents[3].parent / 'shared' / 'data' / 'gelsight_mini_videos'
 
@@ -124,7 +124,7 @@ def test_an_empty_folder_is_refused(tmp_path: Path, jumping: SteppedClock) -> No
 def test_images_of_two_sizes_are_refused_with_both_sizes(folder: Path, jumping: SteppedClock) -> None:
     cv2.imwrite(str(folder / '3.png'), np.zeros((10, 20), np.uint8))
     camera = opened(folder, jumping)
-    with pytest.raises(ImageError, match='contains pictures of 64x48 and of 20x10'):
+    with pytest.raises(ConfigurationError, match='contains pictures of 64x48 and of 20x10'):
         read_all(camera)
 
 
@@ -132,7 +132,7 @@ def test_images_of_two_sizes_are_refused_with_both_sizes(folder: Path, jumping: 
 def test_a_damaged_image_is_named(folder: Path, jumping: SteppedClock, content: bytes) -> None:
     (folder / '3.png').write_bytes(content)
     camera = opened(folder, jumping)
-    with pytest.raises(ImageError, match=r'3.png .it is not a readable picture'):
+    with pytest.raises(ConfigurationError, match=r'3.png .it is not a readable picture'):
         read_all(camera)
 
 
