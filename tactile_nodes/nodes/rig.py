@@ -14,6 +14,8 @@ import sys
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -28,7 +30,9 @@ from tactile_nodes.collection.run.voice import TOPICS
 from tactile_nodes.collection.station import LEAVE_S
 from tactile_nodes.errors import NOT_AGAIN, DeviceError, DeviceFaultError
 from tactile_nodes.messages import stamp_ns
-from tactile_nodes.sensing.geometry import middle_part
+from tactile_nodes.params import parameter
+from tactile_nodes.sensing.geometry import centre_crop, middle_part
+from tactile_nodes.sensors import load_sensor
 
 STATUS_S = 1.0
 _PAUSED = 'paused'
@@ -40,6 +44,12 @@ class RigParams(RigSettings, NodeParams):
     """Parameters of the rig node."""
 
     READ_ONLY: ClassVar[bool] = True
+
+    sensor: str = parameter(
+        '',
+        'sensor description (name or file) for pictures of another camera node: those of its size are cropped as it '
+        'says, others are not; empty: the central 440x440 px',
+    )
 
 
 class RigNode(Node):
@@ -60,6 +70,7 @@ class RigNode(Node):
         self.diagnostics.hardware |= {'cnc': self.params.cnc.source, 'force_torque': self.params.force_torque.source}
         self._session.campaign.paused = self.kept.get(_PAUSED) is not None
         self._cropped_px = 0, 0
+        self._described = load_sensor(self.params.sensor).image if self.params.sensor else None
         self.create_subscription(topics.CAMERA_INFO, self._on_camera_info)
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_trigger('~/pause', lambda: self._pause(True))
@@ -108,8 +119,15 @@ class RigNode(Node):
         message = received.message
         picture = conversions.image_array(message)
         if self._cropped_px != (message.width, message.height):  # else our camera node has cropped it, to any shape
-            picture = middle_part(picture)  # as the flow features node does
+            picture = self._cropped(picture)
         self._session.image(stamp_ns(message.header.stamp), picture)
+
+    def _cropped(self, picture: np.ndarray) -> np.ndarray:
+        """As the flow features node does."""
+        image = self._described
+        if image is None:
+            return middle_part(picture)
+        return centre_crop(picture, *image.crop_px) if picture.shape == (image.height, image.width) else picture
 
     def _pause(self, paused: bool) -> str:
         self._session.campaign.paused = paused

@@ -214,6 +214,24 @@ def test_a_picture_that_the_camera_node_has_cropped_is_recorded_whole_whatever_i
     assert came == [(48, 64), (40, 40)]
 
 
+@pytest.mark.parametrize(
+    ('sensor', 'recorded'), [('digit_like', (320, 240)), ('simulated', (320, 240)), ('', (240, 240))]
+)
+def test_a_whole_picture_is_cropped_as_the_sensor_is_described(
+    bus: InProcessBus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sensor: str, recorded: tuple[int, int]
+) -> None:
+    """240x320 is all of the first. The second has 640x480: a crop of its size would show another part of the gel."""
+    came: list[tuple[int, ...]] = []
+    monkeypatch.setattr(Session, 'image', lambda _self, _stamp_ns, picture: came.append(picture.shape))
+    image = bus.advertise('/image_raw', topics.IMAGE.type_name, topics.IMAGE.qos)
+    node = RigNode(bus, arguments(tmp_path, f"require_recorder: true\n    sensor: '{sensor}'"), SystemClock())
+    run(node)
+    image.publish(conversions.image_message(np.full((320, 240), 100, np.uint8), conversions.header(0, 'camera')))
+    run(node)
+    node.close()
+    assert came == [recorded]
+
+
 def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -> None:
     states = listen(bus, topics.RIG_STATE)
     node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
