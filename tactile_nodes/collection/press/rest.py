@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -15,8 +16,8 @@ from tactile_nodes.collection.wrench import Tare, tare_of
 from tactile_nodes.drivers.force_torque.stream import describe_flags
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
-ZERO_PATIENCE_S = 5.0
-REST_PATIENCE_S = 10.0
+ZERO_PATIENCE_S, REST_PATIENCE_S = 5.0, 10.0
+"""As so many looks: the time in which this computer stands still does not count."""
 MOST_NOISE_GREY = 20.0
 LOOK_S = 0.05
 
@@ -40,8 +41,9 @@ def zero(settings: CollectionSettings) -> Procedure[Tare]:
         DeviceFaultError: there are no valid samples.
     """
     observation = yield Look(settings.press.tare_s)
-    start_ns = observation.since_ns
-    while len(observation.samples) < 2 and observation.now_ns - start_ns < ZERO_PATIENCE_S * NS_PER_S:
+    for _ in range(math.ceil(ZERO_PATIENCE_S / settings.press.tare_s)):
+        if len(observation.samples) >= 2:
+            break
         observation = yield Look(settings.press.tare_s, observation.now_ns)
     if len(observation.samples) < 2 or not all(sample.usable for sample in observation.samples):
         raise DeviceFaultError('no valid force samples from the unloaded sensor; check it, then start again')
@@ -59,14 +61,11 @@ def rest_frames(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Seq
     yield Go(z=safe_z_mm, feed_mm_min=settings.motion.travel_mm_min)
     observation = yield Look(settings.press.steady_s)  # vibration of the last motion decays
     start_ns = observation.now_ns
-    while True:
+    for _ in range(math.ceil(REST_PATIENCE_S / LOOK_S)):
         observation = yield Look(LOOK_S, start_ns)
         if len(observation.frames) >= settings.reference_frames:
             return observation.frames[: settings.reference_frames]
-        if observation.now_ns - start_ns > REST_PATIENCE_S * NS_PER_S:
-            raise DeviceTimeoutError(
-                f'too few images in {REST_PATIENCE_S:g} s ({len(observation.frames)}); check the camera'
-            )
+    raise DeviceTimeoutError(f'too few images in {REST_PATIENCE_S:g} s ({len(observation.frames)}); check the camera')
 
 
 def image_noise(frames: Sequence[Frame]) -> float:
