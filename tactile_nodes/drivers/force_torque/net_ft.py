@@ -51,7 +51,7 @@ class NetFtConnection:
         self._clock = clock
         self.config = _configured(host, settings)
         self.tracker = rdt.StreamTracker()
-        self._ticks = self._new_clock()
+        self._ticks = TickClock(self.config.internal_rate_hz, delay_ns=round(settings.delay_ms * 1e6))
         self._stalls = 0
         self._renew_at_s = 0.0
         self._first: tuple[bytes, int] | None = None
@@ -133,10 +133,9 @@ class NetFtConnection:
         accepted = self.tracker.accept(record)
         if accepted is None:
             return
+        if accepted.rebooted:  # its units may be others now
+            raise DeviceLostError(f'the box at {self._host} has restarted; check its power supply')
         flags = rdt.flags_of(record.status)
-        if accepted.rebooted:
-            self._ticks = self._new_clock()
-            flags |= Flag.RESTARTED
         if accepted.stalled:
             self._stalls += 1
             flags |= Flag.STALLED
@@ -151,9 +150,6 @@ class NetFtConnection:
         queue.put(
             (a, b, c, d, e, f), record.counts, stamp_ns, arrival_ns, ticks, flags, record.status, accepted.missing
         )
-
-    def _new_clock(self) -> TickClock:
-        return TickClock(self.config.internal_rate_hz, delay_ns=round(self._settings.delay_ms * 1e6))
 
     def _start(self) -> None:
         """Send requests until a record comes: the box does not acknowledge requests, and a request can get lost."""

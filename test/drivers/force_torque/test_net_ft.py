@@ -17,11 +17,20 @@ from ft_rigs import LOAD, Rig, assert_counted, net_ft_rig, read, read_until
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.force_torque import net_ft_rdt as rdt
+from tactile_nodes.drivers.force_torque.check import SampleCheck
 from tactile_nodes.drivers.force_torque.contract import Flag, ForceTorqueSettings, NetFtSettings, Sample
+from tactile_nodes.drivers.force_torque.net_ft import NetFtConnection
 from tactile_nodes.drivers.force_torque.opening import open_force_torque
+from tactile_nodes.drivers.force_torque.queue import SampleQueue
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig, Threshold
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.errors import (
+    ConfigurationError,
+    DeviceError,
+    DeviceLostError,
+    DeviceNotFoundError,
+    DeviceTimeoutError,
+)
 
 Make = Callable[..., Rig]
 
@@ -206,6 +215,21 @@ def test_a_box_that_was_restarted_is_found_again_with_a_clock_that_begins_anew(r
     after = read_until(sensor, lambda sample: bool(sample.flags & Flag.RESTARTED))
     assert after.device_ticks < before.device_ticks
     assert after.stamp_ns > before.stamp_ns
+
+
+def test_a_box_that_is_back_before_it_counts_as_lost_is_opened_again_as_its_units_may_be_others(
+    rig_with: Make,
+) -> None:
+    rig = rig_with()
+    box, queue = rig.device.box, SampleQueue('box', 5000, SampleCheck())
+    with contextlib.closing(NetFtConnection('127.0.0.1', rig.settings, SystemClock())) as connection:
+        while queue.newest is None or queue.newest.device_ticks < 2**32 + 3500:  # half a second after it wrapped
+            connection.fetch(queue)
+        box.clock = replace(box.clock, start_ns=SystemClock().now_ns(), offset=0)
+        connection._request()
+        with pytest.raises(DeviceLostError, match='has restarted'):
+            for _ in range(2000):
+                connection.fetch(queue)
 
 
 def test_a_network_that_goes_down_and_comes_back_is_no_end_of_the_sensor(rig_with: Make) -> None:
