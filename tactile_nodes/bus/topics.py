@@ -264,7 +264,7 @@ FORCE_TORQUE = Topic(
     1000.0,
     frame=_SENSOR,
     holds='N and N·m in the axes of the sensor, untared, by its own sign; NaN: not measured',
-    lost=_PRESSED,
+    lost='presses in the gap keep their forces, unless the clock of the samples has to be corrected',
 )
 FORCE_TORQUE_COUNTS = Topic(
     'force_torque_counts',
