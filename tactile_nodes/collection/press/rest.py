@@ -6,13 +6,15 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
+
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare
 from tactile_nodes.collection.hands import Hands, InterruptedRunError, TrippedError
 from tactile_nodes.collection.readings import Frame, change
 from tactile_nodes.collection.safety import MACHINE, OVERLOAD
 from tactile_nodes.collection.settings import CollectionSettings, LimitSettings
-from tactile_nodes.collection.wrench import Tare, tare_of
+from tactile_nodes.collection.wrench import Tare, length, mean_noise, tare_of
 from tactile_nodes.drivers.force_torque.stream import describe_flags
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
 
@@ -20,18 +22,31 @@ ZERO_PATIENCE_S, REST_PATIENCE_S = 5.0, 10.0
 """As so many looks: the time in which this computer stands still does not count."""
 MOST_NOISE_GREY = 20.0
 LOOK_S = 0.05
+CLEAR_MM = 1.0  # last way down to the safe height: so short that the pull of the sensor's cable stays the same
 
 
-def go_to_gel(settings: CollectionSettings, safe_z_mm: float) -> Procedure[Tare]:
-    """After homing: go above the centre of the gel and read the unloaded sensor.
+def go_to_gel(settings: CollectionSettings, safe_z_mm: float, at: tuple[float, float] = (0.0, 0.0)) -> Procedure[Tare]:
+    """After homing: go above a place of the gel, down to the safe height, and read the unloaded sensor.
 
     Raises:
-        DeviceFaultError: there are no valid samples.
+        DeviceFaultError: there are no valid samples; or the tip touches something there, and is up again.
     """
-    feed = settings.motion.travel_mm_min
-    yield Go(settings.surface.gel_x_mm, settings.surface.gel_y_mm, feed_mm_min=feed)  # homing left the tip at the top
-    yield Go(z=safe_z_mm, feed_mm_min=settings.motion.approach_mm_min)  # the height of the gel is not known yet
-    return (yield from zero(settings))
+    motion, surface = settings.motion, settings.surface
+    x, y = surface.gel_x_mm + at[0], surface.gel_y_mm + at[1]
+    top_mm = (yield Go(x, y, feed_mm_min=motion.travel_mm_min)).place_mm[2]  # homing left the tip at the top
+    yield Go(z=min(top_mm, safe_z_mm + CLEAR_MM), feed_mm_min=motion.approach_mm_min)  # where the gel is, is not known
+    above = yield from zero(settings)
+    yield Go(z=safe_z_mm, feed_mm_min=motion.approach_mm_min)
+    tare = yield from zero(settings)
+    force = length(np.subtract(tare.wrench[:3], above.wrench[:3]))
+    if force > settings.press.unloaded_n + 2 * mean_noise(above, tare.samples):
+        yield Go(z=top_mm, feed_mm_min=motion.travel_mm_min)
+        raise DeviceFaultError(
+            f'the force changes by {force:.2f} N on the last way down to the safe height of {safe_z_mm:g} mm: the tip '
+            'touches there, and sideways it would tear the gel; is it longer than before? Raise cnc.safe_z_mm, '
+            'surface.top_mm and surface.bottom_mm'
+        )
+    return tare
 
 
 def zero(settings: CollectionSettings) -> Procedure[Tare]:

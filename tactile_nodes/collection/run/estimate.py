@@ -143,7 +143,7 @@ class Course:
         s = self._settings
         way_s = self._over_s(s.surface.gel_x_mm - HOME_MM, s.surface.gel_y_mm - HOME_MM)
         down_s = self._along_s(HOME_MM - self._safe_z_mm, s.motion.approach_mm_min)
-        return s.limits.steady_again_s + HOMING_S + way_s + down_s + s.press.tare_s
+        return s.limits.steady_again_s + HOMING_S + way_s + down_s + 2 * s.press.tare_s
 
     def surface_s(self) -> float:
         """Surface search at the corners."""

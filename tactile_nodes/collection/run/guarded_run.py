@@ -18,7 +18,7 @@ from tactile_nodes.collection.actions import Go, Look, Procedure
 from tactile_nodes.collection.hands import InterruptedRunError, TrippedError
 from tactile_nodes.collection.machine_record import BEGUN, ENDED, MachineRecord, record_file
 from tactile_nodes.collection.press.guarded import OK, Feel, Felt, Guarded, GuardSettings
-from tactile_nodes.collection.press.rest import zero
+from tactile_nodes.collection.press.rest import go_to_gel, zero
 from tactile_nodes.collection.press.speed import check_speeds, longest_period_s
 from tactile_nodes.collection.press.surface import check_safe_height
 from tactile_nodes.collection.press.up import bring_up, not_up
@@ -183,14 +183,11 @@ def above_gel(settings: GuardedRunSettings, feel: Feel) -> Procedure[Tare]:
     """Move above the gel, and read the unloaded sensor.
 
     Raises:
-        DeviceError: no force within `wait_s`, or the force/torque sensor has a fault.
+        DeviceError: no force within `wait_s`, the force/torque sensor has a fault, or the tip touches already.
     """
-    motion, surface = settings.motion, settings.surface
-    yield Go(z=settings.cnc.safe_z_mm, feed_mm_min=motion.approach_mm_min)  # down: homing left it at the top
-    x, y = surface.gel_x_mm + settings.x_mm, surface.gel_y_mm + settings.y_mm
-    yield Go(x, y, feed_mm_min=motion.travel_mm_min)
+    yield from go_to_gel(settings, settings.cnc.safe_z_mm, (settings.x_mm, settings.y_mm))
     yield from first_force(settings.wait_s, feel)
-    yield Go(z=surface.top_mm, feed_mm_min=motion.approach_mm_min)
+    yield Go(z=settings.surface.top_mm, feed_mm_min=settings.motion.approach_mm_min)
     return (yield from zero(settings))
 
 

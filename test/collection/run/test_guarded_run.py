@@ -16,7 +16,7 @@ from quick_clock import QuickClock
 
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.collection import readings
-from tactile_nodes.collection.actions import Go
+from tactile_nodes.collection.actions import Go, Observation
 from tactile_nodes.collection.machine_record import BEGUN, MachineRecord
 from tactile_nodes.collection.press.guarded import Felt, GuardSettings
 from tactile_nodes.collection.run import guarded_run
@@ -131,9 +131,11 @@ def test_a_feed_that_could_not_be_stopped_in_time_is_refused() -> None:
 
 def test_the_way_down_to_the_safe_height_could_be_stopped_in_time() -> None:
     """2 N/mm, 75 ms to the stop, 200 mm/s² and 2 N to spare allow 10 mm/s: a clamp may be in the way."""
-    down = next(guarded_run.above_gel(SETTINGS, lambda: None))
+    procedure = guarded_run.above_gel(SETTINGS, lambda: None)
+    next(procedure)  # sideways, at the top
+    down = procedure.send(Observation(0, 0, (0.0, 0.0, SAFE_Z_MM + 3.0)))
     assert isinstance(down, Go)
-    assert down.z == SAFE_Z_MM
+    assert down.z == SAFE_Z_MM + 1.0
     assert down.feed_mm_min <= 600
 
 
