@@ -115,10 +115,11 @@ def await_recovery(hands: Hands, limits: LimitSettings, reason: str = '') -> Non
         InterruptedRunError: the run was asked to end.
         TrippedError: the machine failed too, or the force is more than is bearable.
     """
-    begin_ns = hands.clock.now_ns()
-    well_since_ns = begin_ns
+    begin_ns = well_since_ns = looked_ns = hands.clock.now_ns()
     while True:
         now_ns = hands.clock.now_ns()
+        begin_ns += max(0, now_ns - looked_ns - NS_PER_S)  # this computer stood still
+        looked_ns = now_ns
         if wrong := _wrong(hands, limits, now_ns):
             well_since_ns = now_ns
         if now_ns - well_since_ns >= limits.steady_again_s * NS_PER_S:

@@ -6,9 +6,10 @@ import re
 from pathlib import Path
 
 import pytest
-from rehearsing import ALL, SAFE_Z_MM, Dots, Run, changed
+from rehearsing import ALL, SAFE_Z_MM, SETTINGS, Dots, Run, changed
 
 from tactile_nodes.bus.node import priority
+from tactile_nodes.collection.press.rest import await_recovery
 from tactile_nodes.drivers.cnc.simulated import SimulatedCnc
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceFaultError, DeviceTimeoutError
@@ -153,3 +154,19 @@ def test_a_crowded_computer_is_reported_with_what_to_do(monkeypatch: pytest.Monk
     assert 'stop some, or allow this user to raise process priority (docs/collection.md), then' in priority.crowded()
     monkeypatch.setattr(priority.os, 'getloadavg', lambda: (2.0, 4.0, 1.0))
     assert priority.crowded() == ''
+
+
+def test_a_computer_that_stands_still_while_a_device_is_waited_for_is_no_device_that_stays_lost(tmp_path: Path) -> None:
+    """The sensor is silent for a second; meanwhile the computer stands still for a minute, and 30 s are allowed."""
+    run = Run(tmp_path)
+    clock = run.rig.clock
+    run.rig.silent_sensor = True
+
+    def stand_still() -> None:
+        clock._now_ns += 60_000_000_000
+        run.after(0.2, lambda: setattr(run.rig, 'silent_sensor', False))
+
+    run.after(1.0, stand_still)
+    begun_ns = clock.now_ns()
+    await_recovery(run.rig.hands, SETTINGS.limits, 'the sensor was silent')
+    assert 62e9 < clock.now_ns() - begun_ns < 70e9
