@@ -229,7 +229,8 @@ def open_sync_input(settings: SyncInputSettings, clock: Clock) -> WatchedLine:
     """
     name = f'{settings.line.upper()} of {settings.device}'
     try:
-        port = serial.serial_for_url(settings.device, timeout=0)
+        # Exclusive: opening sets the baud rate, also of a port over which another program commands a machine.
+        port = serial.serial_for_url(settings.device, timeout=0, exclusive=True)
     except (serial.SerialException, OSError, ValueError) as error:
         raise DeviceNotFoundError(
             f'cannot open {settings.device or "a port without a name"} to watch its {settings.line.upper()} line '

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import itertools
 import os
+import termios
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -15,6 +16,7 @@ import serial
 
 from tactile_nodes.clock import SteppedClock, SystemClock
 from tactile_nodes.drivers.health import Level
+from tactile_nodes.drivers.serial_port import open_port
 from tactile_nodes.drivers.sync_input.control_line import (
     Edge,
     SerialControlLine,
@@ -214,6 +216,18 @@ def test_a_port_without_control_lines_is_refused() -> None:
         open_sync_input(SyncInputSettings(os.ttyname(theirs)), SystemClock())
     for end in (ours, theirs):
         os.close(end)
+
+
+def test_the_port_of_a_machine_that_is_in_use_is_left_as_it_is() -> None:
+    """Else its baud rate would become 9600, and nothing could stop the machine any more."""
+    ours, theirs = os.openpty()
+    machine = open_port(os.ttyname(theirs), 115_200, 'default', SystemClock())
+    with pytest.raises(DeviceNotFoundError, match='that no other program uses'):
+        open_sync_input(SyncInputSettings(os.ttyname(theirs)), SystemClock())
+    assert termios.tcgetattr(theirs)[5] == termios.B115200
+    machine.close()
+    for each in (ours, theirs):
+        os.close(each)
 
 
 def irregular(count: int) -> Line:
