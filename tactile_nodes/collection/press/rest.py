@@ -33,7 +33,9 @@ def go_to_gel(settings: CollectionSettings, safe_z_mm: float, at: tuple[float, f
     """
     motion, surface = settings.motion, settings.surface
     x, y = surface.gel_x_mm + at[0], surface.gel_y_mm + at[1]
-    top_mm = (yield Go(x, y, feed_mm_min=motion.travel_mm_min)).place_mm[2]  # homing left the tip at the top
+    top_mm = max((yield Go()).place_mm[2], safe_z_mm)  # homing left the tip there; a machine without it may be lower
+    yield Go(z=top_mm, feed_mm_min=motion.travel_mm_min)
+    yield Go(x, y, feed_mm_min=motion.travel_mm_min)
     yield Go(z=min(top_mm, safe_z_mm + CLEAR_MM), feed_mm_min=motion.approach_mm_min)  # where the gel is, is not known
     above = yield from zero(settings)
     yield Go(z=safe_z_mm, feed_mm_min=motion.approach_mm_min)

@@ -132,11 +132,23 @@ def test_a_feed_that_could_not_be_stopped_in_time_is_refused() -> None:
 def test_the_way_down_to_the_safe_height_could_be_stopped_in_time() -> None:
     """2 N/mm, 75 ms to the stop, 200 mm/s² and 2 N to spare allow 10 mm/s: a clamp may be in the way."""
     procedure = guarded_run.above_gel(SETTINGS, lambda: None)
-    next(procedure)  # sideways, at the top
-    down = procedure.send(Observation(0, 0, (0.0, 0.0, SAFE_Z_MM + 3.0)))
+    next(procedure)
+    at_the_top = Observation(0, 0, (0.0, 0.0, SAFE_Z_MM + 3.0))
+    up, sideways, down = (procedure.send(at_the_top) for _ in range(3))
+    assert isinstance(up, Go) and isinstance(sideways, Go)
+    assert (up.x, up.y, up.z, sideways.z) == (None, None, SAFE_Z_MM + 3.0, None)
     assert isinstance(down, Go)
     assert down.z == SAFE_Z_MM + 1.0
     assert down.feed_mm_min <= 600
+
+
+def test_a_tip_that_was_left_low_goes_up_before_it_goes_sideways() -> None:
+    """A machine without homing stays where somebody has left it."""
+    procedure = guarded_run.above_gel(SETTINGS, lambda: None)
+    next(procedure)
+    up = procedure.send(Observation(0, 0, (0.0, 0.0, SAFE_Z_MM - 2.0)))
+    assert isinstance(up, Go)
+    assert (up.x, up.y, up.z) == (None, None, SAFE_Z_MM)
 
 
 def test_it_goes_up_when_the_force_becomes_invalid() -> None:
