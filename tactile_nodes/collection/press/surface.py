@@ -242,6 +242,11 @@ def _search(
         if math.isnan(force):
             raise DeviceFaultError('the sensor measures no force along z, so it cannot find the surface; set its axes')
         noise = tare.noise_n / math.sqrt(len(observation.samples))
+        if felt_elsewhere is None and force < -(5 * noise + settings.press.unloaded_n):  # later a sticky gel may pull
+            raise DeviceFaultError(
+                f'the force points up, {-force:.2f} N at z {z:.2f} mm, as if the tip were pulled: set '
+                'mounting.upside_down as the sensor is mounted, or the sign of its scale'
+            )
         if felt_elsewhere is not None:
             _require_rise(felt_elsewhere, settings, z, force + 5 * noise)
         if loading or force > 5 * noise + surface.least_n:

@@ -1,4 +1,4 @@
-"""Somebody has screwed in a longer tip, and has set none of the heights anew."""
+"""Set up wrongly: a longer tip, and none of the heights set anew; a sensor that is mounted the other way up."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from rehearsing import SAFE_Z_MM, WORLD, Run
+from rehearsing import SAFE_Z_MM, WORLD, Run, changed
 
 from tactile_nodes.errors import DeviceFaultError
 
@@ -28,3 +28,17 @@ def test_a_tip_that_touches_at_the_safe_height_is_not_moved_sideways(tmp_path: P
         run.campaign.run()
     assert len(touched) == 1
     assert run.world.press_at(run.rig.clock.now_ns()).depth_mm <= 0
+
+
+def test_a_sensor_that_is_set_up_the_wrong_way_up_ends_the_probe_at_the_touch(tmp_path: Path) -> None:
+    """Its force on the gel is negative; the probe would go down to surface.bottom_mm, 1.5 mm into the gel."""
+    run, deepest_mm = Run(tmp_path, changed(mounting={'upside_down': True})), [0.0]
+
+    def look() -> None:
+        deepest_mm.append(run.world.press_at(run.rig.clock.now_ns()).depth_mm)
+
+    run.rig.clock.every(0.02, look)
+    with pytest.raises(DeviceFaultError, match=r'the force points up, .* set mounting\.upside_down'):
+        run.campaign.run()
+    assert max(deepest_mm) < 0.5
+    assert run.height_mm == pytest.approx(SAFE_Z_MM, abs=0.01)
