@@ -122,7 +122,7 @@ def save_model(path: Path, model: ForceModel, card: Mapping[str, Any], rest_imag
 
     `rest_image` (8 bit grey) shows the untouched gel; the drift monitor compares later images with it.
 
-    The card must name `flow` and `encoding` with their options; all other entries are kept unchanged.
+    The card must hold `flow` and `encoding` with their options, `crop_px`, and `gel` with its id. It is kept unchanged.
 
     Raises:
         ConfigurationError: no file can be written there.
@@ -241,9 +241,9 @@ def _loaded(path: Path, data: bytes, card: Mapping[str, Any], model_id: str) -> 
 
 def _check_said(loaded: LoadedModel) -> None:
     """Check the entries of the card now, so that reading them later does not fail."""
-    _ = loaded.flow, loaded.encoding, 'crop_px' in loaded.card and loaded.image_size
+    _ = loaded.flow, loaded.encoding, loaded.image_size, loaded.gel
     for name, kind in (('crop_px', (int, Sequence)), ('gel', Mapping), ('contact_threshold_n', (int, float))):
-        if name in loaded.card and not isinstance(loaded.card[name], kind):
+        if not isinstance(loaded.card[name], kind):
             raise TypeError(f'{name} cannot be {loaded.card[name]!r:.40}')
     layout, mean = loaded.model.layout, loaded.model.readout.scaling.mean
     if mean.shape != (layout.rows, layout.cols, layout.channels):

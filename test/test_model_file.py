@@ -32,6 +32,8 @@ from tactile_nodes.sensing.geometry import BinGrid
 CARD = {
     'flow': {'name': 'dis', 'options': {'preset': 'ultrafast'}},
     'encoding': {'name': 'cartesian_mean', 'options': {'rows': 2, 'cols': 2}},
+    'crop_px': 440,
+    'gel': {'id': 'gel-7'},
     'command': 'tactile train small.yaml',
 }
 
@@ -298,6 +300,14 @@ def test_a_card_that_cannot_be_is_refused_though_its_checksum_is_right(
     with pytest.raises(ModelError) as refused:
         load_model(file)
     assert '\n' not in str(refused.value)
+
+
+@pytest.mark.parametrize('entry', ['flow', 'encoding', 'crop_px', 'gel'])
+def test_a_card_without_what_every_use_of_the_model_reads_is_refused(entry: str, content: bytes, tmp_path: Path):
+    file = tmp_path / 'odd.safetensors'
+    file.write_bytes(_with_card(content, lambda card: card.pop(entry), {}))
+    with pytest.raises(ModelError, match=f'lacks a part of the model.*{entry}'):
+        load_model(file)
 
 
 @pytest.mark.parametrize('number', [math.nan, math.inf])

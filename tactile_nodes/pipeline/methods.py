@@ -75,10 +75,9 @@ def make_measuring(
     return Measuring(flow, encoding, compiled, check, registers and not isinstance(flow, DotsFlow), marked_share)
 
 
-def image_size(model: str) -> tuple[int, int] | None:
-    """Width and height of the images that a model reads; None if the model does not state them."""
-    loaded = load_model(find_model(model))
-    return loaded.image_size if 'crop_px' in loaded.card else None
+def image_size(model: str) -> tuple[int, int]:
+    """Width and height of the images that a model reads."""
+    return load_model(find_model(model)).image_size
 
 
 def describe_flow(flow: FlowMethod) -> str:
