@@ -16,29 +16,33 @@ FACTS = 'tactile.json'
 
 @contextlib.contextmanager
 def made_whole(output: Path, *, replace: bool = False) -> Iterator[Path]:
-    """A folder to write into. It becomes `output` when the block succeeds, and is removed when the block fails.
+    """A folder to write into. It becomes `output` when the block succeeds, and is removed otherwise.
 
     Raises:
         DatasetError: `output` exists and may not be replaced, or is no export, or cannot be written.
     """
-    _require_free(output, replace)
-    draft = output.absolute().with_name(f'.{output.absolute().name}.part')
+    draft, before = (output.absolute().with_name(f'.{output.absolute().name}.{end}') for end in ('part', 'old'))
     try:
-        shutil.rmtree(draft, ignore_errors=True)  # left by an export that was killed
+        _tidy(output, draft, before)  # what a killed export left
+        _require_free(output, replace)
         draft.mkdir(parents=True)
         yield draft
-        replaced = draft.with_suffix('.old')
-        shutil.rmtree(replaced, ignore_errors=True)
         if output.exists():
-            output.rename(replaced)
+            output.rename(before)
         draft.rename(output)
-        shutil.rmtree(replaced, ignore_errors=True)  # last: deleting a large export takes long, and may be interrupted
+        shutil.rmtree(before, ignore_errors=True)  # takes long for a large export: Ctrl-C here is followed by `_tidy`
     except OSError as error:
-        shutil.rmtree(draft, ignore_errors=True)
         raise DatasetError(f'cannot write {output}: {error.strerror or error}; nothing was kept') from error
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
+    finally:
+        _tidy(output, draft, before)
+
+
+def _tidy(output: Path, draft: Path, before: Path) -> None:
+    """Delete what is not needed; the export before takes its place again if the new one did not."""
+    if before.exists() and not output.exists():
+        before.rename(output)
+    for each in (draft, before):
+        shutil.rmtree(each, ignore_errors=True)
 
 
 def write_json(file: Path, content: dict[str, Any]) -> None:

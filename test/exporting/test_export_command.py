@@ -111,6 +111,41 @@ def test_ctrl_c_while_the_export_before_is_deleted_leaves_the_new_one_whole(
     assert [each.name for each in bag.parent.iterdir() if 'replaced' in each.name] == ['replaced']
 
 
+def test_ctrl_c_leaves_no_hidden_copy_of_the_export_before(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    output, delete, interrupted = bag.with_name('replaced'), shutil.rmtree, []
+    words = ['export', 'parquet', str(bag), '-o', str(output)]
+    assert main(words) == 0
+
+    def interrupt(folder: Path, **options: bool) -> None:
+        if (folder / FACTS).exists() and not interrupted:
+            interrupted.append(folder)
+            raise KeyboardInterrupt
+        delete(folder, **options)
+
+    monkeypatch.setattr(shutil, 'rmtree', interrupt)
+    assert main([*words, '--force']) == INTERRUPTED
+    assert [each.name for each in bag.parent.iterdir() if 'replaced' in each.name] == ['replaced']
+
+
+def test_ctrl_c_before_the_new_export_has_its_name_keeps_the_one_before(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output, rename = bag.with_name('replaced'), Path.rename
+    words = ['export', 'parquet', str(bag), '-o', str(output)]
+    assert main(words) == 0
+    (output / 'mark').touch()
+
+    def interrupt(self: Path, target: Path) -> Path:
+        if self.suffix == '.part':
+            raise KeyboardInterrupt
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, 'rename', interrupt)
+    assert main([*words, '--force']) == INTERRUPTED
+    assert [each.name for each in bag.parent.iterdir() if 'replaced' in each.name] == ['replaced']
+    assert (output / 'mark').exists()
+
+
 def test_without_the_library_one_sentence_says_what_to_install(
     bag: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
