@@ -124,17 +124,23 @@ def _details(press: Any) -> dict[str, Any]:
 
 
 def _presses(source: Source) -> list[Any]:
-    """The last message of each attempt, sorted by window; an attempt marked suspect later keeps its earlier window."""
+    """A message for each attempt and window, sorted by window; an attempt marked suspect later keeps its window.
+
+    A rig that is started anew within a bag presses the same attempts again, in other windows.
+    """
     topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
     messages = list(source.bag.messages(topics)) if topics else []
     if not messages:
         raise BagError(f'{source.bag.path} holds no presses, so it cannot be cut at presses; leave out --cut')
-    last: dict[Any, Any] = {}
+    found: dict[Any, Any] = {}
+    windows_ns: dict[Any, int] = {}
     for message in messages:
         press = source.bag.decode(message)
-        key = message.topic, press.plan_id, press.press, press.attempt  # two rigs may follow one plan
+        attempt = message.topic, press.plan_id, press.press, press.attempt  # two rigs may follow one plan
         if press.status != types.Press.STATUS_SUSPECT:
-            last[key] = press
-        elif key in last:  # such a message names only the attempt and the reason; the attempt may be in another bag
-            last[key] = dataclasses.replace(last[key], status=press.status, reason=press.reason)
-    return sorted(last.values(), key=lambda press: stamp_ns(press.window_end))
+            windows_ns[attempt] = stamp_ns(press.window_end)
+            found[attempt, windows_ns[attempt]] = press
+        elif attempt in windows_ns:  # it names only attempt and reason; the attempt itself may be in another bag
+            key = attempt, windows_ns[attempt]
+            found[key] = dataclasses.replace(found[key], status=press.status, reason=press.reason)
+    return sorted(found.values(), key=lambda press: stamp_ns(press.window_end))

@@ -69,13 +69,13 @@ def write_bag(folder: Path, frames: int = 30, joint_names: Sequence[str] = ('a',
 def write_presses(folder: Path, suspect: int = 0, rigs: tuple[str, ...] = (f'/{PRESS.name}',)) -> None:
     """Sixty forces, with presses whose windows end with the 20th and the 40th; the second one was rejected.
 
-    They are presses 1 and 2 of one rig, or press 1 of each of two rigs that follow one plan.
+    They are presses 1 and 2 of one rig, or press 1 of each of two rigs, or of one rig started twice, with one plan.
 
     At the end, as a rig does it, one that is `suspect` is called so.
     """
     writer = BagWriter(folder)
     writer.add_topic(BagTopic.of_type(f'/{FORCE_DISTRIBUTION.name}', FORCE_DISTRIBUTION.type_name))
-    for rig in rigs:
+    for rig in dict.fromkeys(rigs):
         writer.add_topic(BagTopic.of_type(rig, PRESS.type_name))
     for number in range(60):
         _write(writer, f'/{FORCE_DISTRIBUTION.name}', force(number, START_NS + number * STEP_NS), 9_000_000)

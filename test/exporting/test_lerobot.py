@@ -183,8 +183,9 @@ def test_a_press_that_became_suspect_is_an_episode_of_its_own_that_says_so(tmp_p
     assert second['stamp_ns'][0].as_py() == START_NS + 20 * STEP_NS
 
 
-def test_presses_of_two_rigs_that_follow_one_plan_are_all_episodes(tmp_path: Path) -> None:
-    write_presses(tmp_path / 'bag', rigs=('/left/press', '/right/press'))
+@pytest.mark.parametrize('second', ['/right/press', '/left/press'])
+def test_presses_of_two_runs_of_one_plan_are_all_episodes(second: str, tmp_path: Path) -> None:
+    write_presses(tmp_path / 'bag', rigs=('/left/press', second))
     words = ['--cut', 'presses', '--fps', '60']
     assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
     episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
