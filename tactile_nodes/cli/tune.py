@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tactile_nodes.cli.dataset import methods
 from tactile_nodes.cli.running import cluster
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ examples:
   tactile tune --max-error 0.01 -o small.safetensors             simulated: the fastest with an aRMSE of at most 0.01 N
   tactile tune collected_1 collected_2 --max-ms 0.8 -o mine.safetensors    your gel: the most accurate within 0.8 ms
   tactile tune collected_1 --max-error 0.01 --metric total_rmse_n -o mine.safetensors
+  tactile tune collected_1 --sensor mine.yaml --max-ms 0.8 -o tuned.safetensors    bins and crop of your own sensor
   tactile tune --train my_gel.yaml --presses 4000 --max-ms 1.5 -o mine.safetensors
   tactile launch live model:=mine.safetensors                    flow and grid come from the model
   tactile train mine.yaml                                        train the same again, or with more presses
@@ -59,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--without-contact', type=float, default=0.05, metavar='SHARE',
         help='share of samples without contact, if the bags hold such images (default: 0.05)',
     )  # fmt: skip
+    parser.add_argument('--sensor', metavar='YAML', help='sensor description: crop, bins and picture size')
     parser.add_argument('--namespace', help='namespace of the sensor, if the bags hold several')
     cluster.add_arguments(parser)
 
@@ -107,18 +110,20 @@ def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
         )
     base = _base(arguments)
     if not arguments.bags:
-        if given := [name for name in ('gel', 'namespace') if getattr(arguments, name)]:
+        if given := [name for name in ('gel', 'sensor', 'namespace') if getattr(arguments, name)]:
             raise ConfigurationError(f'--{given[0]} is for bags; the gel to simulate stands in the run of --train')
         return SimulatedSource(base)
+    if arguments.on:
+        raise ConfigurationError('--on simulates presses on a cluster; recorded ones are read on this machine')
     if arguments.presses is not None:
         raise ConfigurationError('--presses is the number of presses to simulate; it cannot be used with bags')
     if not 0 <= arguments.without_contact <= 0.5:
         raise ConfigurationError(f'--without-contact must be between 0 and 0.5, got {arguments.without_contact}')
     options = BuildOptions(
-        gel=gel_entry(arguments.gel), namespace=arguments.namespace, crop=base.data.crop,
+        bins=base.bins, gel=gel_entry(arguments.gel), namespace=arguments.namespace, crop=base.data.crop,
         without_contact=arguments.without_contact,
     )  # fmt: skip
-    return RecordedSource(arguments.bags, options, base)
+    return RecordedSource(arguments.bags, methods.of_sensor(options, arguments.sensor), base)
 
 
 def _base(arguments: argparse.Namespace) -> TrainConfig:

@@ -37,6 +37,34 @@ def test_bags_become_a_profile_of_model_run_and_data_set(tmp_path: Path, capsys:
     assert model.rest_image.size and np.array_equal(model.rest_image, presses.rest_image)  # for the drift monitor
 
 
+def test_a_described_sensor_gives_the_bins_and_the_part_of_the_pictures(tmp_path: Path) -> None:
+    bag, output = spread_collection(tmp_path / 'collected', Sensor(), 40), tmp_path / 'mine.safetensors'
+    (tmp_path / 'sensor.yaml').write_text(
+        'image: {width: 440, height: 440, crop: 400, crop_height: 320}\n'
+        'camera: {centre_px: [219.5, 219.5]}\n'
+        'bins: {rows: 5, cols: 7}\n'
+    )
+    words = ['tune', str(bag), '--max-error', '1', '--only', 'quarter size, 10x10, 24', '--without-contact', '0.5']
+    assert main([*words, '--sensor', str(tmp_path / 'sensor.yaml'), '-o', str(output)]) == 0
+    model = load_model(output)
+    assert (model.model.bins.rows, model.model.bins.cols, model.image_size) == (5, 7, (400, 320))
+    assert load_dataset(output.with_suffix('.npz')).bins == model.model.bins
+
+
+@pytest.mark.parametrize('given', [['--sensor', 'digit_like'], ['--namespace', 'left']])
+def test_what_describes_bags_is_refused_without_bags(
+    given: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(['tune', *given, '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]) == 1
+    assert f'{given[0]} is for bags' in capsys.readouterr().err
+
+
+def test_a_cluster_is_refused_where_nothing_is_simulated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ['tune', str(tmp_path / 'bag'), '--on', 'tcp://127.0.0.1:1', '--max-ms', '1']
+    assert main([*words, '-o', str(tmp_path / 'm.safetensors')]) == 1
+    assert '--on simulates presses on a cluster; recorded ones are read on this machine' in capsys.readouterr().err
+
+
 def test_a_data_set_is_refused_because_it_holds_no_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['tune', 'presses.npz', '--max-ms', '1', '-o', str(tmp_path / 'm.safetensors')]) == 1
     assert 'presses.npz is a data set' in capsys.readouterr().err

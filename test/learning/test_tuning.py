@@ -23,6 +23,7 @@ from tactile_nodes.learning.recorded.building import BuildOptions
 from tactile_nodes.learning.training.source import TrainingData
 from tactile_nodes.learning.tuning.profile import said_of, table_of
 from tactile_nodes.learning.tuning.search import (
+    IMAGES,
     Candidate,
     RecordedSource,
     SimulatedSource,
@@ -154,6 +155,15 @@ def test_images_to_measure_times_with_come_from_any_of_the_bags(tmp_path: Path) 
     pressed.press(0, 1, 0.0, 0.0, 0.5)
     found = RecordedSource([ended.close(), pressed.close()], BuildOptions(), TrainConfig()).images()
     assert len(found) == 2
+
+
+def test_only_the_bags_whose_images_are_needed_are_opened(tmp_path: Path) -> None:
+    pressed = Collection(tmp_path / 'pressed', Sensor())
+    for slot in range(IMAGES):
+        pressed.reference(slot)
+        pressed.press(slot, slot + 1, 0.0, 0.0, 0.5)
+    found = RecordedSource([pressed.close(), tmp_path / 'no_bag'], BuildOptions(), TrainConfig()).images()
+    assert len(found) == IMAGES + 1
 
 
 def test_times_need_an_image_of_a_press() -> None:

@@ -55,8 +55,6 @@ def _of_run(arguments: argparse.Namespace) -> BuildOptions:
     from tactile_nodes import paths
     from tactile_nodes.learning.config import load_train_config
     from tactile_nodes.learning.recorded.building import BuildOptions, gel_entry
-    from tactile_nodes.sensing.geometry import BinGrid
-    from tactile_nodes.sensors import load_sensor
 
     name = arguments.profile or 'fast'
     shipped = paths.share_directory() / 'config' / 'train' / f'{name}.yaml'
@@ -64,9 +62,17 @@ def _of_run(arguments: argparse.Namespace) -> BuildOptions:
     options = BuildOptions(
         run.flow, run.encoding, run.bins, arguments.frames, gel=gel_entry(arguments.gel), crop=run.data.crop
     )
-    if not arguments.sensor:
+    return of_sensor(options, arguments.sensor)
+
+
+def of_sensor(options: BuildOptions, name: str | None) -> BuildOptions:
+    """Options with crop, bins and picture size of a description, if one is named. Raises ConfigurationError."""
+    from tactile_nodes.sensing.geometry import BinGrid
+    from tactile_nodes.sensors import load_sensor
+
+    if not name:
         return options
-    sensor = load_sensor(arguments.sensor)
+    sensor = load_sensor(name)
     described = sensor.image.width, sensor.image.height
     return replace(options, bins=BinGrid.of_sensor(sensor), crop=sensor.image.crop_px, picture=described)
 

@@ -9,20 +9,21 @@ requirement selects one of them.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from tactile_nodes.contact_tables.gel_tables import contact_table
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, NoPressesError
 from tactile_nodes.learning.config import Choice, TrainConfig
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.network.scores import Validation
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.recorded.bags import open_bags
+from tactile_nodes.learning.recorded.bags import CollectionBag, RecordedPress
 from tactile_nodes.learning.recorded.building import BuildOptions, build
 from tactile_nodes.learning.run.folder import Run
 from tactile_nodes.learning.training.source import TrainingData, recorded_data, training_data
@@ -184,21 +185,23 @@ class RecordedSource:
         return build(self._bags, options, progress, command=command)
 
     def images(self) -> list[UInt8[np.ndarray, 'h w']]:
-        found: list[np.ndarray] = []
-        with ExitStack() as stack:
-            options = self._options
-            opened = open_bags(self._bags, stack, lambda _: None, options.namespace, options.reference_clock)
-            for bag in opened:
-                presses = bag.presses()
-                assert isinstance(presses, Generator)
-                stack.enter_context(closing(presses))  # it holds the bag's file open
-                for press in presses:
+        with closing(self._pressed()) as presses:
+            found = list(islice(presses, IMAGES))
+        return [
+            *(press.reference.image for press in found[:1] if press.reference),
+            *(each.frames[0].image for each in found),
+        ]
+
+    def _pressed(self) -> Generator[RecordedPress]:
+        """Presses with images, one bag after the other; a bag is opened when its first press is needed."""
+        for path in self._bags:
+            with (
+                suppress(NoPressesError),
+                CollectionBag(path, self._options.namespace, self._options.reference_clock) as bag,
+            ):
+                for press in bag.presses():
                     if press.reference is not None and press.frames:
-                        found = found or [press.reference.image]
-                        found.append(press.frames[0].image)
-                    if len(found) > IMAGES:
-                        return found
-        return found
+                        yield press
 
 
 def tune(

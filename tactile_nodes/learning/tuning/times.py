@@ -14,6 +14,7 @@ import numpy as np
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import TrainConfig
 from tactile_nodes.learning.progress import Progress
+from tactile_nodes.model_file import size_of_crop
 from tactile_nodes.sensing.compiling import can_compile
 from tactile_nodes.sensing.explain.model import ForceEstimator, ForceModel
 from tactile_nodes.sensing.flow.choice import make_flow
@@ -28,8 +29,8 @@ class _Frames:
     """One configuration with its rest image set."""
 
     def __init__(self, model: ForceModel, config: TrainConfig, images: Sequence[np.ndarray], *, compiled: bool) -> None:
-        side = config.data.crop
-        rest, *self._pressed = (np.ascontiguousarray(centre_crop(image, side, side)) for image in images)
+        size = size_of_crop(config.data.crop)
+        rest, *self._pressed = (np.ascontiguousarray(centre_crop(image, *size)) for image in images)
         self._flow = make_flow(config.flow.name, config.flow.options, compiled=compiled)
         self._encoding, self._estimator = config.make_encoding(), ForceEstimator(model, compiled=compiled)
         self._flow.set_reference(rest)
