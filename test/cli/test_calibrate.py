@@ -135,6 +135,16 @@ def test_presses_that_made_the_model_do_not_judge_it(
     assert 'was calibrated with presses of the same bags' in capsys.readouterr().err
 
 
+def test_presses_that_made_the_model_of_a_calibration_do_not_judge_that_either(
+    calibrated: Path, presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    others, output = tmp_path / 'third.npz', tmp_path / 'third.safetensors'
+    save_dataset(others, recorded(pressed(28, 4, 1.4, -0.5), 'third'))
+    assert main(['calibrate', '--model', str(calibrated), '--dataset', str(others), '-o', str(output)]) == 0
+    assert main(['evaluate', str(output), '--dataset', str(presses)]) == 1
+    assert 'was calibrated with presses of the same bags' in capsys.readouterr().err
+
+
 def test_a_calibration_that_reads_no_better_is_written_only_if_forced(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -185,7 +185,8 @@ def write(
 def card_of(
     source: Source, recordings: RecordedPresses, calibration: AnyCalibration, seconds: float, command: str, output: Path
 ) -> dict[str, Any]:
-    """The model's card: the entries of its source, and of the presses."""
+    """The model's card: the entries of its source, and of the presses, with those that the source was made from."""
+    known = source.loaded.card.get('data', {})
     return {
         **kept(source.loaded.card, calibration.readout),
         'command': command,
@@ -194,10 +195,10 @@ def card_of(
         'gel': dict(recordings.card['gel']),
         'data': {
             'origin': CALIBRATION,
-            'bags': [bag['id'] for bag in recordings.card['bags']],
+            'bags': [*(bag['id'] for bag in recordings.card['bags']), *known.get('bags', ())],
             'samples': len(recordings),
             'fingerprint': recordings.fingerprint,
-            'pictures': recordings.pictures,
+            'pictures': [*recordings.pictures, *known.get('pictures', ())],
         },
         'source': source.card_entry(output),
         'training': {'seconds': seconds, 'device': 'cpu', 'calibration': calibration.as_dict()},

@@ -190,8 +190,8 @@ def evaluation_samples(loaded: LoadedModel, recordings: RecordedPresses, kind: s
     if ours & set(origin.get('bags', ())):
         if origin.get('origin') != 'recorded':  # a calibration holds no presses back
             raise ModelError(
-                f'model {loaded.model_id} was calibrated with presses of the same bags or tables, so it saw these; '
-                'evaluate it on others'
+                f'model {loaded.model_id} or its source was calibrated with presses of the same bags or tables, so it '
+                'saw these; evaluate it on others'
             )
         raise ModelError(
             f'model {loaded.model_id} was trained on presses of the same bags in another data set, so it may have seen '
