@@ -80,6 +80,8 @@ def _check(arguments: argparse.Namespace) -> None:
             raise ConfigurationError(f'--{name} is for random simulated presses; a held-out set is scored as a whole')
     if arguments.dataset and arguments.put_aside is not None:
         raise ConfigurationError('--put-aside is for simulated presses; --dataset FILE scores held-out presses anyway')
+    if arguments.on and arguments.dataset:
+        raise ConfigurationError(f'--on {cluster.PURPOSE}; it cannot be used with a data set')
     if arguments.split and not arguments.dataset:
         raise ConfigurationError('--split chooses a part of recorded presses; give them with --dataset FILE')
 

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from tactile_nodes.learning.config import TrainConfig
 
 PLANS = 'random', 'paper', 'jittered', 'coarse', 'spread'
+OF_SIMULATED = {
+    'presses': 'is the number of presses to simulate',
+    'plan': 'is the plan of simulated presses',
+    'on': cluster.PURPOSE,
+}
 DESCRIPTION = (
     'Train a force model on presses of the simulated gel, or on recorded ones. Each run has a folder with its '
     'settings, curves and state. After an abort, the same command continues. Ctrl-C keeps the best network so far.'
@@ -42,7 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--seed', type=count, metavar='S', help='seed of the presses and of the training')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='train on recorded presses; see tactile dataset')
     parser.add_argument('--split', choices=('sample', 'position'), help='how to hold out the test set')
-    parser.add_argument('--device', choices=('auto', 'cpu', 'cuda'), help='where to train (auto: CUDA if there is one)')
+    parser.add_argument(
+        '--device', choices=('auto', 'cpu', 'cuda'), help='where to train a network (auto: CUDA if there is one)'
+    )
     parser.add_argument(
         '--runs', type=Path, default=Path('runs'), metavar='DIR', help='folder of the runs (default: runs)'
     )
@@ -106,10 +113,11 @@ def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
     data, training = dataclasses.replace(config.data, **_given(arguments, 'plan')), config.training
     if arguments.dataset is not None:
         data = dataclasses.replace(data, file=str(arguments.dataset))
-    if arguments.presses is not None and data.file:
-        raise ConfigurationError('--presses is the number of presses to simulate; it cannot be used with a data set')
-    if arguments.plan is not None and data.file:
-        raise ConfigurationError('--plan is the plan of simulated presses; it cannot be used with a data set')
+    for option, text in OF_SIMULATED.items():
+        if getattr(arguments, option) and data.file:
+            raise ConfigurationError(f'--{option} {text}; it cannot be used with a data set')
+    if arguments.device and config.readout != 'network':
+        raise ConfigurationError(f'--device is for networks; the readout {config.readout} is fitted on the CPU')
     if arguments.split is not None and not data.file and data.plan == 'random':
         raise ConfigurationError(
             '--split needs recorded presses (--dataset FILE) or a simulated grid; random presses have no held-out set'

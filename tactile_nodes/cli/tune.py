@@ -114,7 +114,7 @@ def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
             raise ConfigurationError(f'--{given[0]} is for bags; the gel to simulate stands in the run of --train')
         return SimulatedSource(base)
     if arguments.on:
-        raise ConfigurationError('--on simulates presses on a cluster; recorded ones are read on this machine')
+        raise ConfigurationError(f'--on {cluster.PURPOSE}; it cannot be used with bags')
     if arguments.presses is not None:
         raise ConfigurationError('--presses is the number of presses to simulate; it cannot be used with bags')
     if not 0 <= arguments.without_contact <= 0.5:

@@ -49,6 +49,18 @@ def test_the_command_line_changes_what_it_names(grid: str):
     assert config.training.device == 'cpu'
 
 
+def test_a_device_is_refused_by_readouts_that_are_fitted_on_the_processor(tmp_path: Path):
+    (tmp_path / 'run.yaml').write_text('readout: response\n')
+    with pytest.raises(ConfigurationError, match='--device is for networks; the readout response is fitted on the CPU'):
+        verb.chosen_config(asked(str(tmp_path / 'run.yaml'), '--device', 'cuda'))
+
+
+@pytest.mark.parametrize('command', [['train'], ['evaluate', 'fast']])
+def test_a_cluster_is_refused_where_nothing_is_simulated(command: list[str], capsys: pytest.CaptureFixture[str]):
+    assert main([*command, '--dataset', 'presses.npz', '--on', 'tcp://127.0.0.1:1']) == 1
+    assert '--on simulates presses on a cluster; it cannot be used with a data set' in capsys.readouterr().err
+
+
 def test_a_grid_can_be_split_by_position(grid: str):
     assert verb.chosen_config(asked(grid, '--split', 'position')).data.split == 'position'
 

@@ -62,7 +62,7 @@ def test_what_describes_bags_is_refused_without_bags(
 def test_a_cluster_is_refused_where_nothing_is_simulated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ['tune', str(tmp_path / 'bag'), '--on', 'tcp://127.0.0.1:1', '--max-ms', '1']
     assert main([*words, '-o', str(tmp_path / 'm.safetensors')]) == 1
-    assert '--on simulates presses on a cluster; recorded ones are read on this machine' in capsys.readouterr().err
+    assert '--on simulates presses on a cluster; it cannot be used with bags' in capsys.readouterr().err
 
 
 def test_a_data_set_is_refused_because_it_holds_no_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

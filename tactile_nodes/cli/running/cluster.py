@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+PURPOSE = 'simulates presses on a cluster'
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """``--on``, for `tactile_nodes.learning.tasks.on_cluster`."""
