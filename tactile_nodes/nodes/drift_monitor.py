@@ -61,7 +61,7 @@ class DriftMonitorNode(Node):
         self._calibrated = Calibrated(self.params.model, simulated=self.params.source == 'simulated')
         self._monitor = DriftMonitor(self._calibrated.limits)
         self._states, self._stamps = self.create_publisher(topics.CALIBRATION_STATE), VerdictStamps()
-        self._reference_id, self._compared_ids = '', ('', '')
+        self._reference_id, self._compared_ids = '', ('', '', True)
         self._gels, self._kept, self._kept_ns = GelList(), ('', 0, 0), 0
         self._rest_shape: tuple[int, ...] = ()
         self._taken_out: PictureMotion | None = None
@@ -117,6 +117,8 @@ class DriftMonitorNode(Node):
     def _on_force(self, received: Received) -> None:
         force: types.ForceDistribution = received.message
         self._last_force = received
+        if self._calibrated.use_force(force):
+            self._compare()
         self._monitor.force(
             stamp_ns(force.header.stamp), force.total, force.unlikeness,
             in_contact=force.in_contact, usable=usable(force),

@@ -52,7 +52,7 @@ class Calibrated:
         self.limits = limits_of(loaded)
         self.model_id = ''
         self._own_gel = loaded.gel
-        self._described_id = loaded.model_id if loaded.of_description else None
+        self._described = {loaded.model_id} if loaded.of_description else set()
         self._gel = _simulated_gel(loaded) if simulated else None
         self._used_gel: str | None = None
         self._shown: tuple[str, np.ndarray] | None = None
@@ -60,6 +60,16 @@ class Calibrated:
     def use_model(self, message: types.Provenance) -> None:
         """Set the model in use from now on."""
         self.model_id, self._used_gel = message.model_id, message.gel
+
+    def use_force(self, message: types.ForceDistribution) -> bool:
+        """Whether a force is the first to say that its model was made from a description alone.
+
+        No other message says it of a model that replaced the first one.
+        """
+        known, model_id = len(self._described), message.provenance.model_id
+        if message.reasons & FORCE.REASON_UNCALIBRATED:
+            self._described.add(model_id)
+        return len(self._described) > known
 
     def use_picture(self, message: types.Image) -> None:
         """Set the rest image of the model file; the message is empty if the file holds none."""
@@ -71,14 +81,15 @@ class Calibrated:
         return self._shown is not None and self._shown[0] == self.model_id
 
     @property
-    def ids(self) -> tuple[str, str]:
-        """The ids of model and rest image; the second is empty if none came yet."""
-        return self.model_id, content_id(self._shown[1]) if self._shown is not None else ''
+    def ids(self) -> tuple[str, str, bool]:
+        """The ids of model and rest image (empty if none came yet), and whether there is a calibration."""
+        shown = content_id(self._shown[1]) if self._shown is not None else ''
+        return self.model_id, shown, self.is_calibrated
 
     @property
     def is_calibrated(self) -> bool:
         """False for a model that was made from a description alone."""
-        return self.model_id != self._described_id
+        return self.model_id not in self._described
 
     @property
     def origin(self) -> str:

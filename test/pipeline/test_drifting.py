@@ -60,3 +60,16 @@ def test_which_model_is_in_use_says_whether_anything_was_calibrated(tmp_path: Pa
     assert not calibrated.is_calibrated
     calibrated.use_model(types.Provenance(model='fast', model_id=shipped.model_id))
     assert calibrated.is_calibrated
+
+
+def test_another_model_from_a_description_is_known_by_what_its_forces_say() -> None:
+    """As when a live launch goes back from a calibration to the description that it was made from."""
+    calibrated = Calibrated('fast', simulated=False)
+    other = types.Provenance(model='described', model_id='0123456789ab')
+    calibrated.use_model(other)
+    assert not calibrated.use_force(types.ForceDistribution(provenance=other))
+    assert calibrated.is_calibrated
+    unsure = types.ForceDistribution(provenance=other, reasons=types.ForceDistribution.REASON_UNCALIBRATED)
+    assert calibrated.use_force(unsure)
+    assert not calibrated.is_calibrated
+    assert not calibrated.use_force(unsure)  # it is news only once
