@@ -180,6 +180,13 @@ class VideoFile:
         self._path = path
         self._claimed = 0.0
         self._video: Any = None
+        self._count = 0
+
+    @property
+    def time_s(self) -> float:
+        """Time of the last frame since the start of the video: as the file states, or index / fps if it states none."""
+        stated_s: float = self._video.get(opencv.load().CAP_PROP_POS_MSEC) / 1e3
+        return stated_s if stated_s > 0 else (self._count - 1) / self.fps
 
     @property
     def description(self) -> Mapping[str, str]:
@@ -204,10 +211,12 @@ class VideoFile:
         if 0 < self._claimed <= FASTEST_CLAIM:
             self.fps = self._claimed
         _check_rate(self.fps, self.name)
+        self._count = 0
 
     def next(self) -> Picture | None:
         """The next frame, (h, w, 3)."""
         good, image = self._video.read()
+        self._count += good
         return image if good else None
 
     def stop(self) -> None:

@@ -63,7 +63,7 @@ class FolderPictures:
 
 @dataclass(frozen=True)
 class VideoPictures:
-    """Frames of a video, the nearest to each time. The time of frame k is k divided by the frame rate in the file."""
+    """Frames of a video, the nearest to each time. Phones vary the frame rate, so the times of the frames count."""
 
     file: Path
 
@@ -78,18 +78,25 @@ class VideoPictures:
     def of(self, rows: Sequence[TablePress], faults: RowFaults) -> Iterator[tuple[TablePress, Picture]]:
         video = VideoFile(self.file, 0.0)
         video.start()
-        count, frame = 0, video.next()
         try:
+            frames = _timed(video)
+            shown, after = next(frames, None), next(frames, None)
             for row in sorted(rows, key=lambda each: each.time_s):
-                wanted = round(row.time_s * video.fps)
-                while frame is not None and count < wanted:
-                    count, frame = count + 1, video.next()
+                while shown and after and after[0] - row.time_s < row.time_s - shown[0]:
+                    shown, after = after, next(frames, None)
                 with faults.row(row.line):
-                    if frame is None:
-                        raise DatasetError(f'time {row.time_s:g} s: {self.file} ends at {count / video.fps:g} s')
-                    yield row, grey(frame)
+                    if shown is None or (row.time_s > shown[0] + 0.5 / video.fps and after is None):
+                        ends_s = shown[0] + 1 / video.fps if shown else 0.0
+                        raise DatasetError(f'time {row.time_s:g} s: {self.file} ends at {ends_s:g} s')
+                    yield row, grey(shown[1])
         finally:
             video.stop()
+
+
+def _timed(video: VideoFile) -> Iterator[tuple[float, Picture]]:
+    """Each frame of an open video with its time."""
+    while (frame := video.next()) is not None:
+        yield video.time_s, frame
 
 
 @dataclass(frozen=True)
