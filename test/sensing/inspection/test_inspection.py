@@ -15,10 +15,10 @@ from tactile_nodes.sensing.flow.dot_pattern import find_dots
 from tactile_nodes.sensing.inspection.describing import Answers, describe, understood, usual_crop
 from tactile_nodes.sensing.inspection.drawing import figure
 from tactile_nodes.sensing.inspection.findings import BAD, LOOK, OK
-from tactile_nodes.sensing.inspection.judging import Inspection
+from tactile_nodes.sensing.inspection.judging import Inspection, size_finding
 from tactile_nodes.sensing.inspection.stillness import alike, apart_px
 from tactile_nodes.sensing.inspection.texture import looks_covered, mark_px, noise_grey
-from tactile_nodes.sensors import CameraDescription, MaskSettings, Sensor, load_sensor
+from tactile_nodes.sensors import CameraDescription, ImageSettings, MaskSettings, Sensor, load_sensor
 from tactile_nodes.simulation.described import gel_of
 from tactile_nodes.simulation.optics import Optics, Press
 
@@ -365,3 +365,11 @@ def test_answers_that_contradict_the_picture_are_refused(membrane: np.ndarray, p
 def test_pictures_are_cut_to_sides_that_many_regions_divide() -> None:
     assert usual_crop(640, 480) == (640, 480)
     assert usual_crop(410, 308) == (400, 280)
+
+
+@pytest.mark.parametrize(('width', 'height', 'level'), [(1280, 960, OK), (4000, 3000, LOOK), (3000, 4000, LOOK)])
+def test_photographs_are_to_be_scaled_down(width: int, height: int, level: str) -> None:
+    found = size_finding(ImageSettings(width, height, width, height), 3, dots=False)
+    assert found.level == level
+    assert found.text.startswith(f'3 images of {width}x{height}')
+    assert ('scale all images down' in found.text) == (level == LOOK)
