@@ -46,7 +46,8 @@ def _csv(table: Path) -> Cells:
         text = read_text(table, encoding='utf-8-sig')
     except UnicodeDecodeError as error:
         raise DatasetError(
-            f'{table} is not a table of images; its first line must name columns, as in {EXAMPLE}, in UTF-8'
+            f'{table} is not a table of images; its first line must name columns, as in {EXAMPLE}, in UTF-8 (Excel '
+            'saves that as CSV UTF-8)'
         ) from error
     delimiter = separator_of(next(iter(text.splitlines()), ''))
     try:

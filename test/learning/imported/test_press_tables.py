@@ -115,7 +115,8 @@ def test_commas_within_names_between_semicolons_are_no_separators(tmp_path: Path
 
 def test_a_table_in_other_letters_than_utf_8_is_refused(tmp_path: Path) -> None:
     (tmp_path / 'presses.csv').write_bytes('picture,x_µm,y_mm,force_n\n'.encode('latin-1'))
-    with pytest.raises(DatasetError, match=r'first line must name columns, as in picture,x_mm,y_mm,force_n, in UTF-8$'):
+    said = r'as in picture,x_mm,y_mm,force_n, in UTF-8 \(Excel saves that as CSV UTF-8\)$'
+    with pytest.raises(DatasetError, match=said):
         read_table(tmp_path / 'presses.csv')
 
 
