@@ -27,7 +27,7 @@ from tactile_nodes.learning.datasets.recordings import (
     fingerprint_of,
 )
 from tactile_nodes.model_file import size_of_crop
-from tactile_nodes.paths import check_output
+from tactile_nodes.paths import check_output, flush
 from tactile_nodes.sensing.geometry import BinGrid
 
 FORMAT = 'tactile_nodes.dataset'
@@ -68,11 +68,13 @@ def save_dataset(path: Path, presses: RecordedPresses) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         with draft.open('wb') as opened:
             np.savez(opened, **arrays)
+        flush(draft)
         draft.replace(path)
     except OSError as error:
+        raise DatasetError(f'cannot write the data set {path} ({error.strerror}); choose another place') from error
+    finally:
         with contextlib.suppress(OSError):
             draft.unlink()
-        raise DatasetError(f'cannot write the data set {path} ({error.strerror}); choose another place') from error
     return presses.fingerprint
 
 

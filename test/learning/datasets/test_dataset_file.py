@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -116,6 +116,22 @@ def test_a_file_cut_short_is_refused(file: Path, tmp_path: Path) -> None:
     (tmp_path / 'cut.npz').write_bytes(file.read_bytes()[:-1000])
     with pytest.raises(DatasetError, match='damaged'):
         load_dataset(tmp_path / 'cut.npz')
+
+
+def test_ctrl_c_while_it_is_written_leaves_nothing_but_the_file_before(
+    presses: RecordedPresses, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / 'presses.npz').write_bytes(file.read_bytes())
+
+    def interrupt(opened: BinaryIO, **_: object) -> None:
+        opened.write(b'half of it')
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, 'savez', interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        save_dataset(tmp_path / 'presses.npz', presses)
+    assert [each.name for each in tmp_path.iterdir()] == ['presses.npz']
+    assert load_dataset(tmp_path / 'presses.npz').fingerprint == presses.fingerprint
 
 
 def test_values_changed_by_hand_are_noticed(file: Path, tmp_path: Path) -> None:
