@@ -143,7 +143,8 @@ def few(folder: Path, presses: int, untouched: int) -> str:
         (
             'readout: response\nresponse: {components: 12, spacing_mm: 3.0, levels: 3}\n', 64, 0,
             'but without the test set there are 0 and 45: 12 images of the untouched gel are missing; record more, or '
-            'take more of the untouched gel from the same bags (tactile dataset build … --without-contact 0.2); or ',
+            'take more of the untouched gel: into the table, or from the same bags (tactile dataset build … '
+            '--without-contact 0.2); or ',
         ),
         (
             'readout: axisymmetric\n', 64, 0,

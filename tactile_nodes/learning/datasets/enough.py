@@ -5,7 +5,10 @@ from __future__ import annotations
 from tactile_nodes.errors import TooFewPressesError
 
 LEAST_UNTOUCHED = 12
-MORE_UNTOUCHED = 'take more of the untouched gel from the same bags (tactile dataset build … --without-contact 0.2)'
+MORE_UNTOUCHED = (
+    'take more of the untouched gel: into the table, or from the same bags (tactile dataset build … '
+    '--without-contact 0.2)'
+)
 
 
 def require_enough(aim: str, untouched: int, presses: int, least_presses: int, or_else: str = '') -> None:
