@@ -80,6 +80,11 @@ def import_presses(
     for source in sources:
         progress.say(f'{source.table.file}: {source.table.description}')
         require_rows(source, known.sensor)
+        if again := _repeated(source.table.rows):
+            progress.say(
+                f'{source.table.file}: presses with the values of an earlier one: {again}. If they are pictures of one '
+                'press, put their rows one after the other: a split keeps only those together'
+            )
     entries, rests, rows = [], [], []
     with (
         Measurer(options.flow, options.encoding, options.crop) as measurer,
@@ -177,6 +182,12 @@ def _rest_image(parts: Sequence[_Part], picture_of: Mapping[int, Picture]) -> Pi
     longest = max((part.rests for part in parts), key=len)
     rests = longest if len(longest) >= LONG_SERIES else [row for part in parts for row in part.rests]
     return average([picture_of[row.line] for row in rests])
+
+
+def _repeated(rows: Sequence[TablePress]) -> int:
+    """The number of presses that have the same values as an earlier one, with other rows between them."""
+    held = [press[0].held for press in _presses(rows)]
+    return len(held) - len(set(held))
 
 
 class _Taken(NamedTuple):

@@ -121,6 +121,18 @@ def test_pictures_of_a_sensor_that_is_not_square_become_a_data_set(
     assert 'depths        not known' in shown
 
 
+def test_pictures_of_a_press_whose_rows_are_apart_are_reported(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As in a table that was shuffled: a split would put them on both sides."""
+    rows = rows_of(folder)
+    assert imported(written(folder / 'apart.csv', [*rows, rows[-2]]), tmp_path / 'presses.npz') == 0
+    shown = ' '.join(capsys.readouterr().out.split())
+    assert 'apart.csv: presses with the values of an earlier one: 1. If they are pictures of one press' in shown
+    assert imported(written(folder / 'together.csv', [*rows, rows[-1]]), tmp_path / 'presses.npz') == 0
+    assert 'values of an earlier one' not in capsys.readouterr().out
+
+
 def test_the_settings_that_a_run_writes_can_be_run_again(data_set: Path, tmp_path: Path) -> None:
     """Part of the image and bins follow from the data set: 600x440 pixels, and 7 rows of 9 bins."""
     written_run = tmp_path / 'run.yaml'
