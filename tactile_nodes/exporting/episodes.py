@@ -57,7 +57,7 @@ def find_episodes(source: Source, cut: str, start: Limit, end: Limit) -> list[Ep
     """The episodes of a bag from `start` to `end`, in order of time; each ends at a force message.
 
     When cut at presses, an episode begins where the window of the previous press ended, and ends with the window of its
-    own press.
+    own press. Presses without a force in between are counted in the source's `left_out`.
 
     Raises:
         BagError: there is no force from `start` on, their stamps jump, or the bag is to be cut at presses and has none.
@@ -71,7 +71,13 @@ def find_episodes(source: Source, cut: str, start: Limit, end: Limit) -> list[Ep
     _require_no_gap(source, stamps, start.at_ns, end_ns)
     if cut == BAG:
         return [Episode(start.at_ns, end_ns)]
-    return _cut(stamps, start.at_ns, end_ns, _presses(source))
+    presses = _presses(source)
+    found = _cut(stamps, start.at_ns, end_ns, presses)
+    if lost := len(presses) - len(found):
+        source.left_out[f'presses of {source.bag.path.name}'] = (
+            f'{lost} of {len(presses)}: no force after the window before and until the end of their own'
+        )
+    return found
 
 
 def _require_no_gap(source: Source, stamps: list[int], start_ns: int, end_ns: int) -> None:

@@ -66,10 +66,13 @@ def write_bag(folder: Path, frames: int = 30, joint_names: Sequence[str] = ('a',
     return made
 
 
-def write_presses(folder: Path, suspect: int = 0, rigs: tuple[str, ...] = (f'/{PRESS.name}',)) -> None:
+def write_presses(
+    folder: Path, suspect: int = 0, rigs: tuple[str, ...] = (f'/{PRESS.name}',), *, together: bool = False
+) -> None:
     """Sixty forces, with presses whose windows end with the 20th and the 40th; the second one was rejected.
 
-    They are presses 1 and 2 of one rig, or press 1 of each of two rigs, or of one rig started twice, with one plan.
+    They are presses 1 and 2 of one rig, or press 1 of each of two rigs, or of one rig started twice, with one plan; if
+    `together`, both rigs press both times.
 
     At the end, as a rig does it, one that is `suspect` is called so.
     """
@@ -87,7 +90,8 @@ def write_presses(folder: Path, suspect: int = 0, rigs: tuple[str, ...] = (f'/{P
                 window_start=messages.time_from_ns(start_ns), window_end=messages.time_from_ns(end_ns),
                 status=number // 20, reason='the force drifted' if number == 39 else '',
             )  # fmt: skip
-            _write(writer, rigs[number // 20 % len(rigs)], press, 4 * STEP_NS)
+            for rig in rigs if together else [rigs[number // 20 % len(rigs)]]:
+                _write(writer, rig, press, 4 * STEP_NS)
     if suspect:
         entry = Entry(suspect, 1, RECORDED, 0)
         last_ns = START_NS + 60 * STEP_NS

@@ -192,6 +192,13 @@ def test_presses_of_two_runs_of_one_plan_are_all_episodes(second: str, tmp_path:
     assert [(each['press'], each['press_status']) for each in episodes] == [(1, 0), (1, 1)]
 
 
+def test_presses_without_a_force_of_their_own_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_presses(tmp_path / 'bag', rigs=('/left/press', '/right/press'), together=True)
+    words = ['--cut', 'presses', '--fps', '60']
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
+    assert 'left out: presses of bag (2 of 4: no force after the window before' in capsys.readouterr().out
+
+
 def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_bag(tmp_path / 'bag', 5)
     words = ['--topics', 'wrench', '-o', str(tmp_path / 'set')]
