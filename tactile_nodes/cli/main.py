@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run ``tactile`` with these arguments; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
     os.environ.setdefault('TACTILE_BUS', 'zeromq')  # nodes started by this command join the bus that it reads
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == 'strict':
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in {'strict', 'surrogateescape'}:
         sys.stdout.reconfigure(errors='backslashreplace')  # as stderr has it: a terminal may lack a letter of a node
     try:
         status = _run(words)
