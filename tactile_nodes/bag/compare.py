@@ -111,7 +111,7 @@ def _stamped(bag: BagReader, topic: str) -> Iterator[tuple[int, BagMessage]]:
 def _compare_one(first: Any, second: Any, ignore: Collection[str], found: Comparison) -> None:
     one, other = dict(_values(first, '', ignore)), dict(_values(second, '', ignore))
     differing = [name for name in one.keys() | other.keys() if not _same(one.get(name), other.get(name))]
-    texts = [name for name in differing if isinstance(one.get(name), str)]
+    texts = [name for name in differing if isinstance(one.get(name, other.get(name)), str)]  # a list may end earlier
     numbers = [name for name in differing if name not in texts]
     found.texts.update(texts)
     found.fields.update(numbers)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from bagging import START_NS, STEP_NS, Sample, force, samples, write
 
-from tactile_nodes.bag.compare import Comparison, compare
+from tactile_nodes.bag.compare import Comparison, _compare_one, compare
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.errors import BagError
@@ -61,6 +61,13 @@ def test_texts_are_reported_but_do_not_count(tmp_path: Path) -> None:
     found = compared(tmp_path, forces(2), forces(2, provenance=types.Provenance(model='other')))
     assert found.same
     assert 'strings that differ: provenance.model (2)' in found.lines()
+
+
+def test_texts_of_one_side_only_do_not_count_either(tmp_path: Path) -> None:
+    for one, other in ((['left'], []), ([], ['left'])):
+        found = Comparison()
+        _compare_one(types.HandWrench(missing=one), types.HandWrench(missing=other), (), found)
+        assert (found.identical, found.fields, found.texts) == (1, {}, {'missing[0]': 1})
 
 
 def test_stamps_of_one_side_only_are_counted(tmp_path: Path) -> None:
