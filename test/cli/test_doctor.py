@@ -188,6 +188,15 @@ def test_the_disk_is_reported_in_minutes_of_images(tmp_path: Path, monkeypatch: 
     assert checks.disk(tmp_path).level == 'warning'
 
 
+def test_free_disk_of_a_folder_that_cannot_be_written_is_of_no_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checks.os, 'access', lambda folder, mode: False)  # root may write everywhere
+    found = checks.disk(tmp_path)
+    assert (found.level, found.found) == ('warning', f'{tmp_path} is not writable')
+    assert 'record elsewhere' in found.remedy
+
+
 def test_missing_shared_memory_is_a_warning(tmp_path: Path) -> None:
     assert checks.shared_memory(tmp_path / 'none').level == 'warning'
     assert checks.shared_memory(tmp_path).level in {'ok', 'warning'}

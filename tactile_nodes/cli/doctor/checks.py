@@ -206,6 +206,8 @@ def serial_ports(dev: Path = Path('/dev')) -> Finding:
 def disk(folder: Path | None = None) -> Finding:
     """Disk space for recordings, in minutes of 440x440 images at 60 a second."""
     folder = folder or Path.cwd()
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return Finding('disk', 'warning', f'{folder} is not writable', 'record elsewhere: tactile bag record -o FOLDER')
     free = shutil.disk_usage(folder).free
     minutes = free / (IMAGES_PER_S * IMAGE_BYTES) / 60
     text = f'{free / GB:.1f} GB free in {folder}: {minutes:.0f} minutes of images'
