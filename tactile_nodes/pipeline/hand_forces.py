@@ -56,7 +56,7 @@ class HandForces:
             self._waiting[name].append(force)
         due = []
         while self._is_due():
-            due.append(self._sum())
+            due += self._sums()
         return due
 
     def _has_ended(self, name: str, at_ns: int) -> bool:
@@ -71,12 +71,15 @@ class HandForces:
             return True
         return longest > 0 and not lacking
 
-    def _sum(self) -> types.HandWrench:
+    def _sums(self) -> list[types.HandWrench]:
+        """The next sum; none of forces that are older than the last one, whose stamps would step back."""
         first = {name: stamp_ns(each[0].header.stamp) for name, each in self._waiting.items() if each}
         together = {name: at_ns for name, at_ns in first.items() if at_ns <= min(first.values()) + self._frame_ns}
         forces = {name: self._waiting[name].popleft() for name in together}
-        self._newest_ns, self._together = max(together.values()), together
-        return summed(self._hand, self._movers, forces, self._newest_ns)
+        if (newest_ns := max(together.values())) <= self._newest_ns:
+            return []
+        self._newest_ns, self._together = newest_ns, together
+        return [summed(self._hand, self._movers, forces, newest_ns)]
 
 
 def summed(

@@ -107,6 +107,14 @@ def test_a_sensor_that_returns_is_not_summed_alone_for_a_time_that_was_summed_wi
     assert [each.missing for each in made] == [[], *4 * [['right']], []]
 
 
+def test_stamps_of_sums_never_step_back() -> None:
+    # The left finger's second picture came 2 ms before the first sum's newest, and the right one's is lost.
+    order = [('left', 0), ('right', 16), ('left', 14), ('right', 47), ('left', 33), ('left', 50)]
+    made = sums(HandForces(HAND), *((name, pressed(at_ms, 1.0)) for name, at_ms in order))
+    assert [round((stamp_ns(each.header.stamp) - START) / MS) for each in made] == [16, 47]
+    assert [each.missing for each in made] == [[], []]
+
+
 def test_a_force_that_is_late_by_a_frame_or_two_is_in_its_sum() -> None:
     # The second of the right finger comes only after the fourth of the left one.
     forces = HandForces(HAND)
