@@ -21,6 +21,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments, parse_remap
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.priority import overload
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Publisher, Qos
 from tactile_nodes.bus.subscription import Subscription
@@ -33,7 +34,7 @@ MEET_S = 0.3  # time in which a running subscriber connects, if it is not busy
 _MEET_AT_MOST_S, _LISTENS_AT_MOST_S = 2.1, 30.0
 _REST_S = 0.5  # time for others to process the last message, before a launch ends with this node
 _QUIET_S = 1.0  # a topic computed from the bag is complete after this time without a message
-_PATIENCE_S = 30.0  # the same while the message for the last image is missing: the machine may be busy
+_PATIENCE_S = 30.0  # the same while the message for the last image is missing; longer on an overloaded machine
 _HEALTH_PERIOD_S = 0.5
 _SHORTEST_QUEUE = 100  # a replay must lose nothing, even at ten times the rate
 
@@ -48,7 +49,8 @@ class PlayerParams(NodeParams):
     start_offset: float = parameter(0.0, 'start this many seconds into the bag', minimum=0.0, read_only=True)
     wait_for: str = parameter(
         '',
-        'node that must subscribe before playing starts; of several sensors, at least one within 30 s',
+        'node that must subscribe before playing starts; of several sensors, at least one within 30 s (longer on an '
+        'overloaded machine)',
         read_only=True,
     )
     delay: float = parameter(0.0, 'seconds to wait before playing', minimum=0.0, read_only=True)
@@ -213,11 +215,11 @@ class PlayerNode(Node):
     def _let_others_finish(self) -> None:
         self.playback.wait(_REST_S)
         silent_s = 0.0 if self._answers else _QUIET_S
-        while silent_s < (_PATIENCE_S if self._unanswered() else _QUIET_S):
+        while silent_s < (_PATIENCE_S * overload() if self._unanswered() else _QUIET_S):
             silent_s = 0.0 if self._take_answers() else silent_s + _QUIET_S
             self.playback.wait(_QUIET_S)
         if (missing := self._unanswered()) and not self.playback.stopped:
-            self.log.warn(f'{", ".join(missing)}: nothing came for the last images within {_PATIENCE_S:g} s')
+            self.log.warn(f'{", ".join(missing)}: nothing came for the last images within {silent_s:.0f} s')
 
     def _take_answers(self) -> bool:
         """Whether messages have come since the last call."""
@@ -235,11 +237,13 @@ class PlayerNode(Node):
             and answered_ns < stamp_ns(self.reader.decode(last).header.stamp)
         ]
 
-    def _wait_until(self, holds: Callable[[], bool], at_most_s: float) -> None:
-        for _ in range(round(at_most_s / MEET_S)):
-            if holds():
-                return
+    def _wait_until(self, holds: Callable[[], bool], at_most_s: float) -> float:
+        """Wait until it holds, longer on an overloaded machine, where others start late. Returns the seconds waited."""
+        rounds = 0
+        while not holds() and rounds < round(at_most_s * overload() / MEET_S):
             self.playback.wait(MEET_S)
+            rounds += 1
+        return rounds * MEET_S
 
     def _wait_until_heard(self) -> None:
         """Wait for the node `wait_for`; with several sensors, for that of each.
@@ -247,12 +251,12 @@ class PlayerNode(Node):
         Raises:
             BagError: it does not subscribe, of no sensor: the bag would be played to nobody.
         """
-        self._wait_until(lambda: not self._unheard(), _LISTENS_AT_MOST_S)
+        waited_s = self._wait_until(lambda: not self._unheard(), _LISTENS_AT_MOST_S)
         unheard = self._unheard()
         if not unheard or self.playback.stopped:
             return
         nodes = ', '.join(f'{sensor}/{self.params.wait_for}' for sensor in sorted(unheard))
-        text = f'{nodes} did not subscribe within {_LISTENS_AT_MOST_S:g} s'
+        text = f'{nodes} did not subscribe within {waited_s:.0f} s'
         if unheard == self._sensors().keys():
             raise BagError(text)
         self.log.warn(f'{text}; the images of the others are played')

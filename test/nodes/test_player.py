@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,6 +28,12 @@ from tactile_nodes.params import Located, NodeParameters
 STRING = 'std_msgs/msg/String'
 COUNT = 5
 EARLIER = Path(__file__).parents[2] / 'examples/press_bag'
+
+
+@pytest.fixture(autouse=True)
+def _idle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However busy this computer is."""
+    monkeypatch.setattr(os, 'getloadavg', lambda: (0.0, 0.0, 0.0))
 
 
 @pytest.fixture
@@ -186,11 +193,11 @@ def test_a_player_waits_for_the_force_of_the_last_picture(
 
 
 class LateListener(JumpingClock):
-    """A node that takes five seconds to start."""
+    """A node that takes so many seconds to start."""
 
-    def __init__(self, bus: InProcessBus) -> None:
+    def __init__(self, bus: InProcessBus, late_s: int) -> None:
         super().__init__(2 * START_NS)
-        self._bus, self._from_ns = bus, self.now_ns() + 5_000_000_000
+        self._bus, self._from_ns = bus, self.now_ns() + late_s * 1_000_000_000
         self.chatter: Subscription | None = None
 
     def sleep_until(self, deadline_ns: int) -> None:
@@ -199,10 +206,15 @@ class LateListener(JumpingClock):
             self.chatter = self._bus.subscribe('/chatter', STRING, Qos('queue', 100), '/flow_features')
 
 
-def test_a_player_waits_for_the_node_that_has_to_listen(bus: InProcessBus, bag: Path) -> None:
+@pytest.mark.parametrize(('programs', 'late_s'), [(0, 5), (4, 110)])
+def test_a_player_waits_for_the_node_that_has_to_listen(
+    bus: InProcessBus, bag: Path, monkeypatch: pytest.MonkeyPatch, programs: int, late_s: int
+) -> None:
+    """For up to 30 s, and four times as long with four programs a processor."""
+    monkeypatch.setattr(os, 'getloadavg', lambda: (programs * len(os.sched_getaffinity(0)), 0.0, 0.0))
     values = {'bag': str(bag), 'wait_for': 'flow_features'}
     located = {name: Located(value, 'test') for name, value in values.items()}
-    clock = LateListener(bus)
+    clock = LateListener(bus, late_s)
     node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)
     node.spin()
     node.close()

@@ -58,11 +58,16 @@ def lacking() -> str:
     )
 
 
+def overload() -> float:
+    """Programs that want to run, per processor, but at least 1: so many times as long as usual others may take."""
+    return max(1.0, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
+
+
 def crowded() -> str:
     """What to tell a person for whom a device was silent; empty: this computer has no more programs than processors."""
-    programs, processors = os.getloadavg()[0], len(os.sched_getaffinity(0))
-    if programs <= processors:
+    if overload() == 1.0:
         return ''
+    programs, processors = os.getloadavg()[0], len(os.sched_getaffinity(0))
     permit = ', or allow this user to raise process priority (docs/collection.md)' if lacking() else ''
     return (
         f'this computer is overloaded ({programs:.0f} programs on {processors} processors), so devices seem silent: '
