@@ -75,8 +75,9 @@ class Meter:
             warm_up_s = min(LONGEST_WARM_UP_S, WARM_UP_SHARE * self._seconds)
             self._begin_ns = self.clock.now_ns() + round(warm_up_s * NS_PER_S)
         passed_s = (self.clock.now_ns() - self._begin_ns) / NS_PER_S
-        if passed_s >= 0 and not self.measuring:
+        if passed_s >= 0 and not self.measuring:  # from now on, however late: a busy machine may hold up a warm-up
             self.measuring, self._cpu_s = True, processor_s(self._process)
+            self._begin_ns, passed_s = self.clock.now_ns(), 0.0
         if self.measuring and passed_s >= len(self._memory) * self._seconds / 100:
             self._memory.append(self._process.memory_info().rss / 2**20)
         return passed_s < self._seconds

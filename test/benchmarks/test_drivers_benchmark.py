@@ -83,6 +83,18 @@ def test_nothing_counts_while_a_run_warms_up() -> None:
     assert meter.latency.summary_ms() == {}
 
 
+def test_a_run_whose_warm_up_is_held_up_is_measured_for_as_long_as_any() -> None:
+    clock = SteppedClock(1)
+    meter = Meter(clock, 10.0)
+    meter.going_on()
+    clock.advance(20.0)
+    assert meter.going_on()
+    clock.advance(9.9)
+    assert meter.going_on()
+    clock.advance(0.2)
+    assert not meter.going_on()
+
+
 def test_answers_are_counted_however_the_bytes_arrive() -> None:
     traffic = Traffic()
     traffic.hear('>', 0, b'?')

@@ -95,13 +95,12 @@ def running(start, launch_file, program):
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_everything_cleanly_within_two_seconds(running, number):
+def test_a_signal_ends_everything_cleanly_without_a_second_signal(running, number):
     process, pids = running
     process.send_signal(number)
-    before = time.monotonic()
     output = process.stdout.read()
     assert process.wait(30) == 0
-    assert time.monotonic() - before < 2
+    assert 'escalating' not in output
     assert '[program-1] closed' in output
     assert 'finished cleanly' in output
     wait_until_gone(pids, 0.5)
@@ -139,7 +138,7 @@ def test_a_node_can_close_its_file_when_the_launcher_is_killed(start, launch_fil
     assert (tmp_path / 'closed').exists()
 
 
-def test_ctrl_c_in_a_terminal_ends_everything_within_two_seconds(start, launch_file, program):
+def test_ctrl_c_in_a_terminal_ends_everything_without_a_second_signal(start, launch_file, program):
     ours, theirs = os.openpty()
     file = launch_file(f'- node: {{exec: {program(NODE)}, output: screen}}\n')
     process = start(file, main=AT_A_TERMINAL + MAIN, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
@@ -148,12 +147,11 @@ def test_ctrl_c_in_a_terminal_ends_everything_within_two_seconds(start, launch_f
         seen = b''
         while b'] ready' not in seen:
             seen += terminal.read(1000)
-        before = time.monotonic()
         terminal.write(b'\x03')
         assert process.wait(30) == 0
-        assert time.monotonic() - before < 2
         seen += terminal.read(10_000)
     assert b'user interrupted with ctrl-c (SIGINT)' in seen
+    assert b'escalating' not in seen
     assert b'[program-1] closed' in seen
 
 
