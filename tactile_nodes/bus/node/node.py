@@ -263,18 +263,19 @@ class Node:
     def _offer_standard_ends(self) -> None:
         self.bus.add_node(self.full_name)
         self.log.publisher = self.create_publisher(topics.ROSOUT)
-        publisher = self.create_publisher(topics.DIAGNOSTICS)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, lambda: publisher.publish(self._diagnosis()))
+        self._statuses, self._told_ns = self.create_publisher(topics.DIAGNOSTICS), 0
         prepare = None if type(self).prepare_parameters is Node.prepare_parameters else self._prepare
         for name, (type_name, answer) in self._parameters.answers().items():
             self.create_service(f'~/{name}', type_name, answer, prepare if name.startswith('set_') else None)
         if self.params.use_sim_time and isinstance(self.clock, SteppedClock):
             self.create_subscription(topics.CLOCK, self._on_clock)
+        else:
+            self.create_timer(DIAGNOSTICS_PERIOD_S, self._tell_health)
 
-    def _diagnosis(self) -> types.DiagnosticArray:
+    def _tell_health(self) -> None:
         if self._errors.are_over(monotonic_s()):
             self.report('errors', Level.OK, '')
-        return self.diagnostics.message(self.clock.now_ns())
+        self._statuses.publish(self.diagnostics.message(self.clock.now_ns()))
 
     def _on_clock(self, received: Received) -> None:
         assert isinstance(self.clock, SteppedClock)
@@ -285,6 +286,10 @@ class Node:
             for timer in timers:
                 self._push(timer, now_ns + timer.period_ns)
         self.clock.set_ns(now_ns)
+        host_ns = self.bus.clock.now_ns()  # a paused player goes on to tell the time, and its listeners are not silent
+        if host_ns - self._told_ns >= DIAGNOSTICS_PERIOD_S * NS_PER_S:
+            self._told_ns = host_ns
+            self._tell_health()
 
     def _run(self, work: Callable[[], None]) -> None:
         try:

@@ -303,6 +303,17 @@ def test_simulated_time_drives_timers_also_when_it_begins_again(bus: InProcessBu
     node.close()
 
 
+def test_a_node_tells_how_it_is_also_while_simulated_time_stands_still(bus: InProcessBus, clock: SteppedClock) -> None:
+    """As it does while a player is paused; a view takes who says nothing for silent."""
+    node, set_time = _sim(bus)
+    diagnostics = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+    for _ in range(30):
+        clock.advance(0.1)
+        set_time(100.0)
+    assert diagnostics.waiting == 3
+    node.close()
+
+
 def test_name_and_namespace_apply_to_everything_a_node_offers(bus: InProcessBus) -> None:
     arguments = parse_arguments(['--ros-args', '-r', '__ns:=/skin', '-r', '__node:=left', '-r', 'wrench:=/force'])
     node = Plain(bus, arguments)
