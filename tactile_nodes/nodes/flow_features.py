@@ -41,7 +41,7 @@ ANOTHER_TIME_NS = NS_PER_S
 """A rest image from the topic that came so long before a picture applies to it, whatever its stamp."""
 
 SOONEST = 0.75
-"""Fraction of the frame interval: a picture that comes sooner after the last one is skipped."""
+"""Fraction of the frame interval: of a camera whose pictures come sooner after each other, some are skipped."""
 CHECK_PERIOD_S = 1.0
 SILENT_NS = 2 * NS_PER_S
 
@@ -65,7 +65,7 @@ class FlowFeaturesParams(FollowingParams, NodeParams):
         'pictures whole if the model reads squares',
         minimum=0,
     )
-    most_hz: float = parameter(0.0, 'most pictures per second that are processed; 0: all', minimum=0.0)
+    most_hz: float = parameter(0.0, 'most pictures per second that are processed; 0: all', minimum=0.0, maximum=1e6)
     skip_frames: int = parameter(0, 'frames to skip before the capture at start', minimum=0)
     reference_file: str = parameter(
         '', 'PNG file to read the rest image from, or to save it to (empty: named by node)', read_only=False
@@ -89,7 +89,7 @@ class FlowFeaturesNode(Node):
         compiled = choose(self.given('compiled'), self.log.info, self.log.warn)
         self._following = Following(self.params, compiled=compiled)
         self._features = self.create_publisher(topics.FLOW_FEATURES)
-        self._frames = self._answered_ns = self._kept_ns = 0
+        self._frames = self._seen_ns = self._kept_ns = 0
         self._learned: tuple[object, ...] = ()
         self._came, self._size = '', image_size(self.params.model)
         self._described = load_sensor(self.params.sensor).image if self.params.sensor else None
@@ -172,11 +172,15 @@ class FlowFeaturesNode(Node):
                 self._save_overlay()
 
     def _too_soon(self, at_ns: int) -> bool:
-        """Whether the camera delivers more frames than are wanted."""
-        if self.params.most_hz and 0 <= at_ns - self._answered_ns < SOONEST * NS_PER_S / self.params.most_hz:
-            return True
-        self._answered_ns = at_ns
-        return False
+        """Whether the camera delivers more frames than are wanted, and there was one in this frame interval.
+
+        Intervals are counted from zero, so that a replay chooses the pictures of the live run, wherever it begins.
+        """
+        before_ns, self._seen_ns = self._seen_ns, at_ns
+        if not self.params.most_hz:
+            return False
+        frame_ns: int = round(NS_PER_S / self.params.most_hz)
+        return 0 <= at_ns - before_ns < SOONEST * frame_ns and at_ns // frame_ns == before_ns // frame_ns
 
     def _picture(self, message: types.Image) -> np.ndarray:
         """The picture, cropped; pictures of our camera node are cropped already, those of other nodes are not."""

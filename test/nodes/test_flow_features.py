@@ -67,19 +67,23 @@ def test_features_carry_the_stamp_of_their_image(
     assert len(message.reference_id) == 12
 
 
-def test_of_a_camera_that_brings_ten_times_as_many_pictures_no_more_are_answered_than_wanted(
-    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise
+@pytest.mark.parametrize(('hz', 'step'), [(600, 10), (120, 2), (60, 1), (70, 1)])
+def test_of_a_faster_camera_the_first_picture_of_each_frame_interval_is_answered(
+    bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, hz: int, step: int
 ) -> None:
-    """At 600 a second the eighth is the first one that comes 12.5 ms, three quarters of a frame, after the last."""
+    """Also in a replay that begins with another picture. Of a camera that is hardly faster, all are answered."""
     features, camera = listen(topics.FLOW_FEATURES), publisher(topics.IMAGE)
-    tested, stamps = node(bus, clock, 'most_hz:=60.0'), [START_NS + number * 10**9 // 600 for number in range(48)]
-    answered = []
-    for each in stamps:
-        camera.publish(image(PATTERN, each))
-        run(tested)
-        while (received := features.take()) is not None:
-            answered.append(stamp_ns(received.message.header.stamp))
-    assert answered == stamps[::8]
+    stamps = [START_NS + 10**6 + number * 10**9 // hz for number in range(41)]
+    for begin in (0, 1):
+        tested, answered = node(bus, clock, 'most_hz:=60.0'), []
+        for each in stamps[begin:]:
+            camera.publish(image(PATTERN, each))
+            run(tested)
+            while (received := features.take()) is not None:
+                answered.append(stamp_ns(received.message.header.stamp))
+        assert answered[0] == stamps[begin]
+        assert answered[1:] == [each for each in stamps[::step] if each > stamps[begin]]
+        tested.close()
 
 
 def test_a_camera_from_which_no_picture_comes_any_more_is_reported_and_when_it_is_back(
