@@ -20,7 +20,7 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.errors import ConfigurationError
+from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.gel_list import GelList
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
@@ -31,6 +31,7 @@ from tactile_nodes.sensing.picture.motion import PictureMotion
 from tactile_nodes.sensing.rest.reference import content_id
 
 KEEP_EVERY_NS = 3600 * NS_PER_S
+_EVIDENCE = 'evidence'
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ class DriftMonitorNode(Node):
         self._rest_shape: tuple[int, ...] = ()
         self._taken_out: PictureMotion | None = None
         self._last_force: Received | None = None
+        self._before = self.kept.get(_EVIDENCE)
         self.create_subscription(topics.MODEL_IN_USE, self._on_model)
         self.create_subscription(topics.CALIBRATION_IMAGE, self._on_calibration)
         self.create_subscription(topics.REFERENCE_IMAGE, self._on_reference)
@@ -96,14 +98,42 @@ class DriftMonitorNode(Node):
         self._rest_shape, self._reference_id = picture.shape, reference_id
         try:
             self._monitor.rest(picture)
+        except ImageError:
+            self._before = None
+            raise
         finally:  # also if it cannot be compared: the verdict on the rest image before no longer holds
-            self._tell(stamp_ns(received.message.header.stamp), of_rest=True)
+            if self._before is None:
+                self._tell(stamp_ns(received.message.header.stamp), of_rest=True)
 
     def _on_image(self, received: Received) -> None:
         at_ns = stamp_ns(received.message.header.stamp)
         if self._monitor.is_due(at_ns, self.params.check_s):
+            self._go_on()
             self._monitor.frame(at_ns, self._cut(received.message), self._taken_out)
-            self._tell(at_ns)
+            if self._before is None:
+                self._tell(at_ns)
+
+    @property
+    def _of(self) -> bytes:
+        """What the evidence is about: model, its rest image, and the one in use."""
+        return ' '.join((*self._compared_ids, self._reference_id)).encode()
+
+    def _go_on(self) -> None:
+        """Continue with the evidence from before a restart, if it is about the same model and rest image.
+
+        Nothing is told before: pictures of three seconds are needed to see again what speaks against a calibration.
+        """
+        if self._before is None:
+            return
+        of, _, evidence = self._before.partition(b'\n')
+        if of != self._of and not any(self._compared_ids):  # the model may be told later
+            return
+        self._before = None
+        if of == self._of:
+            try:
+                self._monitor.recall(evidence)
+            except (ValueError, KeyError, TypeError) as error:
+                self.log.warn(f'the evidence from before the restart cannot be used: {error!r}')
 
     def _cut(self, message: types.Image) -> np.ndarray:
         """The crop of the rest image; other camera nodes publish whole pictures."""
@@ -137,6 +167,8 @@ class DriftMonitorNode(Node):
         from_ns = self._stamps.holds_from_ns(verdict, at_ns, of_rest=of_rest)
         state = state_message(verdict, at_ns, from_ns, self._calibrated, self._reference_id)
         self._states.publish(state)
+        evidence = self._of + b'\n' + self._monitor.saved()
+        self.post(lambda: self.kept.put(_EVIDENCE, evidence))  # not now: a full disk is no reason to say nothing
         self._keep(state, at_ns)
         self.report(
             'calibration', Health(verdict.level), verdict.text, compared_with=self._calibrated.origin,

@@ -15,6 +15,7 @@ from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.bus.node.keeping import VARIABLE
 from tactile_nodes.bus.protocol import Publisher
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
@@ -253,6 +254,83 @@ def test_an_independent_sensor_is_listened_to_where_one_is_named(bench: Callable
     assert (state.level, state.reasons) == (STATE.LEVEL_INVALID, STATE.REASON_FORCE_RATIO)
     assert state.force_ratio == pytest.approx(0.8, rel=0.01)
     assert state.force_ratio_contacts >= 10
+
+
+def weighed(tested: Bench) -> None:
+    """0.9 N are read of 100 g."""
+    for number in range(180):
+        head = conversions.header(START_NS + number * S // 60, 'gel_surface')
+        tested.say(topics.FORCE_DISTRIBUTION, types.ForceDistribution(header=head, total=0.9, in_contact=True))
+    tested.node._check_weight()
+
+
+@pytest.fixture
+def again(
+    bench: Callable[..., Bench], bus: InProcessBus, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Callable[[], Bench]:
+    """The monitor as the same launch starts it once more after a kill, of which nothing is left on the bus."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path / 'kept'))
+
+    def make() -> Bench:
+        bus._publishers.clear()
+        bus._subscriptions.clear()
+        bus._services.clear()
+        return bench('weight_g:=100.0')
+
+    return make
+
+
+def test_a_monitor_that_was_killed_goes_on_with_the_evidence(again: Callable[[], Bench]) -> None:
+    """Of pictures and of a weight; nothing better is told in between, whatever comes first."""
+    tested = again()
+    tested.model(REST)
+    tested.rest(REST)
+    weighed(tested)
+    tested.pictures(KNOCKED)
+    before = tested.published()[-1]
+    assert before.reasons == STATE.REASON_PICTURE_MOVED | STATE.REASON_FORCE_RATIO
+    tested = again()
+    tested.rest(REST)
+    tested.pictures(KNOCKED, seconds=1, begin_s=10)
+    assert tested.published() == []  # which model is in use is not known yet
+    tested.model(REST)
+    tested.pictures(KNOCKED, seconds=1, begin_s=12)
+    state = tested.published()[0]
+    assert (state.level, state.reasons, state.text) == (before.level, before.reasons, before.text)
+    assert state.force_ratio == before.force_ratio
+    tested.pictures(REST, seconds=3, begin_s=14)
+    assert tested.published()[-1].reasons == STATE.REASON_FORCE_RATIO
+
+
+def test_evidence_against_another_model_or_rest_image_does_not_count_after_a_restart(
+    again: Callable[[], Bench],
+) -> None:
+    for model, rest in ((OTHER, OTHER), (REST, OTHER)):
+        tested = again()
+        tested.model(REST)
+        tested.rest(REST)
+        weighed(tested)
+        tested.pictures(REST, seconds=1)
+        assert tested.published()[-1].reasons == STATE.REASON_FORCE_RATIO
+        tested = again()
+        tested.model(model)
+        tested.rest(rest)
+        tested.pictures(rest, seconds=1, begin_s=10)
+        assert not tested.published()[-1].reasons & STATE.REASON_FORCE_RATIO
+
+
+def test_evidence_that_is_damaged_counts_for_nothing(again: Callable[[], Bench], tmp_path: Path) -> None:
+    tested = again()
+    tested.model(REST)
+    tested.rest(REST)
+    tested.pictures(KNOCKED)
+    (file,) = (tmp_path / 'kept').glob('*evidence')
+    file.write_bytes(file.read_bytes()[:-5])
+    tested = again()
+    tested.model(REST)
+    tested.rest(REST)
+    tested.pictures(REST, seconds=1, begin_s=10)
+    assert tested.published()[-1].level == STATE.LEVEL_VALID
 
 
 def test_what_is_found_of_a_calibration_is_kept_in_the_list_of_gels(

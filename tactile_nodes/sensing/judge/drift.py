@@ -8,8 +8,9 @@ in `docs/drift.md`.
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -147,6 +148,33 @@ class DriftMonitor:
         self._bands = RollingBands(self._last_rest)
         self._dead.beside(self._last_rest)
         self._compare_rest(picture)
+
+    def saved(self) -> bytes:
+        """The evidence so far, for a monitor that is started again."""
+        alarms = {name: (int(each.level), each.value) for name, each in self._alarms.items()}
+        found = (self._since_rest, self._since_calibration, self._ratio)
+        state = {'alarms': alarms, 'found': [each and asdict(each) for each in found]}
+        return json.dumps({**state, 'unlike': self._unlike_contacts.last}).encode()
+
+    def recall(self, data: bytes) -> None:
+        """Go on with the evidence that `saved` returned, which was found with the same calibration and rest image.
+
+        Raises:
+            ValueError, KeyError, TypeError: the data are damaged.
+        """
+        state = json.loads(data)
+        for name, (level, value) in state['alarms'].items():
+            self._alarms[name].level, self._alarms[name].value = Level(level), float(value)
+        rest, calibration, ratio = state['found']
+        self._since_rest, self._since_calibration = (
+            each and PictureChange(**{**each, 'shift_px': tuple(each['shift_px'])}) for each in (rest, calibration)
+        )
+        self._ratio = ratio and ForceRatio(**ratio)
+        self._unlike_contacts = UnlikeContacts(state['unlike'])
+
+    @property
+    def _alarms(self) -> dict[str, Alarm]:
+        return {name: each for name, each in vars(self).items() if isinstance(each, Alarm)}
 
     def is_due(self, stamp_ns: int, every_s: float) -> bool:
         """Whether to check a picture now. While something seems wrong, pictures are checked four times as often.

@@ -207,8 +207,13 @@ class UnlikeContacts:
 
     KEPT, LEAST, DEVIATIONS = 50, 20, 2.6
 
-    def __init__(self) -> None:
-        self._unlike: deque[bool] = deque(maxlen=self.KEPT)
+    def __init__(self, last: Iterable[bool] = ()) -> None:
+        self._unlike: deque[bool] = deque(last, maxlen=self.KEPT)
+
+    @property
+    def last(self) -> list[bool]:
+        """Of each of the last contacts, whether it was unlike the training data."""
+        return list(self._unlike)
 
     def contact(self, contact: ContactFrames) -> None:
         """Take a contact, judged by the median novelty of its frames."""
