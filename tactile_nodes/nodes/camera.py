@@ -18,6 +18,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
+from tactile_nodes.bus.node.priority import overload
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Publisher
 from tactile_nodes.clock import NS_PER_S, Clock
@@ -44,7 +45,12 @@ class CameraParams(CameraSettings, NodeParams):
     crop: int = parameter(
         440, 'side of the central square crop [px], smaller if the image is smaller; used without `sensor`', minimum=40
     )
-    wait_s: float = parameter(0.0, 'longest wait for a subscriber before the source starts', minimum=0.0, maximum=60.0)
+    wait_s: float = parameter(
+        0.0,
+        'longest wait for a subscriber before the source starts; longer on an overloaded machine',
+        minimum=0.0,
+        maximum=60.0,
+    )
     wait_for: str = parameter('', 'node that must subscribe before the source starts; empty: any node')
     open_within_s: float = parameter(
         0.0, 'how long to try to open a source that is missing or does not respond', minimum=0.0, maximum=60.0
@@ -103,11 +109,13 @@ class CameraNode(Node):
     def _wait_for_listener(self) -> None:
         if not (wait_s := self.params.wait_s):
             return
-        deadline_ns = self.clock.now_ns() + round(wait_s * NS_PER_S)
+        begun_ns = self.clock.now_ns()
         while not self._has_listener():
-            if (now_ns := self.clock.now_ns()) >= deadline_ns:
+            now_ns, longest_s = self.clock.now_ns(), wait_s * overload()
+            if now_ns - begun_ns >= longest_s * NS_PER_S:
                 self.log.warn(
-                    f'{self.params.wait_for or "a node"} did not subscribe to {self._image.topic} within {wait_s:g} s, '
+                    f'{self.params.wait_for or "a node"} did not subscribe to {self._image.topic} within '
+                    f'{longest_s:.3g} s, '
                     'so it misses the first pictures, which in a recording show the untouched gel: launch it again, or '
                     'set a longer wait_s'
                 )

@@ -12,7 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from feeding import PATTERN
+from feeding import PATTERN, START_NS
+from jumping_clock import JumpingClock
 from stream_server import plugged_in
 
 from tactile_nodes.bus import topics
@@ -23,7 +24,7 @@ from tactile_nodes.bus.node.runtime import run_until
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
-from tactile_nodes.clock import SystemClock, monotonic_s
+from tactile_nodes.clock import NS_PER_S, SystemClock, monotonic_s
 from tactile_nodes.contact_tables import touch_tables
 from tactile_nodes.errors import NOT_AGAIN, AskedToEndError, ConfigurationError, DeviceNotFoundError, ImageError
 from tactile_nodes.messages import stamp_ns
@@ -339,10 +340,33 @@ def test_a_source_waits_for_the_node_that_it_is_reported_to_wait_for(
     somebody.close()
 
 
+def test_a_source_waits_longer_where_nodes_start_late(
+    bus: InProcessBus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With four programs a processor for 40 s instead of 10 s."""
+    cv2.imwrite(str(tmp_path / '1.png'), PATTERN)
+    monkeypatch.setattr(os, 'getloadavg', lambda: (4.0 * len(os.sched_getaffinity(0)), 0.0, 0.0))
+    listeners: list[Subscription] = []
+
+    class Later(JumpingClock):
+        def sleep_until(self, deadline_ns: int) -> None:
+            super().sleep_until(deadline_ns)
+            if not listeners and self.now_ns() >= START_NS + 39 * NS_PER_S:
+                listeners.append(bus.subscribe('/image_raw', topics.IMAGE.type_name, Qos('queue', 9), '/flow_features'))
+
+    logs = listen(bus, topics.ROSOUT)
+    words = ['--ros-args', '-p', f'source:={tmp_path}', '-p', 'wait_for:=flow_features', '-p', 'wait_s:=10.0']
+    CameraNode(bus, parse_arguments(words), Later(START_NS)).close()
+    assert listeners
+    while (received := logs.take()) is not None:
+        assert 'did not subscribe' not in received.message.msg
+
+
 def test_a_source_that_starts_without_the_node_that_it_waited_for_is_reported(
-    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path
+    bus: InProcessBus, start: Callable[..., CameraNode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The node misses the first pictures, so that another than that of the untouched gel becomes its rest image."""
+    monkeypatch.setattr(os, 'getloadavg', lambda: (0.0, 0.0, 0.0))
     cv2.imwrite(str(tmp_path / '1.png'), PATTERN)
     logs = listen(bus, topics.ROSOUT)
     start(f'source:={tmp_path}', 'wait_for:=flow_features', 'wait_s:=0.1', 'crop:=160')
