@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from tactile_nodes.bus.node.diagnostics import ENDED
 from tactile_nodes.bus.protocol import Received
 from tactile_nodes.errors import MessageError
 from tactile_nodes.messages import stamp_ns, types
@@ -152,6 +153,9 @@ class ViewState:
         for status in received.message.status:
             node, _, part = status.name.partition(': ')
             if self._is_ours(node.replace('.', '/')):
+                if (part, status.message) == ('node', ENDED):
+                    self._health.pop(f'/{node.lstrip("/")}', None)
+                    continue
                 node_health = self._health.setdefault(f'/{node.lstrip("/")}', _NodeHealth())
                 node_health.time_ns = received.received_ns
                 node_health.parts[part] = (_level(status.level), _printable(status.message), received.received_ns)

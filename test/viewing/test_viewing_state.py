@@ -265,6 +265,16 @@ def test_a_node_that_says_nothing_more_is_silent() -> None:
     assert [entry.node for entry in silent(state.snapshot(4000 * MS).health)] == ['/camera']
 
 
+def test_a_node_that_told_that_it_ended_is_not_silent() -> None:
+    """A recorder beside a sensor, say."""
+    state = ViewState()
+    state.add_diagnostics(received(diagnostics(('bag_recorder: bag', 0, 'recording')), 0))
+    state.add_diagnostics(received(diagnostics(('bag_recorder: node', 3, 'ended')), 500))
+    assert state.snapshot(9000 * MS).health == ()
+    state.add_diagnostics(received(diagnostics(('bag_recorder: bag', 0, 'recording')), 9500))  # another one
+    assert [each.node for each in state.snapshot(9500 * MS).health] == ['/bag_recorder']
+
+
 def test_nodes_of_another_namespace_are_left_out() -> None:
     state = ViewState('/left')
     state.add_diagnostics(received(diagnostics(('left/camera: camera', 0, ''), ('right/camera: camera', 2, 'dark'))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -19,6 +20,8 @@ class Level(IntEnum):
     STALE = 3
 
 
+ENDED = 'ended'
+"""Message of the last status of a node that ends as it was asked to: views do not take it for silent then."""
 NO_HARDWARE = 'none'  # as diagnostic_updater of ROS 2 has it for software
 
 _LOGGED_EVERY_S = 60.0
@@ -57,7 +60,14 @@ class Diagnostics:
         """All parts as one message; a node that has said nothing yet is running."""
         with self._lock:
             parts = self._parts or {'node': _Part(Level.OK, 'running')}
-            statuses = [self._status(name, part) for name, part in parts.items()]
+            return self._message(now_ns, parts)
+
+    def farewell(self, now_ns: int) -> types.DiagnosticArray:
+        """The last message of a node that ends as it was asked to."""
+        return self._message(now_ns, {'node': _Part(Level.STALE, ENDED)})
+
+    def _message(self, now_ns: int, parts: Mapping[str, _Part]) -> types.DiagnosticArray:
+        statuses = [self._status(name, part) for name, part in parts.items()]
         return types.DiagnosticArray(header=types.Header(stamp=time_from_ns(now_ns)), status=statuses)
 
     def _status(self, name: str, part: _Part) -> types.DiagnosticStatus:

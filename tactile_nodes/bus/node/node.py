@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import itertools
 import queue
@@ -25,7 +26,7 @@ from tactile_nodes.bus.protocol import Bus, Closing, Publisher, Received
 from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.bus.topics import Topic
 from tactile_nodes.clock import NS_PER_S, Clock, SteppedClock, SystemClock, monotonic_s
-from tactile_nodes.errors import AskedToEndError, MessageError, TactileError
+from tactile_nodes.errors import AskedToEndError, BusError, MessageError, TactileError
 from tactile_nodes.messages import services, stamp_ns, types
 from tactile_nodes.params import parameter
 
@@ -234,6 +235,9 @@ class Node:
             self.on_close()
         finally:
             self.log.publisher = None
+            if self.failure is None:
+                with contextlib.suppress(BusError):  # the bus was closed before
+                    self._statuses.publish(self.diagnostics.farewell(self.clock.now_ns()))
             for end in self._ends:
                 end.close()
             self._ends.clear()

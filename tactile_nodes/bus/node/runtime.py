@@ -132,6 +132,7 @@ def run_until(nodes: Sequence[Node], done: threading.Event) -> int:
             node.spin()
         except Exception:  # noqa: BLE001 - a bug: say all we know, end the process, let the launcher decide
             failed.append(node)
+            node.failure = TactileError('a bug in a callback')
             node.log.fatal(f'a bug in a callback ends this node:\n{traceback.format_exc()}')
         finally:
             done.set()

@@ -13,6 +13,7 @@ from agents import FullDisk, until
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
+from tactile_nodes.bus.node.diagnostics import Level
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.protocol import Qos, Received
 from tactile_nodes.clock import NS_PER_S, SteppedClock
@@ -173,6 +174,20 @@ def test_a_node_that_has_logged_nothing_yet_is_reported_to_run(
     assert received is not None
     (status,) = received.message.status
     assert (status.name.partition(': ')[2], status.level, status.hardware_id) == ('node', 0, 'none')
+
+
+@pytest.mark.parametrize('failure', [None, DeviceLostError('the camera is gone')])
+def test_a_node_that_ends_as_it_was_asked_to_tells_it(
+    node: Plain, bus: InProcessBus, failure: DeviceLostError | None
+) -> None:
+    diagnostics = bus.subscribe('/diagnostics', topics.DIAGNOSTICS.type_name, Qos('queue', 10))
+    node.failure = failure
+    node.close()
+    received = diagnostics.take()
+    assert (received is None) == (failure is not None)
+    if received is not None:
+        (status,) = received.message.status
+        assert (status.name, status.level, status.message) == ('plain: node', Level.STALE, 'ended')
 
 
 def test_bug_in_a_callback_is_not_hidden(node: Plain, bus: InProcessBus) -> None:
