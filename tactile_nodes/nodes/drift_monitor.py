@@ -116,7 +116,7 @@ class DriftMonitorNode(Node):
     @property
     def _of(self) -> bytes:
         """What the evidence is about: model, its rest image, and the one in use."""
-        return ' '.join((*self._compared_ids, self._reference_id)).encode()
+        return ' '.join((*map(str, self._compared_ids), self._reference_id)).encode()
 
     def _go_on(self) -> None:
         """Continue with the evidence from before a restart, if it is about the same model and rest image.
@@ -126,7 +126,7 @@ class DriftMonitorNode(Node):
         if self._before is None:
             return
         of, _, evidence = self._before.partition(b'\n')
-        if of != self._of and not any(self._compared_ids):  # the model may be told later
+        if of != self._of and not any(self._compared_ids[:2]):  # the model may be told later
             return
         self._before = None
         if of == self._of:
