@@ -17,10 +17,12 @@ from benchmarks.stability.stream import (
     Moment,
     Presses,
     always,
+    force_n,
     from_the_third_press,
     in_the_rest_image,
 )
 from benchmarks.stability.times import TIMES, caught_once, pressed_slowly
+from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.sensing.flow.patches import moved_image
 from tactile_nodes.sensing.picture.quality import FAINT_LIGHT
 from tactile_nodes.simulation.camera import through_jpeg
@@ -90,6 +92,12 @@ def _faded(moment: Moment, percent: float) -> float:
     return 1 - _during(moment, percent / 100)
 
 
+def _given_way(light: np.ndarray, moment: Moment, px_per_n: float) -> np.ndarray:
+    """The light in a camera that moves along the diagonal with the force, as on a mounting that is not stiff."""
+    moved_px = px_per_n * force_n(moment, {'tip': contact_table(Gel())}) / math.sqrt(2)
+    return moved_image(light, moved_px, moved_px) if moved_px else light
+
+
 LIGHT = (
     _light('brightness', 'x', (0.7, 0.5, 1.3, 1.5), lambda light, _, level: light * level,
            0.7, 1.3),
@@ -117,6 +125,8 @@ GEOMETRY = (
     _gel('camera shifted', 'px', (0.3, 1, 3, 5), disturb.knocked, 0.3, 1, 3),
     Case('geometry', 'camera shifted as a tip comes down', 'px', (0.3, 3),
          lambda level: Change(gel=lambda gel: disturb.knocked(gel, level), acts=from_the_third_press)),
+    Case('geometry', 'camera gives way under the force', 'px per N', (0.03, 0.1, 0.3),
+         lambda level: Change(light=lambda light, at: _given_way(light, at, level))),
     _gel('camera turned', 'degrees', (0.1, 1, 2), disturb.rolled, 0.1, 1),
     _gel('magnified', '%', (0.2, 1), disturb.magnified),
     _gel('gel swollen', 'mm', (0.1, 0.3), lambda gel, mm: disturb.shrunk(gel, -100 * mm / gel.soft_mm)),

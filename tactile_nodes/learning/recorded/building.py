@@ -231,7 +231,7 @@ class Builder:
             raise DatasetError(f'the images have {came} pixels, but the sensor is described with {wanted}')
 
     def _sample(self, bag: int, press: RecordedPress, frames: Sequence[Frame], *, contact: bool) -> Sample:
-        measured = self.measurer.measure([frame.image for frame in frames])
+        measured = self.measurer.measure([frame.image for frame in frames], pressed=contact)
         return self.shelf.sample(bag, press, measured, frames, self.measurer.reference_id, contact=contact)
 
 

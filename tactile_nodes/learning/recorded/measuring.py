@@ -82,7 +82,9 @@ class Measurer:
         cut = self.cut(image)
         if (name := content_id(cut)) == self.reference_id:
             return
-        self._rest, self._before = Measuring(self.flow, self.encoding).beside(cut), None
+        registers = not isinstance(self.flow, DotsFlow)
+        self._rest = Measuring(self.flow, self.encoding, registers=registers).beside(cut)
+        self._before = self._camera = None
         self.reference_id, self._reference = name, cut.tobytes()
         self._shape = (*self._rest.still_features.confidence.shape, len(self.encoding.channels))
 
@@ -104,9 +106,12 @@ class Measurer:
         found = self.measure(untouched)
         _, size_px = common_motion(self._rest, Features(self.encoding.name, found.values, found.confidence))
         self._before = self._mean(untouched) if size_px >= self._least_px else None
+        self._camera = None
 
-    def measure(self, images: Sequence[UInt8[np.ndarray, 'h w']]) -> Measured:
+    def measure(self, images: Sequence[UInt8[np.ndarray, 'h w']], *, pressed: bool = False) -> Measured:
         """Features of the mean of some images (of one image: of that image).
+
+        Of a gel that is `pressed`, motion of the whole picture is removed if live sensing takes it for a knock.
 
         Raises:
             ImageError: an image is black, overexposed or of another size than the rest image.
@@ -115,15 +120,15 @@ class Measurer:
             require_picture(image)
         cut = self._mean(images)
         before = b'' if self._before is None else self._before.tobytes()
-        key = hashlib.sha256(repr(cut.shape).encode() + self._reference + cut.tobytes() + before).digest()
+        content = repr(cut.shape).encode() + self._reference + cut.tobytes() + before + b'pressed' * pressed
+        key = hashlib.sha256(content).digest()
         if kept := self._cache.get(key, self._shape):
             self.found += 1
             return kept
         if self._rest is None:
             raise ImageError('there is no rest image yet; leave the gel untouched while one is captured')
-        if self._before is not None:
-            self._camera = self._camera or MovedCamera(self._rest, self._before)
-        features = (self._camera or self._rest).features(cut)
+        self._camera = self._camera or MovedCamera(self._rest, self._before)
+        features = self._camera.features(cut, pressed=pressed)
         measured = Measured(features.values.astype(np.float16), features.confidence)
         self._cache.put(key, measured)
         self.computed += 1

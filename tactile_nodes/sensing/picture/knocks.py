@@ -7,9 +7,9 @@ from enum import Enum, auto
 
 import numpy as np
 
-from tactile_nodes.sensing.picture.motion import TERMS
+from tactile_nodes.sensing.picture.motion import TERMS, MotionFit
 from tactile_nodes.sensing.picture.quietness import median
-from tactile_nodes.shapes import Float
+from tactile_nodes.shapes import Bool, Float
 
 KNOCK_PX = 0.05
 """Least common motion of a knock of the camera. Presses of the tip to 2 mm reach 0.026 px."""
@@ -52,6 +52,19 @@ class Common(Enum):
     NONE = auto()
     KNOCK = auto()
     MISSHAPEN = auto()
+
+
+def whole_motion(
+    fit: MotionFit, motion: Float[np.ndarray, 'n 2'], found: Bool[np.ndarray, ' n'], noise_px: float = 0.0
+) -> tuple[Float[np.ndarray, ' terms'], Common]:
+    """The common motion of the patches that were `found` in a frame, and its cause."""
+    weight = found.astype(float)
+    terms = fit.common(motion, weight, rounds=2, about_none=True)
+    if fit.size_px(terms) <= 0.7 * KNOCK_PX:
+        return terms, Common.NONE
+    terms = fit.common(motion, weight)
+    carried = fit.carried(terms)
+    return terms, judge(motion[found], carried[found], fit.size_px(terms), noise_px, fit.bent(terms))
 
 
 def judge(

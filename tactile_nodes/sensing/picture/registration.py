@@ -17,7 +17,7 @@ from tactile_nodes.sensing.features import fewer_means
 from tactile_nodes.sensing.flow.inverse_compositional import InverseCompositionalFlow, InverseCompositionalOptions
 from tactile_nodes.sensing.flow.methods import DisplacementField
 from tactile_nodes.sensing.picture.dented_rest import DentedRest
-from tactile_nodes.sensing.picture.knocks import KNOCK_PX, Common, judge
+from tactile_nodes.sensing.picture.knocks import KNOCK_PX, Common, whole_motion
 from tactile_nodes.sensing.picture.motion import MotionFit, PictureMotion, Shift, Straightening
 from tactile_nodes.sensing.picture.quietness import (
     KNOCKED_NOISE,
@@ -233,15 +233,9 @@ class Registration:
         self.lost = self.found < LEAST_FOUND
         if self.lost:
             return False
-        weight = found.astype(float)
-        terms = self._fit.common(motion, weight, rounds=2, about_none=True)
-        if self._fit.size_px(terms) > 0.7 * KNOCK_PX:
-            terms = self._fit.common(motion, weight)
-            carried = self._fit.carried(terms)
-            size_px, bent = self._fit.size_px(terms), self._fit.bent(terms)
-            common = judge(motion[found], carried[found], size_px, self._noise_px, bent)
-            if common is not Common.NONE:
-                return self._jump(terms) if common is Common.KNOCK else self._begin_anew()
+        terms, common = whole_motion(self._fit, motion, found, self._noise_px)
+        if common is not Common.NONE:
+            return self._jump(terms) if common is Common.KNOCK else self._begin_anew()
         self._follow(motion, found, terms, field, stamp_ns)
         return False
 

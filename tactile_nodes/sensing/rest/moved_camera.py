@@ -1,4 +1,4 @@
-"""Measures against a rest image although the camera has moved since, by an image of the untouched gel after the move.
+"""Measures against a rest image although the camera moves, by an image of the untouched gel from after a move.
 
 Live sensing follows the camera from frame to frame (`registration`). Recorded presses have only images from right
 before them. If the camera moves by a thousandth of a millimetre (0.014 px) between rest image and press, that would be
@@ -14,39 +14,72 @@ import numpy as np
 from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.features import Features, as_motion
 from tactile_nodes.sensing.flow.methods import DisplacementField, require_like
-from tactile_nodes.sensing.picture.knocks import KNOCK_PX
+from tactile_nodes.sensing.picture.knocks import KNOCK_PX, Common, whole_motion
 from tactile_nodes.sensing.picture.motion import MotionFit, PictureMotion
-from tactile_nodes.sensing.picture.registration import FOUND, LEAST_FOUND
+from tactile_nodes.sensing.picture.registration import FOUND, LEAST_FOUND, LEAST_KNOWN, Registered, coarse
 from tactile_nodes.sensing.rest.prepared import PreparedRest
 from tactile_nodes.shapes import UInt8
 
 
 class MovedCamera:
-    """Measures images of a camera that has moved since the rest image, to where it was when it took `untouched`.
+    """Measures images against a rest image, to where the camera was when it took `untouched` (None: not moved).
 
     The motion of the whole picture is subtracted, and after a knock that of each region: other pixels show the same
     motion a little differently, but single regions have more noise.
     """
 
-    def __init__(self, rest: PreparedRest, untouched: UInt8[np.ndarray, 'h w']) -> None:
+    def __init__(self, rest: PreparedRest, untouched: UInt8[np.ndarray, 'h w'] | None = None) -> None:
         self._rest, self._untouched = rest, untouched
 
-    def features(self, image: UInt8[np.ndarray, 'h w']) -> Features:
+    def features(self, image: UInt8[np.ndarray, 'h w'], *, pressed: bool = False) -> Features:
         """The features of an image, without the motion of the camera.
+
+        If it is `pressed`, a motion of the whole picture that live sensing would take for a knock is removed as well:
+        few mountings hold a camera still under a force.
 
         Raises:
             ImageError: the image has another size, or the untouched gel does not show the pattern of the rest image.
         """
         require_like(self._rest.image, image)
-        field = self._rest.flow.displacement(image)
-        return self._rest.encoding.encode(DisplacementField(field.displacement_px - self._moved_px, field.confidence))
+        found = self._rest.flow.displacement(image)
+        field = DisplacementField(found.displacement_px - self._moved_px, found.confidence)
+        if pressed and self._rest.registering is not None:
+            knock = self._knock(self._rest.registering, image, field)
+            field = DisplacementField(field.displacement_px - self._field_of(knock, field), field.confidence)
+        return self._rest.encoding.encode(field)
+
+    def _knock(
+        self, registered: Registered, image: UInt8[np.ndarray, 'h w'], field: DisplacementField
+    ) -> PictureMotion:
+        """The motion of the whole picture, if it is a knock."""
+        watched = registered.watch is not None
+        motion, confidence = coarse(registered.watch.displacement(image) if registered.watch else field)
+        motion = motion - self._watched_px if watched else motion
+        found = registered.known & (confidence >= FOUND)
+        if found.sum() < max(LEAST_FOUND * registered.known_count, LEAST_KNOWN * found.size):
+            return PictureMotion()
+        terms, cause = whole_motion(registered.fit, motion, found)
+        return PictureMotion.of(terms) if cause is Common.KNOCK else PictureMotion()
+
+    def _field_of(self, motion: PictureMotion, field: DisplacementField) -> np.ndarray:
+        return motion.field_px(self._rest.image.shape, *field.displacement_px.shape[:2])
 
     @cached_property
-    def _moved_px(self) -> np.ndarray:
+    def _moved_px(self) -> np.ndarray | float:
+        """The motion of the untouched gel, of each region or pixel."""
+        if self._untouched is None:
+            return 0.0
         field = self._rest.flow.displacement(self._untouched)
         motion, size_px = common_motion(self._rest, self._rest.encoding.encode(field))
-        rows, cols = field.displacement_px.shape[:2]
-        return field.displacement_px if size_px > KNOCK_PX else motion.field_px(self._rest.image.shape, rows, cols)
+        return field.displacement_px if size_px > KNOCK_PX else self._field_of(motion, field)
+
+    @cached_property
+    def _watched_px(self) -> np.ndarray | float:
+        """The same, of the separate patches."""
+        registered = self._rest.registering
+        if self._untouched is None or registered is None or registered.watch is None:
+            return 0.0
+        return coarse(registered.watch.displacement(self._untouched))[0]
 
 
 def common_motion(rest: PreparedRest, features: Features) -> tuple[PictureMotion, float]:

@@ -34,7 +34,7 @@ def taken(number: int, presses: tuple[Press, ...] = (), *, moved_mm: float = 0.0
 def rest(request: pytest.FixtureRequest) -> PreparedRest:
     encoding = make_encoding('polar_mean' if request.param == 'dis' else 'cartesian_mean', {'rows': 20, 'cols': 20})
     flow = make_flow(request.param, {} if request.param == 'dis' else {'rows': 20, 'cols': 20})
-    return Measuring(flow, encoding).beside(average([taken(each) for each in range(8)]))
+    return Measuring(flow, encoding, registers=True).beside(average([taken(each) for each in range(8)]))
 
 
 def motion_of(found: Features) -> np.ndarray:
@@ -49,6 +49,15 @@ def test_a_press_shows_the_same_motion_after_the_camera_has_moved(rest: Prepared
     raw = motion_of(rest.features(pressed)) - still
     assert np.abs(raw).max() > 0.9 * PX_PER_MM * moved_mm
     assert np.abs(off.mean(axis=(0, 1))).max() < 0.15 * np.abs(raw.mean(axis=(0, 1))).max()
+
+
+def test_a_camera_that_gives_way_under_the_force_moves_no_press(rest: PreparedRest) -> None:
+    """By 0.02 mm, 0.3 px: live sensing takes that for a knock, so a model must not learn it as an effect of the force."""
+    still, pressed = motion_of(rest.features(taken(20, PRESS))), taken(20, PRESS, moved_mm=0.02)
+    camera = MovedCamera(rest)
+    off, raw = (motion_of(camera.features(pressed, pressed=each)) - still for each in (True, False))
+    assert np.abs(off.mean(axis=(0, 1))).max() < 0.15 * np.abs(raw.mean(axis=(0, 1))).max()
+    assert np.abs(raw).max() > 0.9 * PX_PER_MM * 0.02
 
 
 def test_a_shift_is_found_in_pixels(rest: PreparedRest) -> None:
