@@ -40,7 +40,7 @@ TICK = threading.Event()
 def command(folder: Path) -> list[str]:
     plan = folder / 'plan.yaml'
     plan.write_text('columns: 2\nrows: 1\npitch_mm: 6.0\ndepths_mm: [0.5, 1.5]\n', encoding='ascii')
-    return ['bench', 'collection', '--plan', str(plan), '-o', str(folder), '--rate', '50', '--fps', '10']
+    return ['bench', 'collection', '--plan', str(plan), '-o', str(folder), '--rate', '100', '--fps', '10']
 
 
 def collect(folder: Path) -> subprocess.Popen[bytes]:

@@ -28,7 +28,7 @@ class Rehearsed:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.collection = Collection(Session(folder, PLAN, rate_hz=50.0, fps=10.0, compression='none'))
+        self.collection = Collection(Session(folder, PLAN, rate_hz=100.0, fps=10.0, compression='none'))
         self.rig = self.collection._rig
         self.lines: list[str] = []
         self.rig.clock.every(0.02, self._look)

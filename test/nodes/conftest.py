@@ -69,11 +69,12 @@ def small_model(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def patches_model(small_model: Path, tmp_path: Path) -> Path:
-    """The same for a flow of one patch a region, and pictures of any size."""
+    """The same for a flow of one patch a region."""
     loaded, regions = model_file.load_model(small_model), {'rows': 4, 'cols': 4}
     card = {
         'flow': {'name': 'inverse_compositional', 'options': {**regions, 'finest_scale': 1}},
         'encoding': {'name': 'cartesian_mean', 'options': regions},
+        'crop_px': loaded.card['crop_px'],
         'gel': loaded.card['gel'],
     }
     model_file.save_model(tmp_path / 'patches.safetensors', loaded.model, card)

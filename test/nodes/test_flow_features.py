@@ -114,7 +114,7 @@ def test_a_camera_from_which_no_picture_comes_any_more_is_reported_and_when_it_i
 WHOLE = np.random.default_rng(6).integers(20, 200, (480, 640), dtype=np.uint8)
 
 
-@pytest.mark.parametrize(('crop', 'side'), [(0, 440), (400, 400)])
+@pytest.mark.parametrize(('crop', 'side'), [(0, 160), (400, 400)])  # 0: that of the model
 def test_of_a_whole_picture_of_another_camera_node_the_middle_is_measured_and_that_is_reported_once(
     bus: InProcessBus, clock: SteppedClock, listen: Listen, publisher: Advertise, crop: int, side: int
 ) -> None:

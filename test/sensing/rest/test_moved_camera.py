@@ -52,7 +52,7 @@ def test_a_press_shows_the_same_motion_after_the_camera_has_moved(rest: Prepared
 
 
 def test_a_camera_that_gives_way_under_the_force_moves_no_press(rest: PreparedRest) -> None:
-    """By 0.02 mm, 0.3 px: live sensing takes that for a knock, so a model must not learn it as an effect of the force."""
+    """By 0.02 mm, 0.3 px: live sensing takes that for a knock, so no model may learn it as an effect of the force."""
     still, pressed = motion_of(rest.features(taken(20, PRESS))), taken(20, PRESS, moved_mm=0.02)
     camera = MovedCamera(rest)
     off, raw = (motion_of(camera.features(pressed, pressed=each)) - still for each in (True, False))

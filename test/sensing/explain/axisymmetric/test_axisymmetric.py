@@ -148,8 +148,25 @@ def test_with_hardly_any_region_left_nothing_is_said() -> None:
 
 
 def test_motion_that_no_contact_makes_is_unlike_anything_known() -> None:
-    shifted = np.full((8, 8, 2), 0.5, np.float32)
-    assert readout().read(shifted, SURE).unlikeness > 1
+    columns = np.full((8, 8, 2), 0.5, np.float32)
+    columns[:, ::2] = -0.5
+    assert readout().read(columns, SURE).unlikeness > 1
+
+
+def test_a_camera_that_moves_as_a_whole_is_no_force() -> None:
+    found = readout().read(np.full((8, 8, 2), 0.5, np.float32), SURE)
+    assert found.unlikeness < 1 and not found.normal_force_n.any()
+
+
+def test_a_camera_that_gives_way_under_a_press_changes_neither_its_force_nor_its_place() -> None:
+    """By a shift, a turn and a growth, each as large as what the press moves the median region."""
+    press = [(3.3, -5.2, 0.6)]
+    across = np.linspace(-1.0, 1.0, 8)
+    x, y = np.meshgrid(across, across)
+    still, size_px = seen(press), float(np.median(np.abs(response().motion(np.array(press)))))
+    moved = still + size_px * np.stack([1.0 - y + x, 0.5 + x + y], axis=-1).astype(np.float32)
+    (one, *_), (other, *_) = readout().read(still, SURE).contacts, readout().read(moved, SURE).contacts
+    assert (other.x_mm, other.y_mm, other.force_n) == pytest.approx((one.x_mm, one.y_mm, one.force_n), abs=2e-3)
 
 
 def test_a_correction_is_added_in_the_known_gels_units() -> None:
