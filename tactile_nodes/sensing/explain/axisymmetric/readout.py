@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from tactile_nodes.errors import ModelError
+from tactile_nodes.sensing.explain.axisymmetric.camera import camera_motions, taken_by_camera
 from tactile_nodes.sensing.explain.axisymmetric.local import between
 from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
@@ -32,7 +33,6 @@ from tactile_nodes.sensing.explain.reading import (
 )
 from tactile_nodes.sensing.explain.uncertainty import NOWHERE_MM, Calibration, factor_at, nominal_error_n
 from tactile_nodes.sensing.geometry import BinGrid
-from tactile_nodes.sensing.picture.motion import TERMS, MotionFit
 from tactile_nodes.shapes import Bool, Float, Float32
 
 DOUBT_MM = np.array([0.0, 1.1, 2.0, 3.0, 4.25, 6.5, 11.0, 37.0])
@@ -51,8 +51,6 @@ START_FORCES = np.array([0.15, 0.5, 0.9])
 MARGIN = 1.1
 """Limit of a contact's force, over that of the hardest known press."""
 LEAST_REGIONS = 12
-CAMERA_PX = 1.0
-"""Standard deviation of each term of the camera's motion under a press, as few mountings are stiff."""
 NOMINAL_STEPS = 5
 """Number of places along x and along y, and of forces, at which the nominal error is evaluated."""
 
@@ -174,11 +172,8 @@ class AxisymmetricReadout:
 
     @cached_property
     def _camera(self) -> Float[np.ndarray, 'terms motions']:
-        """Motion of the known regions with each term of the motion of the camera."""
-        rows, cols = self.scaling.trusted.shape
-        fit = MotionFit((rows, cols), rows, cols)
-        along = np.stack([fit.carried(each) for each in np.eye(TERMS)])[:, self._known]
-        return along.reshape(TERMS, -1)
+        """See `camera_motions`."""
+        return camera_motions(self.scaling.trusted.shape, self._known)
 
     @cached_property
     def _inside(self) -> np.ndarray:
@@ -318,21 +313,11 @@ class AxisymmetricReadout:
         count = max(int((certainty > 0).sum()), 1)
         lever = slopes.transpose(1, 0, 2, 3).reshape(3 * len(contacts), -1)
         weighted = lever * certainty.reshape(-1)
-        taken = self._taken_by_camera(np.vstack([left.reshape(1, -1), lever]), certainty)
+        taken = taken_by_camera(self._camera, np.vstack([left.reshape(1, -1), lever]), certainty.reshape(-1))
         misfit = (float((left * left * certainty).sum()) - float(taken[0, 0])) / count
         doubt = float(np.log(np.where(certainty > 0, observed.certainty / np.maximum(certainty, 1e-300), 1.0)).sum())
         fit = Fit(contacts, weighted @ lever.T - taken[1:, 1:], misfit)
         return fit, weighted @ left.reshape(-1) - taken[1:, 0], misfit + doubt / count
-
-    def _taken_by_camera(
-        self, motions: Float[np.ndarray, 'n motions'], certainty: Float[np.ndarray, 'regions 2']
-    ) -> Float[np.ndarray, 'n n']:
-        """The part of the weighted products of motions that motion of the camera explains (Schur complement)."""
-        camera = self._camera * certainty.reshape(-1)
-        normal, along = camera @ self._camera.T, camera @ motions.T
-        normal.flat[:: TERMS + 1] += 1 / CAMERA_PX**2
-        taken: np.ndarray = along.T @ np.linalg.solve(normal, along)
-        return taken
 
     def weights(
         self,
@@ -382,9 +367,9 @@ class AxisymmetricReadout:
         return self._gain(observed, observed.motion - self.response.motion(fit.contacts).sum(axis=0))
 
     def _gain(self, observed: Observation, left: Float[np.ndarray, 'regions 2']) -> float:
-        both = np.stack([observed.motion, left]).reshape(2, -1)
-        squared = (np.square(both) * observed.certainty.reshape(-1)).sum(axis=1)
-        before, after = squared - np.diag(self._taken_by_camera(both, observed.certainty))
+        both, certainty = np.stack([observed.motion, left]).reshape(2, -1), observed.certainty.reshape(-1)
+        squared = (np.square(both) * certainty).sum(axis=1)
+        before, after = squared - np.diag(taken_by_camera(self._camera, both, certainty))
         return float(before - after) / 2
 
     def contacts(self, fit: Fit) -> tuple[Contact, ...]:
