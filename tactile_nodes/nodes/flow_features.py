@@ -30,7 +30,7 @@ from tactile_nodes.params import parameter
 from tactile_nodes.pipeline.following import Following, FollowingParams
 from tactile_nodes.pipeline.loop_choice import choose
 from tactile_nodes.pipeline.methods import image_size
-from tactile_nodes.sensing.geometry import centre_crop, middle_part
+from tactile_nodes.sensing.geometry import described_part, middle_part
 from tactile_nodes.sensing.rest.reference import content_id
 from tactile_nodes.sensors import load_sensor
 
@@ -192,12 +192,9 @@ class FlowFeaturesNode(Node):
         return picture
 
     def _cropped(self, picture: np.ndarray) -> np.ndarray:
-        image = self._described
-        if image is None:
+        if self._described is None:
             return middle_part(picture, self.params.crop, self._size)
-        if picture.shape != (image.height, image.width):  # a crop of it would show another part of the gel
-            return picture
-        return centre_crop(picture, *image.crop_px)
+        return described_part(picture, self._described)
 
     def _tell_picture(self, came: str, picture: np.ndarray) -> None:
         taken, image = f'{picture.shape[1]}x{picture.shape[0]}', self._described

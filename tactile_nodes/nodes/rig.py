@@ -14,8 +14,6 @@ import sys
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -31,7 +29,7 @@ from tactile_nodes.collection.station import LEAVE_S
 from tactile_nodes.errors import NOT_AGAIN, DeviceError, DeviceFaultError
 from tactile_nodes.messages import stamp_ns
 from tactile_nodes.params import parameter
-from tactile_nodes.sensing.geometry import centre_crop, middle_part
+from tactile_nodes.sensing.geometry import described_part, middle_part
 from tactile_nodes.sensors import load_sensor
 
 STATUS_S = 1.0
@@ -119,15 +117,8 @@ class RigNode(Node):
         message = received.message
         picture = conversions.image_array(message)
         if self._cropped_px != (message.width, message.height):  # else our camera node has cropped it, to any shape
-            picture = self._cropped(picture)
+            picture = described_part(picture, self._described) if self._described else middle_part(picture)
         self._session.image(stamp_ns(message.header.stamp), picture)
-
-    def _cropped(self, picture: np.ndarray) -> np.ndarray:
-        """As the flow features node does."""
-        image = self._described
-        if image is None:
-            return middle_part(picture)
-        return centre_crop(picture, *image.crop_px) if picture.shape == (image.height, image.width) else picture
 
     def _pause(self, paused: bool) -> str:
         self._session.campaign.paused = paused

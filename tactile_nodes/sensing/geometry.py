@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes.errors import ImageError
-from tactile_nodes.sensors import Sensor
+from tactile_nodes.sensors import ImageSettings, Sensor
 from tactile_nodes.shapes import Float, UInt8
 
 
@@ -312,6 +312,13 @@ def middle_part(
         return image
     side = largest_side(width, height, side or size[0])
     return Crop.centred(width, height, side, side).apply(image)
+
+
+def described_part(image: UInt8[np.ndarray, 'h w'], described: ImageSettings) -> UInt8[np.ndarray, 'ch cw']:
+    """The part that a description uses. A picture of another size stays whole: its crop would show another part."""
+    if image.shape != (described.height, described.width):
+        return image
+    return centre_crop(image, *described.crop_px)
 
 
 def grey(image: np.ndarray, order: str = 'bgr') -> UInt8[np.ndarray, 'h w']:

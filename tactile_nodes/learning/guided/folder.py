@@ -8,6 +8,7 @@ from __future__ import annotations
 import codecs
 import math
 import os
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -86,10 +87,10 @@ class PressFolder:
             Done(row.x_mm, row.y_mm, row.force_n) for row in self.rows if row.touches and row.indenter == self._indenter
         ]
 
-    @property
-    def rests(self) -> list[UInt8[np.ndarray, 'h w']]:
-        """The images of the untouched gel. Raises ConfigurationError: one cannot be read."""
-        return [read_grey(self.folder / row.picture) for row in self.rows if not row.touches]
+    def rests(self, most: int) -> list[UInt8[np.ndarray, 'h w']]:
+        """The first images of the untouched gel. Raises ConfigurationError: one cannot be read."""
+        untouched = (row for row in self.rows if not row.touches)
+        return [read_grey(self.folder / row.picture) for row in islice(untouched, most)]
 
     def add_rest(self, picture: UInt8[np.ndarray, 'h w']) -> None:
         """Save an image of the untouched gel."""

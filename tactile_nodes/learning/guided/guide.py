@@ -103,14 +103,14 @@ class Guide:
 
     def _rest(self) -> list[Picture]:
         """Images of the untouched gel as it is now, which must be that of an earlier session."""
-        kept = self._folder.rests
+        kept = self._folder.rests(RESTS)
         self._person.leave_untouched()
         capture = RestCapture(8)
         while capture.offer(picture := self._picture()) is None:
             if capture.waiting:
                 self._person.sees('moving', NO_PLACE)
         if kept:
-            self._require_same(average(kept[:RESTS]), picture)
+            self._require_same(average(kept), picture)
         now = [self._picture() for _ in range(RESTS)]
         for each in now[len(kept) :]:
             self._folder.add_rest(each)

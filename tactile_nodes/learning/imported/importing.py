@@ -177,6 +177,22 @@ def _parts(rows: Sequence[TablePress]) -> list[_Part]:
     return parts
 
 
+class _Press(NamedTuple):
+    """Rows of a press, those of the untouched gel right before it, and those of them that count as its samples."""
+
+    rows: list[TablePress]
+    before: list[TablePress]
+    untouched: list[TablePress]
+
+    @classmethod
+    def of(cls, parts: Sequence[_Part]) -> list[_Press]:
+        return [
+            cls(rows, part.rests, part.rests[number :: len(part.presses)])
+            for part in parts
+            for number, rows in enumerate(part.presses)
+        ]
+
+
 def _rest_image(parts: Sequence[_Part], picture_of: Mapping[int, Picture]) -> Picture:
     """The mean of the longest series of rest images, or of all if that is short: the camera may move between two."""
     longest = max((part.rests for part in parts), key=len)
@@ -202,10 +218,10 @@ def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Take
     """Give a table's presses to a builder."""
     table, faults, measurer = source.table, source.table.faults, builder.measurer
     pressed: list[str] = []
-    untouched = list(_checked(source, [row for row in table.rows if not row.touches], size, faults))
-    known = [Row(table, row, picture_id(picture)) for row, picture in untouched]
+    rested = list(_checked(source, [row for row in table.rows if not row.touches], size, faults))
+    known = [Row(table, row, picture_id(picture)) for row, picture in rested]
     faults.require_none()
-    parts, picture_of = _parts(table.rows), {row.line: picture for row, picture in untouched}
+    parts, picture_of = _parts(table.rows), {row.line: picture for row, picture in rested}
     rests = [each.tobytes() for each in picture_of.values()]
     plan = hashlib.sha256(repr((table.rows, rests)).encode()).hexdigest()[:12]
     reference = Frame(0, _rest_image(parts, picture_of))
@@ -217,19 +233,19 @@ def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Take
             moved |= {row.line: measurer.measure([picture_of[row.line]]).values for row in part.rests}
     except ImageError as error:
         raise DatasetError(f'{table.file}: {error}') from error
-    presses = [(part, number) for part in parts for number in range(len(part.presses))]
-    press_of = {row.line: press for press, (part, number) in enumerate(presses) for row in part.presses[number]}
-    pictures = _checked(source, [row for part, number in presses for row in part.presses[number]], size, faults)
-    for press, group in groupby(pictures, lambda pair: press_of[pair[0].line]):
-        pairs, (part, number) = list(group), presses[press]
+    presses = _Press.of(parts)
+    at_rest = {line: Frame(reference.stamp_ns, picture) for line, picture in picture_of.items()}
+    number_of = {row.line: number for number, press in enumerate(presses) for row in press.rows}
+    pictures = _checked(source, [row for press in presses for row in press.rows], size, faults)
+    for number, group in groupby(pictures, lambda pair: number_of[pair[0].line]):
+        pairs, press = list(group), presses[number]
         frames = [picture for _, picture in pairs]
         if faults:
             continue  # the remaining rows are still checked for faults
         known += [Row(table, row, picture_id(picture)) for row, picture in pairs]
         pressed += map(picture_id, frames)
-        before = [Frame(reference.stamp_ns, picture_of[row.line]) for row in part.rests]
-        rest = before[number :: len(part.presses)]
-        builder.take(bag, _recorded(plan, press, part.presses[number][0], frames, rest, before, reference))
+        untouched, before = ([at_rest[row.line] for row in rows] for rows in (press.untouched, press.before))
+        builder.take(bag, _recorded(plan, number, press.rows[0], frames, untouched, before, reference))
     faults.require_none()
     name = hashlib.sha256(''.join([plan, *pressed]).encode()).hexdigest()[:12]
     card = {

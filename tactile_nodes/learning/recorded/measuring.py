@@ -57,7 +57,6 @@ class Measurer:
         self._crop = (crop, crop) if isinstance(crop, int) else crop
         self._reference = b''
         self._shape = 0, 0, 0
-        self._before: np.ndarray | None = None
         self._camera: MovedCamera | None = None
         self._least_px = moved_dots.KNOCK_PX if isinstance(self.flow, DotsFlow) else NEGLIGIBLE_PX
         self._cache = FeatureCache(_cache_folder() / f'{self.recipe_id}.sqlite')
@@ -84,7 +83,7 @@ class Measurer:
             return
         registers = not isinstance(self.flow, DotsFlow)
         self._rest = Measuring(self.flow, self.encoding, registers=registers).beside(cut)
-        self._before = self._camera = None
+        self._camera = MovedCamera(self._rest)
         self.reference_id, self._reference = name, cut.tobytes()
         self._shape = (*self._rest.still_features.confidence.shape, len(self.encoding.channels))
 
@@ -100,13 +99,15 @@ class Measurer:
         Raises:
             ImageError: they do not show the pattern of the rest image, or as `measure`.
         """
-        self._before = self._camera = None
-        if self._rest is None or not untouched:
+        if self._rest is None:
+            return
+        self._camera = MovedCamera(self._rest)
+        if not untouched:
             return
         found = self.measure(untouched)
         _, size_px = common_motion(self._rest, Features(self.encoding.name, found.values, found.confidence))
-        self._before = self._mean(untouched) if size_px >= self._least_px else None
-        self._camera = None
+        if size_px >= self._least_px:
+            self._camera = MovedCamera(self._rest, self._mean(untouched))
 
     def measure(self, images: Sequence[UInt8[np.ndarray, 'h w']], *, pressed: bool = False) -> Measured:
         """Features of the mean of some images (of one image: of that image).
@@ -119,15 +120,15 @@ class Measurer:
         for image in images:
             require_picture(image)
         cut = self._mean(images)
-        before = b'' if self._before is None else self._before.tobytes()
+        moved = self._camera.untouched if self._camera else None
+        before = b'' if moved is None else moved.tobytes()
         content = repr(cut.shape).encode() + self._reference + cut.tobytes() + before + b'pressed' * pressed
         key = hashlib.sha256(content).digest()
         if kept := self._cache.get(key, self._shape):
             self.found += 1
             return kept
-        if self._rest is None:
+        if self._camera is None:
             raise ImageError('there is no rest image yet; leave the gel untouched while one is captured')
-        self._camera = self._camera or MovedCamera(self._rest, self._before)
         features = self._camera.features(cut, pressed=pressed)
         measured = Measured(features.values.astype(np.float16), features.confidence)
         self._cache.put(key, measured)

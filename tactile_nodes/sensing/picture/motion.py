@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ import numpy as np
 from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.flow.patches import windowed_sinc
 from tactile_nodes.sensing.picture.quietness import median
-from tactile_nodes.shapes import Float, Float32, UInt8
+from tactile_nodes.shapes import Bool, Float, Float32, UInt8
 
 TERMS, FIRST_BEND = 8, 4
 ROUNDS = 5
@@ -248,6 +248,13 @@ class MotionFit:
                 scale = max(FAR_PX**2, scale / 4)
         return terms
 
+    def common_of_regions(
+        self, motion: Float[np.ndarray, 'rows cols 2'], found: Bool[np.ndarray, 'rows cols']
+    ) -> Float[np.ndarray, ' terms']:
+        """The same of the regions that were found."""
+        known = np.where(found[:, :, None], motion, 0).reshape(-1, 2).astype(float)
+        return self.common(known, found.ravel().astype(float))
+
     def _away(self, motion: Float[np.ndarray, 'patches 2'], terms: Float[np.ndarray, ' terms']) -> np.ndarray:
         """Squared distance of each patch's motion from that of the terms."""
         away: np.ndarray = np.square(motion[:, 0] - self._along_x @ terms)
@@ -262,6 +269,12 @@ class MotionFit:
         seen = (weight * motion[:, 0]) @ self._along_x + (weight * motion[:, 1]) @ self._along_y
         terms: np.ndarray = np.linalg.solve(normal, seen)
         return terms
+
+
+@lru_cache(maxsize=8)
+def motion_fit(shape: tuple[int, ...], rows: int, cols: int, *, compiled: bool = False) -> MotionFit:
+    """A fit that is made once for all pictures of a shape."""
+    return MotionFit(shape, rows, cols, compiled=compiled)
 
 
 def places(shape: tuple[int, ...], rows: int, cols: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
 from tactile_nodes.sensing.flow.methods import DisplacementField
-from tactile_nodes.sensing.picture.motion import MotionFit, PictureMotion
-from tactile_nodes.shapes import Bool, Float, Float32
+from tactile_nodes.sensing.picture.motion import MotionFit, PictureMotion, motion_fit
+from tactile_nodes.shapes import Float, Float32
 
 KNOCK_PX = 0.15
 """Least motion of a knock (root mean square). Readouts find smaller motion of the camera together with the forces."""
@@ -73,8 +72,8 @@ class MovedDots:
         beside = motion - self._moved
         self._settled += 1
         if found.sum() >= LEAST_FOUND * (at_rest >= FOUND).sum() and np.isfinite(motion[found]).all():
-            fit = _fit(shape, *found.shape, compiled)
-            terms = _common(fit, beside, found)
+            fit = motion_fit(shape, *found.shape, compiled=compiled)
+            terms = fit.common_of_regions(beside, found)
             carried = fit.carried(terms).reshape(beside.shape).astype(np.float32)
             self.lost = fit.size_px(terms + np.array(self.motion.terms)) > self._most_px
             if not self.lost and self._knocked(fit, terms, (beside - carried)[found]):
@@ -103,15 +102,3 @@ class MovedDots:
         self._moved = self._moved + share * moved
         self.motion = self.motion + PictureMotion.of(float(share) * terms)
         self.size_px = fit.size_px(np.array(self.motion.terms))
-
-
-def _common(
-    fit: MotionFit, motion: Float32[np.ndarray, 'rows cols 2'], found: Bool[np.ndarray, 'rows cols']
-) -> Float[np.ndarray, ' terms']:
-    known = np.where(found[:, :, None], motion, 0).reshape(-1, 2).astype(float)
-    return fit.common(known, found.ravel().astype(float))
-
-
-@lru_cache(maxsize=8)
-def _fit(shape: tuple[int, ...], rows: int, cols: int, compiled: bool) -> MotionFit:
-    return MotionFit(shape, rows, cols, compiled=compiled)

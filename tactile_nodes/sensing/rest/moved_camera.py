@@ -1,8 +1,8 @@
-"""Measures against a rest image although the camera moves, by an image of the untouched gel from after a move.
+"""Removes the motion of the camera from the images of recorded presses.
 
-Live sensing follows the camera from frame to frame (`registration`). Recorded presses have only images from right
-before them. If the camera moves by a thousandth of a millimetre (0.014 px) between rest image and press, that would be
-learned as an effect of the force, all over the gel.
+Live sensing follows the camera from frame to frame (`registration`). A recorded press has only images of the untouched
+gel from right before it. If the camera moves by a thousandth of a millimetre (0.014 px) between the rest image and a
+press, a model would learn that as an effect of the force, all over the gel.
 """
 
 from __future__ import annotations
@@ -15,21 +15,22 @@ from tactile_nodes.errors import ImageError
 from tactile_nodes.sensing.features import Features, as_motion
 from tactile_nodes.sensing.flow.methods import DisplacementField, require_like
 from tactile_nodes.sensing.picture.knocks import KNOCK_PX, Common, whole_motion
-from tactile_nodes.sensing.picture.motion import MotionFit, PictureMotion
+from tactile_nodes.sensing.picture.motion import PictureMotion, motion_fit
 from tactile_nodes.sensing.picture.registration import FOUND, LEAST_FOUND, LEAST_KNOWN, Registered, coarse
 from tactile_nodes.sensing.rest.prepared import PreparedRest
 from tactile_nodes.shapes import UInt8
 
 
 class MovedCamera:
-    """Measures images against a rest image, to where the camera was when it took `untouched` (None: not moved).
+    """Measures images of a camera that has moved since the rest image.
 
-    The motion of the whole picture is subtracted, and after a knock that of each region: other pixels show the same
-    motion a little differently, but single regions have more noise.
+    `untouched` is an image of the untouched gel, taken after the move; None: it has not moved. A small motion of the
+    whole picture is subtracted as a whole, because single regions have more noise. After a knock, the motion of each
+    region is subtracted: other pixels show the same motion a little differently.
     """
 
     def __init__(self, rest: PreparedRest, untouched: UInt8[np.ndarray, 'h w'] | None = None) -> None:
-        self._rest, self._untouched = rest, untouched
+        self._rest, self.untouched = rest, untouched
 
     def features(self, image: UInt8[np.ndarray, 'h w'], *, pressed: bool = False) -> Features:
         """The features of an image, without the motion of the camera.
@@ -52,9 +53,8 @@ class MovedCamera:
         self, registered: Registered, image: UInt8[np.ndarray, 'h w'], field: DisplacementField
     ) -> PictureMotion:
         """The motion of the whole picture, if it is a knock."""
-        watched = registered.watch is not None
         motion, confidence = coarse(registered.watch.displacement(image) if registered.watch else field)
-        motion = motion - self._watched_px if watched else motion
+        motion = motion - self._watched_px
         found = registered.known & (confidence >= FOUND)
         if found.sum() < max(LEAST_FOUND * registered.known_count, LEAST_KNOWN * found.size):
             return PictureMotion()
@@ -67,9 +67,9 @@ class MovedCamera:
     @cached_property
     def _moved_px(self) -> np.ndarray | float:
         """The motion of the untouched gel, of each region or pixel."""
-        if self._untouched is None:
+        if self.untouched is None:
             return 0.0
-        field = self._rest.flow.displacement(self._untouched)
+        field = self._rest.flow.displacement(self.untouched)
         motion, size_px = common_motion(self._rest, self._rest.encoding.encode(field))
         return field.displacement_px if size_px > KNOCK_PX else self._field_of(motion, field)
 
@@ -77,9 +77,9 @@ class MovedCamera:
     def _watched_px(self) -> np.ndarray | float:
         """The same, of the separate patches."""
         registered = self._rest.registering
-        if self._untouched is None or registered is None or registered.watch is None:
+        if self.untouched is None or registered is None or registered.watch is None:
             return 0.0
-        return coarse(registered.watch.displacement(self._untouched))[0]
+        return coarse(registered.watch.displacement(self.untouched))[0]
 
 
 def common_motion(rest: PreparedRest, features: Features) -> tuple[PictureMotion, float]:
@@ -95,8 +95,6 @@ def common_motion(rest: PreparedRest, features: Features) -> tuple[PictureMotion
             'an image of the untouched gel does not show the pattern of the rest image; was the camera knocked, or the '
             'gel changed?'
         )
-    motion = as_motion(features.encoding, features.values.astype(np.float32))
-    fit = MotionFit(rest.image.shape, *found.shape)
-    motion = np.where(found[..., None], motion, 0).reshape(-1, 2).astype(float)
-    terms = fit.common(motion, found.ravel().astype(float))
+    fit = motion_fit(rest.image.shape, *found.shape)
+    terms = fit.common_of_regions(as_motion(features.encoding, features.values.astype(np.float32)), found)
     return PictureMotion.of(terms), fit.size_px(terms)
