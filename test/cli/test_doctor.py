@@ -7,6 +7,8 @@ import io
 import json
 import os
 import re
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -160,9 +162,16 @@ def test_a_run_folder_that_cannot_be_had_is_a_problem(tmp_path: Path) -> None:
     assert checks.run_directory(lambda: Path('/tmp')).level == 'ok'
 
 
-def test_a_run_folder_too_deep_for_sockets_is_a_problem(tmp_path: Path) -> None:
+@pytest.fixture
+def short_path() -> Iterator[Path]:
+    """A folder near the root, wherever temporary files go."""
+    with tempfile.TemporaryDirectory(dir='/tmp') as folder:
+        yield Path(folder)
+
+
+def test_a_run_folder_too_deep_for_sockets_is_a_problem(short_path: Path) -> None:
     """A socket's path may take 107 bytes, and the bus needs 25 of them: /d232/01234567.99999.sock"""
-    fits, too_long = (tmp_path / ('x' * (length - 1 - len(os.fsencode(tmp_path)))) for length in (82, 83))
+    fits, too_long = (short_path / ('x' * (length - 1 - len(os.fsencode(short_path)))) for length in (82, 83))
     for folder in (fits, too_long):
         folder.mkdir()
     assert checks.run_directory(fits.absolute).level == 'ok'

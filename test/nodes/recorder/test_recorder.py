@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import subprocess
 import sys
 import threading
@@ -405,9 +404,8 @@ sys.exit(main())
 
 def test_what_waits_for_a_slow_disk_at_the_end_is_written_and_spoken_of(tmp_path: Path) -> None:
     ended = subprocess.run(
-        [sys.executable, '-c', ON_A_SLOW_DISK, str(tmp_path / 'bag')],
-        env={**os.environ, 'TACTILE_RUN_DIR': str(tmp_path / 'run')}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        [sys.executable, '-c', ON_A_SLOW_DISK, str(tmp_path / 'bag')], capture_output=True, text=True, check=False
+    )
     assert 'messages that still wait for the disk: 500' in ended.stderr
     assert ended.returncode == 0
     assert content(tmp_path / 'bag') == [('/chatter', str(number)) for number in range(500)]
