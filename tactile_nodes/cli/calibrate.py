@@ -92,6 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(f'form {made.reason}')
     if field := getattr(made, 'field', ''):
         print(f'force field {field}')
+    if mounting := getattr(made, 'mounting', ''):
+        print(mounting)
     _say_curve(getattr(made, 'curve', ()))
     for when, errors in (('before', made.before), ('after', made.after)):
         print(f'{when}: force RMSE {errors.force_rmse_n:.4f} N, place {errors.place_median_mm:.3f} mm (median)')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
 from tactile_nodes.sensing.explain.axisymmetric.readout import DOUBT_MM
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.sensing.explain.camera import STILL, without_camera
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.shapes import Float
 
@@ -33,11 +34,16 @@ def views(trusted: Float[np.ndarray, 'rows cols']) -> Float[np.ndarray, 'regions
 
 @dataclass(frozen=True)
 class Presses:
-    """Presses (x, y in mm, force in N), the motion of the known regions (px), and its inverse variance; 0: unseen."""
+    """Presses (x, y in mm, force in N), the motion of the known regions (px), and its inverse variance; 0: unseen.
+
+    `camera` is the motion with each term of a motion of the camera (`camera_motions`), which is then found for each
+    press.
+    """
 
     contacts: Float[np.ndarray, 'n 3']
     motion: Float[np.ndarray, 'n regions 2']
     certainty: Float[np.ndarray, 'n regions 2']
+    camera: Float[np.ndarray, 'terms motions'] = field(default_factory=lambda: STILL)
 
     @classmethod
     def of(cls, dataset: Dataset, rows: np.ndarray, scaling: InputScaling) -> Presses:
@@ -69,7 +75,18 @@ class Presses:
 
     def take(self, chosen: np.ndarray | slice) -> Presses:
         """Some of the presses."""
-        return Presses(self.contacts[chosen], self.motion[chosen], self.certainty[chosen])
+        return Presses(self.contacts[chosen], self.motion[chosen], self.certainty[chosen], self.camera)
+
+    def left(
+        self, predicted: Float[np.ndarray, 'n regions 2'], weight: Float[np.ndarray, 'n regions 2']
+    ) -> Float[np.ndarray, 'n regions 2']:
+        """The residuals without the motion of the camera; `weight` is the inverse standard deviation."""
+        return without_camera(self.camera, self.motion - predicted, np.square(weight))
+
+    def still(self, response: AxisymmetricResponse, doubt: Float[np.ndarray, ' distances']) -> Presses:
+        """The presses as a camera that does not move would see them, if the gel has this response."""
+        predicted = response.motion(self.contacts)
+        return replace(self, motion=predicted + self.left(predicted, self.weights(response, doubt, predicted)))
 
     def weights(
         self,
@@ -204,7 +221,8 @@ def measured_doubt(response: AxisymmetricResponse, presses: Presses) -> Float[np
     seen = presses.certainty[..., 0] > 0
     noise = np.divide(2.0, presses.certainty[..., 0], out=np.zeros_like(predicted[..., 0]), where=seen)
     noise += response.variance(slopes, columns).sum(axis=-1)
-    left = (np.square(presses.motion - predicted).sum(axis=-1) - noise) / 2
+    off = presses.left(predicted, presses.weights(response, FIRST_DOUBT, predicted))
+    left = (np.square(off).sum(axis=-1) - noise) / 2
     size, distance = np.square(predicted).sum(axis=-1), response.distances_mm(presses.contacts)
     borders = np.concatenate([[0.0], (DOUBT_MM[1:] + DOUBT_MM[:-1]) / 2, [np.inf]])
     shares = []

@@ -185,6 +185,8 @@ def fit_line(calibrator: Calibrator) -> str:
         return f'after press {calibrator.presses}: no calibration yet: {calibrator.objection}'
     text = f'{calibrator.presses} presses: {_medians(calibration.after)} off on held-out presses, without calibration '
     text += f'{_medians(calibration.before)} (medians); form {calibration.form}'
+    if mounting := getattr(calibration, 'mounting', ''):
+        text += f'; {mounting}'
     if found := curves(calibrator.fits):
         twice = 2 * calibrator.presses
         force, place = (curve.at(twice) for curve in found)

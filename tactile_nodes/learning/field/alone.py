@@ -126,5 +126,5 @@ def transfer_alone(
     text += in_words(fit.looks) + fit.deep
     return Transfer(
         fit.readout, fit.form, fit.misfits, before, fit.errors, len(fit.by), offset_n, {'gain': fit.gain}, fault, text,
-        fit.curve,
+        fit.curve, fit.gives_px,
     )  # fmt: skip

@@ -188,8 +188,9 @@ def with_field(
     text = f'{fit.reason}; alone it reads held-out presses {describe_errors(fit.errors)} off (medians)'
     readout = replace(fit.readout, tips=calibration.readout)
     return replace(
-        calibration, readout=readout, field=text, curve=fit.curve, objection=calibration.objection or fit.objection
-    )
+        calibration, readout=readout, field=text, curve=fit.curve, objection=calibration.objection or fit.objection,
+        gives_px=calibration.gives_px or fit.gives_px,
+    )  # fmt: skip
 
 
 def _fitted(

@@ -18,6 +18,7 @@ from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.presses import AllPressures, motion_of, shapes_of, weights_of
 from tactile_nodes.learning.transfer.fit import WORTH
 from tactile_nodes.sensing.elasticity.regions import Fields, Regions
+from tactile_nodes.sensing.explain.camera import STILL, without_camera
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Bool, Float, Int
@@ -47,19 +48,21 @@ def fitted_camera(
     rows: Int[np.ndarray, ' n'],
     fold: Int[np.ndarray, ' n'],
     softer: float = 1.0,
+    moving: Float[np.ndarray, 'terms motions'] = STILL,
     advance: Callable[[int], object] = lambda _: None,
 ) -> Sensor:
     """The sensor with its camera fitted to presses; as described, if that explains held-out presses nearly as well.
 
     Printed dots are described by their places on the gel, which follow from the camera. For them the camera stays.
-    `softer` is as in `presses_of`. `advance` is called twice to report progress.
+    `softer` is as in `presses_of`, `moving` as `axisymmetric.regions.Presses.camera`. `advance` is called twice to
+    report progress.
     """
     sensor = regions.sensor
     if len(rows) < LEAST or len(np.unique(fold)) < 2 or sensor.pattern.kind == 'dots':
         advance(2)
         return sensor
     few = np.arange(len(rows))[:: math.ceil(len(rows) / MOST)]
-    observed = ObservedPresses.of(regions, pressures, scaling, dataset, rows[few], softer)
+    observed = ObservedPresses.of(regions, pressures, scaling, dataset, rows[few], softer, moving)
     rest = fold[few] != fold[0]
     found = observed.fitted(rest)
     advance(1)
@@ -127,17 +130,18 @@ class ObservedPresses:
     sure: Float[np.ndarray, 'n known 1']
     presses: Float[np.ndarray, 'n 4']
     fields: list[tuple[Int[np.ndarray, ' same'], Fields]]
+    moving: Float[np.ndarray, 'terms motions']
 
     @classmethod
     def of(
         cls, regions: Regions, pressures: AllPressures, scaling: InputScaling, dataset: Dataset,
-        rows: Int[np.ndarray, ' n'], softer: float,
+        rows: Int[np.ndarray, ' n'], softer: float, moving: Float[np.ndarray, 'terms motions'],
     ) -> ObservedPresses:  # fmt: skip
         known, motion = motion_of(scaling, dataset, rows)
         shapes = shapes_of(regions, pressures, dataset, rows, softer)
         fields = [(same, regions.fields_under(spectrum, slopes=False)) for same, _, spectrum in shapes]
         sure = np.sqrt(weights_of(scaling, dataset, rows, motion))[..., None]
-        return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), fields)
+        return cls(regions, known, motion, sure, dataset.presses[rows].astype(float), fields, moving)
 
     def predicted(self, by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, 'n known 2']:
         """The motion predicted for a gel of the described stiffness, over the expected standard deviation.
@@ -149,11 +153,16 @@ class ObservedPresses:
         for same, fields in self.fields:
             one = regions.motion_as_described(self.presses[same, :2], fields, self.known)
             moved[same] = one * self.presses[same, 3][:, None, None]
-        return np.asarray(moved * self.sure)
+        return self._still(moved)
+
+    def _still(self, motion: Float[np.ndarray, 'n known 2']) -> Float[np.ndarray, 'n known 2']:
+        """Motion without that of the camera under the force, over the expected standard deviation."""
+        certainty = np.repeat(np.square(self.sure), 2, axis=-1)
+        return np.asarray(without_camera(self.moving, motion, certainty) * self.sure)
 
     def left(self, rest: Bool[np.ndarray, ' n'], by: Float[np.ndarray, ' 6']) -> Float[np.ndarray, ' numbers']:
         """Residuals of some presses, with the gel's softness fitted to them."""
-        predicted, motion = self.predicted(by)[rest], (self.motion * self.sure)[rest]
+        predicted, motion = self.predicted(by)[rest], self._still(self.motion)[rest]
         return np.asarray((motion - _gain(predicted, motion) * predicted).ravel())
 
     def fitted(self, rest: Bool[np.ndarray, ' n'], begin: Float[np.ndarray, ' 6'] = AS_DESCRIBED) -> np.ndarray:
@@ -167,7 +176,7 @@ class ObservedPresses:
 
     def misfit(self, by: Float[np.ndarray, ' 6'], rest: Bool[np.ndarray, ' n']) -> float:
         """Misfit of the other presses, with the gel's softness fitted to these ones."""
-        predicted, motion = self.predicted(by), self.motion * self.sure
+        predicted, motion = self.predicted(by), self._still(self.motion)
         left = (motion - _gain(predicted[rest], motion[rest]) * predicted)[~rest]
         return float(np.sqrt(np.square(left).mean()))
 

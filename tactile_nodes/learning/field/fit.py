@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,6 +33,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
 from tactile_nodes.sensing.elasticity.region_choice import LEAST_SEEN, usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.explain.camera import STILL, camera_motions
 from tactile_nodes.sensing.explain.field.readout import LEAST_REGIONS, FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
@@ -60,7 +61,7 @@ class FieldFit:
     `by` are the presses. `errors` are of held-out ones, estimated by the field alone; `curve` has those with fewer
     presses. `offset_n` is the offset of their forces, and its standard deviation. `left_out` is the number of
     presses that were too deep for the linear layer. `looks` is how the camera differs from its description, as in
-    `camera.looking`.
+    `camera.looking`. `gives_px` is as in `Transfer`.
     """
 
     readout: FieldReadout
@@ -73,6 +74,7 @@ class FieldFit:
     offset_n: tuple[float, float] = (0.0, 0.0)
     left_out: int = 0
     looks: Float[np.ndarray, ' 6'] = field(default_factory=lambda: np.zeros(len(SCALES)))
+    gives_px: float = 0.0
 
     @property
     def presses(self) -> int:
@@ -207,16 +209,8 @@ def fit_field(
     count, chosen = len(rows), pressures.linear(rows, dataset.presses[rows][:, 3].astype(float))
     rows, fold = rows[chosen], fold[chosen]
     with (progress or Progress()).bar('fitting the force field', len(rows) + 4) as bar:
-        start, softer = nominal(regions, scaling), 1.0
-        presses = presses_of(regions, pressures, scaling, dataset, rows, advance=bar.advance)
-        if (gain := presses.gain(start)) > 0 and abs(math.log(gain)) > math.log(STEP) / 2:
-            softer = gain
-        seen_by = fitted_camera(regions, pressures, scaling, dataset, rows, fold, softer, bar.advance)
-        if seen_by != sensor:
-            regions = regions_of(seen_by, scaling)
-            start = nominal(regions, scaling)
-        if seen_by != sensor or softer != 1:
-            presses = presses_of(regions, pressures, scaling, dataset, rows, softer=softer)
+        regions, presses, gives_px = _seen(regions, pressures, scaling, dataset, rows, fold, bar.advance)
+        start = nominal(regions, scaling)
         terms = regions.terms_of_patches(known_of(scaling))
         judge = Judge(terms, scaling, regions, dataset, bodies.is_a_ball, start, presses.softening)
         found = Chosen.of(judge, presses, fold)
@@ -228,8 +222,36 @@ def fit_field(
     offset = presses.offset_n(start, fold)
     return FieldFit(
         readout, found.form, found.gain, presses, found.misfits, held.errors, points, offset, count - len(rows),
-        looked_otherwise(sensor, seen_by),
+        looked_otherwise(sensor, regions.sensor), gives_px,
     )  # fmt: skip
+
+
+def _seen(
+    regions: Regions,
+    pressures: AllPressures,
+    scaling: InputScaling,
+    dataset: Dataset,
+    rows: Int[np.ndarray, ' n'],
+    fold: Int[np.ndarray, ' n'],
+    advance: Callable[[int], object],
+) -> tuple[Regions, BodyPresses, float]:
+    """The regions with their camera fitted, the presses on them, and how far these move the picture (`gives_way_px`).
+
+    The motion of the camera under the force is found only if the presses show it: it takes eight numbers for each.
+    """
+    presses = presses_of(regions, pressures, scaling, dataset, rows, advance=advance)
+    gain = presses.gain(nominal(regions, scaling))
+    softer = gain if gain > 0 and abs(math.log(gain)) > math.log(STEP) / 2 else 1.0
+    found, gives_px, moving = regions, 0.0, camera_motions(scaling.trusted.shape, known_of(scaling))
+    for camera, tell in ((STILL, advance), (moving, lambda _: None)):
+        sensor = fitted_camera(regions, pressures, scaling, dataset, rows, fold, softer, camera, tell)
+        found = regions if sensor == regions.sensor else regions_of(sensor, scaling)
+        if found is not regions or softer != 1 or len(camera):
+            presses = presses_of(found, pressures, scaling, dataset, rows, softer, camera=camera)
+        gives_px = presses.gives_px(nominal(found, scaling), moving)
+        if not gives_px:
+            break
+    return found, presses, gives_px
 
 
 def regions_of(sensor: Sensor, scaling: InputScaling) -> Regions:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,9 +16,11 @@ import numpy as np
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.body import Bodies, KnownBody
+from tactile_nodes.learning.transfer.mounting import gives_way_px
 from tactile_nodes.sensing.elasticity.indentation import Indentation, Indenter
 from tactile_nodes.sensing.elasticity.regions import TERMS, Regions
 from tactile_nodes.sensing.elasticity.view import DEPTHS
+from tactile_nodes.sensing.explain.camera import STILL, without_camera
 from tactile_nodes.sensing.explain.field.weights import region_weights
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.shapes import Complex, Float, Float32, Int
@@ -57,6 +59,9 @@ DOUBT = 0.02
 
 LEAST_NOISE_PX = 0.004
 
+TURNS = 3
+"""The shares of the regions and the motion of the camera are fitted in turn, this often."""
+
 LEAST_RANGE = 0.3
 """Forces whose range is less than this share of the largest do not determine the offset."""
 
@@ -68,7 +73,7 @@ class BodyPresses:
     `terms` is motion (px) under the press's own force, `weights` the inverse of the expected variance of a motion,
     `centre_mm` the centre of pressure, `rows` the rows of the samples in their data set. `softened` is the motion
     under each press over that of a linear layer, which is 1 for the lighter half on average; `softening` is how much
-    more a very light press moves the gel than those.
+    more a very light press moves the gel than those. `camera` is as in `axisymmetric.regions.Presses`.
     """
 
     terms: Float32[np.ndarray, 'n regions 2 terms']
@@ -79,13 +84,14 @@ class BodyPresses:
     rows: Int[np.ndarray, ' n']
     softened: Float[np.ndarray, ' n']
     softening: float = 0.0
+    camera: Float[np.ndarray, 'terms motions'] = field(default_factory=lambda: STILL)
 
     def __len__(self) -> int:
         return len(self.motion)
 
     def take(self, chosen: np.ndarray) -> BodyPresses:
         """Some of the presses."""
-        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        values = {each.name: getattr(self, each.name) for each in fields(self) if each.name != 'camera'}
         return replace(self, **{name: each[chosen] for name, each in values.items() if isinstance(each, np.ndarray)})
 
     def at_usual_depth(self, shares: Float[np.ndarray, 'regions terms'], depth: Float[np.ndarray, ' n']) -> BodyPresses:
@@ -113,13 +119,31 @@ class BodyPresses:
         self, shares: Float[np.ndarray, 'regions terms']
     ) -> tuple[Float[np.ndarray, ' n'], Float[np.ndarray, ' n']]:
         """The weighted products of each press's prediction with its motion, and with itself."""
-        predicted, weights = np.einsum('nrpt,rt->nrp', self.terms, shares), self.weights[..., None]
-        along, squared = ((weights * predicted * each).sum(axis=(1, 2)) for each in (self.motion, predicted))
+        motion, predicted = (self._still(each) for each in (self.motion, self._predicted(shares)))
+        along, squared = ((self.weights[..., None] * predicted * each).sum(axis=(1, 2)) for each in (motion, predicted))
         return along, squared
+
+    def _predicted(self, shares: Float[np.ndarray, 'regions terms']) -> Float[np.ndarray, 'n regions 2']:
+        predicted: np.ndarray = np.einsum('nrpt,rt->nrp', self.terms, shares)
+        return predicted
+
+    def _still(self, motion: Float[np.ndarray, 'n regions 2']) -> Float[np.ndarray, 'n regions 2']:
+        """Motion without that of the camera."""
+        return without_camera(self.camera, motion, self.certainty)
+
+    @property
+    def certainty(self) -> Float[np.ndarray, 'n regions 2']:
+        """The weights of both directions."""
+        return np.repeat(self.weights[..., None], 2, axis=-1)
+
+    def gives_px(self, shares: Float[np.ndarray, 'regions terms'], camera: Float[np.ndarray, 'terms motions']) -> float:
+        """See `gives_way_px`; with the gain that fits best."""
+        left = self.motion - self.gain(shares) * self._predicted(shares)
+        return gives_way_px(camera, left, self.certainty, self.force_n)
 
     def misfit(self, shares: Float[np.ndarray, 'regions terms']) -> float:
         """RMS of the residuals with these shares, in units of their expected standard deviation."""
-        left = self.motion - np.einsum('nrpt,rt->nrp', self.terms, shares)
+        left = self._still(self.motion - self._predicted(shares))
         return float(np.sqrt((np.square(left).sum(axis=-1) * self.weights).sum() / (2 * (self.weights > 0).sum())))
 
     def gain(self, shares: Float[np.ndarray, 'regions terms']) -> float:
@@ -142,13 +166,17 @@ class BodyPresses:
         scale = float(shares[0, ::3].mean())
         sigma[:, 0], sigma[:, 1:] = DEPTH_SIGMA * scale, SLOPE_SIGMA_MM * scale
         summed[:, 0] = DEPTH_SIGMA / (SUM_SIGMA * DEPTHS)
-        left = self.motion - np.einsum('nrpt,rt->nrp', self.terms, shares)
         levers = (self.terms * sigma.reshape(-1)).astype(float)
         weighted = levers * self.weights[..., None, None]
         prior = np.eye(TERMS) + np.outer(summed, summed)
         information = np.einsum('nrpt,nrpu->rtu', weighted, levers, optimize=True) + prior
-        towards = np.einsum('nrpt,nrp->rt', weighted, left, optimize=True)
-        return shares + sigma.reshape(-1) * np.linalg.solve(information, towards[..., None])[..., 0]
+        fitted, expected = shares, self._predicted(shares)
+        for _ in range(TURNS if len(self.camera) else 1):
+            predicted = self._predicted(fitted)
+            left = self._still(self.motion - predicted) + predicted - expected
+            towards = np.einsum('nrpt,nrp->rt', weighted, left, optimize=True)
+            fitted = shares + sigma.reshape(-1) * np.linalg.solve(information, towards[..., None])[..., 0]
+        return fitted
 
 
 def _begins(force_n: Float[np.ndarray, ' n'], shown: Float[np.ndarray, ' n']) -> float:
@@ -239,6 +267,7 @@ def presses_of(
     rows: Int[np.ndarray, ' n'],
     softer: float = 1.0,
     advance: Callable[[int], object] = lambda _: None,
+    camera: Float[np.ndarray, 'terms motions'] = STILL,
 ) -> BodyPresses:
     """Some samples of a data set; `softer` is the gel's softness as a multiple of the described one."""
     known, motion = motion_of(scaling, dataset, rows)
@@ -249,8 +278,9 @@ def presses_of(
         terms[same] = regions.terms_of_pressure(place[same], spectrum, known) * force[same, None, None, None]
         advance(len(same))
     presses = BodyPresses(
-        terms, motion, weights_of(scaling, dataset, rows, motion), centre, force, rows, np.ones(len(rows))
-    )
+        terms, motion, weights_of(scaling, dataset, rows, motion), centre, force, rows, np.ones(len(rows)),
+        camera=camera,
+    )  # fmt: skip
     return presses.at_usual_depth(nominal(regions, scaling), pressures.depths(rows, force * softer))
 
 

@@ -18,6 +18,7 @@ from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.axisymmetric.calibration import Judged
 from tactile_nodes.learning.axisymmetric.local import with_local
 from tactile_nodes.learning.axisymmetric.regions import (
+    FIRST_DOUBT,
     Presses,
     Shared,
     measured_doubt,
@@ -39,11 +40,13 @@ from tactile_nodes.learning.transfer.checks import (
 )
 from tactile_nodes.learning.transfer.errors import Errors, Point
 from tactile_nodes.learning.transfer.judgement import ADVICE, objection, of_the_mean, require_worth
+from tactile_nodes.learning.transfer.mounting import gives_way_px, in_words
 from tactile_nodes.learning.transfer.regions import Smooth, fit_with_smooth
 from tactile_nodes.learning.transfer.whole import SIZES, Typical, WholeFit, fit_whole
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.sensing.explain.camera import camera_motions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.shapes import Float, Int
@@ -69,7 +72,8 @@ class Transfer:
     `misfits` are by form: RMS of the residuals of held-out presses, in units of their expected standard deviation.
     `field` says how the force field was fitted, if the model has one. `curve` is the learning curve, if it was asked
     for. `objection` is why the calibration should not be used, if it was forced. `whole` are the numbers by which
-    the gel differs as a whole, see `tactile_nodes.learning.transfer.whole.SIZES`.
+    the gel differs as a whole, see `tactile_nodes.learning.transfer.whole.SIZES`. `gives_px` is the motion of the
+    picture per newton if the mounting of the camera gives way under the force, see `mounting.gives_way_px`.
     """
 
     readout: AxisymmetricReadout | FieldReadout
@@ -83,11 +87,17 @@ class Transfer:
     objection: str = ''
     field: str = ''
     curve: tuple[Point, ...] = ()
+    gives_px: float = 0.0
 
     @property
     def reason(self) -> str:
         """Why this form was chosen, in a sentence."""
         return reason_of_form(self.form, self.misfits)
+
+    @property
+    def mounting(self) -> str:
+        """What the presses say of the camera's mounting, in a sentence; empty if it holds."""
+        return in_words(self.gives_px)
 
     def as_dict(self) -> dict[str, Any]:
         """The entry in the model card."""
@@ -111,6 +121,10 @@ def transfer(
     other = OtherGel.of(known, dataset)
     with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
         whole = other.whole()
+        if gives_px := other.gives_px(whole.response):
+            other = other.with_moving_camera()
+            whole = other.whole()
+            gives_px = other.gives_px(whole.response)
         fold = folds_of(other.presses.contacts)
         offset = other.offset(whole)
         require_tared(offset, other.offset_spread(whole, fold) if abs(offset) > MOST_OFFSET_N else 0.0)
@@ -139,7 +153,9 @@ def transfer(
     require_worth(fault, ADVICE, forced=forced)
     readout = replace(readout, calibration=calibration_of(readout, held, dataset, other.untouched))
     numbers = {name: float(value) for name, value in zip(SIZES, whole.numbers, strict=True)}
-    return Transfer(readout, form, misfits, before, after, len(other.presses), offset, numbers, fault)
+    return Transfer(
+        readout, form, misfits, before, after, len(other.presses), offset, numbers, fault, gives_px=gives_px
+    )  # fmt: skip
 
 
 def reached_mm(known: AxisymmetricReadout) -> tuple[float, float]:
@@ -217,6 +233,21 @@ class OtherGel:
         """The fit of the gel as a whole to all presses."""
         return fit_whole(self.start, self.presses)
 
+    def gives_px(self, response: AxisymmetricResponse) -> float:
+        """See `gives_way_px`."""
+        presses, predicted = self.presses, response.motion(self.presses.contacts)
+        weight = presses.weights(response, FIRST_DOUBT, predicted)
+        return gives_way_px(self.camera, presses.motion - predicted, np.square(weight), presses.contacts[:, 2])
+
+    def with_moving_camera(self) -> OtherGel:
+        """The same gel, with the motion of the camera to be found for each press."""
+        return replace(self, presses=replace(self.presses, camera=self.camera))
+
+    @property
+    def camera(self) -> Float[np.ndarray, 'terms motions']:
+        """See `camera_motions`."""
+        return camera_motions(self.scaling.trusted.shape, np.flatnonzero(self.scaling.trusted.reshape(-1) > 0))
+
     def offset(self, whole: WholeFit, chosen: np.ndarray | slice = slice(None)) -> float:
         """The offset of the forces (N), estimated from some presses or all."""
         return fit_whole(self.start, self.presses.take(chosen), begin=whole.numbers, offset=True).offset_n
@@ -245,7 +276,8 @@ class OtherGel:
         # Far from a press the profiles are exact to a percent. A larger error would leave regions to their prior.
         doubt = np.maximum(self.source.doubt, LEAST_DOUBT)
         for _ in range(REGION_TURNS):
-            response, smooth = fit_with_smooth(response, presses, smooth, precision, doubt, shared)
+            still = presses.still(response, doubt)
+            response, smooth = fit_with_smooth(response, still, smooth, precision, doubt, shared)
         return with_unsure(response, presses, precision, doubt)
 
     def misfit(self, folds: list[AxisymmetricResponse], fold: np.ndarray) -> float:
@@ -253,8 +285,8 @@ class OtherGel:
         squares = []
         for number, response in zip(np.unique(fold), folds, strict=True):
             out = self.presses.take(np.flatnonzero(fold == number))
-            left = (out.motion - response.motion(out.contacts)) * self._weights(out)
-            squares.append(np.square(left).ravel())
+            weight = self._weights(out)
+            squares.append(np.square(out.left(response.motion(out.contacts), weight) * weight).ravel())
         return float(np.sqrt(np.mean(np.concatenate(squares))))
 
     @staticmethod

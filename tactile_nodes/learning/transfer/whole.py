@@ -128,7 +128,7 @@ def fit_whole(
             contacts = presses.contacts - np.array([0.0, 0.0, numbers[-1]])
             contacts[:, 2] = np.maximum(contacts[:, 2], 0.0)
             predicted = changed(start, numbers[:-1]).motion(contacts)
-            residual: np.ndarray = ((presses.motion - predicted) * weight).ravel()
+            residual: np.ndarray = (presses.left(predicted, weight) * weight).ravel()
             return residual
 
         current = _descend(left, current, open_, 1 / sizes[open_] ** 2)

@@ -58,6 +58,24 @@ def test_a_gel_that_is_softer_as_a_whole_gets_one_gain(scaling: InputScaling, te
     assert fit.readout.response == pytest.approx(1.25 * as_described.response, abs=0.05)
 
 
+@pytest.mark.parametrize('form', ['gain', 'regions'])
+def test_a_mounting_that_gives_way_under_the_force_is_not_taken_for_a_softer_gel(
+    scaling: InputScaling, terms: Terms, form: str
+):
+    """Each newton shifts and turns the picture by 0.3 px; without noise the fit would be the same."""
+    dataset = pressed(terms, 1.25 * nominal() if form == 'gain' else uneven(), 60)
+    x, y = np.meshgrid(np.linspace(-1, 1, SIDE), np.linspace(-1, 1, SIDE))
+    moved = 0.3 * np.stack([1 - y, 0.5 + x], axis=-1) * dataset.presses[:, 3][:, None, None, None]
+    still, given = (
+        fitted(dataclasses.replace(dataset, features=(dataset.features + each).astype(np.float16)), scaling)
+        for each in (0.0, moved)
+    )
+    assert still.form == given.form == form
+    assert given.gain == pytest.approx(still.gain, rel=0.005)
+    off = np.linalg.norm(given.readout.response - still.readout.response)
+    assert off < 0.02 * np.linalg.norm(still.readout.response)
+
+
 def test_a_gel_as_it_is_described_needs_nothing_more(scaling: InputScaling, terms: Terms):
     fit = fitted(pressed(terms, nominal(), 30), scaling)
     assert fit.form == 'description'
@@ -111,7 +129,7 @@ def test_a_gel_that_moves_less_under_deep_presses_is_as_soft_as_under_light_ones
     moved = np.exp(-less * depth / depth.max())
     presses = BodyPresses(
         np.ones((40, 6, 2, 3), np.float32), 3 * 1.25 * moved[:, None, None] * np.ones((40, 6, 2)), np.ones((40, 6)),
-        np.zeros((40, 2)), np.full(40, 0.3), np.arange(40), np.ones(40),
+        np.zeros((0, 12)), np.zeros((40, 2)), np.full(40, 0.3), np.arange(40), np.ones(40),
     )  # fmt: skip
     shares = np.ones((6, 3))
     usual = presses.at_usual_depth(shares, depth)

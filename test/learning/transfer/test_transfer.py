@@ -56,6 +56,34 @@ def errors(readout: AnyReadout, dataset: Dataset) -> tuple[np.ndarray, np.ndarra
     return np.hypot(*place.T), np.array([each.force_n for each in read]) - dataset.presses[touched, 3]
 
 
+def giving_way(dataset: Dataset, px_per_n: float) -> Dataset:
+    """The same presses under a camera whose mounting gives way: the force shifts and turns the picture."""
+    along = np.linspace(-1.0, 1.0, 6)
+    x, y = np.meshgrid(along, along)
+    moved = px_per_n * np.stack([1.0 - 0.5 * y, 0.3 + 0.5 * x], axis=-1)
+    force = np.maximum(dataset.presses[:, 3], 0.0)[:, None, None, None]
+    return dataclasses.replace(dataset, features=(dataset.features + force * moved).astype(np.float16))
+
+
+@pytest.mark.parametrize('px_per_n', [0.05, 0.5])
+def test_a_mounting_that_gives_way_under_the_force_spoils_no_calibration(
+    source: AxisymmetricReadout, made: Transfer, px_per_n: float
+) -> None:
+    """Least squares find the motion of the camera exactly, so its size makes no difference."""
+    given = transfer(source, giving_way(other_gel(25, seed=3), px_per_n))
+    fresh = other_gel(60, seed=4)
+    (place, force), (usual_place, usual_force) = (
+        errors(each.readout, dataset) for each, dataset in ((given, giving_way(fresh, px_per_n)), (made, fresh))
+    )
+    assert np.median(place) < 1.1 * np.median(usual_place)
+    assert np.sqrt(np.mean(force**2)) < 1.1 * np.sqrt(np.mean(usual_force**2))
+    # Along x and y the regions move by this root mean square: they shift by 1 and 0.3, and turn by 0.5 at the rim.
+    turned = 0.5 * np.sqrt(2 * np.mean(np.linspace(-1, 1, 6) ** 2))
+    assert given.gives_px == pytest.approx(px_per_n * np.hypot(np.hypot(1.0, 0.3), turned), rel=0.3)
+    assert 'the mounting of the camera gives way under the force' in given.mounting
+    assert not made.mounting
+
+
 def test_the_whole_fit_finds_softness_and_shift(source: AxisymmetricReadout) -> None:
     other = OtherGel.of(source, other_gel(25, seed=3))
     found = fit_whole(other.start, other.presses).response

@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 
 from tactile_nodes.errors import ModelError
-from tactile_nodes.sensing.explain.axisymmetric.camera import camera_motions, taken_by_camera
 from tactile_nodes.sensing.explain.axisymmetric.local import between
 from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
+from tactile_nodes.sensing.explain.camera import camera_motions, taken_by_camera
 from tactile_nodes.sensing.explain.measured.response import Fit, damping
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of

@@ -7,6 +7,9 @@ import numpy as np
 from tactile_nodes.sensing.picture.motion import TERMS, MotionFit
 from tactile_nodes.shapes import Float, Int
 
+STILL = np.zeros((0, 0))
+"""No terms: the camera does not move."""
+
 CAMERA_PX = 1.0
 """Standard deviation of each term of that motion."""
 
@@ -28,3 +31,20 @@ def taken_by_camera(
     normal.flat[:: TERMS + 1] += 1 / CAMERA_PX**2
     taken: np.ndarray = along.T @ np.linalg.solve(normal, along)
     return taken
+
+
+def without_camera(
+    camera: Float[np.ndarray, 'terms motions'],
+    motion: Float[np.ndarray, 'n regions 2'],
+    certainty: Float[np.ndarray, 'n regions 2'],
+) -> Float[np.ndarray, 'n regions 2']:
+    """Motions without the part that the camera explains, found for each by least squares; `certainty` is their inverse
+    variance. Without terms they stay as they are."""
+    if not len(camera):
+        return motion
+    flat, sure = motion.reshape(len(motion), -1), certainty.reshape(len(motion), -1)
+    products = np.einsum('am,bm->mab', camera, camera).reshape(flat.shape[1], -1)
+    normal = (sure @ products).reshape(-1, TERMS, TERMS) + np.eye(TERMS) / CAMERA_PX**2
+    terms = np.linalg.solve(normal, ((flat * sure) @ camera.T)[..., None])[..., 0]
+    still: np.ndarray = motion - (terms @ camera).reshape(motion.shape)
+    return still
