@@ -36,7 +36,7 @@ def views(trusted: Float[np.ndarray, 'rows cols']) -> Float[np.ndarray, 'regions
 class Presses:
     """Presses (x, y in mm, force in N), the motion of the known regions (px), and its inverse variance; 0: unseen.
 
-    `camera` is the motion with each term of a motion of the camera (`camera_motions`), which is then found for each
+    `camera` is the motion with each term of a motion of the camera (`camera_terms`), which is then found for each
     press.
     """
 

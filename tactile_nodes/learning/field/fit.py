@@ -33,7 +33,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
 from tactile_nodes.sensing.elasticity.region_choice import LEAST_SEEN, usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
-from tactile_nodes.sensing.explain.camera import STILL, camera_motions
+from tactile_nodes.sensing.explain.camera import STILL, camera_terms
 from tactile_nodes.sensing.explain.field.readout import LEAST_REGIONS, FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensors import Sensor
@@ -242,7 +242,7 @@ def _seen(
     presses = presses_of(regions, pressures, scaling, dataset, rows, advance=advance)
     gain = presses.gain(nominal(regions, scaling))
     softer = gain if gain > 0 and abs(math.log(gain)) > math.log(STEP) / 2 else 1.0
-    found, gives_px, moving = regions, 0.0, camera_motions(scaling.trusted.shape, known_of(scaling))
+    found, gives_px, moving = regions, 0.0, camera_terms(scaling.trusted.shape, known_of(scaling))
     for camera, tell in ((STILL, advance), (moving, lambda _: None)):
         sensor = fitted_camera(regions, pressures, scaling, dataset, rows, fold, softer, camera, tell)
         found = regions if sensor == regions.sensor else regions_of(sensor, scaling)

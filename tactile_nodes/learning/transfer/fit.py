@@ -46,7 +46,7 @@ from tactile_nodes.learning.transfer.whole import SIZES, Typical, WholeFit, fit_
 from tactile_nodes.sensing.explain.arrays import AnyReadout
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
-from tactile_nodes.sensing.explain.camera import camera_motions
+from tactile_nodes.sensing.explain.camera import camera_terms
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.shapes import Float, Int
@@ -245,8 +245,8 @@ class OtherGel:
 
     @property
     def camera(self) -> Float[np.ndarray, 'terms motions']:
-        """See `camera_motions`."""
-        return camera_motions(self.scaling.trusted.shape, np.flatnonzero(self.scaling.trusted.reshape(-1) > 0))
+        """See `camera_terms`."""
+        return camera_terms(self.scaling.trusted.shape, np.flatnonzero(self.scaling.trusted.reshape(-1) > 0))
 
     def offset(self, whole: WholeFit, chosen: np.ndarray | slice = slice(None)) -> float:
         """The offset of the forces (N), estimated from some presses or all."""

@@ -25,15 +25,16 @@ def gives_way_px(
 ) -> float:
     """How far the picture moves per newton at least (px/N); 0 if the residuals of presses do not show it.
 
-    `camera` is as in `camera_motions`, `certainty` the inverse variance of the residuals `left`.
+    `camera` is as in `camera_terms`, `certainty` the inverse variance of the residuals `left`.
     """
     still = without_camera(camera, left, certainty)
     seen = int((certainty > 0).sum())
     before, after = ((np.square(each) * certainty).sum() for each in (left, still))
-    if after / max(seen - len(left) * len(camera), 1) > HELD**2 * before / seen:
+    pressed = force_n > 0
+    if not pressed.any() or after / max(seen - len(left) * len(camera), 1) > HELD**2 * before / max(seen, 1):
         return 0.0
     moved = np.sqrt(np.square(left - still).sum(axis=-1).mean(axis=-1))
-    return float(np.percentile(moved / force_n, MOST))
+    return float(np.percentile(moved[pressed] / force_n[pressed], MOST))
 
 
 def in_words(gives_px: float) -> str:

@@ -14,7 +14,7 @@ CAMERA_PX = 1.0
 """Standard deviation of each term of that motion."""
 
 
-def camera_motions(shape: tuple[int, int], known: Int[np.ndarray, ' regions']) -> Float[np.ndarray, 'terms motions']:
+def camera_terms(shape: tuple[int, int], known: Int[np.ndarray, ' regions']) -> Float[np.ndarray, 'terms motions']:
     """Motion of the known ones of rows x cols regions with each term, along x and y in turn (see `MotionFit`)."""
     fit = MotionFit(shape, *shape)
     return np.stack([fit.carried(each)[known].reshape(-1) for each in np.eye(TERMS)])

@@ -19,7 +19,7 @@ from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.axisymmetric.local import between
 from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
-from tactile_nodes.sensing.explain.camera import camera_motions, taken_by_camera
+from tactile_nodes.sensing.explain.camera import camera_terms, taken_by_camera
 from tactile_nodes.sensing.explain.measured.response import Fit, damping
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.noise import FOUND_NOISE, inside_of, noise_of
@@ -172,8 +172,8 @@ class AxisymmetricReadout:
 
     @cached_property
     def _camera(self) -> Float[np.ndarray, 'terms motions']:
-        """See `camera_motions`."""
-        return camera_motions(self.scaling.trusted.shape, self._known)
+        """See `camera_terms`."""
+        return camera_terms(self.scaling.trusted.shape, self._known)
 
     @cached_property
     def _inside(self) -> np.ndarray:
