@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from tactile_nodes.bus.node.node import Node
 
 TICK_S = 0.05
-LONG_S = 0.4
+LONG_S = 0.25
+"""Shorter than the time after which a driver takes its device for silent (0.3 s)."""
 
 
 class Pauses(threading.Thread):
