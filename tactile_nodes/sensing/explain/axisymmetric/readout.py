@@ -176,6 +176,12 @@ class AxisymmetricReadout:
         return camera_terms(self.scaling.trusted.shape, self._known)
 
     @cached_property
+    def _moved_alike(self) -> Float32[np.ndarray, 'terms motions']:
+        """Orthonormal motions that span those of the camera."""
+        spanning: np.ndarray = np.linalg.qr(self._camera.T)[0].T
+        return spanning.astype(np.float32)
+
+    @cached_property
     def _inside(self) -> np.ndarray:
         return inside_of(self.scaling.trusted > 0)
 
@@ -200,13 +206,17 @@ class AxisymmetricReadout:
 
     @property
     def _starts(self) -> tuple[Float[np.ndarray, 'starts 3'], Float32[np.ndarray, 'starts inputs'], np.ndarray]:
-        """Start contacts, the motion that they cause, and its square; readouts of one response share them."""
+        """Start contacts, the motion that they cause beyond that of a camera, and its square.
+
+        Readouts of one response share them.
+        """
         reach, tables = self.correction.reach_mm * self.response.width, self.response.tables
         if (reach, self.highest_n) not in tables:
             along = np.linspace(-reach, reach, max(2, math.ceil(2 * reach / START_SPACING_MM) + 1))
             forces = START_FORCES * self.highest_n
             starts = np.stack(np.meshgrid(along, along, forces, indexing='ij'), axis=-1).reshape(-1, 3)
             fields = self.response.motion(starts).reshape(len(starts), -1).astype(np.float32)
+            fields -= (fields @ self._moved_alike.T) @ self._moved_alike
             tables[reach, self.highest_n] = starts, fields, np.square(fields).sum(axis=1)
         return tables[reach, self.highest_n]
 
@@ -253,14 +263,15 @@ class AxisymmetricReadout:
         return np.array([x, y, force_n * float(share[best])])
 
     def share_of(self, observed: Observation, noisier: float, tips: int) -> float:
-        """Share of the squared motion, minus noise, that a number of tips from the table explains; 0 to 1.
+        """Share of the squared motion, minus noise and camera motion, that a number of tips from the table explains.
 
         The noise is that of each region in training, times `noisier`. Each tip explains most of the residual of those
         before (orthogonal matching pursuit, Pati 1993). What they explain may be noise if its gain is small: then the
         share is 0.
         """
         _, fields, squares = self._starts
-        left = motion = observed.motion.reshape(-1).astype(np.float32)
+        motion = observed.motion.reshape(-1).astype(np.float32)
+        left = motion = motion - (motion @ self._moved_alike.T) @ self._moved_alike
         axes = np.empty((0, motion.size), np.float32)
         for _ in range(tips):
             along = np.maximum(fields @ left, 0.0)

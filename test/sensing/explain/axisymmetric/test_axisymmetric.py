@@ -169,6 +169,14 @@ def test_a_camera_that_gives_way_under_a_press_changes_neither_its_force_nor_its
     assert (other.x_mm, other.y_mm, other.force_n) == pytest.approx((one.x_mm, one.y_mm, one.force_n), abs=2e-3)
 
 
+def test_a_light_press_is_found_although_the_camera_moves_all_regions_by_more() -> None:
+    random = np.random.default_rng(0)
+    for press in [(*random.uniform(-9, 9, 2).tolist(), random.uniform(0.05, 0.4)) for _ in range(20)]:
+        found = readout().read(seen([press]) + np.array([0.3, 0.1], np.float32), SURE).contacts[0]
+        assert (found.x_mm, found.y_mm) == pytest.approx(press[:2], abs=0.2)
+        assert found.force_n == pytest.approx(press[2], abs=0.01)
+
+
 def test_a_correction_is_added_in_the_known_gels_units() -> None:
     """0.1 mm to the right everywhere and 2 % more force; of a gel that is 1.5 times as wide, 0.15 mm."""
     terms = np.zeros_like(Correction.none(14.0, 1.0).terms)
