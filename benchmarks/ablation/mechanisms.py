@@ -229,7 +229,7 @@ MECHANISMS = (
     Mechanism(
         'correction of tips',
         'corrects by a polynomial of place and force, and by the residuals at calibration presses',
-        ('sensing/explain/axisymmetric/local.py',), without(_tips(_uncorrected)), ('none',), ('portable', 'field'),
+        ('sensing/explain/axisymmetric/correction.py',), without(_tips(_uncorrected)), ('none',), ('portable', 'field'),
     ),
     Mechanism(
         'drift monitor', 'puts changes since the calibration into the status',
@@ -283,7 +283,7 @@ MECHANISMS = (
     Mechanism(
         'residuals at own presses',
         'interpolates residuals at the calibration presses over the surface, and subtracts them',
-        ('learning/axisymmetric/local.py', 'sensing/explain/axisymmetric/local.py'),
+        ('learning/axisymmetric/local.py', 'sensing/explain/axisymmetric/correction.py'),
         instead(f'{LEARNING}.transfer.fit:with_local', _first), transfer=True,
         stays='over ten gels with 100 presses each, the place error is 11 % larger without it',
     ),

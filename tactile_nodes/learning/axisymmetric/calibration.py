@@ -9,7 +9,8 @@ import numpy as np
 from tactile_nodes.learning.coverage import ONE_OF_A_THOUSAND
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.measured.calibration import LEAST_JUDGES, spread_of
-from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.measured.response import Fit
 from tactile_nodes.sensing.explain.uncertainty import Calibration
 from tactile_nodes.shapes import Float, Int

@@ -28,7 +28,8 @@ from tactile_nodes.learning.datasets.enough import require_enough
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.measured.fit import inner_held_out, noise_scaling
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import BEND_MM, CORE_MM, DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.splines import SplineAxis

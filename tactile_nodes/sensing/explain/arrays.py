@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
 from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
-from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.field.readout import STILL, FieldReadout
 from tactile_nodes.sensing.explain.field.spread import FieldSpread

@@ -14,8 +14,9 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.train import with_prior
 from tactile_nodes.learning.transfer.fit import OtherGel
 from tactile_nodes.learning.transfer.prior import found_by_counts, learned_prior
+from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
 from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
-from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 
 SOFTER = 1.25
 SHARE = 0.06

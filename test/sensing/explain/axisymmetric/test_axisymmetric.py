@@ -9,7 +9,8 @@ import pytest
 
 from tactile_nodes.errors import ModelError
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
-from tactile_nodes.sensing.explain.axisymmetric.readout import DOUBT_MM, AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
+from tactile_nodes.sensing.explain.axisymmetric.readout import DOUBT_MM, AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import DISTANCES, AxisymmetricResponse
 from tactile_nodes.sensing.explain.network import InputScaling
 from tactile_nodes.sensing.explain.splines import SplineAxis

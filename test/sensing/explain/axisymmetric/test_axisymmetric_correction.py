@@ -10,8 +10,8 @@ import pytest
 from test_axisymmetric import readout
 
 from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
-from tactile_nodes.sensing.explain.axisymmetric.local import between
-from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout, Correction
+from tactile_nodes.sensing.explain.axisymmetric.correction import Correction, between
+from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 
 TABLE = np.array([[[0.0], [1.0]], [[2.0], [3.0]]])
 """1 for each half of the way to the right, 2 for each down."""
