@@ -1,7 +1,9 @@
 """Calibration by images and a table, if the camera moves.
 
-    python test/learning/imported/study.py before 0 0.001 0.003 0.015 0.05      before the second half of the presses
-    python test/learning/imported/study.py force 0 0.001 0.003 0.01 0.03        by so much for each newton
+    PYTHONPATH=. python test/learning/imported/study.py before 0 0.001 0.003 0.015 0.05
+    PYTHONPATH=. python test/learning/imported/study.py force 0 0.001 0.003 0.01 0.03
+
+The first moves it before the second half of the presses, the second with each newton.
 
 For each motion (mm along the surface) it prints how far a model, calibrated with 40 presses, is off on held-out ones.
 Before the second half: with an image of the untouched gel before each press, and without. With the force: also how far
