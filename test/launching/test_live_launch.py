@@ -126,6 +126,12 @@ def test_a_replay_computes_as_live_sensing_does() -> None:
     assert defaults == {('field', 'auto')}
 
 
+def test_a_replay_of_one_finger_can_skip_the_pictures_that_the_hand_skipped() -> None:
+    """Set for all nodes: a node's own parameter would override the file with which `replay_hand` starts this launch."""
+    for_all = [each['set_parameter'] for each in entries('replay') if 'set_parameter' in each]
+    assert {'name': 'most_hz', 'value': '$(eval "1.0 * $(var most_hz)")'} in for_all
+
+
 def test_replays_record_nothing_before_their_first_picture() -> None:
     """Else one that fails before would leave a bag."""
     begins = {

@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import threading
 import time
 
 import pytest
@@ -49,6 +50,15 @@ def test_a_process_that_becomes_another_program_keeps_its_mark():
                 assert b'mark-of-this' in orphans.environment(process.pid)
             finally:
                 process.kill()
+
+
+def test_a_guardian_that_somebody_has_stopped_does_not_hold_up_the_end_of_a_launch():
+    guardian = orphans.Guardian('mark-of-this')
+    guardian._process.send_signal(signal.SIGSTOP)
+    ending = threading.Thread(target=guardian.dismiss, daemon=True)
+    ending.start()
+    ending.join(5.0)
+    assert not ending.is_alive()
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason='becomes another account')

@@ -237,7 +237,9 @@ def test_nothing_moves_while_nobody_records(bus: InProcessBus, tmp_path: Path) -
     node = RigNode(bus, arguments(tmp_path, 'require_recorder: true\n    wait_s: 0.2'), SystemClock())
     node.spin()
     node.close()
-    assert 'no recorder' in str(node.failure)
+    assert 'no recorder takes press, press_image and force_torque: none is running, or it has stopped' in str(
+        node.failure
+    )
     assert not drained(states)
 
 

@@ -66,7 +66,8 @@ def run_nodes(factories: Sequence[NodeFactory], argv: Sequence[str]) -> int:
     """Run several nodes in one process, each in a thread of its own; messages between them are not copied.
 
     The first signal of `that_end` ends them: 0, within 2 s, or what a class asks for by END_WITHIN_S. One that is
-    still busy then is given up: 1. A second signal, a second later or more, ends the process at once.
+    still busy then is given up: 1, or 0 if it was still being made. A second signal, a second later or more, ends the
+    process at once.
     """
     try:
         arguments = parse_arguments(argv)
@@ -100,6 +101,7 @@ def _run(factories: Sequence[NodeFactory], arguments: NodeArguments) -> int:
             nodes.append(_create_node(factory, bus, arguments))
             opened.callback(_close, nodes[-1])
         opened.callback(ending.begin)
+        ending.late_status = 1
         settle()
         status = run_until(nodes, ending.done)
     if any(node.outlived for node in nodes):
@@ -172,6 +174,7 @@ class _Ending:
         self._over = threading.Event()
         self._since_s = 0.0
         self._within_s = within_s
+        self.late_status = 0  # until nodes run: on a busy computer, making them takes longer than they may take to end
         threading.Thread(target=self._end, name='ending', daemon=True).start()
 
     @property
@@ -202,9 +205,10 @@ class _Ending:
         restore_priority()
         if not self._over.wait(self._within_s):
             with suppress(OSError):  # the terminal has closed
-                sys.stderr.write(f'not ended within {self._within_s} s after the request; giving up\n')
+                if self.late_status:
+                    sys.stderr.write(f'not ended within {self._within_s} s after the request; giving up\n')
                 sys.stderr.flush()
-            os._exit(1)
+            os._exit(self.late_status)
 
 
 def _create_node(factory: NodeFactory, bus: Bus, arguments: NodeArguments) -> Node:

@@ -15,6 +15,7 @@ from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
+from tactile_nodes.sensing.judge.freshness import EARLY_S
 
 NS_PER_MS = NS_PER_S // 1000
 OK, INVALID = types.ForceDistribution.STATUS_OK, types.ForceDistribution.STATUS_INVALID
@@ -78,6 +79,17 @@ class Hold:
         return (self.stamps_ns[-1] - self.stamps_ns[0]) / NS_PER_S if self.stamps_ns else 0.0
 
 
+def require_fresh(force: str, now_ns: int, stamp_ns: int, stale_ms: float) -> None:
+    """Raises DeviceFaultError if the newest force is older than `stale_ms`, or its age cannot be known."""
+    if (age_ms := (now_ns - stamp_ns) / NS_PER_MS) > stale_ms:
+        raise DeviceFaultError(f'the newest {force} is {age_ms:.0f} ms old, above {stale_ms:g} ms; check the sensor')
+    if age_ms < -EARLY_S * 1000:
+        raise DeviceFaultError(
+            f'the newest {force} is stamped {-age_ms:.0f} ms in the future, so its age is unknown; synchronize the '
+            'clocks of this computer and that of the camera'
+        )
+
+
 class Guarded:
     """Decides on each step; gets forces and times as arguments.
 
@@ -122,11 +134,7 @@ class Guarded:
 
     def _check(self, now_ns: int, felt: Felt | None) -> None:
         s = self._settings
-        newest_ns = self._start_ns if felt is None else felt.stamp_ns
-        if (age_ms := (now_ns - newest_ns) / NS_PER_MS) > s.stale_ms:
-            raise DeviceFaultError(
-                f'the newest force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; check the sensor'
-            )
+        require_fresh('force', now_ns, self._start_ns if felt is None else felt.stamp_ns, s.stale_ms)
         if felt is None:
             raise DeviceFaultError('there is no force yet; start the sensor first')
         if felt.status == INVALID or not math.isfinite(felt.force_n):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.collection.press.guarded import INVALID, NS_PER_MS, OK, Felt
+from tactile_nodes.collection.press.guarded import INVALID, NS_PER_MS, OK, Felt, require_fresh
 from tactile_nodes.errors import DeviceFaultError
 from tactile_nodes.messages import stamp_ns, types
 from tactile_nodes.params import parameter
@@ -210,12 +210,8 @@ class Grasp:
                 f'the gripper has not reported its opening for {silent_ms:.0f} ms, above {s.stale_ms:g} ms; check its '
                 'driver, which publishes joint_states'
             )
-        newest_ns = self._start_ns if felt is None else felt.stamp_ns
-        if (age_ms := (now_ns - newest_ns) / NS_PER_MS) > s.stale_ms:
-            valid = 'valid ' if felt is not None and felt.status == INVALID else ''
-            raise DeviceFaultError(
-                f'the newest {valid}force is {age_ms:.0f} ms old, above {s.stale_ms:g} ms; check the sensors'
-            )
+        force = 'valid force' if felt is not None and felt.status == INVALID else 'force'
+        require_fresh(force, now_ns, self._start_ns if felt is None else felt.stamp_ns, s.stale_ms)
         if felt is not None and felt.greatest_n > s.limit_n:
             raise DeviceFaultError(f'a finger presses with {felt.greatest_n:.2f} N, above the limit of {s.limit_n:g} N')
         if opening.mm <= s.least_mm:

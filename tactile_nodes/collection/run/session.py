@@ -204,7 +204,10 @@ class Session:
             self._alone_ns = now_ns
             self._log.warn(f'no recorder is running; the tip stays up, waiting up to {wait_s:g} s for one')
         elif now_ns - self._alone_ns > wait_s * NS_PER_S:
-            raise BusError('no recorder for press, press_image and force_torque; start one, then start this again')
+            raise BusError(
+                'no recorder takes press, press_image and force_torque: none is running, or it has stopped, as on a '
+                'full disk (see its log); start one, then start this again'
+            )
         return self._is_recorded
 
     def _record(self, record: Record) -> None:

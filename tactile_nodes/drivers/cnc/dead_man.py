@@ -1,7 +1,7 @@
 """Dead man's switch: lifts the tip when the process that commanded the machine has ended.
 
 This file is also a program, which the process starts when the machine is homed. It inherits the open port, so that no
-control line changes and no controller restarts, and waits on a pipe. A process that ends normally dismisses it first.
+control line changes and no controller restarts, and waits on a pipe. A process that ends normally kills it first.
 If the process ends otherwise (SIGKILL, a crash), the pipe closes, and the program sends the commands that lift the tip
 to the safe height, several times, because a controller that still moves refuses them. It uses only the standard
 library, so it starts within milliseconds, and it ignores the signals that end a launch.
@@ -9,7 +9,6 @@ library, so it starts within milliseconds, and it ignores the signals that end a
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import subprocess
@@ -18,7 +17,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-_FAREWELL = b'farewell'
 _OWN_MARK = 'TACTILE_LAUNCH'  # the mark of processes that a launch ends; this one must outlive it by seconds
 
 ALONE_S, ALONE_TIMES = 0.4, 6
@@ -52,26 +50,22 @@ class DeadMan:
         self.on_watch = True
 
     def say_farewell(self) -> None:
-        """Tell the program not to act; returns at once, from any thread."""
-        pipe, on_watch, self.on_watch = self._process.stdin, self.on_watch, False
-        if on_watch and pipe is not None:
-            with contextlib.suppress(BrokenPipeError):
-                pipe.write(_FAREWELL)
-                pipe.close()
+        """Keep the program from acting; returns at once, from any thread."""
+        self.on_watch = False
+        self._process.kill()
 
     def dismiss(self) -> None:
-        """Tell the program not to act, and wait until it has ended."""
+        """Keep the program from acting, and wait until it has ended and let go of the port."""
         self.say_farewell()
-        self._process.wait()
+        self._process.communicate()
 
 
 def main(words: Sequence[str]) -> int:
-    """Wait until the pipe closes, and act if the program was not dismissed before."""
+    """Wait until the pipe closes, and act."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     descriptor = int(words[0])
-    if sys.stdin.buffer.read() == _FAREWELL:
-        return 0
+    sys.stdin.buffer.read()
     for wait_s, data in zip(words[1::2], words[2::2], strict=True):
         time.sleep(float(wait_s))
         try:

@@ -2,8 +2,9 @@
 
 Every process of a launch carries a mark in its environment. Its children inherit the mark, even if they leave the
 process group or session. This file is also the *guardian*: a program that the launcher starts before all others and
-to which it holds a pipe. If the launcher ends without dismissing the guardian (SIGKILL), the pipe closes, and the
-guardian ends every process with the mark. It uses only the standard library, so it starts within milliseconds.
+to which it holds a pipe. A launcher that ends normally kills the guardian first. If it ends otherwise (SIGKILL), the
+pipe closes, and the guardian ends every process with the mark. It uses only the standard library, so it starts within
+milliseconds.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 VARIABLE = 'TACTILE_LAUNCH'
-_FAREWELL = b'done'
 _POLL_S = 0.02
 _EXEC_LOOKS = 25
 _KERNEL_THREAD = 0x0020_0000  # PF_KTHREAD, include/linux/sched.h
@@ -41,8 +41,9 @@ class Guardian:
         )
 
     def dismiss(self) -> None:
-        """Tell the guardian that everything has ended, so that it exits."""
-        self._process.communicate(_FAREWELL)
+        """Everything has ended: end the guardian, too."""
+        self._process.kill()
+        self._process.communicate()
 
 
 def marked(mark: str) -> set[int]:
@@ -144,8 +145,8 @@ def _signal(pid: int, number: signal.Signals) -> None:
 def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    if sys.stdin.buffer.read() != _FAREWELL:
-        end(lambda: marked(sys.argv[1]))
+    sys.stdin.buffer.read()
+    end(lambda: marked(sys.argv[1]))
 
 
 if __name__ == '__main__':

@@ -86,14 +86,17 @@ def test_signal_ends_a_program_within_two_seconds_although_a_callback_is_busy(la
     assert program.output.count('closed') == 1  # the one that could be
 
 
-@pytest.mark.parametrize('name', ['SlowToClose', 'SlowToStart'])
-def test_signal_ends_a_program_within_two_seconds_although_a_device_hangs(launch: Launch, name: str) -> None:
+@pytest.mark.parametrize(('name', 'status'), [('SlowToClose', 1), ('SlowToStart', 0)])
+def test_signal_ends_a_program_within_two_seconds_although_a_device_hangs(
+    launch: Launch, name: str, status: int
+) -> None:
+    """A node that was still being made has not failed: on a busy computer that takes longer than it may take to end."""
     program = _running(launch(name))
     begin = time.monotonic()
     program.signal(signal.SIGTERM)
-    assert program.ended(5.0) == 1
+    assert program.ended(5.0) == status
     assert time.monotonic() - begin < SOON_S + 0.2
-    assert 'not ended within 1.8 s after the request; giving up' in program.output
+    assert ('not ended within 1.8 s after the request; giving up' in program.output) == bool(status)
 
 
 def test_second_signal_ends_a_program_at_once(launch: Launch) -> None:

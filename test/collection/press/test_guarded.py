@@ -60,10 +60,11 @@ def test_in_the_band_it_stays() -> None:
         (Felt(10 * MS, 0.51), 20 * MS, r'0\.510 N, above the limit of 0\.5 N'),
         (Felt(10 * MS, 0.51, FORCE.STATUS_DEGRADED), 20 * MS, 'above the limit'),
         (Felt(10 * MS, 0.1), 111 * MS, '101 ms old, above 100 ms'),
+        (Felt(80 * MS, 0.1), 20 * MS, '60 ms in the future'),
         (None, 20 * MS, 'no force yet'),
     ],
 )
-def test_it_gives_up_when_the_force_is_invalid_old_large_or_missing(
+def test_it_gives_up_when_the_force_is_invalid_old_early_large_or_missing(
     felt: Felt | None, now_ns: int, reason: str
 ) -> None:
     with pytest.raises(DeviceFaultError, match=reason):

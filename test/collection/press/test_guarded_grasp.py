@@ -189,6 +189,7 @@ def test_it_moves_only_on_a_force_that_was_seen_after_the_last_step() -> None:
     ('felt', 'opening_mm', 'now_s', 'sentence'),
     [
         (_felt(0), 50.0, 1.2, r'the newest force is 1200 ms old, above 1000 ms'),
+        (_felt(10**8), 50.0, 0.01, r'the newest force is stamped 90 ms in the future'),
         (_felt(10**9, 1.0), 50.0, 1.0, r'a finger presses with 1.00 N, above the limit of 0.9 N'),
         (_felt(10**9), 4.9, 1.0, r'no contact down to an opening of 4.9 mm'),
         (_felt(61 * 10**9), 50.0, 61.0, r'0.3 N was not reached within 60 s'),

@@ -24,10 +24,11 @@ HOLDER = """
 import os, signal, sys
 from tactile_nodes.drivers.cnc.dead_man import DeadMan
 held = DeadMan(int(sys.argv[1]), [(0.0, b'up'), (0.05, b' and up')])
-if sys.argv[2] == 'farewell':
-    held.dismiss()
-else:
+if sys.argv[2] == 'stopped':
+    held._process.send_signal(signal.SIGSTOP)
+if sys.argv[2] == 'killed':
     os.kill(os.getpid(), signal.SIGKILL)
+held.dismiss()
 """
 COMMANDER = """
 import sys
@@ -52,7 +53,10 @@ def received(master: int, patience_s: float) -> bytes:
     return found
 
 
-@pytest.mark.parametrize(('ending', 'farewell', 'patience_s'), [('killed', b'up and up', 10.0), ('farewell', b'', 0.5)])
+@pytest.mark.parametrize(
+    ('ending', 'farewell', 'patience_s'),
+    [('killed', b'up and up', 10.0), ('farewell', b'', 0.5), ('stopped', b'', 0.5)],
+)
 def test_what_was_agreed_is_sent_after_a_kill_and_after_a_farewell_nothing(
     ending: str, farewell: bytes, patience_s: float
 ) -> None:
@@ -110,7 +114,7 @@ def test_after_a_restart_nobody_sends_the_tip_to_a_height_that_is_up_no_more(tmp
         while rig.cnc.status().homed and monotonic_s() < deadline_s:
             rig.clock.sleep_until(rig.clock.now_ns() + 20_000_000)
         assert not rig.cnc.status().homed
-        assert watch._process.wait(15.0) == 0
+        assert watch._process.wait(15.0) == -signal.SIGKILL
         rig.cnc.home()
         assert rig.cnc._dead_man is not watch
         assert rig.cnc._dead_man.on_watch
