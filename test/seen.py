@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
+import struct
+from typing import Any
 
 import numpy as np
 
@@ -100,3 +103,15 @@ def _over_bins(cells: np.ndarray) -> np.ndarray:
     side = CELLS // 9
     blocks: np.ndarray = cells.reshape(9, side, 9, side, *cells.shape[2:]).sum(axis=(1, 3)).astype(np.float32)
     return blocks
+
+
+def taken_apart(message: bytes) -> tuple[dict[str, Any], dict[str, bytes], list[tuple[float, float, float]]]:
+    """A message to the page, as the page decodes it: JSON, sections, samples (`web.packet`)."""
+    (length,) = struct.unpack_from('<I', message)
+    place = 4 + length
+    fields = json.loads(message[4:place])
+    sections = {}
+    for name, size in fields.pop('sections'):
+        sections[name] = message[place : place + size]
+        place += size
+    return fields, sections, list(struct.iter_unpack('<dff', message[place:]))

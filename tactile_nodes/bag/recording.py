@@ -214,8 +214,9 @@ def dated_name() -> Path:
 
 
 def folder_of(bag: str) -> Path:
-    """The folder to write: as given; a new dated one in it if it is empty or ends with a slash."""
-    return free_folder(Path(bag) / dated_name()) if bag.endswith('/') or not bag else Path(bag)
+    """The folder to write, as a full path: as given; a new dated one in it if it is empty or ends with a slash."""
+    folder = Path(bag).absolute()
+    return free_folder(folder / dated_name()) if bag.endswith('/') or not bag else folder
 
 
 def free_folder(folder: Path) -> Path:

@@ -19,6 +19,7 @@ from tactile_nodes.bus.node.diagnostics import Level as Health
 from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Received
+from tactile_nodes.bus.subscription import Subscription
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.errors import ConfigurationError, ImageError
 from tactile_nodes.gel_list import GelList
@@ -74,9 +75,11 @@ class DriftMonitorNode(Node):
         self.create_subscription(topics.IMAGE, self._on_image)
         self.create_subscription(topics.FLOW_FEATURES, self._on_features)
         self.create_subscription(topics.FORCE_DISTRIBUTION, self._on_force)
-        if self.params.force_topic:
-            self.create_subscription(replace(topics.FORCE_TORQUE, name=self.params.force_topic), self._on_independent)
+        self._independent, self._heard = (self._subscribe(name) if (name := self.params.force_topic) else None), 0
         self.create_trigger('~/check_weight', self._check_weight)
+
+    def _subscribe(self, force_topic: str) -> Subscription:
+        return self.create_subscription(replace(topics.FORCE_TORQUE, name=force_topic), self._on_independent)
 
     def _on_model(self, received: Received) -> None:
         self._calibrated.use_model(received.message)
@@ -174,6 +177,13 @@ class DriftMonitorNode(Node):
             'calibration', Health(verdict.level), verdict.text, compared_with=self._calibrated.origin,
             moved_px=verdict.moved_px, lost=verdict.lost, unlike_share=verdict.unlike_share,
         )  # fmt: skip
+        if self._independent is not None:
+            self._tell_independent(self._independent)
+
+    def _tell_independent(self, forces: Subscription) -> None:
+        new, self._heard = forces.received > self._heard, forces.received
+        level, none = (Health.OK, '') if new else (Health.WARN, 'no message on ')
+        self.report('independent force', level, f'{none}{forces.topic}')
 
     def _keep(self, state: types.CalibrationState, at_ns: int) -> None:
         """Update the list of the lab's gels: every change, and each hour without one."""

@@ -177,7 +177,7 @@ class RecorderNode(Node):
         silent = sorted(name for name in self._filter.names if not writer.counts[name])
         nothing = f'; no messages on {", ".join(silent)}' if silent else ''
         losses = self.tally.losses(writer.dropped_of, _lost)
-        self.last = f'wrote {describe(totals)} into {writer.folder.absolute()}{nothing}{losses}'
+        self.last = f'wrote {describe(totals)} into {writer.folder}{nothing}{losses}'
         self._ended = self._figures(writer)
         return self.last
 
@@ -306,7 +306,7 @@ class RecorderNode(Node):
         lost = self.tally.lost_of(writer.dropped_of)
         each = ', '.join(f'{topic} {count}' for topic, count in lost.most_common())
         return {
-            'bag': writer.folder.absolute(),
+            'bag': writer.folder,
             'messages': writer.totals.messages,
             'lost': lost.total(),
             'lost_of': each,

@@ -58,15 +58,3 @@ def finite(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [finite(each) for each in value]
     return value
-
-
-def taken_apart(message: bytes) -> tuple[dict[str, Any], dict[str, bytes], list[tuple[float, float, float]]]:
-    """Decode a message as the page does: JSON, sections, samples. For clients other than the browser."""
-    (length,) = _LENGTH.unpack_from(message)
-    place = _LENGTH.size + length
-    fields = json.loads(message[_LENGTH.size : place])
-    sections = {}
-    for name, size in fields.pop('sections'):
-        sections[name] = message[place : place + size]
-        place += size
-    return fields, sections, list(_SAMPLE.iter_unpack(message[place:]))

@@ -256,6 +256,23 @@ def test_an_independent_sensor_is_listened_to_where_one_is_named(bench: Callable
     assert state.force_ratio_contacts >= 10
 
 
+def test_an_independent_sensor_of_which_nothing_comes_is_reported(bench: Callable[..., Bench]) -> None:
+    def told() -> tuple[int, str]:
+        statuses = tested.node.diagnostics.message(0).status
+        (found,) = (each for each in statuses if each.name.endswith(': independent force'))
+        return found.level, found.message
+
+    tested = bench('force_topic:=wrist_force')
+    tested.rest(REST)
+    assert told() == (1, 'no message on /wrist_force')
+    wrist = Topic('wrist_force', topics.FORCE_TORQUE.type_name, '', topics.FORCE_TORQUE.qos)
+    tested.say(wrist, types.WrenchStamped(header=conversions.header(START_NS, '')))
+    tested.pictures(REST, seconds=1)
+    assert told() == (0, '/wrist_force')
+    tested.pictures(REST, seconds=3, begin_s=2)
+    assert told() == (1, 'no message on /wrist_force')
+
+
 def weighed(tested: Bench) -> None:
     """0.9 N are read of 100 g."""
     for number in range(180):

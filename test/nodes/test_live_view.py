@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 from feeding import START_NS, image, run
-from seen import force
+from seen import force, taken_apart
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
@@ -21,7 +21,6 @@ from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.live_view import LiveViewNode
 from tactile_nodes.params import Located, NodeParameters
-from tactile_nodes.web import packet
 from tactile_nodes.web.packet import Packet
 
 Advertise = Callable[[Topic], Publisher]
@@ -113,7 +112,7 @@ def test_what_is_published_is_shown_at_the_next_look(
     publisher(topics.IMAGE).publish(image(np.full((20, 20), 90, np.uint8), round(stamp_ms * 1e6)))
     publisher(topics.FORCE_DISTRIBUTION).publish(force(stamp_ms, (0.0, 0.73, 0.0, 0.0), (1.0, 1.0)))
     pass_time(node, clock, 1 / 30)
-    header, sections, samples = packet.taken_apart(shown[-1].body + shown[-1].samples)
+    header, sections, samples = taken_apart(shown[-1].body + shown[-1].samples)
     assert header['force']['total_n'] == pytest.approx(0.73)
     assert sections['image'].startswith(b'\xff\xd8')
     assert [total for _, total, _ in samples] == [pytest.approx(0.73)]

@@ -377,11 +377,15 @@ def test_a_rest_image_is_refused_under_a_touch_unless_a_person_insists(own_page:
     assert called.is_set()
 
 
-def test_a_bag_is_recorded_from_the_page(own_page: Any, running: Running, tmp_path: Path) -> None:
-    running.start(RecorderNode, autostart=False, bag=f'{tmp_path}/')
+def test_a_bag_is_recorded_from_the_page(
+    own_page: Any, running: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    running.start(RecorderNode, autostart=False)
     own_page.click('#record')
     text(own_page, '#recording-mark').to_be_visible()
-    text(own_page, '#bag').to_contain_text('recording into')
+    text(own_page, '#bag').to_contain_text(f'recording into {tmp_path}')
+    expect(own_page.locator('#bag li')).to_have_count(1)
     own_page.click('#record')
     text(own_page, '#recording-mark').to_be_hidden()
     (bag,) = tmp_path.glob('rosbag2_*')

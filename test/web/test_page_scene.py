@@ -8,13 +8,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from seen import CELLS, MS, NAN, diagnostics, force, received, ring
+from seen import CELLS, MS, NAN, diagnostics, force, received, ring, taken_apart
 
 from tactile_nodes import conversions
 from tactile_nodes.messages import types
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.viewing.reasons import sentences
-from tactile_nodes.web import packet, picture
+from tactile_nodes.web import picture
 from tactile_nodes.web.recording import Recording
 from tactile_nodes.web.scene import Scene
 
@@ -34,7 +34,7 @@ def motion(stamp_ms: float, encoding: str, values: list[float]) -> types.FlowFea
 
 def seen(scene: Scene, now_ms: float) -> tuple[dict[str, Any], dict[str, bytes], list[tuple[float, float, float]]]:
     made = scene.packet(round(now_ms * MS), viewers=1)
-    return packet.taken_apart(made.body + made.samples)
+    return taken_apart(made.body + made.samples)
 
 
 def grey_of(jpeg: bytes) -> float:

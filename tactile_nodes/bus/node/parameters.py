@@ -91,13 +91,16 @@ class ParameterServer:
         """Set several parameters at once, or none of them.
 
         Raises:
-            ConfigurationError: an unknown name, a value that does not fit, one that only a restart can change, or
-                the node refuses.
+            ConfigurationError: an unknown name, a value that does not fit, another value of a parameter that only a
+                restart can change, or the node refuses.
         """
-        for name in values:
-            if name in self._descriptions and self._descriptions[name].read_only:
+        now = params.to_values(self.block)
+        fixed = {name: value for name, value in {**now, **self._fixed}.items() if self._descriptions[name].read_only}
+        for name in values.keys() & fixed:
+            if values[name] != fixed[name]:
                 raise ConfigurationError(f'{name!r} can only be set when the node starts')
-        changed = params.from_mapping(type(self.block), {**params.to_values(self.block), **values}, source='set')
+        wanted = {name: value for name, value in values.items() if name not in fixed}
+        changed = params.from_mapping(type(self.block), {**now, **wanted}, source='set')
         self._apply(changed)
         self.block = changed
 

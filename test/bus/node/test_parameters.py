@@ -134,6 +134,13 @@ def test_value_that_does_not_fit_is_refused_with_the_reason_and_changes_nothing(
     assert _get(ask, 'rate', 'count', 'preset', 'serial', 'crop') == before
 
 
+def test_all_values_can_be_set_as_they_are(ask: Callable[[str, Any], Any]) -> None:
+    """As when what `param dump` wrote is loaded; one that only a restart can change is among them."""
+    names = ask('list', types.ListParameters_Request()).result.names
+    values = ask('get', types.GetParameters_Request(names=names)).values
+    assert all(_set(ask, name, value).successful for name, value in zip(names, values, strict=True))
+
+
 def test_description_carries_type_range_choices_and_read_only(ask: Callable[[str, Any], Any]) -> None:
     request = types.DescribeParameters_Request(names=['rate', 'count', 'preset', 'serial', 'nothing'])
     rate, count, preset, serial, nothing = ask('describe', request).descriptors

@@ -10,7 +10,7 @@ from tactile_nodes.bus import topics
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import NodeArguments, parse_arguments
 from tactile_nodes.bus.node.node import Node
-from tactile_nodes.bus.node.parameters import from_message
+from tactile_nodes.bus.node.parameters import from_message, to_message
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.messages import services, types
 
@@ -63,9 +63,10 @@ def test_overrides_are_parameters_that_only_a_restart_changes(node: Ends) -> Non
     assert from_message(value) == 5
     (descriptor,) = node._parameters.describe(types.DescribeParameters_Request(names=[name])).descriptors
     assert descriptor.read_only
-    changed = types.SetParameters_Request(parameters=[types.Parameter(name=name, value=value)])
-    (result,) = node._parameters.set(changed).results
-    assert result.reason == f'{name!r} can only be set when the node starts'
+    parameters = [types.Parameter(name=name, value=each) for each in (value, to_message(6))]
+    same, other = node._parameters.set(types.SetParameters_Request(parameters=parameters)).results
+    assert same.successful  # as when what `param dump` wrote is loaded
+    assert other.reason == f'{name!r} can only be set when the node starts'
     assert bus.graph().services('/skin/ends/set_parameters')[0].type_name == services.SET_PARAMETERS
 
 
