@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -64,7 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Show until interrupted or the time is over; then print a summary."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     plain = arguments.plain or not can_draw(sys.stdout)
     with joined() as bus, ended_by_signals() as stop:
         state = new_state(bus, absolute_namespace(arguments.namespace))

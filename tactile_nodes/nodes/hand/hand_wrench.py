@@ -20,7 +20,6 @@ from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus, Qos, Received
 from tactile_nodes.clock import Clock
 from tactile_nodes.errors import BagError
-from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
 from tactile_nodes.pipeline.hand_forces import REPLAYED, HandForces
 from tactile_nodes.sensors import load_hand
@@ -50,7 +49,7 @@ class HandWrenchNode(Node):
         super().__init__(bus, arguments, clock)
         self._hand = load_hand(self.params.hand)
         self._forces = HandForces(self._hand, *self._replayed()) if self.params.bag else HandForces(self._hand)
-        self._last: types.HandWrench | None = None
+        self._in_sums: set[str] = set()  # since the last report: on a busy machine, some sums lack a sensor
         self._sums = self._reported = 0
         self._wrench = self.create_publisher(topics.HAND_WRENCH)
         self._transforms = self.create_publisher(topics.TF_STATIC)
@@ -86,15 +85,15 @@ class HandWrenchNode(Node):
     def _on_force(self, name: str, received: Received) -> None:
         for wrench in self._forces.add(name, received.message):
             self._wrench.publish(wrench)
-            self._last = wrench
+            self._in_sums.update(wrench.sensors)
             self._sums += 1
 
     def _report(self) -> None:
-        new, self._reported = self._sums - self._reported, self._sums
-        if not new or self._last is None:
+        new, self._reported = self._sums > self._reported, self._sums
+        missing, self._in_sums = ', '.join(name for name in self._hand.names if name not in self._in_sums), set()
+        if not new:
             self.report('sum', Level.WARN, 'no force from any sensor', sums=self._sums)
             return
-        missing = ', '.join(self._last.missing)
         text = f'without {missing}: {WHY}' if missing else f'of all {len(self._hand.sensors)} sensors'
         self.report('sum', Level.WARN if missing else Level.OK, text, sums=self._sums)
 

@@ -1,0 +1,42 @@
+"""What the node of a hand's sum reports of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from seen import received
+
+from tactile_nodes.bus.inprocess import InProcessBus
+from tactile_nodes.bus.node.arguments import parse_arguments
+from tactile_nodes.messages import types
+from tactile_nodes.nodes.hand.hand_wrench import HandWrenchNode
+
+
+@pytest.fixture
+def node(bus: InProcessBus) -> Iterator[HandWrenchNode]:
+    made = HandWrenchNode(bus, parse_arguments(['--ros-args', '-p', 'hand:=two_fingers']))
+    yield made
+    made.close()
+
+
+def reported(node: HandWrenchNode, monkeypatch: pytest.MonkeyPatch, *sums: tuple[str, ...]) -> tuple[int, str]:
+    """The report after sums of these sensors."""
+    found = [types.HandWrench(sensors=list(each), missing=[]) for each in sums]
+    monkeypatch.setattr(node._forces, 'add', lambda *_: found)
+    node._on_force('left', received(types.ForceDistribution()))
+    node._report()
+    (status,) = node.diagnostics.message(0).status
+    return status.level, status.message
+
+
+def test_a_sensor_is_reported_that_is_in_no_sum_and_not_one_that_is_late_once(
+    node: HandWrenchNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy machine the last sum before each report lacked one or the other: a warning every few seconds."""
+    both, left = ('left', 'right'), ('left',)
+    assert reported(node, monkeypatch, both, left) == (0, 'of all 2 sensors')
+    level, text = reported(node, monkeypatch, left, left)
+    assert level == 1
+    assert text.startswith('without right')
+    assert reported(node, monkeypatch) == (1, 'no force from any sensor')
