@@ -11,6 +11,9 @@ from tactile_nodes.clock import NS_PER_S
 PATIENCE_S = 2.0
 """How long a topic may take until its first message arrives; on a loaded machine 1.3 s were measured."""
 
+_SOON = 100
+"""Messages of a publisher: one whose first one here is later was running before, as a camera beside a replay."""
+
 
 class Arrival(NamedTuple):
     """A received message. `content` is passed on unchanged; `received_ns` and `source_ns` as in a bag."""
@@ -63,8 +66,10 @@ class Opening:
 
     @property
     def has_begun(self) -> bool:
-        """Whether a message has come on the topic with which the recording starts."""
-        return not self._begins_with or any(fnmatchcase(topic, self._begins_with) for topic, _ in self._first)
+        """Whether a message has come on the topic with which the recording starts, of one who starts to publish."""
+        return not self._begins_with or any(
+            each.sequence <= _SOON and fnmatchcase(each.topic, self._begins_with) for each in self._first.values()
+        )
 
     @property
     def is_full(self) -> bool:

@@ -61,9 +61,11 @@ def content(folder: Path) -> list[tuple[str, str]]:
 def test_without_the_topic_that_a_recording_begins_with_no_bag_is_left(
     bus, start: Start, tmp_path: Path, begins_with: str
 ) -> None:
-    talker = advertise(bus, '/chatter')
+    talker, camera = advertise(bus, '/chatter'), advertise(bus, '/left/pictures')
+    camera.sequence = 1000  # runs already, so that the replay which is to be recorded is refused
     node = start(all=True, begins_with=begins_with)
     talker.publish(types.String(data='before'))
+    camera.publish(types.String(data='of another sensor'))
     run(node)
     assert 'recorded nothing, because no message came on' in node.stop_recording()
     assert list(tmp_path.iterdir()) == []
