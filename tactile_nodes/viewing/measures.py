@@ -13,6 +13,9 @@ import numpy as np
 NS_PER_S = 1_000_000_000
 STAGES = ('acquire', 'flow', 'features', 'predict', 'transport', 'end to end')
 
+OTHER_TIME_S = 60.0
+"""A force older than this is of a bag that is played, and has no latency."""
+
 
 @dataclass(frozen=True)
 class Percentiles:
@@ -33,6 +36,7 @@ def stage_times(stages: Any, end_to_end_s: float) -> tuple[float, ...]:
     """
     measured = (stages.acquire, stages.flow, stages.features, stages.predict)
     stages_s = sum(seconds for seconds in measured if not math.isnan(seconds))
+    end_to_end_s = math.nan if abs(end_to_end_s) > OTHER_TIME_S else end_to_end_s
     return (*measured, end_to_end_s - stages_s, end_to_end_s)
 
 

@@ -28,6 +28,13 @@ def test_a_stage_that_was_not_measured_counts_as_transport() -> None:
     assert times[4] == pytest.approx(0.010)
 
 
+def test_a_bag_that_is_played_later_has_no_latency() -> None:
+    """Views showed the minutes or days since it was recorded."""
+    times = stage_times(types.StageTimes(acquire=0.004, flow=0.005, features=0.0, predict=0.0), 200.0)
+    assert times[:4] == pytest.approx((0.004, 0.005, 0.0, 0.0))
+    assert all(map(math.isnan, times[4:]))
+
+
 def test_rates_come_from_arrivals_and_from_stamps() -> None:
     recent = Recent(5.0)
     for number in range(11):  # 10 intervals: stamps 20 ms apart, arrivals 25 ms

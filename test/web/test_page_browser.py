@@ -331,9 +331,10 @@ def test_a_node_that_was_silent_long_before_the_data_ended_is_not_named(page: An
     """A recorder that ended an hour ago, say. The camera was lost with its last words."""
     told = "async (fields) => (await import('/static/js/status.js')).statusOf(fields, 5, false, { open: true })"
     recorder = {'node': '/bag_recorder', 'level': 'error', 'text': 'bag: the disk is full', 'silent_s': 3600.0}
-    for level, sentence in {'error': '/camera: camera: lost', 'ok': '/camera is silent.'}.items():
+    for level, sentence in {'error': '/camera: camera: lost', 'ok': 'Silent: /camera, /flow.'}.items():
         camera = {'node': '/camera', 'level': level, 'text': 'camera: lost', 'silent_s': 6.0}
-        found = page.evaluate(told, {'force': {}, 'slow': {'health': [recorder, camera]}})
+        flow = {**camera, 'node': '/flow', 'level': 'ok'}
+        found = page.evaluate(told, {'force': {}, 'slow': {'health': [recorder, camera, flow]}})
         assert found == ['nodata', 'NO DATA', f'No data for 5 s. {sentence}']
 
 

@@ -27,7 +27,7 @@ export function hostOf(fields) {
 /** The worst report of a node. One that was silent long before the data ended, such as a recorder, is not the cause. */
 function complaint(fields, age) {
   const health = (fields?.slow.health ?? []).filter((entry) => (entry.silent_s ?? 0) < age + EARLIER_S);
-  const silent = health.filter((entry) => entry.silent_s !== null).map((entry) => `${entry.node} is silent.`);
+  const silent = health.filter((entry) => entry.silent_s !== null).map((entry) => entry.node);
   const of = (level) => health.filter((entry) => entry.level === level).map((entry) => `${entry.node}: ${entry.text}`);
-  return of('error')[0] ?? of('warning')[0] ?? silent[0];
+  return of('error')[0] ?? of('warning')[0] ?? (silent.length ? `Silent: ${silent.join(', ')}.` : undefined);
 }
