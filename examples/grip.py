@@ -51,9 +51,11 @@ class GripNode(Node):
         age_ms = (self.clock.now_ns() - stamp_ns(self._force.header.stamp)) / 1e6
         if age_ms > OLD_MS:
             return 'the force is old'
+        if age_ms < -OLD_MS:
+            return 'the force is stamped in the future: the clock of its machine is ahead'
         if self._force.status == self._force.STATUS_INVALID:
             return 'the force is invalid'
-        return f'more than {LIMIT_N} N' if self._force.total > LIMIT_N else ''
+        return '' if self._force.total <= LIMIT_N else f'more than {LIMIT_N} N'  # also opens for NaN
 
     def _move(self, opening: bool) -> None:
         """Your gripper here."""

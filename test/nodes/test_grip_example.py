@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 from pathlib import Path
 from types import ModuleType
 
@@ -36,6 +37,8 @@ def example() -> ModuleType:
         (0.2, DEGRADED, 20, ''),
         (0.7, OK, 20, 'more than 0.5 N'),
         (0.2, OK, 120, 'the force is old'),
+        (0.2, OK, -120, 'the force is stamped in the future: the clock of its machine is ahead'),
+        (math.nan, OK, 20, 'more than 0.5 N'),
         (0.2, INVALID, 20, 'the force is invalid'),
     ],
 )
@@ -44,12 +47,13 @@ def test_it_opens_for_a_force_that_is_too_large_old_or_invalid(
     total_n: float, status: int, age_ms: int, reason: str,
 ) -> None:  # fmt: skip
     node = example.GripNode(bus, None, clock)
-    head = conversions.header(START_NS, 'gel_surface')
+    now_ns = START_NS + 20 * MS
+    head = conversions.header(now_ns - age_ms * MS, 'gel_surface')
     topic = topics.FORCE_DISTRIBUTION
     sender = bus.advertise(f'/{topic.name}', topic.type_name, topic.qos)
     sender.publish(types.ForceDistribution(header=head, total=total_n, status=status))
     run(node)
-    clock.set_ns(START_NS + age_ms * MS)
+    clock.set_ns(now_ns)
     node.spin_once()
     assert node.reason == reason
     node.close()
