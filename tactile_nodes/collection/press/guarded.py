@@ -82,7 +82,10 @@ class Hold:
 def require_fresh(force: str, now_ns: int, stamp_ns: int, stale_ms: float) -> None:
     """Raises DeviceFaultError if the newest force is older than `stale_ms`, or its age cannot be known."""
     if (age_ms := (now_ns - stamp_ns) / NS_PER_MS) > stale_ms:
-        raise DeviceFaultError(f'the newest {force} is {age_ms:.0f} ms old, above {stale_ms:g} ms; check the sensor')
+        raise DeviceFaultError(
+            f'the newest {force} is {age_ms:.0f} ms old, above {stale_ms:g} ms; check the sensor, and the load of this '
+            'computer'
+        )
     if age_ms < -EARLY_S * 1000:
         raise DeviceFaultError(
             f'the newest {force} is stamped {-age_ms:.0f} ms in the future, so its age is unknown; synchronize the '

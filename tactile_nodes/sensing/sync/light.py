@@ -24,36 +24,17 @@ class LightEdges:
     uncertainty_s: Float64[np.ndarray, ' k']
 
 
-def light_edges(
-    start_ns: Int64[np.ndarray, ' n'],
-    brightness: Float64[np.ndarray, ' n'],
-    exposure_s: float,
-    contrast: float = 20.0,
-) -> LightEdges:
-    """Edges of a light from its brightness in each frame.
-
-    If an exposure of 10 ms that begins at 100 ms has 0.3 of the brightness, the light was on for its last 3 ms: it
-    went on at 107 ms. If no frame is partly bright, the edge is placed in the middle between two exposures. A flash
-    within one frame gives no edge.
-
-    Args:
-        start_ns: start of each frame's exposure, not decreasing; a constant error shifts all edges equally.
-        brightness: mean grey level of a region that contains the light and little else.
-        exposure_s: 0 if unknown; an edge is then only known to lie between two frames.
-        contrast: least difference of dark and bright in grey levels; with less there are no edges.
-    """
-    return _edges(start_ns, _share(brightness, _levels(brightness, contrast)), exposure_s)
-
-
 class LightWatch:
     """Finds the edges of a light as frames arrive. Each edge is reported once, three frames later.
 
-    Dark and bright levels come from the last 600 frames, so the first edge is reported in the fourth bright frame. The
-    results equal those of `light_edges` over the whole run, except that flashes shorter than four frames may be timed
-    less accurately.
+    If an exposure of 10 ms that begins at 100 ms has 0.3 of the brightness, the light was on for its last 3 ms: it
+    went on at 107 ms. If no frame is partly bright, the edge is placed in the middle between two exposures. A flash
+    within one frame gives no edge, and one shorter than four frames may be timed less accurately. Dark and bright
+    levels come from the last 600 frames, so the first edge is reported in the fourth bright frame.
 
     Args:
-        exposure_s, contrast: as for `light_edges`.
+        exposure_s: 0 if unknown; an edge is then only known to lie between two frames.
+        contrast: least difference of dark and bright in grey levels; with less there are no edges.
     """
 
     def __init__(self, exposure_s: float, contrast: float = 20.0) -> None:
@@ -64,7 +45,8 @@ class LightWatch:
         self._brightness: list[float] = []
 
     def take(self, start_ns: int, brightness: float) -> LightEdges:
-        """Take one frame, not earlier than the last. Returns the edges that are now certain, mostly none."""
+        """Take one frame, not earlier than the last: the start of its exposure, and the mean grey level of a region
+        with the light and little else. Returns the edges that are now certain, mostly none."""
         self._history.append(brightness)
         self._start_ns.append(start_ns)
         self._brightness.append(brightness)

@@ -29,7 +29,7 @@ from tactile_nodes.emulators.clocks import DeviceClock
 from tactile_nodes.emulators.sync_line import EmulatedControlLine, RecorderFaults, light_brightness, recorded
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
 from tactile_nodes.sensing.sync.clocks import ClockFit, SyncLimits, fit_clocks
-from tactile_nodes.sensing.sync.light import light_edges
+from tactile_nodes.sensing.sync.light import LightWatch
 
 MS = 1_000_000
 
@@ -254,10 +254,14 @@ def test_a_light_before_a_camera_and_a_line_of_the_host_are_brought_together() -
     edges = irregular(60).line_edges()
     start_ns = np.arange(0, edges[-1].stamp_ns, 16_666_667)
     levels = np.array([light_brightness(edges, int(each), 0.010) for each in start_ns])
-    observed = light_edges(start_ns + 100 * MS, levels, 0.010)
+    watch = LightWatch(0.010)
+    observed = [watch.take(int(each) + 100 * MS, float(level)) for each, level in zip(start_ns, levels, strict=True)]
+    stamps_ns, lit, uncertainty_s = (
+        np.concatenate([getattr(each, name) for each in observed]) for name in ('stamp_ns', 'level', 'uncertainty_s')
+    )
     host = np.array([edge.stamp_ns for edge in edges])
     host_levels = np.array([edge.level for edge in edges])
-    fit = fit_clocks(observed.stamp_ns, host, SyncLimits(0.01), observed.level, host_levels, observed.uncertainty_s)
+    fit = fit_clocks(stamps_ns, host, SyncLimits(0.01), lit, host_levels, uncertainty_s)
     assert isinstance(fit, ClockFit), fit
     assert abs(fit.offset_s + 0.1) < 0.002
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 import numpy as np
+from light_runs import light_edges
 
 from tactile_nodes.collection.press.sync_pattern import pattern_gaps
 from tactile_nodes.collection.settings import SyncSettings
@@ -22,7 +23,6 @@ from tactile_nodes.emulators.sync_line import RecorderFaults, recorded
 from tactile_nodes.emulators.world import Edge
 from tactile_nodes.learning.recorded.clocks import Edges, fitted
 from tactile_nodes.sensing.sync.clocks import ClockFit, Refusal
-from tactile_nodes.sensing.sync.light import light_edges
 
 START_NS = 1_795_000_000_000_000_000
 SECOND_NS = 1_000_000_000

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from tactile_nodes.sensing.sync.light import light_edges
+from light_runs import light_edges
 
 MS = 1_000_000
 

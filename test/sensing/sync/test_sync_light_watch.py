@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from light_runs import light_edges
 
 from tactile_nodes.emulators.sync_line import light_brightness
 from tactile_nodes.emulators.world import Edge
 from tactile_nodes.sensing.sync.clocks import ClockFit, SyncLimits, fit_clocks
-from tactile_nodes.sensing.sync.light import LightWatch, light_edges
+from tactile_nodes.sensing.sync.light import LightWatch
 
 PERIOD_NS = 16_666_667
 EXPOSURE_S = 0.008
