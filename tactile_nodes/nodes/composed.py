@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.bus.node.runtime import NodeFactory, run_nodes
-from tactile_nodes.errors import ConfigurationError, TactileError
+from tactile_nodes.errors import NOT_AGAIN, ConfigurationError, TactileError
 from tactile_nodes.launching import packages
 
 KNOWN = (
@@ -58,7 +58,7 @@ def run(argv: Sequence[str]) -> int:
         factories: list[NodeFactory] = [node_class(name) for name in names]
     except TactileError as error:
         sys.stderr.write(f'{error}\n')
-        return 1
+        return NOT_AGAIN
     return run_nodes(factories, [word for word in argv if word not in names])
 
 

@@ -7,6 +7,9 @@ import sys
 
 import pytest
 
+from tactile_nodes.errors import NOT_AGAIN
+from tactile_nodes.nodes import composed
+
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_program_that_is_asked_to_end_while_it_imports_ends_quietly(name: str) -> None:
@@ -38,3 +41,9 @@ def test_whoever_else_imports_nodes_keeps_its_signals() -> None:
         'assert signal.getsignal(signal.SIGINT) is before'
     )
     assert subprocess.run([sys.executable, '-c', code], check=False).returncode == 0
+
+
+def test_a_wrong_name_to_compose_ends_a_program_for_good(capsys: pytest.CaptureFixture[str]) -> None:
+    """Else a launch would start it again for ever."""
+    assert composed.run(['flow_featurs']) == NOT_AGAIN
+    assert "there is no node 'flow_featurs' to compose; available: camera, " in capsys.readouterr().err
