@@ -327,6 +327,23 @@ def test_when_nothing_comes_what_is_most_wrong_is_named(page: Any) -> None:
         assert page.evaluate(told, {'force': {}, 'slow': {'health': health}}) == ['nodata', 'NO DATA', sentence]
 
 
+def test_a_live_view_that_hangs_is_no_sensor_that_sends_nothing(page: Any) -> None:
+    """Its connection stays open, also when the network on the way to it has gone."""
+    told = """async () => {
+        const { Link } = await import('/static/js/link.js');
+        const { statusOf } = await import('/static/js/status.js');
+        const link = Object.create(Link.prototype, { open: { value: true } });
+        return [1000, 4000].map((ago) => {
+            link.heardAt = performance.now() - ago;
+            return statusOf({ force: {}, slow: { health: [] } }, 5, false, link);
+        });
+    }"""
+    assert page.evaluate(told) == [
+        ['nodata', 'NO DATA', 'No data for 5 s.'],
+        ['nodata', 'NO CONNECTION', 'The live view does not respond, no data for 5 s.'],
+    ]
+
+
 def test_a_node_that_was_silent_long_before_the_data_ended_is_not_named(page: Any) -> None:
     """A recorder that ended an hour ago, say. The camera was lost with its last words."""
     told = "async (fields) => (await import('/static/js/status.js')).statusOf(fields, 5, false, { open: true })"

@@ -2,6 +2,7 @@
 // than this page can show.
 
 const RETRY_MS = [200, 500, 1000, 2000];
+const SILENT_MS = 3000; // the node sends more often than that, to a page that is seen
 const TRY_AGAIN_LATER = 1013; // code with which the node closes a connection of one page too many
 
 export class Link {
@@ -14,7 +15,13 @@ export class Link {
     this.onChange = onChange;
     this.mayAct = undefined; // until the node has sent it
     this.failures = 0;
+    this.heardAt = performance.now();
     this.connect();
+  }
+
+  /** Whether nothing comes although the connection is open: the node hangs, or the network on the way to it. */
+  get silent() {
+    return !document.hidden && performance.now() - this.heardAt > SILENT_MS;
   }
 
   connect() {
@@ -26,6 +33,7 @@ export class Link {
   }
 
   take(data) {
+    this.heardAt = performance.now();
     if (typeof data === 'string') {
       this.mayAct = JSON.parse(data).may_act;
       this.failures = 0;

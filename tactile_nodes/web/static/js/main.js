@@ -95,6 +95,7 @@ function watch() {
   showContacts(fields?.force ?? null, isLive);
   controls.show(fields?.slow, link.open);
   document.body.classList.toggle('cut', !link.open);
+  if (!isLive) $('fps').textContent = '–';
   const imageAge = page.imageAt ? (performance.now() - page.imageAt) / 1000 : Infinity;
   const veil = $('camera-veil');
   veil.hidden = imageAge < 1.5;

@@ -6,10 +6,10 @@ const WORDS = { ok: 'OK', degraded: 'DEGRADED', invalid: 'INVALID' };
 
 /** A status, its word, and a sentence about it, for data of this age in seconds that came through a link. */
 export function statusOf(fields, age, isLive, link) {
-  if (!link.open) {
+  if (!link.open || link.silent) {
     if (link.refusal) return ['nodata', 'NO CONNECTION', link.refusal];
     const since = fields?.force ? `, no data for ${age.toFixed(0)} s` : '';
-    return ['nodata', 'NO CONNECTION', `The live view does not respond${since}. Reconnecting.`];
+    return ['nodata', 'NO CONNECTION', `The live view does not respond${since}.${link.open ? '' : ' Reconnecting.'}`];
   }
   if (!fields?.force) return ['waiting', 'WAITING', complaint(fields, age) ?? 'No force yet. The nodes are starting.'];
   if (!isLive) return ['nodata', 'NO DATA', `No data for ${age.toFixed(0)} s. ${complaint(fields, age) ?? ''}`.trim()];
