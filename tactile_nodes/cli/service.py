@@ -98,7 +98,7 @@ def call(arguments: argparse.Namespace) -> int:
         _call_once(bus, service, type_name, request, arguments.timeout)
         next_ns = bus.clock.now_ns()
         while arguments.rate:
-            next_ns += round(1e9 / arguments.rate)
+            next_ns = max(next_ns + round(1e9 / arguments.rate), bus.clock.now_ns())  # no burst after a pause
             bus.clock.sleep_until(next_ns)
             _call_once(bus, service, type_name, request, arguments.timeout)
     return 0

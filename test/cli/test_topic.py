@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import io
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import pytest
 from running_system import Tactile, wait_until
@@ -20,6 +22,7 @@ from tactile_nodes.cli.main import main
 from tactile_nodes.cli.running.session import interruptible
 from tactile_nodes.cli.topic import _end_text
 from tactile_nodes.cli.topic.echo import awaited_type
+from tactile_nodes.cli.topic.pub import _publish_all
 from tactile_nodes.cli.topic.rate import Bandwidth, Delay, Rate
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.errors import MessageError
@@ -55,6 +58,27 @@ def test_a_verbose_list_counts_both_ends(other: ZmqBus, tactile: Tactile) -> Non
     assert printed == (
         f'Published topics:\n * /b [{STRING}] 2 publishers\n\nSubscribed topics:\n * /b [{STRING}] 1 subscriber\n\n'
     )
+
+
+def test_what_was_not_published_during_a_pause_is_not_published_at_once_after_it() -> None:
+    """Ctrl-Z and fg, say: a gripper must not get a hundred commands in a moment."""
+    times_ms: list[int] = []
+
+    class Paused(SteppedClock):
+        def sleep_until(self, deadline_ns: int) -> None:
+            self.set_ns(max(self.now_ns(), deadline_ns))
+
+    class Publishing:
+        type_name = STRING
+
+        def publish(self, _: object) -> None:
+            times_ms.append(clock.now_ns() // MS)
+            clock.advance(1.0 if len(times_ms) == 2 else 0.001)
+
+    clock = Paused()
+    arguments = argparse.Namespace(once=False, times=5, rate=10.0, print=0, keep_alive=0.0)
+    _publish_all(SimpleNamespace(clock=clock), Publishing(), {'data': 'hi'}, arguments)
+    assert times_ms == [0, 100, 1100, 1200, 1300]
 
 
 def test_info_tells_type_and_counts(other: ZmqBus, tactile: Tactile) -> None:

@@ -142,7 +142,7 @@ def _publish_all(bus: ProcessBus, publisher: Publisher, values: dict[str, Any], 
         if arguments.print and number % arguments.print == 0:
             print(f'publishing #{number}: {to_python(message)}\n', flush=True)
         publisher.publish(message)
-        next_ns += round(NS_PER_S / arguments.rate)
+        next_ns = max(next_ns + round(NS_PER_S / arguments.rate), bus.clock.now_ns())  # no burst after a pause
     _pause(bus.clock, max(0.0, arguments.keep_alive))
 
 
