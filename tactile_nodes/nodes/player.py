@@ -68,6 +68,7 @@ class PlayerParams(NodeParams):
         "topic computed from the images, or '*/' and its name: the player ends when it has come for the last image",
         read_only=True,
     )
+    most_hz: float = parameter(0.0, 'that of flow_features: the last images may have no answer', read_only=True)
 
 
 class PlayerNode(Node):
@@ -230,11 +231,12 @@ class PlayerNode(Node):
 
     def _unanswered(self) -> list[str]:
         """The topics that have not come yet for the last image of their sensor."""
+        apart_ns = NS_PER_S / self.params.most_hz if self.params.most_hz else 0
         return [
             each.topic
             for each, answered_ns in self._answers.items()
             if (last := self._last_images.get(each.topic.rpartition('/')[0])) is not None
-            and answered_ns < stamp_ns(self.reader.decode(last).header.stamp)
+            and answered_ns + apart_ns < stamp_ns(self.reader.decode(last).header.stamp)
         ]
 
     def _wait_until(self, holds: Callable[[], bool], at_most_s: float) -> float:

@@ -170,10 +170,15 @@ class SlowAnswers(JumpingClock):
 
 
 @pytest.mark.parametrize(
-    ('answered', 'said'), [(COUNT, ''), (1, '/left/force_distribution: nothing came for the last images within 30 s')]
+    ('answered', 'most_hz', 'said'),
+    [
+        (COUNT, 0.0, ''),
+        (1, 0.0, '/left/force_distribution: nothing came for the last images within 30 s'),
+        (1, 1.0, ''),  # those of the same second are skipped
+    ],
 )
 def test_a_player_waits_for_the_force_of_the_last_picture(
-    bus: InProcessBus, tmp_path: Path, capsys: pytest.CaptureFixture[str], answered: int, said: str
+    bus: InProcessBus, tmp_path: Path, capsys: pytest.CaptureFixture[str], answered: int, most_hz: float, said: str
 ) -> None:
     stamps_ns = [START_NS + number * 100_000_000 for number in range(COUNT)]
     writer = BagWriter(tmp_path / 'images')
@@ -183,6 +188,7 @@ def test_a_player_waits_for_the_force_of_the_last_picture(
         writer.write('/left/image_raw', messages.encode(types.Image(header=header)), at_ns, at_ns)
     writer.close()
     values = {'bag': str(tmp_path / 'images'), 'topics': ['*/image_raw'], 'answer': '*/force_distribution'}
+    values['most_hz'] = most_hz
     located = {name: Located(value, 'test') for name, value in values.items()}
     clock = SlowAnswers(bus, *stamps_ns[: answered : COUNT - 1])
     node = PlayerNode(bus, NodeArguments(parameters=(NodeParameters('/**', located),)), clock)

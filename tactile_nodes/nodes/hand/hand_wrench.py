@@ -50,7 +50,7 @@ class HandWrenchNode(Node):
         self._hand = load_hand(self.params.hand)
         self._forces = HandForces(self._hand, *self._replayed()) if self.params.bag else HandForces(self._hand)
         self._in_sums: set[str] = set()  # since the last report: on a busy machine, some sums lack a sensor
-        self._sums = self._reported = 0
+        self._sums = 0
         self._wrench = self.create_publisher(topics.HAND_WRENCH)
         self._transforms = self.create_publisher(topics.TF_STATIC)
         self._transforms.publish(force_shapes.hand_transforms(self._hand, self.clock.now_ns()))
@@ -89,11 +89,7 @@ class HandWrenchNode(Node):
             self._sums += 1
 
     def _report(self) -> None:
-        new, self._reported = self._sums > self._reported, self._sums
         missing, self._in_sums = ', '.join(name for name in self._hand.names if name not in self._in_sums), set()
-        if not new:
-            self.report('sum', Level.WARN, 'no force from any sensor', sums=self._sums)
-            return
         text = f'without {missing}: {WHY}' if missing else f'of all {len(self._hand.sensors)} sensors'
         self.report('sum', Level.WARN if missing else Level.OK, text, sums=self._sums)
 
