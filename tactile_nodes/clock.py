@@ -81,6 +81,11 @@ def monotonic_s() -> float:
     return time.monotonic()
 
 
+def thread_s() -> float:
+    """Processor time that the calling thread has used, in seconds; it does not count while it waits for its turn."""
+    return time.thread_time()
+
+
 def from_monotonic_ns(monotonic_ns: int) -> int:
     """Convert a kernel stamp on CLOCK_MONOTONIC (V4L2's, for example) to the host's time base."""
     return monotonic_ns + anchor_ns()

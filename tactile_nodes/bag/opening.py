@@ -11,8 +11,7 @@ from tactile_nodes.clock import NS_PER_S
 PATIENCE_S = 2.0
 """How long a topic may take until its first message arrives; on a loaded machine 1.3 s were measured."""
 
-_SOON = 100
-"""Messages of a publisher: one whose first one here is later was running before, as a camera beside a replay."""
+_SOON = 100  # messages: a publisher that has sent more was running before, as a camera beside a replay
 
 
 class Arrival(NamedTuple):

@@ -13,8 +13,7 @@ import numpy as np
 NS_PER_S = 1_000_000_000
 STAGES = ('acquire', 'flow', 'features', 'predict', 'transport', 'end to end')
 
-OTHER_TIME_S = 60.0
-"""A force older than this is of a bag that is played, and has no latency."""
+OTHER_TIME_S = 60.0  # a force older than this is of a bag that is played, and has no latency
 
 
 @dataclass(frozen=True)

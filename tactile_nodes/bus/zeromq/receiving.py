@@ -16,7 +16,7 @@ from tactile_nodes.bus.zeromq.discovery import LOOK_EVERY_S
 from tactile_nodes.bus.zeromq.loop import Loop
 from tactile_nodes.bus.zeromq.records import Outlet, Record
 from tactile_nodes.bus.zeromq.sockets import longest_message, open_socket
-from tactile_nodes.clock import monotonic_s
+from tactile_nodes.clock import monotonic_s, thread_s
 from tactile_nodes.errors import MessageError, TactileError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SHORTEST_QUEUE = 8
 _CHECK_LIVES_EVERY_S = 0.5
-_LOOK_AT_MOST = 20  # looking takes a twentieth of the time, however many there are to look at,
+_LOOK_AT_MOST = 20  # looking takes a twentieth of a processor, however many there are to look at,
 _LOOK_AT_ONCE = 4  # or a quarter when this process itself has changed what it wants
 _LEAVE_AFTER_S = 1.0  # what a publisher that has gone sent last may still be on its way
 
@@ -71,18 +71,18 @@ class Hub(Loop):
         self._next_look_s = min(self._next_look_s, self._earliest_look_s)
 
     def _look_around(self) -> None:
-        began_s = monotonic_s()
+        used_s = thread_s()
         self._bus.greet_newcomers()
         changed_ns = self._bus.meeting.changed_ns()
-        check_lives = began_s >= self._next_check_s
+        check_lives = monotonic_s() >= self._next_check_s
         if self._look_now or check_lives or changed_ns != self._looked_at_ns:
             self._look_now = False
             self._looked_at_ns = changed_ns
             self._connect(self._bus.meeting.look(trusting=not check_lives))
-        now_s = monotonic_s()
-        pause_s = max(LOOK_EVERY_S, _LOOK_AT_MOST * (now_s - began_s))
+        now_s, cost_s = monotonic_s(), thread_s() - used_s
+        pause_s = max(LOOK_EVERY_S, _LOOK_AT_MOST * cost_s)
         self._next_look_s = now_s + pause_s
-        self._earliest_look_s = now_s + _LOOK_AT_ONCE * (now_s - began_s)
+        self._earliest_look_s = now_s + _LOOK_AT_ONCE * cost_s
         if check_lives:
             self._stay_present()
             self._next_check_s = now_s + max(_CHECK_LIVES_EVERY_S, pause_s)
