@@ -39,7 +39,7 @@ class Discovery:
         variables = os.environ if environment is None else environment
         found = (wish or variables.get(RANGE_VARIABLE, '') or LOCALHOST).upper()
         if found not in {LOCALHOST, SUBNET}:
-            raise ConfigurationError(f'unknown discovery range {found}; choose {LOCALHOST} or {SUBNET}')
+            raise ConfigurationError(f'{RANGE_VARIABLE} is {found}; choose LOCALHOST or SUBNET (dds_range:=)')
         if peers and found == LOCALHOST:
             raise ConfigurationError(f'peers on other machines need discovery_range:={SUBNET}')
         return cls(found, tuple(peers))

@@ -95,6 +95,11 @@ def test_what_cannot_be_is_refused(wish: str, peers: tuple[str, ...]) -> None:
         Discovery.chosen(wish, peers, {})
 
 
+def test_a_value_of_the_variable_that_is_not_known_here_is_refused_by_its_name() -> None:
+    with pytest.raises(ConfigurationError, match='ROS_AUTOMATIC_DISCOVERY_RANGE is SYSTEM_DEFAULT; choose LOCALHOST'):
+        Discovery.chosen('', (), {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'system_default'})
+
+
 def test_a_topic_of_the_table_needs_no_type() -> None:
     assert Wish.parse('/robot/wrench') == Wish('/robot/wrench', 'geometry_msgs/msg/WrenchStamped')
 
