@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import fnmatch
 import math
-from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 from tactile_nodes.clock import NS_PER_S
@@ -66,9 +66,8 @@ class Opening:
     @property
     def has_begun(self) -> bool:
         """Whether a message has come on the topic with which the recording starts, of one who starts to publish."""
-        return not self._begins_with or any(
-            each.sequence <= _SOON and fnmatchcase(each.topic, self._begins_with) for each in self._first.values()
-        )
+        early = [each.topic for each in self._first.values() if each.sequence <= _SOON]
+        return not self._begins_with or bool(fnmatch.filter(early, self._begins_with))
 
     @property
     def is_full(self) -> bool:

@@ -1,8 +1,8 @@
 """A server for Foxglove and Lichtblick: channels with ROS 2 definitions, fed with the serialized messages.
 
 Foxglove's own server does not check the origin of connections, and its open port would bypass our access control. So
-this server implements their protocol itself. Clients can watch, but change nothing. Each viewer has its own queue,
-which drops a message when it is full: the oldest of the same topic.
+this server implements their protocol itself. Clients can watch, but change nothing. Each viewer has a queue for each
+topic, which drops the oldest message when it is full, and the topics take turns.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Callable, Collection
 
 from aiohttp import WSMsgType, web
 
+from tactile_nodes.bus.topics import default_qos
 from tactile_nodes.clock import monotonic_s
 from tactile_nodes.errors import MessageError
 from tactile_nodes.foxglove_view import protocol
@@ -25,8 +26,7 @@ from tactile_nodes.web.complaints import Complaints
 from tactile_nodes.web.door import Door
 from tactile_nodes.web.serving import Serving
 
-QUEUE = 32
-"""Most messages that wait for one viewer: 6 MB of images. A viewer that keeps up has only a few waiting."""
+FEWEST, QUEUE = 4, 32  # messages of a topic that wait for one viewer: as many as in the table, within these
 MOST_VIEWERS = 16
 HEARTBEAT_S = 10.0
 LONGEST_ORDER = 1 << 20
@@ -69,11 +69,6 @@ class FoxgloveServer:
     def address(self) -> str:
         """The address that Foxglove connects to."""
         return self._serving.url.replace('http', 'ws', 1).rstrip('/')
-
-    @property
-    def link(self) -> str:
-        """The link that opens Foxglove on this data."""
-        return protocol.link(self.address)
 
     def offer(self, topic: str, type_name: str) -> None:
         """Offer a topic to the viewers.
@@ -192,12 +187,12 @@ class FoxgloveServer:
 
 
 class _Viewer:
-    """The queues of one viewer: all texts, in order, and the newest messages."""
+    """The queues of one viewer: all texts, in order, and the newest messages of each topic."""
 
     def __init__(self) -> None:
         self.subscriptions: dict[Channel, int] = {}
         self._words: deque[str] = deque()
-        self._messages: deque[tuple[str, bytes]] = deque()
+        self._messages: dict[str, deque[bytes]] = {}
         self._news = asyncio.Event()
 
     def tell(self, text: str) -> None:
@@ -210,12 +205,18 @@ class _Viewer:
             self.tell(protocol.complaint(text))
 
     def show(self, topic: str, data: bytes) -> None:
-        """Send a message; if too many wait, in the place of the oldest of its topic, else of the oldest of all."""
-        if len(self._messages) >= QUEUE:
-            waiting = (place for place, (each, _) in enumerate(self._messages) if each == topic)
-            del self._messages[next(waiting, 0)]
-        self._messages.append((topic, data))
+        """Send a message; if too many of its topic wait, in the place of the oldest of them."""
+        most = max(FEWEST, min(QUEUE, default_qos(topic).depth))
+        self._messages.setdefault(topic, deque(maxlen=most)).append(data)
         self._news.set()
+
+    def _take(self) -> bytes:
+        """The oldest message of the topic that has waited longest for its turn."""
+        topic = next(iter(self._messages))
+        waiting = self._messages.pop(topic)
+        if len(waiting) > 1:
+            self._messages[topic] = waiting  # behind all others
+        return waiting.popleft()
 
     async def send_through(self, channel: web.WebSocketResponse) -> None:
         try:
@@ -226,6 +227,6 @@ class _Viewer:
                     if self._words:
                         await channel.send_str(self._words.popleft())
                     else:
-                        await channel.send_bytes(self._messages.popleft()[1])
+                        await channel.send_bytes(self._take())
         except ConnectionError:  # it has gone; the receiving loop ends the connection
             return

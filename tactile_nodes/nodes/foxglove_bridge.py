@@ -14,6 +14,7 @@ from tactile_nodes.bus.node.node import Node, NodeParams
 from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.clock import Clock
+from tactile_nodes.foxglove_view.protocol import link
 from tactile_nodes.foxglove_view.server import FoxgloveServer
 from tactile_nodes.foxglove_view.showing import Showing
 from tactile_nodes.params import parameter
@@ -79,8 +80,8 @@ class FoxgloveBridgeNode(Node):
 
     def _announce(self) -> None:
         layout = share_directory() / 'config' / 'foxglove' / 'tactile.json'
-        server, address = self.server, self.params.address
-        self.log.info(f'serving {server.address}; open {server.link} or connect Lichtblick; layout to import: {layout}')
+        served, address = self.server.address, self.params.address
+        self.log.info(f'serving {served}; open {link(served)} or connect Lichtblick; layout to import: {layout}')
         if self.params.guests == Guests.WATCH.value:
             who = 'every user of this machine' if is_loopback(address) else f'anyone who can reach {address}'
             self.log.warn(f'{who} can watch')

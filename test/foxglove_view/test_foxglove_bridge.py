@@ -7,6 +7,7 @@ import json
 import os
 import socket
 import struct
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -22,6 +23,7 @@ from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import parse_arguments
 from tactile_nodes.bus.node.node import Node
 from tactile_nodes.errors import AddressInUseError, BusError
+from tactile_nodes.foxglove_view.server import _Viewer
 from tactile_nodes.messages import types
 from tactile_nodes.nodes.foxglove_bridge import ORIGINS, FoxgloveBridgeNode
 from tactile_nodes.web import accounts
@@ -289,6 +291,19 @@ def test_pictures_take_no_place_of_another_topic_at_a_viewer_that_falls_behind(
             return await hear(behind, 202)
 
     assert 250 in asyncio.run(look())
+
+
+def test_a_slow_viewer_gets_some_of_every_topic() -> None:
+    """Twenty topics, as of a sensor with its views, three frames between two messages that it takes."""
+    slow, taken = _Viewer(), Counter[str]()
+    for frame in range(180):
+        for topic in range(20):
+            slow.show(f'/topic_{topic}', f'/topic_{topic}'.encode())
+        if frame % 30 == 0:
+            slow.show('/diagnostics', b'/diagnostics')
+        if frame % 3 == 0:
+            taken[slow._take().decode()] += 1
+    assert set(taken) == {f'/topic_{topic}' for topic in range(20)} | {'/diagnostics'}
 
 
 def test_a_taken_port_gives_way_to_the_next(bridge: Start) -> None:

@@ -96,9 +96,8 @@ class ParameterServer:
         """
         now = params.to_values(self.block)
         fixed = {name: value for name, value in {**now, **self._fixed}.items() if self._descriptions[name].read_only}
-        for name in values.keys() & fixed:
-            if values[name] != fixed[name]:
-                raise ConfigurationError(f'{name!r} can only be set when the node starts')
+        if other := [name for name in values if name in fixed and values[name] != fixed[name]]:
+            raise ConfigurationError(f'{other[0]!r} can only be set when the node starts')
         wanted = {name: value for name, value in values.items() if name not in fixed}
         changed = params.from_mapping(type(self.block), {**now, **wanted}, source='set')
         self._apply(changed)
