@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from tactile_nodes.bag.compare import find_topic
 from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, PRESS
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import BagError
@@ -53,14 +54,15 @@ def find_end(source: Source) -> Limit:
     return Limit(last_ns[topic], topic, (max(last_ns.values()) - last_ns[topic]) / NS_PER_S)
 
 
-def find_episodes(source: Source, cut: str, start: Limit, end: Limit) -> list[Episode]:
+def find_episodes(source: Source, cut: str, exclude: Sequence[str], start: Limit, end: Limit) -> list[Episode]:
     """The episodes of a bag from `start` to `end`, in order of time; each ends at a force message.
 
     When cut at presses, an episode begins where the window of the previous press ended, and ends with the window of its
     own press. Presses without a force in between are counted in the source's `left_out`.
 
     Raises:
-        BagError: there is no force from `start` on, their stamps jump, or the bag is to be cut at presses and has none.
+        BagError: there is no force from `start` on, their stamps jump, or the bag is to be cut at presses and has none,
+            or those of several rigs that are not in `exclude`.
     """
     stamps, end_ns = source.stamps_ns(_force_topics(source)[0]), end.at_ns
     if start.at_ns > end_ns:
@@ -71,7 +73,7 @@ def find_episodes(source: Source, cut: str, start: Limit, end: Limit) -> list[Ep
     _require_no_gap(source, stamps, start.at_ns, end_ns)
     if cut == BAG:
         return [Episode(start.at_ns, end_ns)]
-    presses = _presses(source)
+    presses = _presses(source, exclude)
     found = _cut(stamps, start.at_ns, end_ns, presses)
     if lost := len(presses) - len(found):
         source.left_out[f'presses of {source.bag.path.name}'] = (
@@ -129,12 +131,22 @@ def _details(press: Any) -> dict[str, Any]:
     }
 
 
-def _presses(source: Source) -> list[Any]:
+def _presses(source: Source, exclude: Sequence[str]) -> list[Any]:
     """A message for each attempt and window, sorted by window; an attempt marked suspect later keeps its window.
 
     A rig that is started anew within a bag presses the same attempts again, in other windows.
     """
-    topics = [name for name, described in source.bag.topics.items() if described.type_name == PRESS.type_name]
+    excluded = {find_topic(source.bag, topic) for topic in exclude}
+    topics = [
+        name
+        for name, described in source.bag.topics.items()
+        if described.type_name == PRESS.type_name and name not in excluded
+    ]
+    if len(topics) > 1:  # rigs that press at once would cut each other's presses
+        raise BagError(
+            f'{source.bag.path} holds the presses of several rigs: {", ".join(topics)}; export those of each alone, '
+            f'the first with --exclude {" ".join(topics[1:])}'
+        )
     messages = list(source.bag.messages(topics)) if topics else []
     if not messages:
         raise BagError(f'{source.bag.path} holds no presses, so it cannot be cut at presses; leave out --cut')
@@ -142,7 +154,7 @@ def _presses(source: Source) -> list[Any]:
     windows_ns: dict[Any, int] = {}
     for message in messages:
         press = source.bag.decode(message)
-        attempt = message.topic, press.plan_id, press.press, press.attempt  # two rigs may follow one plan
+        attempt = press.plan_id, press.press, press.attempt
         if press.status != types.Press.STATUS_SUSPECT:
             windows_ns[attempt] = stamp_ns(press.window_end)
             found[attempt, windows_ns[attempt]] = press

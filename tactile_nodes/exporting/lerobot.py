@@ -97,7 +97,7 @@ def _export_bag(
     features = features_of(list(source.layouts.values()), plan.state, plan.action)
     start = find_start(source, {feature.topic for feature in features})
     end = find_end(source)
-    episodes = find_episodes(source, plan.cut, start, end)
+    episodes = find_episodes(source, plan.cut, plan.exclude, start, end)
     meta.agree(features, _texts(source, features), source.bag.path)
     writing = _Writing(source, meta, episodes, facts)
     with progress.bar(f'exporting {source.bag.path.name}', source.count) as bar:

@@ -67,12 +67,12 @@ def write_bag(folder: Path, frames: int = 30, joint_names: Sequence[str] = ('a',
 
 
 def write_presses(
-    folder: Path, suspect: int = 0, rigs: tuple[str, ...] = (f'/{PRESS.name}',), *, together: bool = False
+    folder: Path, suspect: int = 0, rigs: tuple[str, ...] = (f'/{PRESS.name}',), *, first: int = 0
 ) -> None:
-    """Sixty forces, with presses whose windows end with the 20th and the 40th; the second one was rejected.
+    """Sixty forces, of which the `first` are lost, with presses whose windows end with the 20th and the 40th; the
+    second one was rejected.
 
-    They are presses 1 and 2 of one rig, or press 1 of each of two rigs, or of one rig started twice, with one plan; if
-    `together`, both rigs press both times.
+    They are presses 1 and 2 of one rig, or press 1 of one rig started twice, or of each of two rigs at once.
 
     At the end, as a rig does it, one that is `suspect` is called so.
     """
@@ -81,7 +81,8 @@ def write_presses(
     for rig in dict.fromkeys(rigs):
         writer.add_topic(BagTopic.of_type(rig, PRESS.type_name))
     for number in range(60):
-        _write(writer, f'/{FORCE_DISTRIBUTION.name}', force(number, START_NS + number * STEP_NS), 9_000_000)
+        if number >= first:
+            _write(writer, f'/{FORCE_DISTRIBUTION.name}', force(number, START_NS + number * STEP_NS), 9_000_000)
         if number in (19, 39):
             start_ns, end_ns = START_NS + (number - 3) * STEP_NS, START_NS + number * STEP_NS
             place = number // 20 + 1 if len(rigs) == 1 else 1
@@ -90,7 +91,7 @@ def write_presses(
                 window_start=messages.time_from_ns(start_ns), window_end=messages.time_from_ns(end_ns),
                 status=number // 20, reason='the force drifted' if number == 39 else '',
             )  # fmt: skip
-            for rig in rigs if together else [rigs[number // 20 % len(rigs)]]:
+            for rig in dict.fromkeys(rigs):
                 _write(writer, rig, press, 4 * STEP_NS)
     if suspect:
         entry = Entry(suspect, 1, RECORDED, 0)

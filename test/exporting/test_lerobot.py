@@ -183,20 +183,29 @@ def test_a_press_that_became_suspect_is_an_episode_of_its_own_that_says_so(tmp_p
     assert second['stamp_ns'][0].as_py() == START_NS + 20 * STEP_NS
 
 
-@pytest.mark.parametrize('second', ['/right/press', '/left/press'])
-def test_presses_of_two_runs_of_one_plan_are_all_episodes(second: str, tmp_path: Path) -> None:
-    write_presses(tmp_path / 'bag', rigs=('/left/press', second))
+def test_presses_of_two_runs_of_one_plan_are_all_episodes(tmp_path: Path) -> None:
+    write_presses(tmp_path / 'bag', rigs=('/left/press', '/left/press'))
     words = ['--cut', 'presses', '--fps', '60']
     assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
     episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
     assert [(each['press'], each['press_status']) for each in episodes] == [(1, 0), (1, 1)]
 
 
+def test_of_rigs_that_press_at_once_one_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_presses(tmp_path / 'bag', rigs=('/left/press', '/right/press'))
+    words = ['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), '--cut', 'presses']
+    assert main(words) == 1
+    assert 'of each alone, the first with --exclude /right/press' in ' '.join(capsys.readouterr().err.split())
+    assert main([*words, '--exclude', '/right/press']) == 0
+    episodes = pq.read_table(tmp_path / 'set/meta/episodes/chunk-000/file-000.parquet').to_pylist()
+    assert [each['press_status'] for each in episodes] == [0, 1]
+
+
 def test_presses_without_a_force_of_their_own_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_presses(tmp_path / 'bag', rigs=('/left/press', '/right/press'), together=True)
+    write_presses(tmp_path / 'bag', first=25)
     words = ['--cut', 'presses', '--fps', '60']
     assert main(['export', 'lerobot', str(tmp_path / 'bag'), '-o', str(tmp_path / 'set'), *words]) == 0
-    assert 'left out: presses of bag (2 of 4: no force after the window before' in capsys.readouterr().out
+    assert 'left out: presses of bag (1 of 2: no force after the window before' in capsys.readouterr().out
 
 
 def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
