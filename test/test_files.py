@@ -150,7 +150,7 @@ def test_a_single_array_of_gigabytes_is_no_data_set(tmp_path: Path) -> None:
     with (tmp_path / 'a.npz').open('wb') as file:
         np.lib.format.write_array_header_1_0(file, {'descr': '<f4', 'fortran_order': False, 'shape': (5 << 30,)})
         file.truncate(20 << 30)
-    assert 'but a single array of numbers' in refusal(load_dataset, tmp_path / 'a.npz')
+    assert 'is not a data set of tactile_nodes' in refusal(load_dataset, tmp_path / 'a.npz')
 
 
 def test_a_data_set_whose_list_of_entries_takes_gigabytes_is_refused_before_it_is_read(tmp_path: Path) -> None:

@@ -14,15 +14,17 @@ from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Float, Float32
 
 SPANNED_MM = 4.0
-"""Places closer than this along x or y do not determine the axes."""
+"""Places closer than this along x or y do not determine the axes, unless motion surely follows them."""
+CLOSE_MM, WIDE = 1.0, 0.25
+"""Places closer than this cannot show motion over that share of the image, unless they are in another unit."""
 FOLLOWS = 0.5
 """Correlation below which motion does not follow the table; places of correct tables are above 0.9."""
 FOLLOWS_FORCE = 0.3
 """The same for forces and many presses: between a few printed dots, motion also depends on the distance to the next dot
 (0.48 with a thin tip and forces of 14 to 23 g). With few presses, the limit is twice the standard deviation of the
 correlation with unrelated forces."""
-CLEARLY = 0.8
-"""Correlation from which motion follows something else than the table states."""
+CLEARLY, SURELY = 0.8, 0.9
+"""Correlation from which motion follows something else than the table states, and from which no chance explains it."""
 ASIDE_MM, ASIDE_TIMES = 4.0, 6.0
 """A press is named if its motion is farther from its place than this, in mm and in multiples of the median."""
 ALIKE = 1.2
@@ -53,10 +55,13 @@ def middles(strength: Float[np.ndarray, 'n rows cols']) -> Float[np.ndarray, 'n 
 
 def places_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) -> str:
     """What is wrong with the given places, compared with those seen; empty if nothing is, or if they do not suffice."""
-    if min(np.ptp(place_mm, axis=0)) < SPANNED_MM:
-        return ''
-    own = [_correlation(place_mm[:, axis], seen[:, axis]) for axis in (0, 1)]
-    if min(own) >= FOLLOWS:
+    own, spanned_mm = _followed(place_mm, seen), np.ptp(place_mm, axis=0)
+    if min(own) >= SURELY and max(spanned_mm) < CLOSE_MM and min(np.ptp(seen, axis=0)) >= WIDE:
+        return (
+            f'the given places differ by {max(spanned_mm):.2g} mm at most, but the images move from one side to the '
+            'other: check the unit of x and y'
+        )
+    if min(own) >= FOLLOWS or min(spanned_mm) < SPANNED_MM:
         return ''
     if min(abs(_correlation(place_mm[:, axis], seen[:, 1 - axis])) for axis in (0, 1)) >= CLEARLY:
         return 'the images move along y when the given x changes, and along x when y changes: x and y are swapped'
@@ -74,7 +79,7 @@ def places_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray,
 
 def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2'], sensor: Sensor) -> str:
     """What is wrong with a sensor's description, compared with the motion in images from place to place."""
-    if min(np.ptp(place_mm, axis=0)) < SPANNED_MM:
+    if min(np.ptp(place_mm, axis=0)) < SPANNED_MM and min(_followed(place_mm, seen)) < SURELY:
         return ''
     expected = View(sensor).shares_of(place_mm)
     for axis, side_px in enumerate(sensor.image.crop_px):
@@ -84,7 +89,8 @@ def description_objection(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.nda
         if not described / SCALE <= found <= described * SCALE:
             return (
                 f'the moving spot shifts by {found:.0f} pixels per mm along {"xy"[axis]} between presses, but the '
-                f'description of the sensor gives {described:.0f}: one of them is of another camera or gel'
+                f'description of the sensor gives {described:.0f}: one of them is of another camera or gel, or the '
+                'places are in another unit'
             )
     return ''
 
@@ -133,6 +139,11 @@ def _without(one: Float[np.ndarray, ' n'], other: Float[np.ndarray, ' n']) -> Fl
     """The part of `other` that does not follow `one` linearly."""
     from_one = np.column_stack([one, np.ones(len(one))])
     return np.asarray(other - from_one @ np.linalg.lstsq(from_one, other, rcond=None)[0])
+
+
+def _followed(place_mm: Float[np.ndarray, 'n 2'], seen: Float[np.ndarray, 'n 2']) -> list[float]:
+    """The correlation of given and seen places along x, and along y."""
+    return [_correlation(place_mm[:, axis], seen[:, axis]) for axis in (0, 1)]
 
 
 def _correlation(one: Float[np.ndarray, ' n'], other: Float[np.ndarray, ' n']) -> float:

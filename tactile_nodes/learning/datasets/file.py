@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import shlex
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -39,7 +38,8 @@ _KINDS = {'f': ('features', 'labels', 'confidence', 'position_mm', 'depth_mm', '
           'b': ('contact',), 'U': ('reference_id', 'tare_id')}  # fmt: skip
 TEXTURE_GAINS = 'texture_gains'
 _NAMES = {'card', 'fingerprint', *array_names(), *OPTIONAL, TEXTURE_GAINS}
-_ARRAY = b'\x93NUMPY'
+_ZIP = b'PK'
+_HOW = 'make one from bags with: tactile dataset build, or from pictures and a table with: tactile dataset import'
 _LARGEST_RATIO = 20  # files are not compressed here; a user who compresses one gains less than this
 _LARGEST_LIST = 1 << 20
 _SHAPES = {
@@ -87,10 +87,7 @@ def load_dataset(path: Path | str) -> RecordedPresses:
     path = Path(path)
     entries = _entries(path)
     if 'card' not in entries or 'fingerprint' not in entries:
-        raise DatasetError(
-            f'{path} is not a data set of tactile_nodes; make one with: tactile dataset build BAG -o '
-            f'{shlex.quote(str(path))}'
-        )
+        raise DatasetError(f'{path} is not a data set of tactile_nodes; {_HOW}')
     try:
         card = json.loads(str(entries.pop('card')))
         fingerprint = str(entries.pop('fingerprint'))
@@ -116,11 +113,9 @@ def _entries(path: Path) -> dict[str, Any]:
             with np.load(opened, allow_pickle=False) as loaded:
                 return {name: loaded[name] for name in loaded.files}
     except FileNotFoundError as error:
-        raise DatasetError(
-            f'there is no data set {path}; make one with: tactile dataset build BAG -o {shlex.quote(str(path))}'
-        ) from error
+        raise DatasetError(f'there is no data set {path}; {_HOW}') from error
     except OSError as error:
-        raise DatasetError(f'cannot read the data set {path} ({error.strerror or error}); check the file') from error
+        raise DatasetError(f'cannot read the data set {path} ({error.strerror or error}); {_HOW}') from error
     except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, SyntaxError, MemoryError,
             NotImplementedError, RuntimeError) as error:  # fmt: skip
         raise DatasetError(_damaged(path)) from error
@@ -128,8 +123,8 @@ def _entries(path: Path) -> dict[str, Any]:
 
 def _check_entries(path: Path, opened: BinaryIO) -> None:
     """Check names and sizes before unpacking: a file of 6 MB may unpack to 6 GB."""
-    if opened.read(len(_ARRAY)) == _ARRAY:
-        raise DatasetError(f'{path} is not a data set of tactile_nodes, but a single array of numbers')
+    if opened.read(len(_ZIP)) != _ZIP:
+        raise DatasetError(f'{path} is not a data set of tactile_nodes (.npz); {_HOW}')
     with zipfile.ZipFile(_Sparing(opened)) as archive:
         entries = archive.infolist()
     opened.seek(0)

@@ -31,7 +31,7 @@ def import_arrays(
     force_n: Float[np.ndarray, ' n'],
     *,
     options: BuildOptions,
-    indenter: str | Sequence[str] = '',
+    indenter: str | Sequence[str] | None = None,
     shear_n: Float[np.ndarray, 'n 2'] | None = None,
     torque_nm: Float[np.ndarray, 'n 3'] | None = None,
     depth_mm: Float[np.ndarray, ' n'] | None = None,
@@ -53,7 +53,7 @@ def import_arrays(
         y_mm: place along y.
         force_n: force into the gel; 0 is the gel untouched, of which at least one image is needed.
         options: how images are measured; `options_of` reads them from a model.
-        indenter: of all presses, or of each.
+        indenter: of all presses, or of each, if known.
         shear_n: force on the gel along x and y.
         torque_nm: about x, y and z (out of the gel).
         depth_mm: indentation depth, where known.
@@ -68,13 +68,13 @@ def import_arrays(
         ConfigurationError: an option that cannot be used.
     """
     count = len(images)
-    columns = {
+    columns: dict[str, Any] = {
         'x_mm': _numbers(f'{name}: x_mm', x_mm, count), 'y_mm': _numbers(f'{name}: y_mm', y_mm, count),
         'force_n': _numbers(f'{name}: force_n', force_n, count),
         'shear_n': _numbers(f'{name}: shear_n', shear_n, count, 2),
         'torque_nm': _numbers(f'{name}: torque_nm', torque_nm, count, 3),
         'depth_mm': _numbers(f'{name}: depth_mm', depth_mm, count),
-        'indenter': [indenter] * count if isinstance(indenter, str | bytes) else indenter,
+        'indenter': [indenter or ''] * count if isinstance(indenter, str | bytes | None) else list(indenter),
     }  # fmt: skip
     if len(columns['indenter']) != count:
         raise DatasetError(f'{name}: indenter has {len(columns["indenter"])} rows, but there are {count} images')
@@ -115,7 +115,7 @@ def _numbers(name: str, values: Any, *shape: int) -> np.ndarray:
 
 
 def _row(line: int, columns: dict[str, Any]) -> TablePress:
-    indenter = columns['indenter'][line]
+    indenter = columns['indenter'][line] or ''
     fx, fy = columns['shear_n'][line].tolist()
     tx, ty, tz = columns['torque_nm'][line].tolist()
     x_mm, y_mm, force_n, depth_mm = (float(columns[name][line]) for name in ('x_mm', 'y_mm', 'force_n', 'depth_mm'))

@@ -15,7 +15,7 @@ from coarse_table import linear_table
 
 from tactile_nodes.cli.main import main
 from tactile_nodes.errors import DatasetError
-from tactile_nodes.learning.agreement.objections import force_objection
+from tactile_nodes.learning.agreement.objections import description_objection, force_objection, places_objection
 from tactile_nodes.learning.agreement.rows import require_seen
 from tactile_nodes.learning.tables.columns import NEWTON_PER_GRAM
 from tactile_nodes.learning.tables.presses import read_table
@@ -208,6 +208,20 @@ def test_the_description_that_a_model_holds_is_checked(
     """Places stated half as far out as they were: from each to the next the picture moves twice as far."""
     assert command(edited(folder, scaled(0.5)), tmp_path / 'made') == 1
     assert 'one of them is of another camera or gel' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('by', 'said'), [(0.001, 'check the unit of x and y'), (0.1, 'places are in another unit')])
+def test_places_in_metres_or_centimetres_that_are_read_as_millimetres_are_refused(
+    by: float, said: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert imported(edited(folder, scaled(by)), tmp_path / 'made') == 1
+    assert said in capsys.readouterr().err
+
+
+def test_presses_at_nearly_one_place_are_in_no_other_unit() -> None:
+    random = np.random.default_rng(1)
+    place_mm, seen = random.normal(0, 0.01, (30, 2)), random.uniform(0.2, 0.8, (30, 2))
+    assert places_objection(place_mm, seen) == description_objection(place_mm, seen, SENSOR) == ''
 
 
 def test_a_calibration_that_makes_the_camera_another_one_is_no_calibration(

@@ -80,7 +80,7 @@ def test_the_fingerprint_does_not_depend_on_how_the_file_came_about(presses: Rec
 
 
 def test_a_missing_file_is_reported_with_what_makes_one(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match=r"there is no data set .*tactile dataset build BAG -o '.*/my presses.npz'"):
+    with pytest.raises(DatasetError, match=r'there is no data set .* with: tactile dataset build, or'):
         load_dataset(tmp_path / 'my presses.npz')
 
 
@@ -110,6 +110,15 @@ def test_a_plain_array_is_refused(tmp_path: Path) -> None:
         np.save(opened, np.zeros(3))
     with pytest.raises(DatasetError, match='not a data set'):
         load_dataset(tmp_path / 'array.npz')
+
+
+def test_a_table_or_a_bag_as_data_set_names_the_command_that_makes_one(tmp_path: Path) -> None:
+    (tmp_path / 'presses.csv').write_text('picture,x_mm,y_mm,force_n\n')
+    (tmp_path / 'bag').mkdir()
+    for name in ('presses.csv', 'bag'):
+        with pytest.raises(DatasetError, match='tactile dataset import') as refused:
+            load_dataset(tmp_path / name)
+        assert 'damaged' not in str(refused.value)
 
 
 def test_a_file_cut_short_is_refused(file: Path, tmp_path: Path) -> None:

@@ -38,12 +38,29 @@ def test_what_does_not_fit_four_images_is_named(wrong: dict[str, Any], said: str
         import_arrays(images, **{**GOOD, **wrong}, options=options_of('fast'), name='theirs')
 
 
-def test_one_indenter_in_bytes_is_that_of_all_presses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As an HDF5 attribute may be. Its four letters are no list of four indenters."""
+class Labelled(list[str]):
+    """Rows by a label, as of a filtered table."""
+
+    def __getitem__(self, label: Any) -> Any:
+        raise KeyError(label)
+
+
+@pytest.mark.parametrize(
+    ('indenter', 'expected'),
+    [
+        (b'ring', ['ring'] * 4),  # as an HDF5 attribute may be: its letters are no list of four indenters
+        (None, [''] * 4),
+        (['ring', None, b'edge', ''], ['ring', '', 'edge', '']),
+        (Labelled(['ring'] * 4), ['ring'] * 4),
+    ],
+)
+def test_indenters_of_all_presses_or_of_each_may_be_unknown(
+    indenter: Any, expected: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     tables = []
     monkeypatch.setattr(
         'tactile_nodes.learning.imported.arrays.import_presses',
         lambda sources, *_, **__: tables.append(sources[0].table),
     )
-    import_arrays(np.zeros((4, 48, 64), np.uint8), **GOOD, options=options_of('fast'), indenter=b'ring')
-    assert [row.indenter for row in tables[0].rows] == ['ring'] * 4
+    import_arrays(np.zeros((4, 48, 64), np.uint8), **GOOD, options=options_of('fast'), indenter=indenter)
+    assert [row.indenter for row in tables[0].rows] == expected
