@@ -96,6 +96,7 @@ def test_what_a_hand_presses_becomes_a_data_set_and_goes_on_where_it_ended(
     rows = read_table(table).rows
     assert [row.touches for row in rows] == [False] * RESTS + [False, True] * 5
     assert main(['dataset', 'import', str(table), '-o', str(tmp_path / 'presses.npz')]) == 0
+    assert f'has the image of line {RESTS + 1} again' not in capsys.readouterr().out  # the last one at the beginning
     presses = load_dataset(tmp_path / 'presses.npz')
     assert presses.card['indenters'] == ['ball:0.6'] and presses.contact.sum() == 5
 

@@ -90,7 +90,8 @@ class Guide:
         """
         watch = Watch(self._sensor, self._rest())
         while (target := self._wish.next(self._folder.done, self._skipped)) is not None:
-            self._person.press(target, self._picture(), self._folder.done)
+            self._untouched.append(self._picture())
+            self._person.press(target, self._untouched[-1], self._folder.done)
             self._press(watch, target)
 
     def missing(self) -> str:
@@ -114,7 +115,6 @@ class Guide:
         now = [self._picture() for _ in range(RESTS)]
         for each in now[len(kept) :]:
             self._folder.add_rest(each)
-        self._untouched.append(now[-1])
         return now
 
     def _require_same(self, before: Picture, now: Picture) -> None:

@@ -17,7 +17,7 @@ from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.datasets.split import Split, by_position, by_sample
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.model_file import LoadedModel, size_of_crop
+from tactile_nodes.model_file import LoadedModel, find_model, load_model, size_of_crop
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,24 @@ def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
     Raises:
         ConfigurationError: the configuration contradicts the file of recorded presses.
         DatasetError: that file cannot be used.
+        ModelError: there is no model of tips, or it has seen the presses that are to be put aside.
     """
-    if config.data.file:
-        return recorded_data(config, load_dataset(config.data.file), progress)
-    return simulated_data(config, progress)
+    file = config.data.file
+    data = recorded_data(config, load_dataset(file), progress) if file else simulated_data(config, progress)
+    return _with_tips(data) if config.readout == 'field' else data
+
+
+def _with_tips(data: TrainingData) -> TrainingData:
+    """The data of a readout `field`; they name the presses of the model that reads its tips, too."""
+    name, ours = data.config.field.tips, data.origin
+    theirs = load_model(find_model(name)).card.get('data', {})
+    seen = {each: [*ours.get(each, ()), *theirs.get(each, ())] for each in ('bags', 'pictures') if theirs.get(each)}
+    if any(len(each) > len(set(each)) for each in seen.values()) and ours.get('split_id') != theirs.get('split_id'):
+        raise ModelError(
+            f'the model of tips, {name}, has seen presses that would be put aside for the test; train it with the same '
+            '--dataset and --split, or name another (field.tips), such as portable'
+        )
+    return dataclasses.replace(data, origin={**ours, **seen})
 
 
 def simulated_data(config: TrainConfig, progress: Progress) -> TrainingData:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -12,13 +13,21 @@ import pytest
 from press_bags import SECOND_NS, START_NS, Collection, Sensor
 
 from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
-from tactile_nodes.learning.config import Choice, NetworkConfig, TrainConfig, TrainingConfig, load_train_config
+from tactile_nodes.learning.config import (
+    Choice,
+    DataConfig,
+    NetworkConfig,
+    TrainConfig,
+    TrainingConfig,
+    load_train_config,
+)
 from tactile_nodes.learning.datasets import picture
 from tactile_nodes.learning.datasets.file import load_dataset, save_dataset
 from tactile_nodes.learning.datasets.recordings import RecordedPresses, fingerprint_of
 from tactile_nodes.learning.datasets.report import report
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.recorded.building import BuildOptions, build
+from tactile_nodes.learning.training import source
 from tactile_nodes.learning.training.source import with_file
 from tactile_nodes.sensing.geometry import BinGrid
 from tactile_nodes.sensing.rest.reference import content_id
@@ -260,6 +269,21 @@ def test_another_file_of_the_same_bags_is_no_test(bag: Path, model: Path, tmp_pa
     save_dataset(tmp_path / 'each.npz', build([bag], dataclasses.replace(OPTIONS, frames='each')))
     with pytest.raises(ModelError, match='presses of the same bags'):
         evaluate_recorded(model, tmp_path / 'each.npz')
+
+
+def test_a_run_of_any_contact_names_the_presses_of_its_tips(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = TrainConfig(readout='field', data=DataConfig(file=str(file), split='position'))
+
+    def origin(**tips: object) -> Any:
+        monkeypatch.setattr(source, 'load_model', lambda _: SimpleNamespace(card={'data': tips}))
+        return source.training_data(run, Progress()).origin
+
+    alone = origin(origin='simulated')
+    others = origin(origin='calibration', bags=['other'], pictures=['one'])
+    assert (others['bags'], others['pictures']) == ([*alone['bags'], 'other'], ['one'])
+    assert origin(**alone)['split_id'] == alone['split_id']  # trained with the same split
+    with pytest.raises(ModelError, match='has seen presses that would be put aside'):
+        origin(origin='calibration', bags=alone['bags'])
 
 
 def test_bags_of_runs_that_ended_before_their_first_press_are_not_the_same_presses(
