@@ -20,7 +20,7 @@ from tactile_nodes.errors import DatasetError, ImageError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
 from tactile_nodes.sensing.features import Features, make_encoding
-from tactile_nodes.sensing.flow.choice import code_id, make_flow
+from tactile_nodes.sensing.flow.choice import MEASURING, code_id, make_flow
 from tactile_nodes.sensing.flow.dots import DotsFlow
 from tactile_nodes.sensing.geometry import centre_crop, largest_side
 from tactile_nodes.sensing.picture import moved_dots
@@ -33,6 +33,8 @@ from tactile_nodes.shapes import UInt8
 
 RECIPE = 1
 """Increased when the code below gives other features for the same images and options."""
+CODE = (*MEASURING, 'picture/*.py', 'rest/*.py')
+"""The code that measures motion, and that which removes the camera's."""
 
 
 class Measurer:
@@ -65,7 +67,7 @@ class Measurer:
     def recipe_id(self) -> str:
         """Sixteen hexadecimal digits of a hash over everything except the images that features depend on."""
         chosen = {
-            'recipe': [RECIPE, code_id()],
+            'recipe': [RECIPE, code_id(measuring=CODE)],
             'opencv': cv2.__version__,
             'flow': [self.flow.name, self.flow.options],
             'encoding': [self.encoding.name, self.encoding.options],

@@ -20,12 +20,12 @@ SENSING, MEASURING = Path(__file__).parents[1], ('flow/*.py', 'features.py')
 
 
 @cache
-def code_id(folder: Path = SENSING) -> str:
-    """Sixteen hexadecimal digits of a hash over the code that measures.
+def code_id(folder: Path = SENSING, measuring: tuple[str, ...] = MEASURING) -> str:
+    """Sixteen hexadecimal digits of a hash over the code that measures, in files of these patterns.
 
     Features that other code has measured would not fit the response of a model, which this code computes.
     """
-    files = [file for pattern in MEASURING for file in sorted(folder.glob(pattern))]
+    files = [file for pattern in measuring for file in sorted(folder.glob(pattern))]
     return hashlib.sha256(b''.join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 

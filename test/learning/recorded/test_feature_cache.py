@@ -12,7 +12,7 @@ import pytest
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.recorded.feature_cache import FeatureCache, Measured
-from tactile_nodes.learning.recorded.measuring import Measurer
+from tactile_nodes.learning.recorded.measuring import CODE, Measurer
 from tactile_nodes.sensing.flow.choice import SENSING, code_id
 
 KEY, OTHER = bytes(32), bytes([1] * 32)
@@ -52,10 +52,12 @@ def test_a_folder_for_the_cache_that_cannot_be_made_is_named(tmp_path: Path, mon
         Measurer(Choice('dis'), Choice('cartesian_mean', {'rows': 20, 'cols': 20}))
 
 
-def test_what_other_code_has_measured_is_measured_again(tmp_path: Path) -> None:
+@pytest.mark.parametrize('changed', ['flow/dots.py', 'features.py', 'picture/knocks.py', 'rest/moved_camera.py'])
+def test_what_other_code_has_measured_is_measured_again(changed: str, tmp_path: Path) -> None:
     """A model's response is that of the code at hand; the motion of an older version would calibrate it wrong."""
     for version in ('same', 'newer'):
         shutil.copytree(SENSING, tmp_path / version)
-    with (tmp_path / 'newer/flow/dots.py').open('a') as file:
+    with (tmp_path / 'newer' / changed).open('a') as file:
         file.write('ROUNDS = 13\n')
-    assert code_id(tmp_path / 'same') == code_id() != code_id(tmp_path / 'newer')
+    same, newer = (code_id(tmp_path / version, CODE) for version in ('same', 'newer'))
+    assert same == code_id(measuring=CODE) != newer
