@@ -30,6 +30,8 @@ NOT_TABLES = {
     'sensor_msgs/msg/CameraInfo': 'constant',
     'sensor_msgs/msg/PointCloud2': 'a point cloud',
     'tactile_nodes/msg/FlowFeatures': 'large; add it with --topics',
+    'tactile_nodes/msg/ForceTorqueCounts': 'lists of any length',
+    'tactile_nodes/msg/SerialTraffic': 'bytes of any length',
     'diagnostic_msgs/msg/DiagnosticArray': 'texts',
     'rcl_interfaces/msg/Log': 'texts',
     'rosgraph_msgs/msg/Clock': 'no data',

@@ -42,6 +42,24 @@ def zarr_root(bag: Path):
     return zarr.open_group(str(output), mode='r')
 
 
+def test_what_a_rig_records_of_its_devices_does_not_stop_an_export(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Batches of counts, the last of which is shorter, and bytes of lines."""
+    writer = BagWriter(tmp_path / 'collected')
+    for length in (3, 2):
+        for topic, message in (
+            ('/force_torque_counts', types.ForceTorqueCounts(measured=np.zeros(length, np.uint32))),
+            ('/serial_traffic', types.SerialTraffic(data=np.zeros(length, np.uint8))),
+            ('/wrench', types.WrenchStamped()),
+        ):
+            writer.add_topic(BagTopic.of_type(topic, type(message).__msgtype__))
+            writer.write(topic, messages.encode(message), START_NS + length, START_NS)
+    writer.close()
+    assert main(['export', 'parquet', str(tmp_path / 'collected'), '-o', str(tmp_path / 'tables')]) == 0
+    assert '/serial_traffic (bytes of any length)' in capsys.readouterr().out
+
+
 FORCES = [force(number, START_NS + number * STEP_NS) for number in range(30)]
 
 
