@@ -52,7 +52,7 @@ def test_build_tells_what_it_made_and_what_it_left_out(
     assert '1  lost frames           e.g. press 2: 1 images are in the bag, but 3 were taken' in shown
     assert f'tactile dataset info {made} --left-out' in shown
     assert main(['dataset', 'info', made, '--left-out']) == 0
-    assert 'odd                           2        1  lost frames' in capsys.readouterr().out
+    assert 'odd  2      1        lost frames' in capsys.readouterr().out
 
 
 def test_info_tells_the_reading_of_the_labels(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from tactile_nodes.cli.dataset import building, importing
+from tactile_nodes.cli.running.columns import columns
 from tactile_nodes.cli.running.session import Verbs
 
 DESCRIPTION = 'Build a training set from the bags of a collection, or from pictures and a table; show what it holds.'
@@ -43,12 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _info(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.datasets.file import load_dataset
-    from tactile_nodes.learning.datasets.report import left_out_table, report
+    from tactile_nodes.learning.datasets.report import report
 
     presses = load_dataset(arguments.file)
     print(report(presses))
     if arguments.left_out:
-        print(left_out_table(presses.card['left_out'], presses.card['bag_names']))
+        names, entries = presses.card['bag_names'], ('press', 'attempt', 'reason', 'detail')
+        rows = [(names[each['bag']], *(str(each[entry]) for entry in entries)) for each in presses.card['left_out']]
+        print(columns([('bag', *entries), *rows]))
     if arguments.picture:
         from tactile_nodes.learning.datasets.picture import draw
 

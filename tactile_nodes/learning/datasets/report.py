@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,25 +42,11 @@ def report(presses: RecordedPresses) -> str:
 
 def reasons(left_out: Sequence[Mapping[str, Any]]) -> list[str]:
     """A line for each reason: its count, and the first case as an example."""
-    first: dict[str, Mapping[str, Any]] = {}
-    counts: dict[str, int] = {}
-    for each in left_out:
-        first.setdefault(each['reason'], each)
-        counts[each['reason']] = counts.get(each['reason'], 0) + 1
+    first = {each['reason']: each for each in reversed(left_out)}
     return [
-        f'  {counts[reason]:>6}  {reason:22}e.g. press {one["press"]}: {one["detail"]}'
-        for reason, one in sorted(first.items(), key=lambda entry: -counts[entry[0]])
+        f'  {count:>6}  {reason:22}e.g. press {first[reason]["press"]}: {first[reason]["detail"]}'
+        for reason, count in Counter(each['reason'] for each in left_out).most_common()
     ]
-
-
-def left_out_table(left_out: Iterable[Mapping[str, Any]], bag_names: Sequence[str]) -> str:
-    """All attempts that were left out, one per line."""
-    heads = f'{"bag":24}{"press":>7}{"attempt":>9}  {"reason":22}detail'
-    rows = [
-        f'{bag_names[each["bag"]]:24}{each["press"]:>7}{each["attempt"]:>9}  {each["reason"]:22}{each["detail"]}'
-        for each in left_out
-    ]
-    return '\n'.join([heads, *rows])
 
 
 def _counts(presses: RecordedPresses) -> str:
