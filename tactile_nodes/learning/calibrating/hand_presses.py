@@ -55,8 +55,7 @@ def presses_by_hand(
     options, pressed = BuildOptions.of_model(loaded, gel, 'each'), pressed or Pressed()
     require_source(loaded, str(options.gel['id']))
     known = Known.of(loaded, pressed.sensor and pressed.known_sensor(loaded))
-    left, top = (abs(each) for each in options.bins.centre_mm)
-    read = read_table(table, (left + options.bins.width_mm / 2, top + options.bins.height_mm / 2), untouched_n)
+    read = read_table(table, options.bins.reach_mm, untouched_n)
     if read.of_video:
         raise DatasetError(f'{table} names no images; make a data set from a video: tactile dataset import')
     touching = [row for row in read.rows if row.touches and indenter in ('', row.indenter)]

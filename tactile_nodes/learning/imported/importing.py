@@ -32,6 +32,7 @@ from tactile_nodes.learning.tables.pictures import OneSize, Pictures, picture_id
 from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import as_motion
+from tactile_nodes.sensing.picture.quality import require_picture
 from tactile_nodes.sensing.rest.reference import average
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Float32
@@ -228,11 +229,13 @@ def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Take
     moved: dict[int, np.ndarray] = {}
     try:
         measurer.use_reference(reference.image)
-        for part in parts:
-            measurer.look_before([picture_of[row.line] for row in part.rests])
-            moved |= {row.line: measurer.measure([picture_of[row.line]]).values for row in part.rests}
     except ImageError as error:
         raise DatasetError(f'{table.file}: {error}') from error
+    for part in parts:
+        with faults.row(part.rests[0].line):
+            measurer.look_before([picture_of[row.line] for row in part.rests])
+            moved |= {row.line: measurer.measure([picture_of[row.line]]).values for row in part.rests}
+    faults.require_none()
     presses = _Press.of(parts)
     at_rest = {line: Frame(reference.stamp_ns, picture) for line, picture in picture_of.items()}
     number_of = {row.line: number for number, press in enumerate(presses) for row in press.rows}
@@ -263,6 +266,7 @@ def _checked(
     for row, picture in source.pictures.of(rows, faults):
         with faults.row(row.line):
             size.require(source.table, row, picture)
+            require_picture(picture)
             yield row, picture
 
 

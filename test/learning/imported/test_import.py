@@ -17,7 +17,6 @@ import yaml
 from tactile_nodes.cli.main import main
 from tactile_nodes.contact_tables.gel_tables import contact_table
 from tactile_nodes.errors import DatasetError, ModelError
-from tactile_nodes.learning.agreement.objections import places_objection
 from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.datasets import picture
 from tactile_nodes.learning.datasets.file import load_dataset
@@ -237,6 +236,26 @@ def test_pictures_of_two_sizes_are_refused_with_their_line(
     assert 'line 9: image small.png has 640x400 pixels, but the description' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ('row', 'grey', 'said'),
+    [
+        (1, 0, 'the camera image is black'),
+        (RESTS + 3, 0, 'the camera image is black'),
+        (RESTS + 3, 128, 'an image of the untouched gel does not show the pattern'),
+    ],
+)
+def test_a_picture_that_shows_nothing_is_refused_with_its_line(
+    row: int, grey: int, said: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cv2.imwrite(str(folder / 'nothing.png'), np.full((480, 640), grey, np.uint8))
+    rows = rows_of(folder)
+    if grey:
+        rows.insert(row, ['nothing.png', '', '', '0', ''])
+    rows[row][0] = 'nothing.png'
+    assert imported(written(folder / 'nothing.csv', rows), tmp_path / 'presses.npz') == 1
+    assert f'line {row + 2}: {said}' in capsys.readouterr().err
+
+
 def test_a_picture_that_cannot_be_looked_for_is_named_with_its_line(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -404,8 +423,3 @@ def test_bins_beside_the_middle_hold_places_up_to_their_own_rim(
     coverage, force_map = drawn[0].axes[0], drawn[0].axes[3]
     assert (coverage.get_xlim(), coverage.get_ylim()) == ((-2.0, 10.0), (6.0, -6.0))
     assert force_map.images[0].get_extent() == [-2.0, 10.0, 6.0, -6.0]
-
-
-def test_places_near_one_another_say_nothing_of_the_axes() -> None:
-    random = np.random.default_rng(1)
-    assert places_objection(random.uniform(-1, 1, (20, 2)), random.uniform(0, 1, (20, 2))) == ''
