@@ -57,10 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--presses', type=int, metavar='N', help=f'presses to simulate (default: {SIMULATED_PRESSES})')
     parser.add_argument('--only', metavar='TEXT', help='try only configurations whose name contains this, e.g. "ours"')
     parser.add_argument('--gel', default='', help='name of the gel in the bags, or the YAML file of a simulated one')
-    parser.add_argument(
-        '--without-contact', type=float, default=0.05, metavar='SHARE',
-        help='share of samples without contact, if the bags hold such images (default: 0.05)',
-    )  # fmt: skip
+    methods.add_without_contact(parser)
     parser.add_argument('--sensor', metavar='YAML', help='sensor description: crop, bins and picture size')
     parser.add_argument('--namespace', help='namespace of the sensor, if the bags hold several')
     cluster.add_arguments(parser)
@@ -117,8 +114,6 @@ def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
         raise ConfigurationError(f'--on {cluster.PURPOSE}; it cannot be used with bags')
     if arguments.presses is not None:
         raise ConfigurationError('--presses is the number of presses to simulate; it cannot be used with bags')
-    if not 0 <= arguments.without_contact <= 0.5:
-        raise ConfigurationError(f'--without-contact must be between 0 and 0.5, got {arguments.without_contact}')
     options = BuildOptions(
         bins=base.bins, gel=gel_entry(arguments.gel), namespace=arguments.namespace, crop=base.data.crop,
         without_contact=arguments.without_contact,

@@ -26,10 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     parser.add_argument('bags', nargs='+', type=Path, metavar='BAG', help='a bag of a collection')
     methods.add_arguments(parser)
-    parser.add_argument(
-        '--without-contact', type=float, default=0.05, metavar='SHARE',
-        help='share of samples without contact, if the bags hold such images (default: 0.05)',
-    )  # fmt: skip
+    methods.add_without_contact(parser)
     parser.add_argument(
         '--separate-runs', action='store_true', help='bags of one plan are separate runs, not one resumed run'
     )
@@ -66,11 +63,8 @@ def build_options(arguments: argparse.Namespace) -> BuildOptions:
     Raises:
         ConfigurationError: one of them cannot be used.
     """
-    from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.recorded.exclusions import Limits
 
-    if not 0 <= arguments.without_contact <= 0.5:
-        raise ConfigurationError(f'--without-contact must be between 0 and 0.5, got {arguments.without_contact}')
     given = {field: value for name, (field, *_) in LIMITS.items() if (value := getattr(arguments, name)) is not None}
     return dataclasses.replace(
         methods.method_options(arguments),

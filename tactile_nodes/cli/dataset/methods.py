@@ -33,6 +33,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_without_contact(parser: argparse.ArgumentParser) -> None:
+    """The share of samples of the untouched gel, of bags."""
+    parser.add_argument(
+        '--without-contact', type=float, default=0.05, metavar='SHARE',
+        help='share of samples without contact, if the bags hold such images (default: 0.05)',
+    )  # fmt: skip
+
+
 def method_options(arguments: argparse.Namespace) -> BuildOptions:
     """How pictures are measured, and of which gel.
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tactile_nodes import __version__
-from tactile_nodes.errors import DatasetError, ImageError
+from tactile_nodes.errors import ConfigurationError, DatasetError, ImageError
 from tactile_nodes.learning.config import Choice
 from tactile_nodes.learning.datasets.file import FORMAT, FORMAT_VERSION
 from tactile_nodes.learning.datasets.labels import describe
@@ -65,6 +65,10 @@ class BuildOptions:
     separate_runs: bool = False
     namespace: str | None = None
     reference_clock: str | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.without_contact <= 0.5:
+            raise ConfigurationError(f'the share without contact must be between 0 and 0.5, got {self.without_contact}')
 
     @classmethod
     def of_model(cls, loaded: LoadedModel, gel: str = '', frames: str = 'first') -> BuildOptions:
