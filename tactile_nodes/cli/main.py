@@ -1,7 +1,8 @@
 """``tactile``: the main command. Each subcommand is a module that is imported only when it is chosen.
 
-The module of a subcommand has `add_arguments(parser)` and `run(arguments) -> int`, and may have `DESCRIPTION` and
-`EPILOG`. ``tactile --help`` and completion need only the table below, so both are fast.
+The module of a subcommand has `add_arguments(parser)` and `run(arguments) -> int`, or subcommands of its own that set
+`action` instead, and may have `DESCRIPTION` and `EPILOG`. ``tactile --help`` and completion need only the table below,
+so both are fast.
 """
 
 from __future__ import annotations
@@ -95,7 +96,8 @@ def _run(words: Sequence[str]) -> int:
     if arguments.verb is None:
         parser.print_help()
         return 0
-    status: int = _module(arguments.verb).run(arguments)
+    run = getattr(_module(arguments.verb), 'run', None) or arguments.action  # of its own, or of a subcommand
+    status: int = run(arguments)
     return status
 
 

@@ -36,12 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen subcommand."""
-    status: int = arguments.action(arguments)
-    return status
-
-
 def _info(arguments: argparse.Namespace) -> int:
     """The card as YAML: flow, features, data, gel, training, scores, units, licence."""
     import yaml

@@ -32,12 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen command."""
-    status: int = arguments.action(arguments)
-    return status
-
-
 def list_nodes(arguments: argparse.Namespace) -> int:
     """``node list``"""
     with joined() as bus:

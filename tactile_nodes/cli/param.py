@@ -50,12 +50,6 @@ _DESCRIBE_EXAMPLES = '  tactile param describe /camera rate\n  tactile param des
 _DUMP_EXAMPLES = '  tactile param dump /camera > camera.yaml\n'
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen command."""
-    status: int = arguments.action(arguments)
-    return status
-
-
 def _add_list(verbs: Verbs) -> None:
     verb = verbs.add('list', list_all, 'list the parameters of one node, or of all', '  tactile param list /camera\n')
     completed(verb.add_argument('node', nargs='?', help='a node (default: all nodes)'), completers.nodes)

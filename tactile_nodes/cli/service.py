@@ -48,12 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     completed(verb.add_argument('type', help='a service type'), completers.service_types)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen command."""
-    status: int = arguments.action(arguments)
-    return status
-
-
 def list_services(arguments: argparse.Namespace) -> int:
     """``service list``"""
     with joined() as bus:

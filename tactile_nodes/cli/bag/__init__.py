@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from datetime import datetime
 
 from tactile_nodes.bag.apart import pictures_apart
@@ -74,12 +73,12 @@ def _add_record(parser: argparse.ArgumentParser) -> None:
         default='none',
         help='compression of the chunks of the file',
     )
-    parser.set_defaults(bag_run=_record)
+    parser.set_defaults(action=_record)
 
 
 def _add_info(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bag', help='a folder, a .mcap file or a .db3 file')
-    parser.set_defaults(bag_run=_info)
+    parser.set_defaults(action=_info)
 
 
 def _add_play(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +93,7 @@ def _add_play(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--topics', nargs='+', default=[], help='play only these')
     parser.add_argument('-m', '--remap', nargs='+', default=[], metavar='FROM:=TO', help='publish under another name')
-    parser.set_defaults(bag_run=_play)
+    parser.set_defaults(action=_play)
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
@@ -102,13 +101,7 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('second', help='another bag, for example a replay of the first')
     parser.add_argument('--topic', default=FORCE_DISTRIBUTION.name, help='full name of the topic, or its last part')
     parser.add_argument('--ignore', nargs='*', default=sorted(TIMINGS), metavar='FIELD', help='fields that may differ')
-    parser.set_defaults(bag_run=_compare)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command; the result is the exit status."""
-    verb: Callable[[argparse.Namespace], int] = arguments.bag_run
-    return verb(arguments)
+    parser.set_defaults(action=_compare)
 
 
 def _record(arguments: argparse.Namespace) -> int:

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--reference', metavar='RECORDER', help="fit to this recorder's clock (default: the machine)")
     parser.add_argument('--namespace', help='namespace of the sensor, if the bag holds several')
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='draw the residuals of the fits')
-    parser.set_defaults(bag_run=run)
+    parser.set_defaults(action=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -36,12 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     info.add_argument('--left-out', action='store_true', help='list every attempt that was left out')
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen subcommand."""
-    status: int = arguments.action(arguments)
-    return status
-
-
 def _info(arguments: argparse.Namespace) -> int:
     from tactile_nodes.learning.datasets.file import load_dataset
     from tactile_nodes.learning.datasets.report import report

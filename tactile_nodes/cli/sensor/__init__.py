@@ -25,9 +25,3 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = Verbs(parser)
     new.add_arguments(verbs.add('new', new.run, 'describe a sensor from rest images and a few questions'))
     check.add_arguments(verbs.add('check', check.run, 'check rest images against a description'))
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen subcommand; returns the exit status."""
-    status: int = arguments.action(arguments)
-    return status

@@ -31,12 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_type(verbs)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the chosen command."""
-    status: int = arguments.action(arguments)
-    return status
-
-
 def _add_list(verbs: Verbs) -> None:
     verb = verbs.add('list', list_topics, 'list the topics', '  tactile topic list -t\n  tactile topic list -v\n')
     verb.add_argument('-t', '--show-types', action='store_true', help='show the types too')

@@ -28,12 +28,12 @@ from tactile_nodes.learning.recorded.building import Builder, BuildOptions
 from tactile_nodes.learning.recorded.gels import Gels
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.tables.faults import RowFaults
-from tactile_nodes.learning.tables.pictures import OneSize, Pictures, picture_id
+from tactile_nodes.learning.tables.pictures import OneSize, Pictures
 from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import as_motion
 from tactile_nodes.sensing.picture.quality import require_picture
-from tactile_nodes.sensing.rest.reference import average
+from tactile_nodes.sensing.rest.reference import average, content_id
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Float32
 
@@ -220,7 +220,7 @@ def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Take
     table, faults, measurer = source.table, source.table.faults, builder.measurer
     pressed: list[str] = []
     rested = list(_checked(source, [row for row in table.rows if not row.touches], size, faults))
-    known = [Row(table, row, picture_id(picture)) for row, picture in rested]
+    known = [Row(table, row, content_id(picture)) for row, picture in rested]
     faults.require_none()
     parts, picture_of = _parts(table.rows), {row.line: picture for row, picture in rested}
     rests = [each.tobytes() for each in picture_of.values()]
@@ -245,8 +245,8 @@ def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Take
         frames = [picture for _, picture in pairs]
         if faults:
             continue  # the remaining rows are still checked for faults
-        known += [Row(table, row, picture_id(picture)) for row, picture in pairs]
-        pressed += map(picture_id, frames)
+        known += [Row(table, row, content_id(picture)) for row, picture in pairs]
+        pressed += map(content_id, frames)
         untouched, before = ([at_rest[row.line] for row in rows] for rows in (press.untouched, press.before))
         builder.take(bag, _recorded(plan, number, press.rows[0], frames, untouched, before, reference))
     faults.require_none()

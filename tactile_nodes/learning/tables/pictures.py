@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -113,11 +112,6 @@ class ArrayPictures:
         for row in rows:
             with faults.row(row.line):
                 yield row, grey(np.asarray(self.images[row.line]), self.order)
-
-
-def picture_id(picture: Picture) -> str:
-    """Twelve hexadecimal digits that identify a grey image, (h, w)."""
-    return hashlib.sha256(repr(picture.shape).encode() + picture.tobytes()).hexdigest()[:12]
 
 
 def folder_of(table: PressTable) -> Path:

@@ -62,7 +62,7 @@ class RestAccumulator:
 
 
 def content_id(image: UInt8[np.ndarray, 'h w']) -> str:
-    """The id of a rest image: 12 hexadecimal digits of the SHA-256 of its size and pixels."""
+    """The id of an image: 12 hexadecimal digits of the SHA-256 of its size and pixels."""
     digest = hashlib.sha256(repr(image.shape).encode())
     digest.update(np.ascontiguousarray(image).tobytes())
     return digest.hexdigest()[:12]

@@ -26,15 +26,9 @@ from tactile_nodes.nodes.recorder import RecorderNode
 FORCE = 'tactile_nodes/msg/ForceDistribution'
 START_NS = 1_585_866_235_112_411_371
 PROGRAM = """
-import argparse, sys
-from tactile_nodes.cli import bag
-from tactile_nodes.errors import TactileError
-parser = argparse.ArgumentParser()
-bag.add_arguments(parser)
-try:
-    sys.exit(bag.run(parser.parse_args()))
-except TactileError as error:
-    sys.exit(str(error))
+import sys
+from tactile_nodes.cli.main import main
+sys.exit(main(['bag', *sys.argv[1:]]))
 """
 
 
@@ -70,7 +64,7 @@ def parsed(*words: str) -> argparse.Namespace:
 def test_info_prints_the_lines_of_ros2_bag_info(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = make(tmp_path / 'press', 0.5, 1.0)
     size = (folder / 'press_0.mcap').stat().st_size
-    assert command.run(parsed('info', str(folder))) == 0
+    assert main(['bag', 'info', str(folder)]) == 0
     assert capsys.readouterr().out.splitlines() == [
         '',
         'Files:             press_0.mcap',
@@ -89,7 +83,7 @@ def test_info_warns_when_metadata_and_files_differ(tmp_path: Path, capsys: pytes
     folder = make(tmp_path / 'press', 0.5, 1.0)
     metadata = folder / 'metadata.yaml'
     metadata.write_text(metadata.read_text().replace('message_count: 2', 'message_count: 3'))
-    assert command.run(parsed('info', str(folder))) == 0
+    assert main(['bag', 'info', str(folder)]) == 0
     assert capsys.readouterr().err == f'Warning: {metadata} states 3 messages, but the files hold 2\n'
 
 
@@ -102,13 +96,13 @@ def test_sizes_are_shown_as_ros2_bag_shows_them(size: int, shown: str) -> None:
 
 def test_compare_says_how_many_stamps_are_identical(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = make(tmp_path / 'a', 0.5, 1.0), make(tmp_path / 'b', 0.5, 1.0)
-    assert command.run(parsed('compare', str(first), str(second))) == 0
+    assert main(['bag', 'compare', str(first), str(second)]) == 0
     assert capsys.readouterr().out == '2 of 2 common stamps bit-identical\n'
 
 
 def test_compare_exits_1_when_a_number_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = make(tmp_path / 'a', 0.5, 1.0), make(tmp_path / 'b', 0.5, 1.5)
-    assert command.run(parsed('compare', str(first), str(second))) == 1
+    assert main(['bag', 'compare', str(first), str(second)]) == 1
     assert capsys.readouterr().out.splitlines() == [
         '1 of 2 common stamps bit-identical',
         'numbers that differ (number of stamps): total (1); largest difference 0.5',
