@@ -146,6 +146,10 @@ def test_tuning_tries_all_and_says_what_the_next_smaller_one_costs(monkeypatch: 
     table = table_of(tuned)
     assert [(row[0], row[-1]) for row in table.rows] == [('cheap', 'front'), ('dear', 'chosen')]
     assert len(table.heads) == len(table.rows[0])
+    none = replace(tuned, wish=Wish(max_ms=0.5))  # the table shows what each would have cost
+    assert [row[-1] for row in table_of(none).rows] == ['front', 'front']
+    with pytest.raises(ConfigurationError, match='the closest is cheap'):
+        assert none.chosen
 
 
 def test_images_to_measure_times_with_come_from_any_of_the_bags(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -50,11 +51,12 @@ def write_profile(chosen: Tried, output: Path, command: str, presses: RecordedPr
 
 
 def table_of(tuned: Tuned) -> Table:
-    """A row for each candidate, cheapest first. The front and the chosen candidate are marked."""
-    on_front = {id(each) for each in tuned.front}
-    rows = []
+    """A row for each candidate, cheapest first. The front and the chosen candidate, if there is one, are marked."""
+    on_front, rows, chosen = {id(each) for each in tuned.front}, [], None
+    with suppress(ConfigurationError):
+        chosen = tuned.chosen
     for each in sorted(tuned.tried, key=lambda one: one.ms):
-        mark = 'chosen' if each is tuned.chosen else 'front' if id(each) in on_front else ''
+        mark = 'chosen' if each is chosen else 'front' if id(each) in on_front else ''
         scores = asdict(each.scores)
         rows.append((each.candidate.name, f'{each.ms:.2f}', *(f'{scores[name]:.4f}' for name in METRICS), mark))
     return Table('', ('flow, regions, components', 'CPU ms', *METRICS, ''), tuple(rows))

@@ -124,12 +124,24 @@ class Tried:
 
 @dataclass(frozen=True)
 class Tuned:
-    """All candidates tried, the front (cheapest first), the chosen candidate, and the next cheaper one."""
+    """All candidates tried, and the front (cheapest first).
+
+    `chosen` is the one that meets the requirement, `smaller` the next cheaper one. Both raise a ConfigurationError if
+    none meets it.
+    """
 
     tried: list[Tried]
     front: list[Tried]
-    chosen: Tried
-    smaller: Tried | None
+    wish: Wish
+
+    @property
+    def chosen(self) -> Tried:
+        return self.front[chosen_place(self.front, self.wish)]
+
+    @property
+    def smaller(self) -> Tried | None:
+        place = chosen_place(self.front, self.wish)
+        return self.front[place - 1] if place else None
 
 
 class Source(Protocol):
@@ -207,10 +219,9 @@ class RecordedSource:
 def tune(
     source: Source, wish: Wish, progress: Progress, command: str = '', among: Sequence[Candidate] | None = None
 ) -> Tuned:
-    """Try all candidates (by default those of `candidates`) and choose the one that the requirement selects.
+    """Try all candidates (by default those of `candidates`), from which the requirement selects one.
 
     Raises:
-        ConfigurationError: none of them meets the requirement; names the closest.
         DatasetError, BagError: the presses cannot be used, or are too few for a candidate.
     """
     chosen_from = list(candidates() if among is None else among)
@@ -218,9 +229,7 @@ def tune(
     times = cpu_times_ms([(each.model, each.config) for each in tried], source.images(), progress)
     timed = [replace(each, ms=ms) for each, ms in zip(tried, times, strict=True)]
     order = pareto_front([each.ms for each in timed], [each.error(wish.metric) for each in timed])
-    front = [timed[i] for i in order]
-    place = chosen_place(front, wish)
-    return Tuned(timed, front, front[place], front[place - 1] if place else None)
+    return Tuned(timed, [timed[i] for i in order], wish)
 
 
 def chosen_place(front: Sequence[Tried], wish: Wish) -> int:
