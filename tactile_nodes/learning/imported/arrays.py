@@ -20,7 +20,7 @@ from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensors import Sensor
 from tactile_nodes.shapes import Float
 
-NAMES = {'x': 'x_mm', 'y': 'y_mm', 'force': 'force_n', 'time': ''}
+NAMES = {'x': 'x_mm', 'y': 'y_mm', 'force': 'force_n', 'depth': 'depth_mm'}
 ORDERS = 'rgb', 'bgr'
 
 

@@ -150,7 +150,7 @@ def _is_noise(row: TablePress, noise_n: float) -> bool:
 
 
 def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Mapping[str, str]) -> None:
-    """Refuse values that no press can have. `names` gives the table's names of x, y, force and time.
+    """Refuse values that no press can have. `names` gives the table's names of columns.
 
     Raises:
         DatasetError: describes the value.
@@ -162,6 +162,8 @@ def require_possible(press: TablePress, reach_mm: tuple[float, float], names: Ma
             f'{names["force"]} must not be negative: force into the gel is positive; if a gauge shows noise on the '
             'untouched gel, use --untouched-below N'
         )
+    if press.touches and press.depth_mm <= 0:
+        raise DatasetError(f'{names["depth"]} must be above 0, or empty if it is unknown')
     for name, value, most, condition in (
         ('force', press.force_n, MOST_N, f'forces must be below {MOST_N:g} N'),
         ('x', press.x_mm, reach_mm[0], f'places must be within {reach_mm[0]:g} mm of the middle'),

@@ -83,6 +83,7 @@ def test_the_mark_that_spreadsheets_write_first_is_no_part_of_a_name(tmp_path: P
             'picture,x_m,y_m,grams\na.png,1,2,5\n',
             'line 2: x_m is read as 1000 mm: places must be within 16 mm of the middle; check the unit',
         ),
+        ('picture,x,y,grams,depth\na.png,1,2,5,-0.1\n', 'line 2: depth must be above 0, or empty if it is unknown'),
     ],
 )
 def test_a_table_that_may_mean_several_things_is_refused_in_a_sentence(text: str, said: str, tmp_path: Path) -> None:
