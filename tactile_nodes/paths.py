@@ -41,6 +41,22 @@ def share_directory() -> Path:
     )
 
 
+def described_in(folder: str, name: Path | str, what: str) -> Path:
+    """The YAML file of what ships in a folder of config/, by its name ('speckle_membrane'), or a file by its path.
+
+    Paths of the share folder, as the documents name them (config/train/paper.yaml), are found from everywhere.
+
+    Raises:
+        ConfigurationError: there is neither; names those that ship.
+    """
+    shipped = share_directory() / 'config' / folder
+    for file in (shipped / f'{name}.yaml', Path(name), share_directory() / name):
+        if is_file(file):
+            return file
+    names = ', '.join(sorted(each.stem for each in shipped.glob('*.yaml')))
+    raise ConfigurationError(f'there is no {what} {str(name)!r}; give a YAML file, or a shipped one: {names}')
+
+
 def run_directory() -> Path:
     """The folder for sockets and other files that last as long as the processes; only this user may enter.
 

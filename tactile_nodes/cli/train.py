@@ -40,7 +40,7 @@ examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    parser.add_argument('config', nargs='?', type=Path, help='a run as YAML (default: paper, or recorded)')
+    parser.add_argument('config', nargs='?', type=Path, help='a run, YAML or its name (default: paper, or recorded)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
     parser.add_argument('--plan', choices=PLANS, help='where simulated presses lie')
@@ -102,12 +102,10 @@ def compare(arguments: argparse.Namespace) -> int:
 
 def chosen_config(arguments: argparse.Namespace) -> TrainConfig:
     """The configuration file with the changes from the command line."""
-    from tactile_nodes import paths
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.config import load_train_config
 
-    default = 'recorded.yaml' if arguments.dataset else 'paper.yaml'
-    config = load_train_config(arguments.config or paths.share_directory() / 'config' / 'train' / default)
+    config = load_train_config(arguments.config or ('recorded' if arguments.dataset else 'paper'))
     if arguments.presses is not None and arguments.presses < 20:
         raise ConfigurationError(f'--presses must be at least 20, got {arguments.presses}')
     data, training = dataclasses.replace(config.data, **_given(arguments, 'plan')), config.training

@@ -122,12 +122,10 @@ def _source(arguments: argparse.Namespace) -> SimulatedSource | RecordedSource:
 
 
 def _base(arguments: argparse.Namespace) -> TrainConfig:
-    from tactile_nodes import paths
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.config import load_train_config
 
-    shipped = 'recorded.yaml' if arguments.bags else 'fast.yaml'
-    config = load_train_config(arguments.train or paths.share_directory() / 'config' / 'train' / shipped)
+    config = load_train_config(arguments.train or ('recorded' if arguments.bags else 'fast'))
     # The tried configurations replace the flow and features of the run, so they are removed from it.
     config = dataclasses.replace(config, stated=frozenset())
     if arguments.presses is not None and arguments.presses < 200:

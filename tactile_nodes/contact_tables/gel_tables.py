@@ -23,12 +23,7 @@ def load_gel(name: str) -> Gel:
     """
     if not name:
         return Gel()
-    folder = paths.share_directory() / 'config' / 'gels'
-    shipped = folder / f'{name}.yaml'
-    file = shipped if Path(name).name == name and paths.is_file(shipped) else Path(name)
-    if not paths.is_file(file):
-        names = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
-        raise ConfigurationError(f'there is no gel {name!r}; give a YAML file, or the name of a shipped gel: {names}')
+    file = paths.described_in('gels', name, 'gel')
     values = {key: located.value for key, located in load_mapping(file).items()}
     return Gel.from_mapping(values, str(file))
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_nodes.params import Located, from_mapping, load_mapping, parameter
+from tactile_nodes.paths import described_in
 from tactile_nodes.sensing.features import FeatureEncoding, make_encoding
 from tactile_nodes.sensing.flow.choice import make_flow
 from tactile_nodes.sensing.flow.methods import FlowMethod
@@ -231,11 +232,12 @@ def _stated(options: Mapping[str, object]) -> dict[str, object]:
 
 
 def load_train_config(path: Path | str) -> TrainConfig:
-    """Read a run's YAML file.
+    """Read a run's YAML file, or the one of this name that ships.
 
     Raises:
         ConfigurationError: it is missing, is not YAML, or has an unknown key or a value of the wrong type.
     """
+    path = described_in('train', path, 'training run')
     written = load_mapping(path)
     blocks = from_mapping(
         _Blocks,

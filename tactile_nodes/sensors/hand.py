@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import Located, from_mapping, load_listed, parameter
-from tactile_nodes.paths import share_directory
+from tactile_nodes.paths import described_in
 from tactile_nodes.sensors.mounting import Mounting
 
 SENSORS = 'sensors'
@@ -84,12 +84,7 @@ def load_hand(name: Path | str) -> Hand:
     Raises:
         ConfigurationError: there is no such file, it does not describe a hand, or none of its sensors can be used.
     """
-    folder = share_directory() / 'config' / 'hands'
-    shipped = folder / f'{name}.yaml'
-    file = shipped if shipped.is_file() else Path(name)
-    if not file.is_file():
-        names = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
-        raise ConfigurationError(f'there is no hand {str(name)!r}; give a YAML file, or a shipped one: {names}')
+    file = described_in('hands', name, 'hand')
     rest, entries = load_listed(file, SENSORS)
     settings = from_mapping(HandSettings, rest, source=str(file), exact=False)
     sensors: list[HandSensor] = []

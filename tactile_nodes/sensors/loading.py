@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.params import Located, from_mapping, load_mapping, to_values
-from tactile_nodes.paths import share_directory
+from tactile_nodes.paths import described_in
 from tactile_nodes.sensors.camera_file import read_camera_file
 from tactile_nodes.sensors.covering import MaskSettings, mask_of
 from tactile_nodes.sensors.description import Sensor
@@ -25,12 +25,7 @@ def load_sensor(name: Path | str) -> Sensor:
     Raises:
         ConfigurationError: there is no such description, it is empty, has an unknown key, or its values contradict.
     """
-    folder = share_directory() / 'config' / 'sensors'
-    shipped = folder / f'{name}.yaml'
-    file = shipped if shipped.is_file() else Path(name)
-    if not file.is_file():
-        names = ', '.join(sorted(each.stem for each in folder.glob('*.yaml')))
-        raise ConfigurationError(f'there is no sensor {str(name)!r}; give a YAML file, or a shipped one: {names}')
+    file = described_in('sensors', name, 'sensor')
     written = load_mapping(file)
     if not written:
         raise ConfigurationError(f'{file} is empty: write a description with `tactile sensor new` (docs/sensors.md)')

@@ -7,6 +7,7 @@ import pytest
 from tactile_nodes import paths
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.learning.config import load_train_config
+from tactile_nodes.learning.transfer.layer import load_layer_config
 
 
 def written(folder: Path, text: str) -> Path:
@@ -22,6 +23,17 @@ def test_the_papers_run_has_the_papers_network_and_numbers():
     assert (config.training.batch, config.training.learning_rate, config.training.patience) == (200, 0.001, 50)
     assert config.encoding.name == 'polar_mean'
     assert config.bins.count == 81
+
+
+def test_runs_that_ship_are_found_in_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """By name, and by the path that the documents give; a file of one's own by its path."""
+    monkeypatch.chdir(tmp_path)
+    assert load_train_config('paper') == load_train_config('config/train/paper.yaml')
+    assert load_layer_config('paper') == load_layer_config('config/transfer/paper.yaml')
+    written(tmp_path, 'data: {presses: 7}')
+    assert load_train_config('run.yaml').data.presses == 7
+    with pytest.raises(ConfigurationError, match=r"there is no training run 'papr'; .* paper, "):
+        load_train_config('papr')
 
 
 def test_what_is_not_said_keeps_its_default(tmp_path: Path):

@@ -60,13 +60,10 @@ def method_options(arguments: argparse.Namespace) -> BuildOptions:
 
 
 def _of_run(arguments: argparse.Namespace) -> BuildOptions:
-    from tactile_nodes import paths
     from tactile_nodes.learning.config import load_train_config
     from tactile_nodes.learning.recorded.building import BuildOptions, gel_entry
 
-    name = arguments.profile or 'fast'
-    shipped = paths.share_directory() / 'config' / 'train' / f'{name}.yaml'
-    run = load_train_config(shipped if Path(name).name == name and paths.is_file(shipped) else name)
+    run = load_train_config(arguments.profile or 'fast')
     options = BuildOptions(
         run.flow, run.encoding, run.bins, arguments.frames, gel=gel_entry(arguments.gel), crop=run.data.crop
     )

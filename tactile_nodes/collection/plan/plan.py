@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from tactile_nodes.errors import ConfigurationError
 from tactile_nodes.files import read_text, separator_of
 from tactile_nodes.params import from_mapping, load_mapping, parameter
-from tactile_nodes.paths import is_file, share_directory
+from tactile_nodes.paths import described_in
 
 ID_DIGITS = 12
 UM_PER_MM = 1000
@@ -132,18 +132,12 @@ def make_plan(settings: PlanSettings) -> Plan:
 
 
 def plan_path(name: str) -> Path:
-    """The YAML file with that path, or else the plan of that name in config/plans.
+    """The YAML file of the plan of that name in config/plans, or with that path.
 
     Raises:
         ConfigurationError: there is neither.
     """
-    shipped = {file.stem: file for file in (share_directory() / 'config' / 'plans').glob('*.yaml')}
-    file = Path(name) if is_file(Path(name)) else shipped.get(name)
-    if file is None:
-        raise ConfigurationError(
-            f'there is no plan {name}; available: {", ".join(sorted(shipped))}; or give a YAML file'
-        )
-    return file
+    return described_in('plans', name, 'plan')
 
 
 def load_plan_settings(path: Path) -> PlanSettings:

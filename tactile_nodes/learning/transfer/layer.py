@@ -22,6 +22,7 @@ from tactile_nodes.learning.network.attempt import armse
 from tactile_nodes.learning.network.layers import import_torch
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.params import from_mapping, load_mapping, parameter
+from tactile_nodes.paths import described_in
 from tactile_nodes.sensing.explain.network import CalibrationLayer, NetworkReadout
 from tactile_nodes.shapes import Int
 
@@ -54,12 +55,13 @@ class LayerConfig:
 
 
 def load_layer_config(path: Path | str) -> LayerConfig:
-    """Read the settings from a YAML file.
+    """Read the settings from a YAML file, or the one of this name that ships.
 
     Raises:
         ConfigurationError: it is missing, no YAML, or has an unknown key or a value of the wrong type.
     """
-    return from_mapping(LayerConfig, load_mapping(path), source=str(path))
+    file = described_in('transfer', path, 'layer')
+    return from_mapping(LayerConfig, load_mapping(file), source=str(file))
 
 
 @dataclass(frozen=True)

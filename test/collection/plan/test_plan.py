@@ -45,7 +45,7 @@ def test_plan_is_found_by_its_name_and_by_its_file(tmp_path: Path) -> None:
 
 
 def test_plan_that_is_nowhere_is_reported_with_those_that_ship() -> None:
-    with pytest.raises(ConfigurationError, match=r'no plan papr; available: .*paper, .*or give a YAML file'):
+    with pytest.raises(ConfigurationError, match=r"no plan 'papr'; give a YAML file, or a shipped one: .*paper,"):
         plan_path('papr')
 
 
