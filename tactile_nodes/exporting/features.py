@@ -12,6 +12,7 @@ import numpy as np
 from tactile_nodes.bus.topics import (
     CALIBRATION_IMAGE,
     CALIBRATION_STATE,
+    FORCE_DISTRIBUTION,
     MODEL_IN_USE,
     PRESS,
     REFERENCE_IMAGE,
@@ -140,9 +141,9 @@ def _features_of_one(layout: Layout, key: str) -> list[Feature]:
 
 
 def _key(layout: Layout) -> str:
-    """'/left/wrench' as 'observation.left.wrench'. Forces lose the last part; pictures are in observation.images."""
+    """'/left/wrench' as 'observation.left.wrench'. A sensor's forces lose their name; pictures are in .images."""
     parts = layout.topic.strip('/').split('/')
-    if layout.is_force:
+    if layout.is_force and parts[-1] == FORCE_DISTRIBUTION.name:
         parts = parts[:-1]
     return '.'.join(['observation', *(['images'] if layout.type_name == IMAGE_TYPE else []), *parts])
 

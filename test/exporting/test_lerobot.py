@@ -208,6 +208,19 @@ def test_presses_without_a_force_of_their_own_are_reported(tmp_path: Path, capsy
     assert 'left out: presses of bag (1 of 2: no force after the window before' in capsys.readouterr().out
 
 
+def test_true_forces_are_beside_those_that_were_estimated(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / 'bag')
+    for number, topic in enumerate(('/force_distribution', '/true_force_distribution'), 1):
+        writer.add_topic(BagTopic.of_type(topic, 'tactile_nodes/msg/ForceDistribution'))
+        writer.write(topic, messages.encode(force(number, START_NS)), START_NS + number, START_NS)
+    writer.close()
+    words = ['-o', str(tmp_path / 'set'), '--topics', 'force_distribution', 'true_force_distribution']
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 0
+    (row,) = pq.read_table(tmp_path / 'set/data/chunk-000/file-000.parquet').to_pylist()
+    names = 'observation.total_force', 'observation.true_force_distribution.total_force'
+    assert [row[name] for name in names] == [np.float32(force(number, 0).total) for number in (1, 2)]
+
+
 def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_bag(tmp_path / 'bag', 5)
     words = ['--topics', 'wrench', '-o', str(tmp_path / 'set')]
