@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_nodes.bus.topics import FORCE_DISTRIBUTION, FORCE_FIELD, HAND_WRENCH
+from tactile_nodes.bus.topics import FLOW_FEATURES, FORCE_DISTRIBUTION, FORCE_FIELD, HAND_WRENCH
 from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.conversions import image_pixels
 from tactile_nodes.errors import DatasetError, MessageError
@@ -26,6 +26,9 @@ _MAPS = {
     FORCE_FIELD.type_name: ('pressure', 'shear_x', 'shear_y', 'pressure_sigma', 'shear_sigma'),
 }  # fmt: skip
 """Arrays on a grid of rows and columns; unknown ones, or those of an invalid frame, are empty."""
+
+_MOTION = FLOW_FEATURES.type_name, 'picture_motion'
+"""Eight numbers, or none if the picture did not move."""
 
 _APART = {IMAGE_TYPE: ('data',), HAND_WRENCH.type_name: ('sensors', 'missing', 'margins')}
 """Fields whose columns have another form."""
@@ -152,6 +155,8 @@ class Layout:
             self._add_all(value, f'{name}.', get)
         elif isinstance(value, str):
             self._add(name, TEXT, get)
+        elif (self.type_name, name) == _MOTION:
+            self._add(name, 'float32', get, (8,))
         elif isinstance(value, np.ndarray) and value.size == 0 and not self._has_map(name):
             self.empty[name] = get
         elif isinstance(value, np.ndarray) and value.dtype.kind in 'fiub':

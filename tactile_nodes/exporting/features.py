@@ -100,8 +100,10 @@ def features_of(layouts: Sequence[Layout], state: str = '', action: str = '') ->
         action: full name of the topic that becomes action.
 
     Raises:
-        ConfigurationError: such a topic has no numbers.
+        ConfigurationError: such a topic has no numbers, or is named for both.
     """
+    if state and state == action:
+        raise ConfigurationError(f'{state} cannot be both observation.state and action; name one of them')
     named = {state: 'observation.state', action: 'action'}
     found = {layout.topic: _features_of_one(layout, named.get(layout.topic) or _key(layout)) for layout in layouts}
     first = {layout.topic for layout in layouts if layout.is_force or layout.topic in named}

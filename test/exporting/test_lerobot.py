@@ -247,6 +247,9 @@ def test_a_state_that_is_not_in_the_bag_is_refused_by_name(tmp_path: Path, capsy
     words = ['--state', 'image_raw', '-o', str(tmp_path / 'set')]
     assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 1
     assert '--state /image_raw' in capsys.readouterr().err
+    words = ['--state', 'joint_states', '--action', JOINTS, '-o', str(tmp_path / 'set')]
+    assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 1
+    assert 'cannot be both observation.state and action' in capsys.readouterr().err
 
 
 def test_a_topic_with_the_name_of_a_part_of_the_force_has_another_one(tmp_path: Path) -> None:

@@ -42,6 +42,19 @@ def zarr_root(bag: Path):
     return zarr.open_group(str(output), mode='r')
 
 
+def test_features_before_and_after_a_knock_of_the_camera_are_one_table(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / 'knocked')
+    writer.add_topic(BagTopic.of_type('/flow_features', 'tactile_nodes/msg/FlowFeatures'))
+    for number, motion in enumerate(([], range(8))):
+        message = types.FlowFeatures(values=np.ones(4, np.float32), picture_motion=np.array(motion, np.float32))
+        writer.write('/flow_features', messages.encode(message), START_NS + number, START_NS)
+    writer.close()
+    words = [str(tmp_path / 'knocked'), '-o', str(tmp_path / 'tables'), '--topics', 'flow_features']
+    assert main(['export', 'parquet', *words]) == 0
+    still, moved = pq.read_table(tmp_path / 'tables/flow_features.parquet')['picture_motion'].to_pylist()
+    assert np.isnan(still).all() and moved == list(range(8))
+
+
 def test_what_a_rig_records_of_its_devices_does_not_stop_an_export(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
