@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_nodes.errors import ConfigurationError, ModelError
+from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.file import load_dataset
 from tactile_nodes.learning.datasets.plans import press_numbers
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
 from tactile_nodes.learning.datasets.split import Split, by_position, by_sample
+from tactile_nodes.learning.field.body import KnownBody
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.model_file import LoadedModel, find_model, load_model, size_of_crop
 
@@ -42,6 +44,7 @@ def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
     Raises:
         ConfigurationError: the configuration contradicts the file of recorded presses.
         DatasetError: that file cannot be used.
+            Also if another body pressed than the run of a readout `field` names.
         ModelError: there is no model of tips, or it has seen the presses that are to be put aside.
     """
     file = config.data.file
@@ -51,7 +54,11 @@ def training_data(config: TrainConfig, progress: Progress) -> TrainingData:
 
 def _with_tips(data: TrainingData) -> TrainingData:
     """The data of a readout `field`; they name the presses of the model that reads its tips, too."""
-    name, ours = data.config.field.tips, data.origin
+    name, ours, body = data.config.field.tips, data.origin, data.config.field.body
+    for pressed in set(() if data.dataset.indenter is None else data.dataset.indenter.tolist()) - {''}:
+        with suppress(ConfigurationError):  # a name that is no body does not tell what pressed
+            if KnownBody.named(pressed).name != KnownBody.named(body).name:
+                raise DatasetError(f'{pressed} pressed the gel, but field.body of the run is {body}; correct it there')
     theirs = load_model(find_model(name)).card.get('data', {})
     seen = {each: [*ours.get(each, ()), *theirs.get(each, ())] for each in ('bags', 'pictures') if theirs.get(each)}
     if any(len(each) > len(set(each)) for each in seen.values()) and ours.get('split_id') != theirs.get('split_id'):

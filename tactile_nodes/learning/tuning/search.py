@@ -183,15 +183,13 @@ class RecordedSource:
         self._built: dict[str, RecordedPresses] = {}
 
     def data(self, candidate: Candidate, progress: Progress) -> TrainingData:
-        config = candidate.of(self._base)
         key = f'{candidate.flow} {candidate.regions}'
         if key not in self._built:
-            options = replace(self._options, flow=config.flow, encoding=config.encoding)
-            self._built = {key: build(self._bags, options, progress)}
-        return recorded_data(config, self._built[key], progress)
+            self._built = {key: self.presses(candidate, progress)}
+        return recorded_data(candidate.of(self._base), self._built[key], progress)
 
-    def presses(self, candidate: Candidate, progress: Progress, command: str) -> RecordedPresses:
-        """The data set of a candidate, for storage."""
+    def presses(self, candidate: Candidate, progress: Progress, command: str = '') -> RecordedPresses:
+        """The data set of a candidate."""
         config = candidate.of(self._base)
         options = replace(self._options, flow=config.flow, encoding=config.encoding)
         return build(self._bags, options, progress, command=command)

@@ -16,6 +16,7 @@ from tactile_nodes.errors import ConfigurationError, DatasetError, ModelError
 from tactile_nodes.learning.config import (
     Choice,
     DataConfig,
+    FieldConfig,
     NetworkConfig,
     TrainConfig,
     TrainingConfig,
@@ -284,6 +285,9 @@ def test_a_run_of_any_contact_names_the_presses_of_its_tips(file: Path, monkeypa
     assert origin(**alone)['split_id'] == alone['split_id']  # trained with the same split
     with pytest.raises(ModelError, match='has seen presses that would be put aside'):
         origin(origin='calibration', bags=alone['bags'])
+    run = dataclasses.replace(run, field=FieldConfig(body='ball:5'))
+    with pytest.raises(DatasetError, match=r'pressed the gel, but field\.body of the run is ball:5'):
+        origin(origin='simulated')
 
 
 def test_bags_of_runs_that_ended_before_their_first_press_are_not_the_same_presses(
