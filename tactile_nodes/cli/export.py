@@ -22,7 +22,7 @@ examples:
   tactile export zarr grasp1 -o grasp1.zarr --images  the same as arrays, and the pictures
   tactile export lerobot grasp1 grasp2 -o grasps --fps 30 --task 'pick up the cup'
   tactile export lerobot grasp1 -o grasps --state /joint_states --action /joint_commands --images
-  tactile export lerobot collected_1 -o presses --cut presses
+  tactile export lerobot calibration/rosbag2_… -o presses --cut presses    a bag of: tactile launch calibrate
 """
 _WRITERS = ('parquet', 'zarr')
 

@@ -96,8 +96,8 @@ def _force_topics(source: Source) -> list[str]:
     topics = [topic for topic, layout in source.layouts.items() if layout.is_force]
     if not topics:
         raise BagError(
-            f'{source.bag.path} holds no {FORCE_DISTRIBUTION.name}, which sets the times of the frames; play it '
-            'with a force estimator and record it again, or export parquet or zarr'
+            f'no {FORCE_DISTRIBUTION.name} of {source.bag.path} is exported, which sets the times of frames; add it '
+            'to --topics, or if the bag holds none, compute it from image_raw: tactile launch replay bag:=…'
         )
     return topics
 

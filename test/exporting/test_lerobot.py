@@ -225,7 +225,7 @@ def test_a_bag_without_forces_is_refused_with_what_to_do(tmp_path: Path, capsys:
     write_bag(tmp_path / 'bag', 5)
     words = ['--topics', 'wrench', '-o', str(tmp_path / 'set')]
     assert main(['export', 'lerobot', str(tmp_path / 'bag'), *words]) == 1
-    assert 'holds no force_distribution' in capsys.readouterr().err
+    assert 'is exported, which sets the times of frames; add it to --topics' in capsys.readouterr().err
     assert not (tmp_path / 'set').exists()
 
 
