@@ -223,8 +223,7 @@ def _taken(builder: Builder, bag: int, source: Imported, size: OneSize) -> _Take
     known = [Row(table, row, content_id(picture)) for row, picture in rested]
     faults.require_none()
     parts, picture_of = _parts(table.rows), {row.line: picture for row, picture in rested}
-    rests = [each.tobytes() for each in picture_of.values()]
-    plan = hashlib.sha256(repr((table.rows, rests)).encode()).hexdigest()[:12]
+    plan = hashlib.sha256(repr((table.rows, [each.picture for each in known])).encode()).hexdigest()[:12]
     reference = Frame(0, _rest_image(parts, picture_of))
     moved: dict[int, np.ndarray] = {}
     try:
