@@ -63,11 +63,9 @@ def presses_by_hand(
         _require_bodies(read, touching, loaded, pressed)
     source = Imported(read, FolderPictures(folder_of(read)))
     require_rows(source, known.sensor)
-    untouched = _untouched(source)
-    _require_pattern(loaded, untouched, forced=forced)
-    for sentence in (_describe_cut(loaded, untouched, known), _describe_tips(loaded, touching, pressed)):
-        if sentence:
-            progress.say(sentence)
+    _require_pattern(loaded, _untouched(source), forced=forced)
+    if sentence := _describe_tips(loaded, touching, pressed):
+        progress.say(sentence)
     return import_presses([source], options, known, progress, command=command, forced=forced)
 
 
@@ -105,20 +103,6 @@ def _require_pattern(loaded: LoadedModel, untouched: Picture, *, forced: bool) -
             'describe the sensor (tactile sensor new) and start from a model of its description (docs/sensors.md); '
             '--force starts from this one all the same'
         )
-
-
-def _describe_cut(loaded: LoadedModel, untouched: Picture, known: Known) -> str:
-    """A note that only a part of the images is used; empty if all is, or if the model was made of such images."""
-    height, width = untouched.shape
-    image = known.sensor.image if known.sensor else None
-    if (width, height) in (loaded.image_size, (image.width, image.height) if image else None):
-        return ''
-    across, down = loaded.image_size
-    own = f', which is made for images of {image.width}x{image.height}' if image else ''
-    return (
-        f'the images have {width}x{height} pixels: model {loaded.model_id}{own} uses the middle '
-        f'{min(across, width)}x{min(down, height)} of each'
-    )
 
 
 def _describe_tips(loaded: LoadedModel, rows: Sequence[TablePress], pressed: Pressed) -> str:

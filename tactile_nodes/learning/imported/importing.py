@@ -28,7 +28,7 @@ from tactile_nodes.learning.recorded.building import Builder, BuildOptions
 from tactile_nodes.learning.recorded.gels import Gels
 from tactile_nodes.learning.recorded.measuring import Measurer
 from tactile_nodes.learning.tables.faults import RowFaults
-from tactile_nodes.learning.tables.pictures import OneSize, Pictures
+from tactile_nodes.learning.tables.pictures import OneSize, Pictures, Size
 from tactile_nodes.learning.tables.presses import PressTable, TablePress
 from tactile_nodes.messages import time_from_ns, types
 from tactile_nodes.sensing.features import as_motion
@@ -98,11 +98,22 @@ def import_presses(
             entries.append(taken.card)
             rests.append(taken.rest_motion)
             rows += taken.rows
+        _tell_cut(size.size, measurer.size, known.sensor, progress)
     require_single(rows, progress, forced=forced)
     presses = builder.recordings(entries, [source.table.file for source in sources], command=command)
     shown = [_shown(presses, number, source.table, rests[number]) for number, source in enumerate(sources)]
     require_agreement(shown, progress, known, forced=forced)
     return presses
+
+
+def _tell_cut(size: Size | None, used: Size, sensor: Sensor | None, progress: Progress) -> None:
+    """Say that only a part of the images is used, unless a description of such images says which."""
+    if size and size not in (used, sensor and (sensor.image.width, sensor.image.height)):
+        (width, height), (across, down) = size, used
+        progress.say(
+            f'the images have {width}x{height} pixels, of which the middle {min(across, width)}x{min(down, height)} '
+            'are used; a description of the sensor can use all (docs/sensors.md)'
+        )
 
 
 def _shown(presses: RecordedPresses, number: int, table: PressTable, rest_motion: np.ndarray) -> StatedPresses:

@@ -388,5 +388,5 @@ def test_what_is_cut_and_another_tip_than_the_model_knows_are_reported(
         cv2.imwrite(str(tmp_path / file.name), cv2.resize(cv2.imread(str(file)), None, fx=2, fy=2))
     main(['calibrate', '--pictures', str(table), '--model', 'portable', '--gel', 'x', '-o', str(tmp_path / 'mine')])
     printed = ' '.join(capsys.readouterr().out.split())
-    assert 'the images have 640x480 pixels: model' in printed and 'uses the middle 440x440 of each' in printed
+    assert 'the images have 640x480 pixels, of which the middle 440x440 are used' in printed
     assert 'ball:5 pressed, but model' in printed and 'was trained with ball:0.6: a blunter tip reads' in printed

@@ -257,6 +257,15 @@ def test_a_picture_that_shows_nothing_is_refused_with_its_line(
     assert f'line {row + 2}: {said}' in capsys.readouterr().err
 
 
+def test_that_only_the_middle_of_pictures_is_used_is_said_without_a_description(
+    folder: Path, data_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said, table = 'of which the middle 440x440 are used', str(folder / 'presses.csv')
+    for words, expected in (([], True), (['--sensor', str(folder / 'sensor.yaml')], False)):
+        assert main(['dataset', 'import', table, '-o', str(tmp_path / 'x.npz'), *words]) == 0
+        assert (said in ' '.join(capsys.readouterr().out.split())) is expected
+
+
 def test_pictures_of_the_untouched_gel_are_in_memory_once(folder: Path, tmp_path: Path) -> None:
     """A hundred of 0.3 MB beside 130 MB of other things: they took ten times as much while their id was computed."""
     rows = rows_of(folder)
