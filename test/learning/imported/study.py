@@ -64,7 +64,7 @@ def calibrate(folder: Path, model: str, untouched: Shift, under_force: Shift, *,
         image = seen(under_force(number, force_n)).render((press,), 2000 + number)
         add(f'press_{number}.png', image, f'{press.x_mm:.2f},{press.y_mm:.2f},{force_n:.4f}')
     (folder / 'presses.csv').write_text('\n'.join(rows) + '\n', encoding='utf-8')
-    made = folder / 'moved.safetensors'
+    made = folder / f'{model}.safetensors'  # not one name for all: the chain keeps what it has read
     told = io.StringIO()
     words = ['--pictures', str(folder / 'presses.csv'), '--model', model, '--gel', 'moved', '--force']
     with contextlib.redirect_stdout(told), contextlib.redirect_stderr(io.StringIO()):
