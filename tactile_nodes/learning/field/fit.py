@@ -206,7 +206,8 @@ def fit_field(
     scaling = noise_of_dots(sensor, scaling)
     regions = regions_of(sensor, scaling)
     pressures = AllPressures(regions, bodies)
-    count, chosen = len(rows), pressures.linear(rows, dataset.presses[rows][:, 3].astype(float))
+    linear = pressures.linear(rows, dataset.presses[rows][:, 3].astype(float))
+    too_deep, chosen = len(rows) - len(linear), linear[pressures.fitted(rows[linear])]
     rows, fold = rows[chosen], fold[chosen]
     with (progress or Progress()).bar('fitting the force field', len(rows) + 4) as bar:
         regions, presses, gives_px = _seen(regions, pressures, scaling, dataset, rows, fold, bar.advance)
@@ -221,7 +222,7 @@ def fit_field(
     readout = judge.readout(found.form, found.shares, len(rows), ROOM * max(held.misfit, 1.0))
     offset = presses.offset_n(start, fold)
     return FieldFit(
-        readout, found.form, found.gain, presses, found.misfits, held.errors, points, offset, count - len(rows),
+        readout, found.form, found.gain, presses, found.misfits, held.errors, points, offset, too_deep,
         looked_otherwise(sensor, regions.sensor), gives_px,
     )  # fmt: skip
 

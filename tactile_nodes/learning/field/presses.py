@@ -249,9 +249,12 @@ class AllPressures:
         which = self.bodies.of[rows[known]]
         heavy = force_n[known] / np.array([each.most_n for each in self.each])[which]
         order = np.argsort(heavy, kind='stable')[: max(int((heavy <= 1).sum()), min(LEAST_LINEAR, len(known)))]
-        chosen = np.sort(order)
-        by_body = chosen[np.argsort(which[chosen], kind='stable')]
-        return np.sort(known[by_body[:: max(1, math.ceil(len(by_body) / MOST_FITTED))]])
+        return np.sort(known[order])
+
+    def fitted(self, rows: Int[np.ndarray, ' n']) -> Int[np.ndarray, ' fitted']:
+        """The samples that a fit uses: at most `MOST_FITTED`, of each body the same share."""
+        by_body = np.argsort(self.bodies.of[rows], kind='stable')
+        return np.sort(by_body[:: max(1, math.ceil(len(by_body) / MOST_FITTED))])
 
     def depths(self, rows: Int[np.ndarray, ' n'], force_n: Float[np.ndarray, ' n']) -> Float[np.ndarray, ' n']:
         """The depth of samples with these forces, over the gel's thickness."""

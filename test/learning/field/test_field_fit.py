@@ -12,11 +12,11 @@ from layered_gel import BALL, SENSOR, SIDE, Terms, nominal, pressed, pressed_ter
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.datasets.simulated import Dataset
 from tactile_nodes.learning.field.alone import transfer_alone
-from tactile_nodes.learning.field.body import KnownBody
+from tactile_nodes.learning.field.body import Bodies, KnownBody
 from tactile_nodes.learning.field.calibration import Pressed
 from tactile_nodes.learning.field.fit import FieldFit, described, fit_field
 from tactile_nodes.learning.field.judging import simplest_form
-from tactile_nodes.learning.field.presses import BodyPresses
+from tactile_nodes.learning.field.presses import AllPressures, BodyPresses
 from tactile_nodes.model_file import find_model, load_model
 from tactile_nodes.sensing.elasticity.regions import Regions
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
@@ -136,6 +136,16 @@ def test_a_gel_that_moves_less_under_deep_presses_is_as_soft_as_under_light_ones
     assert usual.gain(shares) == pytest.approx(1.25 * np.exp(-less / 4), rel=0.01)
     assert usual.softening == pytest.approx(less / 4, abs=0.005)
     assert presses.gain(shares) == pytest.approx(1.25 * moved.mean(), rel=0.01)
+
+
+def test_of_many_light_presses_none_is_too_deep_although_half_of_them_suffice() -> None:
+    pressures, rows = (
+        AllPressures(Regions(SENSOR, SIDE, SIDE), Bodies.one(KnownBody.named('ball:0.6'), 400)),
+        np.arange(400),
+    )
+    force_n = np.where(rows < 390, 0.1, 50.0)
+    assert list(pressures.linear(rows, force_n)) == list(range(390))
+    assert len(pressures.fitted(rows[:390])) == 195
 
 
 def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: Terms):
