@@ -120,18 +120,13 @@ class Inspection:
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """All findings, in the order in which to correct them."""
-        pattern = *self._pattern(), self._focus(), self._shown()
-        findings = (
-            size_finding(self.sensor.image, len(self.pictures), dots=self.sensor.pattern.kind == 'dots'),
-            self._frame(),
-            self._light(),
-            *pattern,
-            self._measurable(),
-            self._mask(),
-            self._rest(),
-        )
-        return tuple(each for each in findings if each is not None)
+        """All findings, in the order in which to correct them. A black picture shows nothing but that."""
+        size = size_finding(self.sensor.image, len(self.pictures), dots=self.sensor.pattern.kind == 'dots')
+        first = size, self._frame(), self._light()
+        if self._dark:
+            return first
+        seen = *self._pattern(), self._focus(), self._shown(), self._measurable(), self._mask(), self._rest()
+        return *first, *(each for each in seen if each is not None)
 
     @property
     def usable(self) -> bool:
@@ -141,6 +136,10 @@ class Inspection:
     def _frame(self) -> Finding:
         return Finding('frame', OK, f'{self.sensor.frame}')
 
+    @property
+    def _dark(self) -> bool:
+        return any(picture_faults(each).dark for each in self.pictures)
+
     def _light(self) -> Finding:
         faults = [picture_faults(each) for each in self.pictures]
         bright = float(np.percentile(self.rest, 99))
@@ -148,8 +147,9 @@ class Inspection:
         levels = [each.level for each in faults]
         flicker = max(levels) / max(min(levels), 1.0) - 1
         text = f'brightest parts at {bright:.0f} of 255, {percent(burnt)} of the gel overexposed'
-        if any(each.dark for each in faults):
-            return Finding('light', BAD, f'{text}; an image is black: switch on the light or uncover the lens')
+        if self._dark:
+            text += '; an image is black and shows nothing else: switch on the light or uncover the lens'
+            return Finding('light', BAD, text)
         if any(each.saturated for each in faults):
             return Finding('light', BAD, f'{text}; lower the exposure, the gain or the light')
         if bright < DIM_GREY:

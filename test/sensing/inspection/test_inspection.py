@@ -162,6 +162,13 @@ def grid(across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:
     return np.rint(cv2.GaussianBlur(np.where(away < 10, 40.0, 180.0), (0, 0), 1.0)).astype(np.uint8)
 
 
+@pytest.mark.parametrize('sensor', [DOTS, MEMBRANE])
+def test_a_black_picture_is_judged_by_its_light_alone(sensor: Sensor) -> None:
+    found = Inspection(sensor, {'it': np.zeros((sensor.image.height, sensor.image.width), np.uint8)}).findings
+    assert [each.subject for each in found] == ['size', 'frame', 'light']
+    assert found[-1].level == BAD and 'switch on the light' in found[-1].text
+
+
 def test_the_width_is_that_of_the_whole_picture_though_only_its_middle_is_used(membrane: np.ndarray) -> None:
     """640 px at 26 px a millimetre, 19.65 mm away: a focal length of 511 px."""
     middle = understood(np.ascontiguousarray(membrane[:, 80:560]))
