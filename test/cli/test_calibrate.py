@@ -128,6 +128,21 @@ def test_the_model_reads_the_new_gel(calibrated: Path) -> None:
     assert np.median(np.hypot(*off.T)) < 0.15
 
 
+def test_a_mounting_that_gives_way_is_said(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each newton moves the picture by 0.4 px to the right."""
+    dataset, file = pressed(28, 2, 1.2, 0.7), tmp_path / 'giving.npz'
+    moved = 0.4 * np.maximum(dataset.presses[:, 3], 0.0)[:, None, None, None] * np.array([1.0, 0.0])
+    giving = dataclasses.replace(dataset, features=(dataset.features + moved).astype(np.float16))
+    save_dataset(file, recorded(giving, 'giving'))
+    output = tmp_path / 'giving.safetensors'
+    assert main(['calibrate', '--model', str(model), '--dataset', str(file), '-o', str(output)]) == 0
+    (said,) = re.findall(
+        'gives way under the force: the picture moves by at least ([0-9.]+) px', capsys.readouterr().out
+    )
+    assert 0.3 < float(said) < 0.6
+    assert load_model(output).card['training']['calibration']['gives_px'] == pytest.approx(float(said), rel=0.05)
+
+
 def test_presses_that_made_the_model_do_not_judge_it(
     calibrated: Path, presses: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
