@@ -207,7 +207,7 @@ def fit_field(
     regions = regions_of(sensor, scaling)
     pressures = AllPressures(regions, bodies)
     linear = pressures.linear(rows, dataset.presses[rows][:, 3].astype(float))
-    too_deep, chosen = len(rows) - len(linear), linear[pressures.fitted(rows[linear])]
+    too_deep, chosen = len(rows) - len(linear), linear[pressures.few(rows[linear])]
     rows, fold = rows[chosen], fold[chosen]
     with (progress or Progress()).bar('fitting the force field', len(rows) + 4) as bar:
         regions, presses, gives_px = _seen(regions, pressures, scaling, dataset, rows, fold, bar.advance)

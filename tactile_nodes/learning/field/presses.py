@@ -59,9 +59,6 @@ DOUBT = 0.02
 
 LEAST_NOISE_PX = 0.004
 
-TURNS = 3
-"""The shares of the regions and the motion of the camera are fitted in turn, this often."""
-
 LEAST_RANGE = 0.3
 """Forces whose range is less than this share of the largest do not determine the offset."""
 
@@ -166,17 +163,13 @@ class BodyPresses:
         scale = float(shares[0, ::3].mean())
         sigma[:, 0], sigma[:, 1:] = DEPTH_SIGMA * scale, SLOPE_SIGMA_MM * scale
         summed[:, 0] = DEPTH_SIGMA / (SUM_SIGMA * DEPTHS)
+        left = self._still(self.motion - self._predicted(shares))
         levers = (self.terms * sigma.reshape(-1)).astype(float)
         weighted = levers * self.weights[..., None, None]
         prior = np.eye(TERMS) + np.outer(summed, summed)
         information = np.einsum('nrpt,nrpu->rtu', weighted, levers, optimize=True) + prior
-        fitted, expected = shares, self._predicted(shares)
-        for _ in range(TURNS if len(self.camera) else 1):
-            predicted = self._predicted(fitted)
-            left = self._still(self.motion - predicted) + predicted - expected
-            towards = np.einsum('nrpt,nrp->rt', weighted, left, optimize=True)
-            fitted = shares + sigma.reshape(-1) * np.linalg.solve(information, towards[..., None])[..., 0]
-        return fitted
+        towards = np.einsum('nrpt,nrp->rt', weighted, left, optimize=True)
+        return shares + sigma.reshape(-1) * np.linalg.solve(information, towards[..., None])[..., 0]
 
 
 def _begins(force_n: Float[np.ndarray, ' n'], shown: Float[np.ndarray, ' n']) -> float:
@@ -251,7 +244,7 @@ class AllPressures:
         order = np.argsort(heavy, kind='stable')[: max(int((heavy <= 1).sum()), min(LEAST_LINEAR, len(known)))]
         return np.sort(known[order])
 
-    def fitted(self, rows: Int[np.ndarray, ' n']) -> Int[np.ndarray, ' fitted']:
+    def few(self, rows: Int[np.ndarray, ' n']) -> Int[np.ndarray, ' few']:
         """The samples that a fit uses: at most `MOST_FITTED`, of each body the same share."""
         by_body = np.argsort(self.bodies.of[rows], kind='stable')
         return np.sort(by_body[:: max(1, math.ceil(len(by_body) / MOST_FITTED))])

@@ -8,9 +8,9 @@ from tactile_nodes.sensing.explain.camera import without_camera
 from tactile_nodes.shapes import Float
 
 HELD = 0.9
-"""Share of the residual (root mean square) that the motion of the camera must leave at least, if the mounting holds. It
-leaves 0.98 or more under a simulated mounting that holds, 0.7 under one that gives way by 0.001 mm per newton (60
-presses as in `PYTHONPATH=. python test/learning/imported/study.py force`)."""
+"""Share of the residual (root mean square) that the motion of the camera leaves at least, if the mounting holds. A
+simulated mounting that gives way by 0.001 mm per newton is recognized by it, and one that holds passes
+(`PYTHONPATH=. python test/learning/imported/study.py force 0 0.001`)."""
 
 MOST = 90
 """Percentile of the presses that is stated. Hard ones may show less, since motion above 0.05 px is a knock and was

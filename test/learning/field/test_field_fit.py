@@ -111,6 +111,21 @@ def test_a_camera_that_looks_otherwise_than_described_is_found_by_ten_presses(
     assert np.linalg.norm(fit.readout.response - true) < 0.35 * np.linalg.norm(as_described.response - true)
 
 
+def test_the_view_of_a_camera_whose_mounting_gives_way_is_found_as_well(scaling: InputScaling):
+    """Aside and tilted, and each newton shifts and turns the picture by 0.3 px."""
+    camera = SENSOR.camera
+    looking = dataclasses.replace(camera, position_mm=(0.7, -0.5, camera.position_mm[2]), tilt_deg=(1.5, -1.0))
+    real = Regions(dataclasses.replace(SENSOR, camera=looking), SIDE, SIDE)
+    places = np.random.default_rng(4).uniform(-12, 12, (10, 2))
+    made = real.terms_of_pressure(places, hertz(real.layer, 0.5), np.arange(real.count))
+    dataset = pressed((places, made), nominal(), 10)
+    x, y = np.meshgrid(np.linspace(-1, 1, SIDE), np.linspace(-1, 1, SIDE))
+    moved = 0.3 * np.stack([1 - y, 0.5 + x], axis=-1) * dataset.presses[:, 3][:, None, None, None]
+    fit = fitted(dataclasses.replace(dataset, features=(dataset.features + moved).astype(np.float16)), scaling)
+    off = np.abs(fit.looks - [0.7, -0.5, 1.5, -1.0, 0.0, 0.0])
+    assert (off < [0.3, 0.3, 0.8, 0.8, 0.5, 0.01]).all()
+
+
 def test_a_camera_that_looks_as_described_is_left_alone(scaling: InputScaling, terms: Terms):
     assert not fitted(pressed(terms, 1.25 * nominal(), 10), scaling).looks.any()
 
@@ -145,7 +160,7 @@ def test_of_many_light_presses_none_is_too_deep_although_half_of_them_suffice() 
     )
     force_n = np.where(rows < 390, 0.1, 50.0)
     assert list(pressures.linear(rows, force_n)) == list(range(390))
-    assert len(pressures.fitted(rows[:390])) == 195
+    assert len(pressures.few(rows[:390])) == 195
 
 
 def test_presses_without_a_force_are_refused(scaling: InputScaling, terms: Terms):
