@@ -2,6 +2,7 @@
 
 from tactile_nodes.sensors.covering import MaskSettings
 from tactile_nodes.sensors.description import (
+    SIDES,
     BinSettings,
     CameraDescription,
     GelDescription,
@@ -16,6 +17,7 @@ from tactile_nodes.sensors.mounting import Mounting
 from tactile_nodes.sensors.outline import Outline
 
 __all__ = [
+    'SIDES',
     'BinSettings',
     'CameraDescription',
     'Dome',

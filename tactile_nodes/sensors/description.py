@@ -37,6 +37,9 @@ MOST_MM = 500.0
 SOFTEST_MPA, HARDEST_MPA, MOST_OFF = 1e-4, 20.0, 1.0
 """Limits of shear moduli, from the softest jelly to hard rubber, and of their uncertainty as a share."""
 
+SIDES = 'ignored', 'free', 'held'
+"""What is known of the sides of a gel."""
+
 LEAST_FILLED, MOST_FILLED = 1 / 8, 8.0
 """Limits of the gel's size over the image's, along both sides, by focal length and distance."""
 
@@ -161,9 +164,17 @@ class GelDescription:
     )
     outline_mm: str = parameter('', "part of the rectangle that is gel: empty (all), ellipse, or corners 'x,y x,y x,y'")
     dome_radius_mm: float = parameter(0.0, 'radius of a spherical surface; 0: it is flat', minimum=0.0)
+    sides: str = parameter(
+        'ignored', 'of the gel: free, held by a rigid frame, or ignored, as if the gel went on', choices=SIDES
+    )
 
     def __post_init__(self) -> None:
         count = len(self.layers_mm)
+        if self.sides != 'ignored' and (self.outline_mm or self.dome_radius_mm):
+            raise ValueError(
+                f'gel.sides is {self.sides}, which only a flat rectangular gel can have; with gel.outline_mm or '
+                'gel.dome_radius_mm it must be ignored'
+            )
         for name in ('moduli_mpa', 'poisson_ratios'):
             if len(getattr(self, name)) != count:
                 raise ValueError(f'gel.{name} must hold {count} numbers, one for each of gel.layers_mm')

@@ -22,7 +22,8 @@ HEAD = """\
 
 MOUNTING = 'frame.'
 ONLY_IF_CHANGED = (
-    'gel.outline_mm', 'gel.dome_radius_mm', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm', 'pattern.dot_mm',
+    'gel.outline_mm', 'gel.dome_radius_mm', 'gel.sides', 'bins.width_mm', 'bins.height_mm', 'bins.centre_mm',
+    'pattern.dot_mm',
 )  # fmt: skip
 """Entries that are written only if they differ from the default: older descriptions do not have them."""
 

@@ -34,7 +34,7 @@ def gel_of(sensor: Sensor) -> Gel:
         'centre_shift_px': (across - (image.width - 1) / 2, down - (image.height - 1) / 2),
         'pupil_below_markers_mm': -away - gel.depth_mm,
         'image_width': image.width, 'image_height': image.height,
-        'outline': gel.outline_mm, 'dome_radius_mm': gel.dome_radius_mm,
+        'outline': gel.outline_mm, 'dome_radius_mm': gel.dome_radius_mm, 'sides': gel.sides,
         'pattern': pattern.kind, 'pitch_mm': pattern.pitch_mm, 'dot_mm': pattern.dot_mm,
         'marker_count': pattern.count, 'marker_diameter_mm': pattern.diameter_mm, **(DARK if pattern.dark else {}),
     })  # type: ignore[arg-type]  # fmt: skip

@@ -9,13 +9,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 from tactile_nodes.errors import ConfigurationError
-from tactile_nodes.sensors import Dome, Outline
+from tactile_nodes.sensors import SIDES, Dome, Outline
 
 CHOICES = {
     'mechanics': ('linear', 'finite_strain'),
     'contact': ('sticking', 'smooth'),
     'camera': ('fisheye', 'pinhole'),
     'pattern': ('spheres', 'dots'),
+    'sides': SIDES,
 }
 
 BOUNDS = {
@@ -31,10 +32,10 @@ BOUNDS = {
 
 LATER = (
     'height_mm', 'camera', 'distortion', 'focal_ratio', 'centre_shift_px', 'pattern', 'pitch_mm',
-    'markers_thickness_mm', 'outline', 'dome_radius_mm', 'dot_mm',
+    'markers_thickness_mm', 'outline', 'dome_radius_mm', 'dot_mm', 'sides',
 )  # fmt: skip
 """Properties that were added later: a gel with their default values keeps its old id."""
-LEFT_OUT = 'outline', 'dome_radius_mm', 'dot_mm'
+LEFT_OUT = 'outline', 'dome_radius_mm', 'dot_mm', 'sides'
 """Properties that the card of a flat rectangle leaves out, so that it stays as before."""
 
 
@@ -63,6 +64,8 @@ class Gel:
     With an `outline`, as in a description, markers and presses lie only within it; the gel deforms as if it continued
     beyond. With a `dome_radius_mm` the surface and all markers lie lower towards the rim, and tips press along the
     surface's normal. The gel then deforms as if it had the thickness of the middle, and motion tilts with the surface.
+    With `sides` that are 'free', or 'held' by a rigid frame, their effect is added (`simulation.sides`); bodies deform
+    the surface under them as if it had none.
     """
 
     seed: int = 1
@@ -106,6 +109,7 @@ class Gel:
     outline: str = ''
     dome_radius_mm: float = 0.0
     dot_mm: tuple[float, float] = (0.0, 0.0)
+    sides: str = 'ignored'
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():
@@ -121,6 +125,8 @@ class Gel:
             self.dome.require_shallow(self.rim.farthest_mm)
         except ValueError as error:
             raise ConfigurationError(f'a gel cannot be simulated: {error}') from error
+        if self.sides != 'ignored' and (self.outline or self.dome_radius_mm):
+            raise ConfigurationError("only a flat rectangular gel can have sides; set 'sides' to ignored")
 
     @property
     def rim(self) -> Outline:

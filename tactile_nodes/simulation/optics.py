@@ -21,7 +21,8 @@ from tactile_nodes.simulation.gel import Gel
 from tactile_nodes.simulation.markers import domed, place_markers
 from tactile_nodes.simulation.mechanics import ContactTable
 from tactile_nodes.simulation.shear import ShearTable, shear_of
-from tactile_nodes.simulation.touch.table import Placed, Touch, TouchTable
+from tactile_nodes.simulation.sides import MovedBySides
+from tactile_nodes.simulation.touch.table import Placed, Touch, TouchTable, node_forces
 
 TAPS = np.arange(-3, 5)
 """Pixels that receive the light of a marker: from three left of its pixel to four right of it."""
@@ -87,6 +88,7 @@ class Optics:
         self._light = (gel.marker_grey * np.pi * radius_px**2).astype(np.float32)
         self._shade = shade(gel)
         self._noise = NoiseBank(gel)
+        self._by_sides = None if gel.sides == 'ignored' else MovedBySides(gel, self._flat_mm)
         self._lookups = {name: TableLookup(each, self._flat_mm[:, 2]) for name, each in self._tables.items()}
         self._rest = self._draw(self.project(()))
         self._last: tuple[tuple[Shaping, ...], np.ndarray] = (), self._rest
@@ -101,7 +103,24 @@ class Optics:
 
     def _touched(self, touch: Touch) -> Float32[np.ndarray, 'markers 3']:
         """Displacement of the markers by a body."""
-        return self._placed_at(touch).moved_mm(touch.stage)
+        moved = self._placed_at(touch).moved_mm(touch.stage)
+        return moved if self._by_sides is None else moved + self._by_body(touch)
+
+    def _by_body(self, touch: Touch) -> Float32[np.ndarray, 'markers 3']:
+        """What the sides add to it, solved at each stage of the table and linear between them."""
+        table = self._bodies[touch.body]
+        low = min(int(touch.stage), table.stages - 2)
+        one, other = (self._sides_under(replace(touch, stage=float(stage))) for stage in (low, low + 1))
+        return np.asarray(one + np.float32(touch.stage - low) * (other - one))
+
+    def _sides_under(self, touch: Touch) -> Float32[np.ndarray, 'markers 3']:
+        assert self._by_sides is not None
+
+        def forces() -> tuple[np.ndarray, np.ndarray]:
+            place_mm, force = node_forces(self._bodies[touch.body], touch)
+            return place_mm, self._gel.shear_modulus_mpa * force[:, :, None] * [[1.0], [1.0], [-1.0]]
+
+        return self._by_sides.moved_mm(touch, forces)[..., 0]
 
     def _placed_at(self, touch: Touch) -> Placed:
         """The table of a body evaluated at the markers, cached for the last few places."""
@@ -130,7 +149,18 @@ class Optics:
                 f'no contact table was given for the indenter {press.indenter!r}; there are: {known}'
             )
         field: np.ndarray = self._lookups[press.indenter](self._flat_mm, press)
-        return field + self._drag(press) if any(press.shift_mm) else field
+        if any(press.shift_mm):
+            field = field + self._drag(press)
+        return field if self._by_sides is None else field + self._by_tip(press)
+
+    def _by_tip(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
+        """What the sides add to it: in proportion to its force."""
+        assert self._by_sides is not None
+        place = press.x_mm, press.y_mm
+        per_n = self._by_sides.moved_mm(place, lambda: (np.array([place]), np.eye(3)[None]))
+        drag_n = self.drag_n(press) if any(press.shift_mm) else (0.0, 0.0)
+        force_n = np.array([*drag_n, -self._tables[press.indenter].force_at(press.depth_mm)], np.float32)
+        return np.asarray(per_n @ force_n)
 
     def _drag(self, press: Press) -> Float32[np.ndarray, 'markers 3']:
         """Displacement added by dragging a sticking tip."""

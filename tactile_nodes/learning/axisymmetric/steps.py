@@ -82,7 +82,7 @@ class Equations:
         for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
             some = presses.take(part)
             columns, slopes = response.columns_and_slopes(some.contacts)
-            predicted = response.motion_of_columns(columns)
+            predicted = response.with_sides(response.motion_of_columns(columns), some.contacts)
             weight = some.weights(response, doubt, predicted)
             left = ((some.motion - predicted) * weight).transpose(1, 0, 2).reshape(len(numbers), -1)
             by_region = by_regions(levers(response, columns, slopes) * weight[..., None])

@@ -44,7 +44,7 @@ def _precision_of_presses(
     for part in np.array_split(np.arange(len(presses)), max(1, len(presses) // PRESSES_AT_ONCE)):
         some = presses.take(part)
         columns, slopes = response.columns_and_slopes(some.contacts)
-        weight = some.weights(response, doubt, response.motion_of_columns(columns))
+        weight = some.weights(response, doubt, response.with_sides(response.motion_of_columns(columns), some.contacts))
         lever = by_regions(levers(response, columns, slopes) * weight[..., None])
         precision = precision + lever.transpose(0, 2, 1) @ lever
     return precision

@@ -29,6 +29,7 @@ from tactile_nodes.learning.transfer.judgement import ADVICE, describe_errors, r
 from tactile_nodes.model_file import DESCRIPTION, SENSOR, LoadedModel, crop_of_size, find_model, load_model, save_model
 from tactile_nodes.params import from_mapping
 from tactile_nodes.sensing.explain.arrays import AnyReadout
+from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.flow.dots import DotsFlow
@@ -191,6 +192,25 @@ def with_field(
         calibration, readout=readout, field=text, curve=fit.curve, objection=calibration.objection or fit.objection,
         gives_px=calibration.gives_px or fit.gives_px,
     )  # fmt: skip
+
+
+def sides_of_tips(
+    loaded: LoadedModel, dataset: Dataset, pressed: Pressed, progress: Progress | None = None
+) -> BySides | None:
+    """What the sides of the gel add to the motion under a tip, from a fit of the field; None if they are ignored.
+
+    Raises:
+        ModelError: neither the person nor the source gives the body, or the sensor.
+        DatasetError: an indenter is no body.
+        ConfigurationError: a body is wider than the gel.
+    """
+    readout = loaded.model.readout
+    if not isinstance(readout, FieldReadout) or readout.tips is None:
+        return None
+    sensor = pressed.known_sensor(loaded)
+    if sensor.gel.sides == 'ignored':
+        return None
+    return _fitted(sensor, readout.tips, dataset, pressed.bodies(loaded, dataset), progress or Progress()).sides
 
 
 def _fitted(

@@ -33,6 +33,7 @@ from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.errors import UNKNOWN, Errors, Point
 from tactile_nodes.sensing.elasticity.region_choice import LEAST_SEEN, usual_regions
 from tactile_nodes.sensing.elasticity.regions import Regions
+from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.explain.camera import STILL, camera_terms
 from tactile_nodes.sensing.explain.field.readout import LEAST_REGIONS, FieldReadout
 from tactile_nodes.sensing.explain.network import InputScaling
@@ -61,7 +62,7 @@ class FieldFit:
     `by` are the presses. `errors` are of held-out ones, estimated by the field alone; `curve` has those with fewer
     presses. `offset_n` is the offset of their forces, and its standard deviation. `left_out` is the number of
     presses that were too deep for the linear layer. `looks` is how the camera differs from its description, as in
-    `camera.looking`. `gives_px` is as in `Transfer`.
+    `camera.looking`. `gives_px` is as in `Transfer`. `sides` is what the sides of the gel add to all regions.
     """
 
     readout: FieldReadout
@@ -75,6 +76,7 @@ class FieldFit:
     left_out: int = 0
     looks: Float[np.ndarray, ' 6'] = field(default_factory=lambda: np.zeros(len(SCALES)))
     gives_px: float = 0.0
+    sides: BySides | None = None
 
     @property
     def presses(self) -> int:
@@ -223,7 +225,7 @@ def fit_field(
     offset = presses.offset_n(start, fold)
     return FieldFit(
         readout, found.form, found.gain, presses, found.misfits, held.errors, points, offset, too_deep,
-        looked_otherwise(sensor, regions.sensor), gives_px,
+        looked_otherwise(sensor, regions.sensor), gives_px, _by_sides(regions, scaling, found.shares),
     )  # fmt: skip
 
 
@@ -253,6 +255,16 @@ def _seen(
         if not gives_px:
             break
     return found, presses, gives_px
+
+
+def _by_sides(regions: Regions, scaling: InputScaling, shares: Float[np.ndarray, 'regions terms']) -> BySides | None:
+    """What the sides of the gel add to all regions, with these shares of the terms of the known ones."""
+    known = known_of(scaling)
+    if (terms := regions.terms_by_sides(known)) is None:
+        return None
+    per_n = np.zeros((regions.patches.count, regions.count, 2), np.float32)
+    per_n[:, known] = np.einsum('rptk,rt->krp', terms, shares.astype(np.float32), optimize=True)
+    return BySides(regions.patches, per_n)
 
 
 def regions_of(sensor: Sensor, scaling: InputScaling) -> Regions:

@@ -44,6 +44,7 @@ from tactile_nodes.learning.transfer.mounting import gives_way_px, in_words
 from tactile_nodes.learning.transfer.regions import Smooth, fit_with_smooth
 from tactile_nodes.learning.transfer.whole import SIZES, Typical, WholeFit, fit_whole
 from tactile_nodes.sensing.explain.arrays import AnyReadout
+from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.axisymmetric.response import AxisymmetricResponse
 from tactile_nodes.sensing.explain.camera import camera_terms
@@ -107,18 +108,24 @@ class Transfer:
 
 
 def transfer(
-    known: AxisymmetricReadout, dataset: Dataset, progress: Progress | None = None, *, forced: bool = False
+    known: AxisymmetricReadout,
+    dataset: Dataset,
+    progress: Progress | None = None,
+    *,
+    forced: bool = False,
+    sides: BySides | None = None,
 ) -> Transfer:
     """The readout for the gel of a data set, from that of a `known` gel.
 
     `forced` also accepts a readout that is no better on held-out presses than the known one, or than their mean.
+    `sides` is what the sides of the gel add to all regions.
 
     Raises:
         DatasetError: the presses do not suffice, or the calibrated readout would be no better than that.
     """
     progress = progress or Progress()
     require_presses(dataset, reached_mm(known))
-    other = OtherGel.of(known, dataset)
+    other = OtherGel.of(known, dataset, sides)
     with progress.bar('comparing forms', 2 + len(FORMS)) as bar:
         whole = other.whole()
         if gives_px := other.gives_px(whole.response):
@@ -204,20 +211,23 @@ class OtherGel:
     typical: Typical
     view: Float[np.ndarray, 'regions 2']
     pictures: Int[np.ndarray, ' presses']
+    sides: BySides | None = None
 
     @classmethod
-    def of(cls, source: AxisymmetricReadout, dataset: Dataset) -> OtherGel:
+    def of(cls, source: AxisymmetricReadout, dataset: Dataset, sides: BySides | None = None) -> OtherGel:
         """Raises the errors of `pressed_gel`."""
         scaling, holds, rows = pressed_gel(source.scaling, dataset)
         untouched = np.flatnonzero(~(dataset.presses[:, 2] > 0))
         typical = Typical.of(source.response, views(source.scaling.trusted))
         presses = Presses.of_holds(dataset, holds, scaling)
         pictures = np.array([len(each) for each in holds])
-        return cls(source, scaling, presses, rows, untouched, typical, views(scaling.trusted), pictures)
+        if sides is not None:
+            sides = sides.of_regions(np.flatnonzero(scaling.trusted.reshape(-1) > 0))
+        return cls(source, scaling, presses, rows, untouched, typical, views(scaling.trusted), pictures, sides)
 
     @property
     def start(self) -> AxisymmetricResponse:
-        return self.typical.at(self.view)
+        return replace(self.typical.at(self.view), sides=self.sides)
 
     @property
     def live_scaling(self) -> InputScaling:

@@ -19,6 +19,9 @@ EVEN = 16
 
 WAVE_NUMBERS = 260
 
+FAINT = 1e-3
+"""Least share of a force on a node, over the largest."""
+
 
 class ElasticLayer:
     """The layers of a gel, evaluated at some depths on a grid of `spacing_mm` (x, y), rows along y.
@@ -79,8 +82,7 @@ class ElasticLayer:
         """
         x, y = self._directions
         w = _waves(self._layers, tuple(self.depths_mm.tolist()), self.spacing_mm, self.cells)
-        shift = (-1.0) ** np.arange(x.shape[1])[None] * (-1.0) ** np.arange(x.shape[0])[:, None]
-        load = (spectrum * shift / (self.spacing_mm[0] * self.spacing_mm[1])).astype(np.complex64)
+        load = (spectrum * self._to_middle / (self.spacing_mm[0] * self.spacing_mm[1])).astype(np.complex64)
         moved = np.empty((len(self.depths_mm), 3, 1 if pressed_only else 3, *x.shape), np.complex64)
         pressed = load * -1j * w.pressed
         moved[:, 0, 0], moved[:, 1, 0], moved[:, 2, 0] = x * pressed, y * pressed, -load * w.sinking
@@ -92,6 +94,21 @@ class ElasticLayer:
             moved[:, number - 1, number, 0, 0] = load[0, 0] * w.across[:, 0, 0]  # no direction at wave number zero
         found: np.ndarray = scipy.fft.irfft2(moved, s=self.cells[::-1], overwrite_x=True)
         return found
+
+    def forces(
+        self, spectrum: Inexact[np.ndarray, 'ky kx']
+    ) -> tuple[Float[np.ndarray, 'points 2'], Float[np.ndarray, ' points']]:
+        """The nodes on which a force with this spectrum acts, and its share on each; without its faint remainder."""
+        share = scipy.fft.irfft2(spectrum * self._to_middle, s=self.cells[::-1])
+        there = share > FAINT * share.max()
+        return self.nodes_mm[there], share[there] / share[there].sum()
+
+    @property
+    def _to_middle(self) -> Float[np.ndarray, 'ky kx']:
+        """Signs of the waves that move the origin to the middle of the grid."""
+        along_x, along_y = self._frequencies
+        shift: np.ndarray = (-1.0) ** np.arange(along_x.shape[1])[None] * (-1.0) ** np.arange(along_y.shape[0])[:, None]
+        return shift
 
     def rectangle(self, width_mm: float, height_mm: float) -> Float[np.ndarray, 'ky kx']:
         """The spectrum of a force spread evenly over a rectangle."""

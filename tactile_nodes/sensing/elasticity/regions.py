@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from tactile_nodes.sensing.elasticity.fields import FINER, combed, fields_of, sa
 from tactile_nodes.sensing.elasticity.layer import WIDTH_MM, ElasticLayer
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.sensing.elasticity.rays import ALONG, Rays, described_dots, of_dots, of_windows
+from tactile_nodes.sensing.elasticity.sides import Sides, seen, sides_of
 from tactile_nodes.sensing.elasticity.stack import Elastic
 from tactile_nodes.sensing.elasticity.view import DEPTHS, View
 from tactile_nodes.sensing.flow.dots import weights_of_dots
@@ -45,8 +47,20 @@ simulated gels are read 1 % off, with the fourth power 6 %."""
 THICKNESSES = 4
 """Number of thicknesses at which a dome's layer is solved: in the middle, at its rim, and between."""
 
-Fields = list[Float32[np.ndarray, 'depths 3 loads sets y x']]
-"""Fields of each thickness of the layer, from `fields_of`."""
+SLOPE_STEP_MM = 0.5
+"""Step for the slopes of what sides add, which is smooth."""
+
+
+class Fields(NamedTuple):
+    """Displacements under a pressure of 1 N for each thickness of the layer, from `fields_of`.
+
+    `place_mm` and `force_n` are where it acts, relative to its middle.
+    """
+
+    layers: list[Float32[np.ndarray, 'depths 3 loads sets y x']]
+    place_mm: Float[np.ndarray, 'points 2']
+    force_n: Float[np.ndarray, ' points']
+
 
 LOADS = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).T
 """Loads as columns: into the gel, along x, along y."""
@@ -134,12 +148,23 @@ class Regions:
         return np.array([np.interp(sag, thinner, one) for one in np.eye(len(thinner))])
 
     def _layer_at(self, depths_mm: Float[np.ndarray, ' depths'], thinner_mm: float = 0.0) -> ElasticLayer:
-        gel = self.sensor.gel
-        thick_mm = *gel.layers_mm[:-1], gel.layers_mm[-1] - thinner_mm
-        stack = [Elastic(*each) for each in zip(thick_mm, gel.moduli_mpa, gel.poisson_ratios, strict=True)]
+        gel, stack = self.sensor.gel, self._stack(thinner_mm)
         width, height = self.patches.size_mm
         repeated_mm = max(WIDTH_MM, 2 * gel.width_mm, 2 * gel.height_mm)
         return ElasticLayer(stack, depths_mm, (width / FINER, height / FINER), repeated_mm)
+
+    def _stack(self, thinner_mm: float = 0.0) -> tuple[Elastic, ...]:
+        gel = self.sensor.gel
+        thick_mm = *gel.layers_mm[:-1], gel.layers_mm[-1] - thinner_mm
+        return tuple(Elastic(*each) for each in zip(thick_mm, gel.moduli_mpa, gel.poisson_ratios, strict=True))
+
+    @property
+    def sides(self) -> Sides | None:
+        """The sides of the gel; None if they are ignored."""
+        gel = self.sensor.gel
+        if gel.sides == 'ignored':
+            return None
+        return sides_of(self._stack(), (gel.width_mm, gel.height_mm), self.patches, held=gel.sides == 'held')
 
     @property
     def nominal_shares(self) -> Float[np.ndarray, ' terms']:
@@ -206,6 +231,9 @@ class Regions:
         patches = self.patches
         if not self.sensor.gel.dome_radius_mm:
             split = self._terms_in(self.layer, parts, slopes)
+            if sides := self.sides:
+                by_sides = self._by_sides(sides, sides.added_mm, parts, slopes)
+                split += by_sides.reshape(*split.shape[:3], -1, 3, patches.count).swapaxes(3, 4)
         else:
             shares = self._as_thick(patches.centres_mm).astype(np.float32)
             split = sum(
@@ -261,10 +289,21 @@ class Regions:
         in_regions: np.ndarray = np.einsum('rd,nd...->nr...', self._dot_weights[known], terms)
         return in_regions
 
+    def terms_by_sides(self, known: Int[np.ndarray, ' known']) -> Float32[np.ndarray, 'known 2 terms patches'] | None:
+        """What the sides of the gel add to the motion [px] of some regions by term, under 1 N into the gel on each
+        patch; None if they are ignored."""
+        if (sides := self.sides) is None:
+            return None
+        parts = np.arange(len(self.rays)) if self._of_dots else known
+        found = self._by_sides(sides, sides.pressed_mm, parts, True)
+        terms = found.swapaxes(1, 2).reshape(len(parts), 2, TERMS, -1)
+        return np.asarray(np.tensordot(self._dot_weights[known], terms, axes=1)) if self._of_dots else terms
+
     def fields_under(self, spectrum: Inexact[np.ndarray, 'ky kx'], *, slopes: bool = True) -> Fields:
         """Displacements in the gel under a pressure, independent of the camera."""
         domed = self.sensor.gel.dome_radius_mm > 0
-        return [fields_of(layer, spectrum, pressed_only=not domed, slopes=slopes) for _, layer in self._layers]
+        layers = [fields_of(layer, spectrum, pressed_only=not domed, slopes=slopes) for _, layer in self._layers]
+        return Fields(layers, *self.layer.forces(spectrum))
 
     def motion_as_described(
         self, places_mm: Float[np.ndarray, 'presses 2'], fields: Fields, known: Int[np.ndarray, ' known']
@@ -282,11 +321,12 @@ class Regions:
         return found.reshape(len(places_mm), len(parts), 2, TERMS)
 
     def _seen_in(
-        self, in_layers: Fields, places_mm: Float[np.ndarray, 'presses 2'], parts: np.ndarray
+        self, under: Fields, places_mm: Float[np.ndarray, 'presses 2'], parts: np.ndarray
     ) -> Float32[np.ndarray, 'presses n 2 depths sets']:
+        in_layers = under.layers
         domed, sets = self.sensor.gel.dome_radius_mm > 0, in_layers[0].shape[3]
         shares, loads = self._as_thick(places_mm), self._loads_at(places_mm)[..., 0]
-        seen, jacobian = self.rays.points_mm[:, parts, :, :2], self.rays.px_per_mm[:, parts] / ALONG**2
+        points, jacobian = self.rays.points_mm[:, parts, :, :2], self.rays.px_per_mm[:, parts] / ALONG**2
         levers = jacobian.astype(np.float32).swapaxes(2, 3).reshape(DEPTHS, len(parts), 2, -1)
         found = np.zeros((len(places_mm), len(parts), 2, DEPTHS, sets), np.float32)
         for number, place in enumerate(places_mm):
@@ -294,9 +334,31 @@ class Regions:
             if domed:
                 there = sum(share * each for share, each in zip(shares[:, number], in_layers, strict=True))
                 fields = np.einsum('dclsyx,l->dcsyx', there, loads[number])
-            at = (seen - place) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
+            at = (points - place) / np.asarray(self.layer.spacing_mm) + np.array(self.layer.cells) // 2
             for depth in range(DEPTHS):
                 sampled = sampled_at(fields[depth].reshape(3 * sets, *fields.shape[-2:]), at[depth])
                 by_ray = sampled.reshape(3, sets, len(parts), -1).transpose(2, 3, 0, 1).reshape(len(parts), -1, sets)
                 found[number, :, :, depth] = levers[depth] @ by_ray
+        if sides := self.sides:
+            forces = np.stack([sides.on_patches(place + under.place_mm, under.force_n) for place in places_mm], -1)
+            by_sides = self._by_sides(sides, sides.pressed_mm @ forces.astype(np.float32), parts, sets > 1)
+            found += by_sides.transpose(4, 0, 2, 1, 3)
+        return found
+
+    def _by_sides(
+        self, sides: Sides, added: Float32[np.ndarray, 'unknowns loads'], parts: np.ndarray, slopes: bool
+    ) -> Float32[np.ndarray, 'n depths 2 sets loads']:
+        """Motion of windows or dots by term, from displacements that the sides add."""
+        points, levers = self.rays.points_mm[:, parts], self.rays.px_per_mm[:, parts] / ALONG**2
+        found = np.empty((len(parts), DEPTHS, 2, 3 if slopes else 1, added.shape[1]), np.float32)
+        steps = SLOPE_STEP_MM * np.eye(3)[:2]
+
+        def moved(depth: int, by_mm: np.ndarray) -> np.ndarray:
+            found: np.ndarray = seen(sides.lines_mm, points[depth] + by_mm, levers[depth]) @ added
+            return found.reshape(len(parts), 2, -1)
+
+        for depth in range(DEPTHS):
+            found[:, depth, :, 0] = moved(depth, np.zeros(3))
+            for number, step in enumerate(steps if slopes else (), 1):
+                found[:, depth, :, number] = (moved(depth, step) - moved(depth, -step)) / (2 * SLOPE_STEP_MM)
         return found

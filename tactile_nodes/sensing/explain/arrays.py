@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.explain.axisymmetric.correction import Correction
 from tactile_nodes.sensing.explain.axisymmetric.prior import ErrorPrior
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import RadialSmear
@@ -181,6 +183,8 @@ def _axisymmetric_arrays(readout: AxisymmetricReadout) -> tuple[Arrays, dict[str
     arrays |= {name: np.asarray(getattr(response, name), np.float32) for name in ('profiles', 'places', 'couplings')}
     if response.unsure is not None:
         arrays['unsure'] = response.unsure.astype(np.float16)
+    if response.sides is not None:
+        arrays['sides'] = response.sides.per_n.astype(np.float16)
     arrays |= {'doubt': np.asarray(readout.doubt, np.float32), 'correction': np.asarray(correction.terms, np.float32)}
     if correction.local is not None:
         arrays['local'] = np.asarray(correction.local, np.float32)
@@ -210,11 +214,12 @@ def _axisymmetric(arrays: Mapping[str, np.ndarray], entries: Mapping[str, Any], 
     numbers = entries['hardest_n'], places, couplings, entries['width'], entries['softness']
     smear = RadialSmear(**entries.get('streak', {}))
     unsure = arrays['unsure'].astype(float) if 'unsure' in arrays else None
+    sides = BySides(PatchGrid(bins), arrays['sides'].astype(np.float32)) if 'sides' in arrays else None
     local = arrays['local'].astype(float) if 'local' in arrays else None
     prior = ErrorPrior(tuple(entries['carried']), arrays['carried'].astype(float)) if 'carried' in entries else None
     return AxisymmetricReadout(
         _scaling(arrays, entries),
-        AxisymmetricResponse(profiles, entries['lateral'], *numbers, smear, unsure),
+        AxisymmetricResponse(profiles, entries['lateral'], *numbers, smear, unsure, sides),
         arrays['doubt'].astype(float),
         Correction(arrays['correction'].astype(float), **entries['correction'], local=local),
         bins,

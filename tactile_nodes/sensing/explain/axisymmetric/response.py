@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from tactile_nodes.sensing.compiling import compiled_loops
+from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.explain.axisymmetric.radial_smear import NEAR_MM, SMEAR_MM, WIDE_MM, RadialSmear
 from tactile_nodes.sensing.explain.splines import SplineAxis
 from tactile_nodes.shapes import Float
@@ -42,6 +43,8 @@ class AxisymmetricResponse:
 
     If regions are known from a few presses only, `unsure` holds factors of the covariance of a region's numbers (first
     its couplings, then its place), separately for its motion along x and along y.
+
+    `sides` is what the sides of the gel add, which depends on the place of the contact.
     """
 
     profiles: Float[np.ndarray, 'profiles distances forces']
@@ -53,6 +56,7 @@ class AxisymmetricResponse:
     softness: float = 1.0
     smear: RadialSmear = field(default_factory=RadialSmear)
     unsure: Float[np.ndarray, 'regions 2 numbers factors'] | None = None
+    sides: BySides | None = None
     compiled: bool = False
 
     @cached_property
@@ -84,7 +88,13 @@ class AxisymmetricResponse:
         """Motion of each region [px] under each contact (x, y in mm and force in N)."""
         if self.compiled:
             return self.motion_slopes_and_columns(contacts)[0]
-        return self.motion_of_columns(self.columns(contacts))
+        return self.with_sides(self.motion_of_columns(self.columns(contacts)), contacts)
+
+    def with_sides(
+        self, motion: Float[np.ndarray, 'n regions 2'], contacts: Float[np.ndarray, 'n 3']
+    ) -> Float[np.ndarray, 'n regions 2']:
+        """The motion of columns under contacts, with what the sides of the gel add."""
+        return motion if self.sides is None else motion + self.sides.motion_and_slopes(contacts)[0]
 
     def motion_and_slopes(
         self, contacts: Float[np.ndarray, 'n 3']
@@ -99,9 +109,14 @@ class AxisymmetricResponse:
     ]:
         """The same with the profiles' values (columns), which the couplings combine to that motion."""
         if self.compiled:
-            return self._by_loops(contacts)
-        columns, slopes = self.columns_and_slopes(contacts)
-        return self.motion_of_columns(columns), np.stack([self.motion_of_columns(each) for each in slopes]), columns
+            motion, slopes, columns = self._by_loops(contacts)
+        else:
+            columns, by_column = self.columns_and_slopes(contacts)
+            motion, slopes = self.motion_of_columns(columns), np.stack([self.motion_of_columns(n) for n in by_column])
+        if self.sides is not None:
+            by_sides, slopes_by_sides = self.sides.motion_and_slopes(contacts)
+            motion, slopes = motion + by_sides, slopes + slopes_by_sides
+        return motion, slopes, columns
 
     def variance(
         self, slopes: Float[np.ndarray, '3 n regions 2'], columns: Float[np.ndarray, 'n regions columns']
