@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_nodes.learning.config import Choice, DataConfig, TrainConfig
 from tactile_nodes.learning.datasets.simulated import Dataset, simulate
-from tactile_nodes.learning.field.calibration import Pressed, sides_of_tips, with_field
+from tactile_nodes.learning.field.calibration import Pressed, with_field
 from tactile_nodes.learning.field.fit import described
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.transfer.checks import source_readout
@@ -41,8 +41,7 @@ def calibrated(
     card: dict[str, Any] = dict(source.card)
     if presses:
         dataset = pressed_by_tip(source, gel, presses, progress)
-        sides = sides_of_tips(source, dataset, pressed, progress)
-        tips = transfer(source_readout(source), dataset, progress, forced=True, sides=sides)
+        tips = transfer(source_readout(source), dataset, progress, forced=True)
         made = with_field(source, tips, dataset, progress, pressed, forced=True)
         fitted = made.readout
     else:

@@ -170,7 +170,7 @@ class GelDescription:
 
     def __post_init__(self) -> None:
         count = len(self.layers_mm)
-        if self.sides != 'ignored' and (self.outline_mm or self.dome_radius_mm):
+        if self.sides != 'ignored' and not self.may_have_sides:
             raise ValueError(
                 f'gel.sides is {self.sides}, which only a flat rectangular gel can have; with gel.outline_mm or '
                 'gel.dome_radius_mm it must be ignored'
@@ -214,6 +214,11 @@ class GelDescription:
                 f'gel.dome_radius_mm makes the surface {self.sag_mm:.2f} mm lower at its rim than in the middle; below '
                 f'gel.markers_mm, and in the lowest of gel.layers_mm, there must be {LEAST_BELOW_MM} mm more than that'
             )
+
+    @property
+    def may_have_sides(self) -> bool:
+        """Whether the effect of sides can be computed: of a flat rectangle."""
+        return not (self.outline_mm or self.dome_radius_mm)
 
     @property
     def depth_mm(self) -> float:

@@ -12,7 +12,7 @@ from tactile_nodes import __version__, clock
 from tactile_nodes.errors import ModelError
 from tactile_nodes.learning.datasets.recordings import RecordedPresses
 from tactile_nodes.learning.field.alone import presses_tell_tips, transfer_alone
-from tactile_nodes.learning.field.calibration import Pressed, kept, sides_of_tips, with_field
+from tactile_nodes.learning.field.calibration import Pressed, kept, with_field
 from tactile_nodes.learning.progress import Progress
 from tactile_nodes.learning.training.source import require_same_features
 from tactile_nodes.learning.transfer.checks import source_readout
@@ -144,8 +144,7 @@ def transferred(
     dataset = recordings.as_samples()
     if not presses_tell_tips(loaded, pressed, dataset):
         return transfer_alone(loaded, dataset, pressed, progress, forced=forced, curve=curve)
-    sides = sides_of_tips(loaded, dataset, pressed, progress)
-    return transfer(source_readout(loaded), dataset, progress, forced=forced, sides=sides)
+    return transfer(source_readout(loaded), dataset, progress, forced=forced)
 
 
 def require_source(loaded: LoadedModel, gel: str) -> None:

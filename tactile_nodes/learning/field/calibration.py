@@ -24,12 +24,12 @@ from tactile_nodes.learning.field.fit import (
     uncovered,
 )
 from tactile_nodes.learning.progress import Progress
-from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of
+from tactile_nodes.learning.transfer.checks import source_readout
+from tactile_nodes.learning.transfer.fit import OtherGel, Transfer, folds_of, transfer
 from tactile_nodes.learning.transfer.judgement import ADVICE, describe_errors, require_worth
 from tactile_nodes.model_file import DESCRIPTION, SENSOR, LoadedModel, crop_of_size, find_model, load_model, save_model
 from tactile_nodes.params import from_mapping
 from tactile_nodes.sensing.explain.arrays import AnyReadout
-from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.explain.axisymmetric.readout import AxisymmetricReadout
 from tactile_nodes.sensing.explain.field.readout import FieldReadout
 from tactile_nodes.sensing.flow.dots import DotsFlow
@@ -171,6 +171,8 @@ def with_field(
 ) -> Transfer:
     """A calibration of a model `field`: tips are calibrated already, the field is fitted to the same presses.
 
+    If the gel has sides, tips are calibrated again, with what these add to their motion.
+
     `forced` also accepts presses by which the camera differs from its description. `curve` adds the errors with fewer
     presses.
 
@@ -186,31 +188,15 @@ def with_field(
     sensor, bodies = pressed.known_sensor(loaded), pressed.bodies(loaded, dataset)
     fit = _fitted(sensor, calibration.readout, dataset, bodies, progress or Progress(), curve=curve)
     require_worth(fit.objection, ADVICE, forced=forced)
+    if fit.sides is not None:
+        calibration = transfer(source_readout(loaded), dataset, progress, forced=forced, sides=fit.sides)
+    assert isinstance(calibration.readout, AxisymmetricReadout)
     text = f'{fit.reason}; alone it reads held-out presses {describe_errors(fit.errors)} off (medians)'
     readout = replace(fit.readout, tips=calibration.readout)
     return replace(
         calibration, readout=readout, field=text, curve=fit.curve, objection=calibration.objection or fit.objection,
         gives_px=calibration.gives_px or fit.gives_px,
     )  # fmt: skip
-
-
-def sides_of_tips(
-    loaded: LoadedModel, dataset: Dataset, pressed: Pressed, progress: Progress | None = None
-) -> BySides | None:
-    """What the sides of the gel add to the motion under a tip, from a fit of the field; None if they are ignored.
-
-    Raises:
-        ModelError: neither the person nor the source gives the body, or the sensor.
-        DatasetError: an indenter is no body.
-        ConfigurationError: a body is wider than the gel.
-    """
-    readout = loaded.model.readout
-    if not isinstance(readout, FieldReadout) or readout.tips is None:
-        return None
-    sensor = pressed.known_sensor(loaded)
-    if sensor.gel.sides == 'ignored':
-        return None
-    return _fitted(sensor, readout.tips, dataset, pressed.bodies(loaded, dataset), progress or Progress()).sides
 
 
 def _fitted(

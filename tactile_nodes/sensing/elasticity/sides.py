@@ -113,7 +113,7 @@ def sides_of(layers: tuple[Elastic, ...], size_mm: tuple[float, float], patches:
         rows, cols = (rows + 1) // 2, (cols + 1) // 2
     numbers = np.arange(patches.count).reshape(patches.shape)[:rows, :cols].ravel()
     nodes = *(len(each) for each in pair.lines_mm), 3
-    added = np.empty((*nodes, 3, *patches.shape), np.float32)
+    added = np.zeros((*nodes, 3, *patches.shape), np.float32)
     for some in np.array_split(numbers, math.ceil(len(numbers) / BATCH)):
         found = pair.added_mm(_on_patches(pair, patches, some)).reshape(*nodes, 3, len(some))
         added[..., some // patches.shape[1], some % patches.shape[1]] = found

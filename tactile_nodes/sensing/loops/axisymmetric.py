@@ -118,6 +118,33 @@ def motion_and_slopes(contacts, places, couplings, profiles, numbers, axes, moti
                 slopes[2, n, r, channel] = region_slopes[2, channel]
 
 
+@compiled('void(f8[:, ::1], f4[:, :, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, :, ::1])')
+def add_by_sides(contacts, per_n, grid, motion, slopes):
+    """As `by_sides.BySides.motion_and_slopes`, added to (n, regions, 2) and (3, n, regions, 2).
+
+    `grid` is the first middle of a patch, the size of a patch and the number of patches, along x and along y.
+    """
+    low, part, cols = np.empty(2, np.int64), np.empty(2), int(grid[0, 2])
+    for n in range(contacts.shape[0]):
+        for axis in range(2):
+            last = grid[axis, 2] - 1
+            steps = min(max((contacts[n, axis] - grid[axis, 0]) / grid[axis, 1], 0.0), last)
+            low[axis] = min(int(steps), int(last) - 1)
+            part[axis] = steps - low[axis]
+        corner, force = low[1] * cols + low[0], contacts[n, 2]
+        for r in range(motion.shape[1]):
+            for channel in range(2):
+                here, beside = per_n[corner, r, channel], per_n[corner + 1, r, channel]
+                below, across = per_n[corner + cols, r, channel], per_n[corner + cols + 1, r, channel]
+                upper, lower = here + part[0] * (beside - here), below + part[0] * (across - below)
+                one = upper + part[1] * (lower - upper)
+                motion[n, r, channel] += force * one
+                along_x = (beside - here + part[1] * (across - below - beside + here)) / grid[0, 1]
+                slopes[0, n, r, channel] += force * along_x
+                slopes[1, n, r, channel] += force * (lower - upper) / grid[1, 1]
+                slopes[2, n, r, channel] += one
+
+
 @compiled('void(f8[:, :, :, ::1], f8[:, :, ::1], f8[:, :, :, ::1], f8[:, :, ::1])')
 def motion_variance(slopes, columns, unsure, off):
     """As `AxisymmetricResponse.variance`: fills in (n, regions, 2)."""

@@ -4,7 +4,7 @@ The loops have signatures, so importing this module compiles them, or loads them
 while frames arrive. Sums are in another order than in numpy, so last digits differ.
 """
 
-from tactile_nodes.sensing.loops.axisymmetric import motion_and_slopes, motion_variance
+from tactile_nodes.sensing.loops.axisymmetric import add_by_sides, motion_and_slopes, motion_variance
 from tactile_nodes.sensing.loops.field import field
 from tactile_nodes.sensing.loops.patches import displacement, match
 from tactile_nodes.sensing.loops.pictures import common, counted, differences, halved
@@ -14,6 +14,7 @@ from tactile_nodes.sensing.loops.sums import sums
 from tactile_nodes.sensing.loops.weights import weighed
 
 __all__ = [
+    'add_by_sides',
     'common',
     'counted',
     'differences',

@@ -179,7 +179,8 @@ def test_the_internal_rate_is_the_boxs_own(start: Start) -> None:
         sensor = start(box)
         samples = read(sensor, 300)
         assert sensor.rate_hz == 250.0
-    assert samples[-1].stamp_ns - samples[100].stamp_ns == pytest.approx(199 / RATE_HZ * 1e9, abs=20e6)
+    passed = 199 + samples[-1].dropped - samples[100].dropped  # a busy machine may lose some on their way
+    assert samples[-1].stamp_ns - samples[100].stamp_ns == pytest.approx(passed / RATE_HZ * 1e9, abs=20e6)
 
 
 def test_a_counter_of_records_in_place_of_internal_samples_is_reported_and_arrival_counts(start: Start) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from tactile_nodes.sensing.compiling import compiled_loops
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
 from tactile_nodes.shapes import Float, Float32, Int
 
@@ -37,6 +39,23 @@ class BySides:
         along_x = (beside - here + down * (across - below - beside + here)) / width
         along_y = (lower - upper) / height
         return force * per_n, np.stack([force * along_x, force * along_y, per_n])
+
+    def add_by_loops(
+        self,
+        contacts: Float[np.ndarray, 'n 3'],
+        motion: Float[np.ndarray, 'n regions 2'],
+        slopes: Float[np.ndarray, '3 n regions 2'],
+    ) -> None:
+        """Add both in place, compiled."""
+        compiled_loops().add_by_sides(
+            np.ascontiguousarray(contacts, float), np.ascontiguousarray(self.per_n), self._grid, motion, slopes
+        )
+
+    @cached_property
+    def _grid(self) -> Float[np.ndarray, '2 3']:
+        """The first middle of a patch, the size of a patch and the number of patches, along x and along y."""
+        lines, sizes = self.patches.lines_mm, self.patches.size_mm
+        return np.array([[line[0], size, len(line)] for line, size in zip(lines, sizes, strict=True)])
 
     def _cells(self, contacts: Float[np.ndarray, 'n 3']) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The patch at the upper left of each contact, and the shares of the way to the next ones."""

@@ -109,10 +109,9 @@ class AxisymmetricResponse:
     ]:
         """The same with the profiles' values (columns), which the couplings combine to that motion."""
         if self.compiled:
-            motion, slopes, columns = self._by_loops(contacts)
-        else:
-            columns, by_column = self.columns_and_slopes(contacts)
-            motion, slopes = self.motion_of_columns(columns), np.stack([self.motion_of_columns(n) for n in by_column])
+            return self._by_loops(contacts)
+        columns, by_column = self.columns_and_slopes(contacts)
+        motion, slopes = self.motion_of_columns(columns), np.stack([self.motion_of_columns(each) for each in by_column])
         if self.sides is not None:
             by_sides, slopes_by_sides = self.sides.motion_and_slopes(contacts)
             motion, slopes = motion + by_sides, slopes + slopes_by_sides
@@ -139,6 +138,8 @@ class AxisymmetricResponse:
         compiled_loops().motion_and_slopes(
             np.ascontiguousarray(contacts, float), *self._for_loops, motion, slopes, columns
         )
+        if self.sides is not None:
+            self.sides.add_by_loops(contacts, motion, slopes)
         return motion, slopes, columns
 
     @cached_property

@@ -1,9 +1,13 @@
 """What the sides of a gel add to the motion under a tip: from patch to patch, by hand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from test_axisymmetric import readout, response
 
 from tactile_nodes.sensing.elasticity.patches import PatchGrid
+from tactile_nodes.sensing.explain.arrays import readout_arrays, readout_from
 from tactile_nodes.sensing.explain.axisymmetric.by_sides import BySides
 from tactile_nodes.sensing.geometry import BinGrid
 
@@ -30,3 +34,22 @@ def test_a_part_of_the_regions(by_sides: BySides):
     whole, _ = by_sides.motion_and_slopes(contacts)
     part, _ = by_sides.of_regions(np.array([1])).motion_and_slopes(contacts)
     assert part[:, 0].tolist() == whole[:, 1].tolist()
+
+
+def test_a_response_with_sides_compiled_has_the_same_motion_and_slopes_and_is_read_back_from_a_file():
+    regions = np.random.default_rng(2).normal(size=(324, 64, 2)).astype(np.float32)
+    sides = BySides(PatchGrid(BinGrid()), regions)
+    plain = dataclasses.replace(response(), sides=sides)
+    contacts = np.array([[1.3, -4.2, 0.4], [15.9, 6.1, 0.9]])
+    for one, other in zip(
+        plain.motion_slopes_and_columns(contacts),
+        dataclasses.replace(plain, compiled=True).motion_slopes_and_columns(contacts),
+        strict=True,
+    ):
+        assert other == pytest.approx(one, abs=1e-6)
+    step = 1e-5 * np.eye(3)[0]
+    measured = (plain.motion(contacts[:1] + step) - plain.motion(contacts[:1] - step)) / 2e-5
+    assert plain.motion_and_slopes(contacts[:1])[1][0] == pytest.approx(measured, abs=1e-3)
+    arrays, entries = readout_arrays(readout(response=plain))
+    again = readout_from(arrays, entries, BinGrid()).response
+    assert again.sides.per_n == pytest.approx(regions, abs=2e-3)
