@@ -1,7 +1,7 @@
 """Where packages and their executables are: the ament prefixes, and this package wherever it is installed.
 
 An executable of this package is a program in ``<prefix>/lib/tactile_nodes`` after a colcon build, a console script
-beside the interpreter after ``pip install``, and in a bare source tree the module that the script would call.
+beside the interpreter after ``pip install``, and in a bare source tree `nodes.composed` with its name.
 """
 
 from __future__ import annotations
@@ -110,7 +110,8 @@ def _own_command(executable: str) -> list[str]:
     script = Path(sys.executable).parent / f'tactile_{executable}'  # bin/ is shared by all that pip installs
     if script.is_file() and os.access(script, os.X_OK):
         return [str(script)]
-    return [sys.executable, '-m', own_executables()[executable]]
+    program = [sys.executable, '-m', f'{OWN}.nodes.composed']
+    return program if executable == 'composed_node' else [*program, executable.removesuffix('_node')]
 
 
 def _prefixes(environment: Mapping[str, str]) -> list[Path]:

@@ -8,9 +8,9 @@ create NAME`` on each side, then copy each public key to the other side. Needs t
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 from tactile_nodes.bus.bridge.bridge import Bridge
@@ -157,10 +157,4 @@ def _security(chosen: BridgeParams) -> Security:
     return Security(read_pair(chosen.key), tuple(map(read_public, chosen.peers)))
 
 
-def main() -> int:
-    """The program ``bridge_node``."""
-    return run_node(BridgeNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, BridgeNode)

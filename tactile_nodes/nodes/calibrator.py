@@ -6,9 +6,9 @@ the parameter ``model`` of the force estimator. ``~/finish`` (std_srvs/Trigger) 
 
 from __future__ import annotations
 
-import sys
 import threading
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from tactile_nodes.bus import topics
@@ -123,10 +123,4 @@ class CalibratorNode(Node):
         return 'the calibration starts with the presses so far'
 
 
-def main() -> int:
-    """The program ``calibrator_node``."""
-    return run_node(CalibratorNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, CalibratorNode)

@@ -7,9 +7,9 @@ in a simulated gripper.
 
 from __future__ import annotations
 
-import sys
 import threading
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -213,10 +213,4 @@ class CameraNode(Node):
         self.report('camera', Level(health.level), health.message, frames=self._frames, **described)
 
 
-def main() -> int:
-    """The program ``camera_node``."""
-    return run_node(CameraNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, CameraNode)

@@ -1,6 +1,7 @@
 """Several nodes in one process, with messages passed between them without copies.
 
 ``composed_node camera flow_features force_estimator --ros-args …``; each node reads its own block of the files.
+In a source tree that is not installed, ``python -m tactile_nodes.nodes.composed camera`` also starts a single node.
 """
 
 from __future__ import annotations
@@ -15,19 +16,11 @@ from tactile_nodes.bus.node.runtime import NodeFactory, run_nodes
 from tactile_nodes.errors import NOT_AGAIN, ConfigurationError, TactileError
 from tactile_nodes.launching import packages
 
-KNOWN = (
-    'camera', 'flow_features', 'force_estimator', 'recorder', 'player', 'bridge', 'rig', 'emulated_rig', 'sync_input',
-    'drift_monitor',
-    'live_view',
-    'force_views',
-    'guarded_approach',
-    'hand_sensors',
-    'hand_wrench',
-    'simulated_gripper',
-    'guarded_grasp',
-    'dds_bridge',
-    'foxglove_bridge',
-)  # fmt: skip
+MODULES = {
+    executable.removesuffix('_node'): module
+    for executable, module in packages.own_executables().items()
+    if module != 'tactile_nodes.nodes.composed'
+}
 
 
 def node_class(name: str) -> type[Node]:
@@ -37,9 +30,9 @@ def node_class(name: str) -> type[Node]:
         ConfigurationError: there is no such node.
     """
     short = name.removesuffix('_node')
-    if short not in KNOWN:
-        raise ConfigurationError(f'there is no node {name!r} to compose; available: {", ".join(KNOWN)}')
-    module = importlib.import_module(packages.own_executables()[f'{short}_node'])
+    if short not in MODULES:
+        raise ConfigurationError(f'there is no node {name!r} to compose; available: {", ".join(MODULES)}')
+    module = importlib.import_module(MODULES[short])
     found = [
         entry
         for entry in vars(module).values()
@@ -54,7 +47,7 @@ def run(argv: Sequence[str]) -> int:
     try:
         names = parse_arguments(argv).rest
         if not names:
-            raise ConfigurationError(f'name the nodes to compose; available: {", ".join(KNOWN)}')
+            raise ConfigurationError(f'name the nodes to compose; available: {", ".join(MODULES)}')
         factories: list[NodeFactory] = [node_class(name) for name in names]
     except TactileError as error:
         sys.stderr.write(f'{error}\n')

@@ -7,8 +7,8 @@ and RViz. ``take`` brings topics of the graph to this bus. Parameters and servic
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
+from functools import partial
 
 from tactile_nodes.bus.inprocess import InProcessBus
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -99,10 +99,4 @@ class DdsBridgeNode(Node):
         )  # fmt: skip
 
 
-def main() -> int:
-    """The program ``dds_bridge_node``."""
-    return run_node(DdsBridgeNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, DdsBridgeNode)

@@ -7,8 +7,8 @@ compares the measured force with the weight ``weight_g`` on the gel.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -197,10 +197,4 @@ class DriftMonitorNode(Node):
             self.log.warn(str(error))
 
 
-def main() -> int:
-    """The program ``drift_monitor_node``."""
-    return run_node(DriftMonitorNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, DriftMonitorNode)

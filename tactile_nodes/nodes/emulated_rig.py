@@ -6,8 +6,8 @@ Its faults are parameters, so they can be switched on during a run:
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
+from functools import partial
 
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
@@ -57,10 +57,4 @@ class EmulatedRigNode(Node):
         self._rig.switch(changed.faults)
 
 
-def main() -> int:
-    """The program ``emulated_rig_node``."""
-    return run_node(EmulatedRigNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, EmulatedRigNode)

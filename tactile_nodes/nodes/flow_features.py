@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -307,10 +307,4 @@ def _last_number(folder: Path, mine: str) -> int:
     return max((int(each[1]) for each in found if each), default=0)
 
 
-def main() -> int:
-    """The program ``flow_features_node``."""
-    return run_node(FlowFeaturesNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, FlowFeaturesNode)

@@ -7,9 +7,9 @@ Subscribes to ``flow_features`` and ``calibration_state``; publishes ``force_dis
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -142,10 +142,4 @@ def _found(prepared: Ready | ModelError) -> Ready:
     return prepared
 
 
-def main() -> int:
-    """The program ``force_estimator_node``."""
-    return run_node(ForceEstimatorNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, ForceEstimatorNode)

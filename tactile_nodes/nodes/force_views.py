@@ -7,8 +7,8 @@ each only while it has subscribers, and once ``/tf_static``: the pose of the gel
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from tactile_nodes.bus import topics
@@ -120,10 +120,4 @@ class ForceViewsNode(Node):
         return described if (given := self.given(name)) is None else given
 
 
-def main() -> int:
-    """The program ``force_views_node``."""
-    return run_node(ForceViewsNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, ForceViewsNode)

@@ -5,8 +5,8 @@ A topic is received only while a panel draws it.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
+from functools import partial
 
 from tactile_nodes.bus.node.arguments import NodeArguments
 from tactile_nodes.bus.node.diagnostics import Level
@@ -100,10 +100,4 @@ class FoxgloveBridgeNode(Node):
         )  # fmt: skip
 
 
-def main() -> int:
-    """The program ``foxglove_bridge_node``."""
-    return run_node(FoxgloveBridgeNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, FoxgloveBridgeNode)

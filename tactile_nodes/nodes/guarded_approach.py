@@ -8,8 +8,8 @@ drive the same machine with the same device file, and must not run at the same t
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 from tactile_nodes.bus import topics
@@ -79,10 +79,4 @@ class GuardedApproachNode(Node):
         return 'stopping: the tip is lifted, and the approach ends'
 
 
-def main() -> int:
-    """The program ``guarded_approach_node``."""
-    return run_node(GuardedApproachNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, GuardedApproachNode)

@@ -8,8 +8,8 @@ it subscribes to these topics of each sensor, and ``hand_wrench``.
 from __future__ import annotations
 
 import platform
-import sys
 from dataclasses import dataclass
+from functools import partial
 
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -189,10 +189,4 @@ class LiveViewNode(Node):
         return outcome
 
 
-def main() -> int:
-    """The program ``live_view_node``."""
-    return run_node(LiveViewNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, LiveViewNode)

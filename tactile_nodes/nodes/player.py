@@ -9,9 +9,9 @@ be changed while playing. The node ends after it has played everything.
 from __future__ import annotations
 
 import fnmatch
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 from tactile_nodes.bag.content import BagMessage
 from tactile_nodes.bag.metadata import BagTopic
@@ -306,10 +306,4 @@ class PlayerNode(Node):
         self.report('bag', Level.OK, f'{state} {self.params.bag}', messages=count, rate=rate, latest_ms=late_ms)
 
 
-def main() -> int:
-    """The program ``player_node``."""
-    return run_node(PlayerNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, PlayerNode)

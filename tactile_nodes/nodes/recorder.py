@@ -6,9 +6,9 @@ Offers the services ``~/start`` and ``~/stop`` (std_srvs/Trigger).
 from __future__ import annotations
 
 import os
-import sys
 from collections import Counter
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from tactile_nodes.bag.mcap_file import COMPRESSIONS
@@ -329,10 +329,4 @@ def _comes_often(topic: str) -> bool:
     return known is not None and (known.rate_hz or 0.0) >= AWAITED_HZ
 
 
-def main() -> int:
-    """The program ``recorder_node``."""
-    return run_node(RecorderNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, RecorderNode)

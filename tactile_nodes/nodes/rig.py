@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 from tactile_nodes import conversions
@@ -133,10 +134,4 @@ class RigNode(Node):
         return 'stopping: the tip is lifted, and the run ends; when started again it continues with the next press'
 
 
-def main() -> int:
-    """The program ``rig_node``."""
-    return run_node(RigNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, RigNode)

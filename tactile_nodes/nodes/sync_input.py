@@ -6,9 +6,9 @@ holds both, and the clocks can be compared.
 
 from __future__ import annotations
 
-import sys
 import threading
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 from tactile_nodes import conversions
@@ -116,10 +116,4 @@ class SyncInputNode(Node):
         self.report('sync input', Level(health.level), health.message, **self._input.description)
 
 
-def main() -> int:
-    """The program ``sync_input_node``."""
-    return run_node(SyncInputNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, SyncInputNode)

@@ -175,7 +175,7 @@ def test_a_stuck_reader_keeps_nobody_waiting_and_gets_the_newest_afterwards(
 
 
 def test_a_bridge_that_is_reported_to_end_leaves_the_graph(other: Other, tmp_path: Path) -> None:
-    words = [sys.executable, '-m', 'tactile_nodes.nodes.dds_bridge']
+    words = [sys.executable, '-m', 'tactile_nodes.nodes.composed', 'dds_bridge']
     program = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
     try:
         other.ask('nodes', wanted=['/dds_bridge'])

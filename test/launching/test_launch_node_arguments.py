@@ -199,6 +199,6 @@ def test_in_a_source_tree_a_node_is_a_module_that_can_be_imported_from_anywhere(
     monkeypatch.setattr(sys, 'executable', str(tmp_path / 'python'))
     monkeypatch.setattr(packages, 'own_executables', lambda: {'camera_node': 'tactile_nodes.nodes.camera'})
     words = packages.command_of('tactile_nodes', 'camera_node', {})
-    assert words == [str(tmp_path / 'python'), '-m', 'tactile_nodes.nodes.camera']
+    assert words == [str(tmp_path / 'python'), '-m', 'tactile_nodes.nodes.composed', 'camera']
     root = packages.source_environment(words)['PYTHONPATH'].split(':')[0]
     assert root == str(packages.prefix_of('tactile_nodes', {}))

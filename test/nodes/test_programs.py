@@ -46,4 +46,4 @@ def test_whoever_else_imports_nodes_keeps_its_signals() -> None:
 def test_a_wrong_name_to_compose_ends_a_program_for_good(capsys: pytest.CaptureFixture[str]) -> None:
     """Else a launch would start it again for ever."""
     assert composed.run(['flow_featurs']) == NOT_AGAIN
-    assert "there is no node 'flow_featurs' to compose; available: camera, " in capsys.readouterr().err
+    assert "there is no node 'flow_featurs' to compose; available: bridge, calibrator, " in capsys.readouterr().err

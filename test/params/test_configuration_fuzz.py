@@ -22,7 +22,7 @@ from tactile_nodes.errors import ConfigurationError, TactileError
 from tactile_nodes.launching.reading import read_file
 from tactile_nodes.learning.config import load_train_config
 from tactile_nodes.learning.transfer.layer import load_layer_config
-from tactile_nodes.nodes.composed import KNOWN, node_class
+from tactile_nodes.nodes.composed import MODULES, node_class
 from tactile_nodes.paths import share_directory
 
 RELAXED = settings(
@@ -38,7 +38,7 @@ ODD = (
 def _load_nodes(file: Path) -> None:
     """As all nodes that there are read the file."""
     blocks = params.load_parameter_file(file)
-    for name in KNOWN:
+    for name in MODULES:
         kind: type[Node] = node_class(name)
         known = {entry.name for entry in params.describe(kind.PARAMS)}
         values = params.resolve_parameters(f'/{kind.NAME}', blocks)

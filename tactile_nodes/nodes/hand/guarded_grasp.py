@@ -10,9 +10,9 @@ not report or follow, it reports the reason and leaves the gripper as it is, bec
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, ClassVar
 
 from tactile_nodes import conversions
@@ -161,10 +161,4 @@ class GuardedGraspNode(Node):
         return 'the grasp ends, and the gripper stays as it is'
 
 
-def main() -> int:
-    """The program ``guarded_grasp_node``."""
-    return run_node(GuardedGraspNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, GuardedGraspNode)

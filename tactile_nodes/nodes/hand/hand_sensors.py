@@ -8,9 +8,9 @@ Problems of a sensor (a camera that is not connected, a missing model file) are 
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from tactile_nodes.bus import topics
@@ -111,10 +111,4 @@ class HandSensorsNode(Node):
         return LaunchService(launch, arguments, screen=screen, log_base=log_directory() / 'hand' / sensor.name)
 
 
-def main() -> int:
-    """The program ``hand_sensors_node``."""
-    return run_node(HandSensorsNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, HandSensorsNode)

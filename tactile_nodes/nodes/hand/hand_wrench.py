@@ -6,9 +6,9 @@ poses of the sensors.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 from tactile_nodes.bag.last_stamps import last_stamps_ns
 from tactile_nodes.bag.reader import BagReader
@@ -94,10 +94,4 @@ class HandWrenchNode(Node):
         self.report('sum', Level.WARN if missing else Level.OK, text, sums=self._sums)
 
 
-def main() -> int:
-    """The program ``hand_wrench_node``."""
-    return run_node(HandWrenchNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, HandWrenchNode)

@@ -6,8 +6,8 @@ follow (``contact: held`` in the file of the hand). It does not publish the forc
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
+from functools import partial
 
 from tactile_nodes import conversions
 from tactile_nodes.bus import topics
@@ -81,10 +81,4 @@ class SimulatedGripperNode(Node):
             self.report('object', Level.OK, 'not held')
 
 
-def main() -> int:
-    """The program ``simulated_gripper_node``."""
-    return run_node(SimulatedGripperNode)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+main = partial(run_node, SimulatedGripperNode)

@@ -57,7 +57,7 @@ class Machine:
         folder.mkdir(mode=0o700)
         self.folder = folder
         words = [word for parameter in parameters for word in ('-p', parameter)]
-        program = [sys.executable, '-m', 'tactile_nodes.nodes.bridge', '--ros-args', *words]
+        program = [sys.executable, '-m', 'tactile_nodes.nodes.composed', 'bridge', '--ros-args', *words]
         environment = {**os.environ, 'TACTILE_RUN_DIR': str(folder), 'TACTILE_KEYS': str(keys)}
         self.bridge = subprocess.Popen(['ip', 'netns', 'exec', namespace, *program], env=environment)
         self.agent = Other(folder, 0)
