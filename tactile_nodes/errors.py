@@ -1,30 +1,5 @@
 """All errors that this package raises on purpose.
 
-::
-
-    TactileError
-    ├── ConfigurationError          a YAML block, parameter or argument that cannot be used
-    │   └── LaunchFileError         the same, in a launch file
-    ├── DeviceError
-    │   ├── DeviceNotFoundError     there is no device to open
-    │   ├── DeviceBusyError         another program uses it
-    │   ├── DeviceLostError         it was there, but is gone
-    │   ├── DeviceTimeoutError      it is there, but does not respond
-    │   └── DeviceFaultError        it reports a fault: an alarm, a refused command, a status bit
-    ├── ImageError                  an image of the wrong size or encoding, or without pixels
-    ├── MessageError                bytes that are not a message of the announced type
-    ├── BusError
-    │   ├── AddressInUseError       another process uses the address
-    │   └── ServiceError
-    │       ├── ServiceUnavailableError   no node offers the service
-    │       └── ServiceTimeoutError       a node offers it, but does not respond
-    ├── BagError                    a recording that cannot be written or read
-    ├── AskedToEndError             the process must end while some of its work still waits
-    ├── DatasetError                a data set of presses that is missing, damaged or unfit for training
-    │   ├── NoPressesError          a bag without a topic of presses, or of their images
-    │   └── TooFewPressesError      too few presses, or too few images of the untouched gel
-    └── ModelError                  a model file that is missing, damaged, foreign or made for other inputs
-
 The text of each is one sentence for a person: what was attempted on what, and what to do.
 Foreign errors are translated where they occur (``raise DeviceLostError(...) from error``). A program therefore catches
 `TactileError`, prints the sentence, and exits with status 1, or with `NOT_AGAIN`.
