@@ -178,37 +178,14 @@ def _description(found: types.ParameterDescriptor) -> list[str]:
 
 def dump(arguments: argparse.Namespace) -> int:
     """``param dump``"""
+    from tactile_nodes.params import parameter_file_text
+
     node = absolute(arguments.node, 'a node')
     with joined() as bus:
         client = _client(bus, node)
         values = client.values(client.names())
-    print(parameter_file(node, values), end='')
+    print(parameter_file_text({node: dict(sorted(values.items()))}), end='')
     return 0
-
-
-def parameter_file(node: str, values: dict[str, Value | None]) -> str:
-    """These values as a parameter file that reads back identically; strings that rcl would convert are quoted."""
-    import yaml
-
-    from tactile_nodes.params import parse_scalar
-
-    class Dumper(yaml.SafeDumper):
-        pass
-
-    def text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
-        plain = isinstance(parse_scalar(value), str)
-        return dumper.represent_scalar('tag:yaml.org,2002:str', value, style=None if plain and value else "'")
-
-    Dumper.add_representer(str, text)
-    parameters: dict[str, Any] = {}
-    for name, value in values.items():
-        *path, last = name.split('.')
-        place = parameters
-        for step in path:
-            place = place.setdefault(step, {})
-        place[last] = value
-    written: str = yaml.dump({node: {'ros__parameters': parameters}}, Dumper=Dumper, default_flow_style=False)
-    return written
 
 
 def load(arguments: argparse.Namespace) -> int:

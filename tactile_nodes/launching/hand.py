@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tactile_nodes.launching.node_parameters import dumped
-from tactile_nodes.params import load_parameter_file, normal_pattern
+from tactile_nodes.params import load_parameter_file, normal_pattern, parameter_file_text
 from tactile_nodes.paths import share_directory
 from tactile_nodes.sensors import Hand, HandSensor
 
@@ -37,7 +36,7 @@ def parameter_text(sensor: HandSensor, hand: Hand, *, open_within_s: float) -> s
     }
     for node, values in parameters.items():
         blocks.setdefault(f'/**/{node}', {}).update(values)
-    return dumped({pattern: {'ros__parameters': values} for pattern, values in blocks.items()})
+    return parameter_file_text(blocks)
 
 
 def arguments_of(sensor: HandSensor, namespace: str, parameters: Path) -> dict[str, str]:

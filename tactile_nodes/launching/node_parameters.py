@@ -83,7 +83,7 @@ class InlineParameter:
 
     def file(self, run: Interpreter, node: str | None, /) -> Path:
         found = dict(entry.evaluate(run.context) for entry in self.entries)
-        return run.write_parameters(dumped({node or '/**': {'ros__parameters': found}}))
+        return run.write_parameters(params.parameter_file_text({node or '/**': found}))
 
 
 @dataclass(frozen=True)
@@ -168,33 +168,3 @@ def _check(path: Path) -> None:
         params.load_parameter_file(path)
     except ConfigurationError as error:
         raise SubstitutionError(str(error)) from error
-
-
-class _Text(str):
-    """A string that is written in quotes, so that rcl reads a string whatever it contains."""
-
-    __slots__ = ()
-
-
-class _Dumper(yaml.SafeDumper):
-    pass
-
-
-_Dumper.add_representer(
-    _Text, lambda dumper, text: dumper.represent_scalar('tag:yaml.org,2002:str', str(text), style="'")
-)
-
-
-def dumped(tree: Any) -> str:
-    """YAML of nested mappings and lists in their order, with texts in quotes."""
-    return yaml.dump(
-        _marked(tree), Dumper=_Dumper, default_flow_style=False, allow_unicode=True, width=10**6, sort_keys=False
-    )
-
-
-def _marked(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _marked(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_marked(each) for each in value]
-    return _Text(value) if isinstance(value, str) else value

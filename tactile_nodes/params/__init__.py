@@ -27,6 +27,7 @@ from tactile_nodes.params.files import (
     load_parameter_file,
     matches,
     normal_pattern,
+    parameter_file_text,
     parse_parameters,
     parse_scalar,
     parse_value,
@@ -36,5 +37,5 @@ from tactile_nodes.params.files import (
 __all__ = [
     'Located', 'NodeParameters', 'ParameterDescription', 'Scalar', 'Value', 'compose', 'describe', 'exact_names',
     'from_mapping', 'load_listed', 'load_mapping', 'load_parameter_file', 'matches', 'normal_pattern', 'parameter',
-    'parse_parameters', 'parse_scalar', 'parse_value', 'resolve_parameters', 'to_values',
+    'parameter_file_text', 'parse_parameters', 'parse_scalar', 'parse_value', 'resolve_parameters', 'to_values',
 ]  # fmt: skip

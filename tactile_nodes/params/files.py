@@ -66,6 +66,27 @@ def parse_scalar(text: str) -> Scalar:
     return text
 
 
+class _Dumper(yaml.SafeDumper):
+    """Quotes the strings that rcl would convert, and writes no aliases."""
+
+    def ignore_aliases(self, _: Any) -> bool:
+        return True
+
+
+def _string(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+    plain = text and isinstance(parse_scalar(text), str)
+    return dumper.represent_scalar('tag:yaml.org,2002:str', text, style=None if plain else "'")
+
+
+_Dumper.add_representer(str, _string)
+
+
+def parameter_file_text(blocks: Mapping[str, Mapping[str, Any]]) -> str:
+    """A parameter file with these values by node pattern and name, which reads back identically."""
+    tree = {pattern: {'ros__parameters': dict(values)} for pattern, values in blocks.items()}
+    return yaml.dump(tree, Dumper=_Dumper, default_flow_style=False, allow_unicode=True, width=10**6, sort_keys=False)
+
+
 def load_parameter_file(path: str | Path) -> list[NodeParameters]:
     """The blocks of a ROS 2 parameter file, in file order.
 

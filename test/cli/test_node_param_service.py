@@ -10,8 +10,8 @@ import pytest
 from running_system import LampNode, Tactile
 
 from tactile_nodes.bus.zeromq.host_bus import ZmqBus
-from tactile_nodes.cli.param import parameter_file, typed
-from tactile_nodes.params import load_parameter_file, resolve_parameters
+from tactile_nodes.cli.param import typed
+from tactile_nodes.params import load_parameter_file, parameter_file_text, resolve_parameters
 
 
 def test_nodes_are_listed(lamp: LampNode, tactile: Tactile) -> None:
@@ -129,7 +129,7 @@ def test_what_is_dumped_loads_as_the_same(lamp: LampNode, tactile: Tactile, tmp_
 def test_texts_that_rcl_would_type_survive_a_dump(tmp_path: Path) -> None:
     values = {f't{number}': text for number, text in enumerate(['y', '1e-3', '0x1f', '', 'a: b', '.nan', "it's"])}
     file = tmp_path / 'p.yaml'
-    file.write_text(parameter_file('/n', {**values, 'deep.er': 1e-5}))
+    file.write_text(parameter_file_text({'/n': {**values, 'deep.er': 1e-5}}))
     found = {name: value.value for name, value in resolve_parameters('/n', load_parameter_file(file)).items()}
     assert found == {**values, 'deep.er': 1e-5}
 
