@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import math
+import statistics
 from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 from tactile_nodes.bus.names import absolute
 from tactile_nodes.cli.completion import completers
 from tactile_nodes.cli.running.session import Verbs, completed, interruptible, joined, own_name, positive_int
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import MessageError
 
 if TYPE_CHECKING:
     from tactile_nodes.bus.protocol import Received
     from tactile_nodes.clock import Clock
 
-NS_PER_S = 1_000_000_000
 REPORT_EVERY_S = 1.0
 
 
@@ -80,59 +79,52 @@ def _report_forever(meter: Meter, get: Callable[[float], Received | None], clock
                 print(text, flush=True)
 
 
-@dataclass(frozen=True)
-class Spread:
-    """Mean, extremes and standard deviation of durations (s)."""
-
-    mean: float
-    least: float
-    most: float
-    deviation: float
-    number: int
-
-    @classmethod
-    def of(cls, seconds: Iterable[float]) -> Spread:
-        """From at least one value; the population standard deviation (divided by n)."""
-        values = list(seconds)
-        mean = sum(values) / len(values)
-        deviation = math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))
-        return cls(mean, min(values), max(values), deviation, len(values))
-
-    def text(self, digits: int = 3) -> str:
-        """The second line of what ros2 prints."""
-        least, most = f'{self.least:.{digits}f}', f'{self.most:.{digits}f}'
-        return f'\tmin: {least}s max: {most}s std dev: {self.deviation:.5f}s window: {self.number}'
-
-
-class Rate:
-    """Messages per second, from arrival times."""
+class Durations:
+    """The newest durations (s), of a kind that a child class collects."""
 
     def __init__(self, window: int) -> None:
-        self._intervals_s: deque[float] = deque(maxlen=window)
-        self._last_ns: int | None = None
-        self._reported_ns: int | None = None
+        self._seconds: deque[float] = deque(maxlen=window)
+        self._new = False
+
+    def report(self, _: int) -> str | None:
+        if not self._seconds:
+            return None
+        if not self._new:
+            return 'no new messages'
+        self._new = False
+        return self._text(list(self._seconds))
+
+    def _add(self, seconds: float) -> None:
+        self._seconds.append(seconds)
+        self._new = True
+
+    def _text(self, seconds: list[float]) -> str:
+        raise NotImplementedError
+
+
+def _spread(seconds: list[float], digits: int) -> str:
+    """The second line of what ros2 prints; the deviation is the population's (divided by n)."""
+    least, most, deviation = f'{min(seconds):.{digits}f}', f'{max(seconds):.{digits}f}', statistics.pstdev(seconds)
+    return f'\tmin: {least}s max: {most}s std dev: {deviation:.5f}s window: {len(seconds)}'
+
+
+class Rate(Durations):
+    """Messages per second, from arrival times."""
+
+    _last_ns: int | None = None
 
     def add(self, received: Received) -> None:
         if self._last_ns is not None:
-            self._intervals_s.append((received.received_ns - self._last_ns) / NS_PER_S)
+            self._add((received.received_ns - self._last_ns) / NS_PER_S)
         self._last_ns = received.received_ns
 
-    def report(self, _: int) -> str | None:
-        if not self._intervals_s:
-            return None
-        if self._reported_ns == self._last_ns:
-            return 'no new messages'
-        self._reported_ns = self._last_ns
-        spread = Spread.of(self._intervals_s)
-        return f'average rate: {1 / spread.mean if spread.mean > 0 else 0:.3f}\n{spread.text()}'
+    def _text(self, seconds: list[float]) -> str:
+        mean = statistics.fmean(seconds)
+        return f'average rate: {1 / mean if mean > 0 else 0:.3f}\n{_spread(seconds, 3)}'
 
 
-class Delay:
+class Delay(Durations):
     """Seconds from the stamp in a message's header to its arrival."""
-
-    def __init__(self, window: int) -> None:
-        self._delays_s: deque[float] = deque(maxlen=window)
-        self._new = False
 
     def add(self, received: Received) -> None:
         from tactile_nodes.messages import stamp_ns
@@ -140,18 +132,11 @@ class Delay:
         header = getattr(received.message, 'header', None)
         if header is None:
             raise MessageError(f'{received.type_name} has no header, so there is no stamp to measure the delay from')
-        self._delays_s.append((received.received_ns - stamp_ns(header.stamp)) / NS_PER_S)
-        self._new = True
+        self._add((received.received_ns - stamp_ns(header.stamp)) / NS_PER_S)
 
-    def report(self, _: int) -> str | None:
-        if not self._delays_s:
-            return None
-        if not self._new:
-            return 'no new messages'
-        self._new = False
-        spread = Spread.of(self._delays_s)
+    def _text(self, seconds: list[float]) -> str:
         # ros2 rounds to milliseconds, which hides most delays on one host
-        return f'average delay: {spread.mean:.6f}\n{spread.text(6)}'
+        return f'average delay: {statistics.fmean(seconds):.6f}\n{_spread(seconds, 6)}'
 
 
 class Bandwidth:
