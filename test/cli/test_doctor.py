@@ -21,11 +21,6 @@ from tactile_nodes.cli.doctor.checks import Finding
 from tactile_nodes.errors import BusError, ConfigurationError
 
 
-def test_an_old_python_is_a_problem() -> None:
-    assert checks.python((3, 9, 18)).level == 'problem'
-    assert checks.python((3, 10, 0)) == Finding('Python', 'ok', '3.10.0')
-
-
 def test_one_core_is_a_warning() -> None:
     assert checks.cores(1).level == 'warning'
     assert checks.cores(2) == Finding('cores', 'ok', '2')
@@ -204,11 +199,6 @@ def test_free_disk_of_a_folder_that_cannot_be_written_is_of_no_use(
     found = checks.disk(tmp_path)
     assert (found.level, found.found) == ('warning', f'{tmp_path} is not writable')
     assert 'record elsewhere' in found.remedy
-
-
-def test_missing_shared_memory_is_a_warning(tmp_path: Path) -> None:
-    assert checks.shared_memory(tmp_path / 'none').level == 'warning'
-    assert checks.shared_memory(tmp_path).level in {'ok', 'warning'}
 
 
 def test_a_terminal_without_utf_8_is_a_warning() -> None:

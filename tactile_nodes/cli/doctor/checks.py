@@ -12,6 +12,7 @@ import importlib
 import importlib.metadata
 import importlib.util
 import os
+import platform
 import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -25,12 +26,9 @@ from tactile_nodes.errors import ConfigurationError
 
 Level = Literal['ok', 'warning', 'problem']
 GB = 1e9
-OLDEST_PYTHON = (3, 10)
 LEAST_CORES = 2
 LEAST_MEMORY = 1 * GB
 LEAST_DISK = 5 * GB
-LEAST_SHARED_MEMORY = 64e6
-SHARED_MEMORY = Path('/dev/shm')  # noqa: S108, the mount itself is checked
 IMAGES_PER_S, IMAGE_BYTES = 60, 440 * 440
 NARROWEST_TERMINAL = 80
 
@@ -68,12 +66,9 @@ class Finding:
     remedy: str = ''
 
 
-def python(version: tuple[int, ...] = sys.version_info[:3]) -> Finding:
-    """The interpreter."""
-    text = '.'.join(map(str, version))
-    if version[:2] >= OLDEST_PYTHON:
-        return Finding('Python', 'ok', text)
-    return Finding('Python', 'problem', text, 'install Python 3.10 or newer and recreate the environment')
+def python() -> Finding:
+    """The interpreter; one that is too old does not start this program."""
+    return Finding('Python', 'ok', platform.python_version())
 
 
 def cores(count: int | None = None) -> Finding:
@@ -216,17 +211,6 @@ def disk(folder: Path | None = None) -> Finding:
     return Finding('disk', 'warning', text, 'free some space, or record elsewhere: tactile bag record -o FOLDER')
 
 
-def shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
-    """Shared memory, which OpenCV, torch and the transports of ROS 2 use."""
-    if not folder.is_dir() or not os.access(folder, os.W_OK):
-        return Finding('shared memory', 'warning', f'{folder} is not there or not writable', 'mount a tmpfs on it')
-    free = shutil.disk_usage(folder).free
-    text = f'{free / GB:.2f} GB free in {folder}'
-    if free >= LEAST_SHARED_MEMORY:
-        return Finding('shared memory', 'ok', text)
-    return Finding('shared memory', 'warning', text, 'in a container, give it more: docker run --shm-size=1g')
-
-
 def terminal(stream: TextIO = sys.stdout, environment: Mapping[str, str] = os.environ) -> Finding:
     """Whether the live view can be drawn in this terminal."""
     encoding = (stream.encoding or 'ascii').lower().replace('-', '')
@@ -252,7 +236,6 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     cores,
     memory,
     governor,
-    shared_memory,
     disk,
     terminal,
     cameras,
