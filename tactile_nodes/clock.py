@@ -33,8 +33,6 @@ class Clock(Protocol):
 
 
 class SystemClock:
-    """The host's clock."""
-
     def __init__(self) -> None:
         self._anchor_ns = anchor_ns()
 

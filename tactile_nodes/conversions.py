@@ -47,7 +47,6 @@ _PIXELS = {
 
 
 def header(stamp_ns: int, frame_id: str) -> types.Header:
-    """A std_msgs/Header."""
     return types.Header(stamp=time_from_ns(stamp_ns), frame_id=frame_id)
 
 
@@ -302,7 +301,6 @@ def press_of(message: types.SimulatedTouch) -> tuple[int, Press]:
 
 
 def gripper_state(stamp_ns: int, opening_mm: float) -> types.JointState:
-    """The opening of a gripper as a message."""
     return types.JointState(header=header(stamp_ns, ''), name=['gripper'], position=np.array([opening_mm * MILLI]))
 
 

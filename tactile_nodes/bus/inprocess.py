@@ -73,7 +73,6 @@ class InProcessBus:
                 subscription.put(received)
 
     def count_listeners(self, topic: str, type_name: str) -> int:
-        """The number of subscriptions of a topic and type in this process."""
         return sum(entry.type_name == type_name for entry in self._subscriptions.get(topic, ()))
 
     # --- services -------------------------------------------------------------------------------------------
@@ -106,13 +105,11 @@ class InProcessBus:
     # --- the graph ------------------------------------------------------------------------------------------
 
     def add_node(self, name: str) -> None:
-        """Announce a node of this process."""
         with self._lock:
             self._nodes.append(name)
         self._changed()
 
     def remove_node(self, name: str) -> None:
-        """Undo `add_node`."""
         with self._lock:
             if name in self._nodes:
                 self._nodes.remove(name)

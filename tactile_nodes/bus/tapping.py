@@ -33,7 +33,6 @@ class Tap:
 
     @property
     def topics(self) -> frozenset[Key]:
-        """The topics received now."""
         return frozenset(self._subscriptions)
 
     @property
@@ -63,7 +62,6 @@ class Tap:
             raise failure
 
     def close(self) -> None:
-        """Stop receiving."""
         self.keep(())
 
     def _wake(self) -> None:

@@ -35,7 +35,6 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('bags', nargs='*', type=Path, metavar='BAG', help='a bag of presses on the new gel')
     parser.add_argument('--dataset', type=Path, metavar='FILE', help='a data set of presses, instead of bags')
     parser.add_argument('--pictures', type=Path, metavar='CSV', help='presses by hand: a table that lists pictures')
@@ -67,7 +66,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Calibrate, write the model, and print how much it improved."""
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.model_file import find_model

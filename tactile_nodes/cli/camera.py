@@ -23,13 +23,11 @@ BY_PATH = Path('/dev/v4l/by-path')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     actions = parser.add_subparsers(dest='action', required=True, metavar='list')
     actions.add_parser('list', help='one line per camera: source, device, name')
 
 
 def run(_: argparse.Namespace) -> int:
-    """List them."""
     from tactile_nodes.drivers.camera.v4l2_devices import cameras
 
     found = cameras()

@@ -24,7 +24,6 @@ SHOWN = 150  # presses whose path is drawn: more cannot be distinguished
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('plan', help='YAML file of a plan, or the name of one in config/plans')
     parser.add_argument('--draw', type=Path, metavar='FILE', help='draw positions and path as PNG, PDF or SVG')
     parser.add_argument('--points', action='store_true', help='print every press in order')

@@ -32,7 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compile everything that is not compiled yet."""
     print(_in_background(PARTS) if arguments.background else compile_all(PARTS))
     return 0
 

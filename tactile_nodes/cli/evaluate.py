@@ -28,7 +28,6 @@ PRESSES, SEED, MOST_PRESSES = 2000, 1001, 1_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('model', nargs='+', help='model files, or names of shipped models; several are compared')
     parser.add_argument('--presses', type=int, metavar='N', help=f'presses to score (default: {PRESSES})')
     parser.add_argument('--seed', type=count, metavar='S', help=f'seed of the presses (default: {SEED})')
@@ -47,7 +46,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the tables of scores."""
     from tactile_nodes.learning.evaluation.tables import report
     from tactile_nodes.learning.tasks import on_cluster
 

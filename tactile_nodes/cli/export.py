@@ -28,7 +28,6 @@ _WRITERS = ('parquet', 'zarr')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     formats = parser.add_subparsers(dest='format', required=True, metavar='parquet|zarr|lerobot')
     for name, line in (
         ('parquet', 'one file per topic, one row per message'),
@@ -74,7 +73,6 @@ def _add_lerobot(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the folder and print what it holds."""
     from tactile_nodes.exporting.output import made_whole
     from tactile_nodes.learning.progress import TerminalProgress
 

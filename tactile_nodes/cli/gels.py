@@ -35,7 +35,6 @@ HEAD = ('model', 'gel', 'sensor', 'made', 'presses', 'error [mN]', 'drift', 'due
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument(
         '--after', type=positive_float, default=AFTER_DAYS, metavar='DAYS', help='age at which a calibration is due'
     )
@@ -51,7 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print or change the list."""
     from tactile_nodes.gel_list import GelList
 
     gels = GelList()

@@ -16,7 +16,6 @@ on each of two machines:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     actions = parser.add_subparsers(dest='action', required=True, metavar='create|show')
     create = actions.add_parser('create', help='create a pair of keys; existing keys are never overwritten')
     create.add_argument('name', help='for example the name of the machine')
@@ -25,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Create or show keys."""
     from tactile_nodes.bus.bridge.keys import create_keys, read_public
 
     if arguments.action == 'create':

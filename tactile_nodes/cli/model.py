@@ -19,7 +19,6 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     verbs = parser.add_subparsers(dest='what', required=True, metavar='what')
     info = verbs.add_parser('info', help="print a model's card")
     info.add_argument('model', help='a model file, or the name of a shipped model')

@@ -19,7 +19,6 @@ DESCRIPTION = 'List nodes, show what each offers and receives, and whether it re
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     verbs = Verbs(parser)
     verb = verbs.add('list', list_nodes, 'list the nodes', '  tactile node list\n')
     verb.add_argument('-a', '--all', action='store_true', help='list hidden nodes as well')
@@ -33,7 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def list_nodes(arguments: argparse.Namespace) -> int:
-    """``node list``"""
     with joined() as bus:
         found = bus.graph().nodes()
     shown = [name for name in found if arguments.all or not is_hidden(name)]
@@ -48,7 +46,6 @@ def list_nodes(arguments: argparse.Namespace) -> int:
 
 
 def show_info(arguments: argparse.Namespace) -> int:
-    """``node info``"""
     node = absolute(arguments.node, 'a node')
     with joined() as bus:
         owners = [peer for peer in bus.graph().participants if node in peer.nodes]

@@ -23,7 +23,6 @@ _TYPE_TEXTS = (*_KINDS, 'byte array', *(f'{kind} array' for kind in _KINDS[1:]))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     verbs = Verbs(parser)
     _add_list(verbs)
     verb = _add_with_node(verbs, 'get', get, "print a parameter's value", '  tactile param get /camera rate\n')
@@ -71,7 +70,6 @@ def _add_name(parser: argparse.ArgumentParser, name: str, nargs: str | None = No
 
 
 def list_all(arguments: argparse.Namespace) -> int:
-    """``param list``"""
     status = 0
     with joined() as bus:
         nodes = [absolute(arguments.node, 'a node')] if arguments.node else sorted(set(bus.graph().nodes()))
@@ -96,7 +94,6 @@ def _listed(client: ParameterClient, arguments: argparse.Namespace) -> list[str]
 
 
 def get(arguments: argparse.Namespace) -> int:
-    """``param get``"""
     with joined() as bus:
         value = _client(bus, absolute(arguments.node, 'a node')).values([arguments.name])[arguments.name]
     if value is None:
@@ -118,7 +115,6 @@ def _kind(value: object) -> int:
 
 
 def set_value(arguments: argparse.Namespace) -> int:
-    """``param set``"""
     with joined() as bus:
         client = _client(bus, absolute(arguments.node, 'a node'))
         try:
@@ -147,7 +143,6 @@ def typed(text: str) -> Value:
 
 
 def describe(arguments: argparse.Namespace) -> int:
-    """``param describe``"""
     with joined() as bus:
         client = _client(bus, absolute(arguments.node, 'a node'))
         names = client.names()
@@ -177,7 +172,6 @@ def _description(found: types.ParameterDescriptor) -> list[str]:
 
 
 def dump(arguments: argparse.Namespace) -> int:
-    """``param dump``"""
     from tactile_nodes.params import parameter_file_text
 
     node = absolute(arguments.node, 'a node')
@@ -189,7 +183,6 @@ def dump(arguments: argparse.Namespace) -> int:
 
 
 def load(arguments: argparse.Namespace) -> int:
-    """``param load``"""
     from tactile_nodes.params import exact_names, load_parameter_file, resolve_parameters
 
     node = absolute(arguments.node, 'a node')

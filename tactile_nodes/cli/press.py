@@ -36,7 +36,6 @@ PASSED = 's'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('folder', type=Path, metavar='FOLDER', help='where pictures and presses.csv are kept')
     parser.add_argument(
         '--source', default='simulated', help='a camera, as in `source:=` of a launch (default: simulated)'
@@ -156,8 +155,6 @@ def _forces_n(sensor: Sensor, body: KnownBody | None, given: list[float], unit: 
 
 
 class TerminalPerson:
-    """The person at the terminal."""
-
     def __init__(self, folder: Path, sensor: Sensor, unit: str, newton: float) -> None:
         self._folder, self._sensor, self._unit, self._newton = folder, sensor, unit, newton
         self._shown = ''  # the line that stands in the terminal without an end

@@ -28,6 +28,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Update, check or print; 1 if a checked page is not current."""
     status: int = importlib.import_module('reference.command').run(arguments)
     return status

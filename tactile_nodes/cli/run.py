@@ -22,7 +22,6 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of `tactile run`."""
     parser.usage = '%(prog)s [-h] [--prefix COMMAND] [PKG] EXEC [argument ...]'
     parser.add_argument(
         '--prefix',

@@ -28,7 +28,6 @@ _CALL_EXAMPLES = """\
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     verbs = Verbs(parser)
     verb = verbs.add('list', list_services, 'list the services', '  tactile service list -t\n')
     verb.add_argument('-t', '--show-types', action='store_true', help='show the types too')
@@ -49,7 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def list_services(arguments: argparse.Namespace) -> int:
-    """``service list``"""
     with joined() as bus:
         ends = bus.graph().services()
     shown = sorted((e.name, e.type_name) for e in ends if arguments.include_hidden_services or not is_hidden(e.name))
@@ -62,14 +60,12 @@ def list_services(arguments: argparse.Namespace) -> int:
 
 
 def show_type(arguments: argparse.Namespace) -> int:
-    """``service type``"""
     with joined() as bus:
         print(type_of_service(bus.graph(), absolute(arguments.service)))
     return 0
 
 
 def find(arguments: argparse.Namespace) -> int:
-    """``service find``"""
     wanted = full_type(arguments.type, 'srv')
     with joined() as bus:
         found = sorted(end.name for end in bus.graph().services() if end.type_name == wanted)
@@ -79,7 +75,6 @@ def find(arguments: argparse.Namespace) -> int:
 
 
 def call(arguments: argparse.Namespace) -> int:
-    """``service call``"""
     from tactile_nodes import messages
     from tactile_nodes.messages.services import request_type
 

@@ -39,7 +39,6 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('config', nargs='?', type=Path, help='a run, YAML or its name (default: paper, or recorded)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='model file to write')
     parser.add_argument('--presses', type=int, metavar='N', help='number of presses to simulate')
@@ -88,7 +87,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def compare(arguments: argparse.Namespace) -> int:
-    """Print the differences in settings and results of runs, and draw their curves."""
     from tactile_nodes.learning.run.comparison import draw, table
     from tactile_nodes.learning.run.folder import read_run
 

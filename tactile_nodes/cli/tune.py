@@ -38,7 +38,6 @@ SIMULATED_PRESSES = 1500
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('bags', nargs='*', type=Path, metavar='BAG', help='bags of a collection (default: simulate)')
     parser.add_argument('--max-error', type=float, metavar='E', help='choose the fastest with at most this error')
     parser.add_argument(
@@ -64,7 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Try, choose and write; print what was chosen."""
     # Before numpy is imported: the live node also runs with one linear-algebra thread.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     from tactile_nodes.errors import ConfigurationError

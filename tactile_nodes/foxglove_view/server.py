@@ -67,7 +67,6 @@ class FoxgloveServer:
 
     @property
     def address(self) -> str:
-        """The address that Foxglove connects to."""
         return self._serving.url.replace('http', 'ws', 1).rstrip('/')
 
     def offer(self, topic: str, type_name: str) -> None:
@@ -79,7 +78,6 @@ class FoxgloveServer:
         self._serving.post(self._add, Channel.of(next(self._numbers), topic, type_name))
 
     def withdraw(self, topic: str) -> None:
-        """No longer offer a topic."""
         self._serving.post(self._remove, topic)
 
     def is_watched(self, topic: str) -> bool:
@@ -90,7 +88,6 @@ class FoxgloveServer:
         self._serving.post(self._deliver, topic, data, at_ns)
 
     def close(self) -> None:
-        """Stop, and disconnect the viewers."""
         self._serving.close()
 
     # --- in the server's thread ---------------------------------------------------------------------------------

@@ -44,12 +44,10 @@ class Showing:
 
     @property
     def offered(self) -> int:
-        """The number of topics that can be watched."""
         return len(self._types)
 
     @property
     def watched(self) -> int:
-        """The number of topics that have viewers."""
         return len(self._tap.topics)
 
     @property
@@ -78,7 +76,6 @@ class Showing:
         self.look()
 
     def close(self) -> None:
-        """Stop receiving."""
         self._tap.close()
 
     def _offer(self, topic: str, type_name: str) -> None:

@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 
 
 class Effect(Protocol):
-    """What an action does."""
-
-    def perform(self, run: Interpreter) -> None:
-        """Do it in the run's context."""
-        ...
+    def perform(self, run: Interpreter) -> None: ...
 
 
 @dataclass(frozen=True)

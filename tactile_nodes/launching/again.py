@@ -59,7 +59,6 @@ class LaunchedAgain:
                 self._service.shutdown('the hand ends')
 
     def join(self, within_s: float) -> None:
-        """Wait until all processes have ended."""
         self._thread.join(within_s)
 
     @property

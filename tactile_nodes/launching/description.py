@@ -42,7 +42,6 @@ def declared_arguments(file: Path, given: Mapping[str, str] = MappingProxyType({
 
 
 def arguments_text(file: Path) -> str:
-    """The output of ``--show-args``."""
     declared = declared_arguments(file)
     lines = ["Arguments (pass arguments as '<name>:=<value>'):"]
     for each in declared:

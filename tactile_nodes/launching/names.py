@@ -29,7 +29,6 @@ def joined_namespace(base: str | None, namespace: str | None) -> str | None:
 
 
 def check_namespace(namespace: str | None) -> None:
-    """Refuse what rcl refuses."""
     if namespace is not None and not _NAMESPACE.fullmatch(namespace):
         raise SubstitutionError(
             f"'{namespace}' is not a valid namespace: use letters, digits and _, separated by single /"
@@ -37,7 +36,6 @@ def check_namespace(namespace: str | None) -> None:
 
 
 def check_node_name(name: str) -> None:
-    """Refuse what rcl refuses."""
     if not re.fullmatch(_PART, name):
         raise SubstitutionError(
             f"'{name}' is not a valid node name: use letters, digits and _, not beginning with a digit"

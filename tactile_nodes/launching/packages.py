@@ -77,7 +77,6 @@ def command_of(package: str, executable: str, environment: Mapping[str, str]) ->
 
 
 def executables_of(package: str, environment: Mapping[str, str]) -> list[str]:
-    """The names of a package's executables."""
     folder = prefix_of(package, environment) / 'lib' / package
     found = {f.name for f in folder.iterdir() if os.access(f, os.X_OK) and f.is_file()} if folder.is_dir() else set()
     return sorted(found | (own_executables().keys() if package == OWN else set()))

@@ -41,5 +41,4 @@ def request_type(service: str) -> str:
 
 
 def response_type(service: str) -> str:
-    """The message type of a service's response."""
     return f'{service}_Response'

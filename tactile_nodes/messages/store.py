@@ -120,7 +120,6 @@ class MessageStore(Typestore):
 
 @cache
 def store() -> MessageStore:
-    """The store of this process."""
     return MessageStore()
 
 

@@ -34,8 +34,6 @@ _CLOCKS_APART_MS = 5.0
 
 @dataclass(frozen=True)
 class BridgeParams(NodeParams):
-    """Parameters of the bridge node."""
-
     listen: str = parameter('', 'host:port to listen on (0.0.0.0:7460: all networks)', read_only=True)
     connect: str = parameter('', 'host:port of the bridges of other machines, separated by commas', read_only=True)
     discover: bool = parameter(

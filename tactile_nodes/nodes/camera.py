@@ -40,8 +40,6 @@ LINE = 'press'
 
 @dataclass(frozen=True)
 class CameraParams(CameraSettings, NodeParams):
-    """Parameters of the camera node."""
-
     crop: int = parameter(
         440, 'side of the central square crop [px], smaller if the image is smaller; used without `sensor`', minimum=40
     )

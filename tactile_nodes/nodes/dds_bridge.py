@@ -31,8 +31,6 @@ _REPORT_PERIOD_S = 1.0
 
 @dataclass(frozen=True)
 class DdsBridgeParams(NodeParams):
-    """Parameters of the DDS bridge."""
-
     discovery_range: str = parameter(
         '',
         f'{LOCALHOST}: this machine only; {SUBNET}: the network too; empty: as {RANGE_VARIABLE}, or {LOCALHOST}',

@@ -37,8 +37,6 @@ _EVIDENCE = 'evidence'
 
 @dataclass(frozen=True)
 class DriftMonitorParams(NodeParams):
-    """Parameters of the drift monitor."""
-
     model: str = parameter('fast', 'model whose simulated gel is used if a model holds no rest image', read_only=True)
     source: str = parameter(
         '', 'source of the camera; the simulated gel is used only if it is `simulated`', read_only=True

@@ -48,8 +48,6 @@ SILENT_NS = 2 * NS_PER_S
 
 @dataclass(frozen=True)
 class FlowFeaturesParams(FollowingParams, NodeParams):
-    """Parameters of the flow features node."""
-
     reference: str = parameter(
         'capture', 'where the rest image comes from', choices=('capture', 'file', 'topic'), read_only=True
     )

@@ -33,8 +33,6 @@ _PREVIOUS = ''
 
 @dataclass(frozen=True)
 class ForceEstimatorParams(NodeParams):
-    """Parameters of the force estimator node."""
-
     model: str = parameter('fast', 'name of a shipped model, or path of a model file')
     sensor: str = parameter(
         '', 'sensor description: `model` must be made for it, and forces are in its `frame`', read_only=True

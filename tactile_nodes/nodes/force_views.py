@@ -30,8 +30,6 @@ LOOK_PERIOD_S = 0.5
 
 @dataclass(frozen=True)
 class ForceViewsParams(NodeParams):
-    """Parameters of the force views node."""
-
     sensor: str = parameter(
         '', 'sensor description; its `frame` is used unless the next four are given', read_only=True
     )

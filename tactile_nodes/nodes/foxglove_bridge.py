@@ -30,8 +30,6 @@ ORIGINS = ('https://app.foxglove.dev', 'file://', 'http://localhost:8080', 'http
 
 @dataclass(frozen=True)
 class FoxgloveBridgeParams(NodeParams):
-    """Parameters of the Foxglove bridge."""
-
     address: str = parameter(
         '127.0.0.1',
         'address to serve on; connections from other machines count as guests, see `guests`',

@@ -29,8 +29,6 @@ QUESTION_S = 0.5
 
 @dataclass(frozen=True)
 class GuardedApproachParams(GuardedRunSettings, NodeParams):
-    """Parameters of the guarded approach node."""
-
     READ_ONLY: ClassVar[bool] = True
 
 

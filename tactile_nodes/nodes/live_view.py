@@ -34,8 +34,6 @@ IMAGES = 4  # kept between two polls
 
 @dataclass(frozen=True)
 class LiveViewParams(NodeParams):
-    """Parameters of the live view."""
-
     address: str = parameter(
         '127.0.0.1',
         'address to serve on; connections from other machines count as guests, see `guests`',

@@ -41,8 +41,6 @@ _SHORTEST_QUEUE = 100  # a replay must lose nothing, even at ten times the rate
 
 @dataclass(frozen=True)
 class PlayerParams(NodeParams):
-    """Parameters of the player."""
-
     bag: str = parameter('', 'folder, .mcap or .db3 file to play', read_only=True)
     rate: float = parameter(1.0, 'speed; 2.0 is twice as fast', minimum=0.001, maximum=1e6)
     loop: bool = parameter(False, 'start again at the end', read_only=True)
@@ -103,17 +101,14 @@ class PlayerNode(Node):
         self._thread = self.run_beside('bag', self._play)
 
     def pause(self) -> str:
-        """Pause playing."""
         self.playback.pause()
         return 'paused'
 
     def resume(self) -> str:
-        """Continue playing."""
         self.playback.resume()
         return 'playing'
 
     def toggle_paused(self) -> str:
-        """Pause or resume."""
         return self.resume() if self.playback.timeline.paused else self.pause()
 
     def play_next(self) -> str:

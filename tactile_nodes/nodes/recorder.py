@@ -45,8 +45,6 @@ _QUEUE = Qos('queue', 2000)  # two seconds of force/torque samples at 1 kHz
 
 @dataclass(frozen=True)
 class RecorderParams(NodeParams):
-    """Parameters of the recorder."""
-
     bag: str = parameter('', 'folder to create; if empty or with a final slash: rosbag2_<date> in it')
     topics: tuple[str, ...] = parameter((), 'topics to record; empty: those marked as recorded in the topic table')
     all: bool = parameter(False, 'record every topic')
@@ -182,7 +180,6 @@ class RecorderNode(Node):
         return self.last
 
     def _give_up(self) -> str:
-        """End a bag that holds nothing."""
         self._opening = None
         self._let_go().discard_empty()
         self.last = f'recorded nothing, because no message came on {self._begins_with}'

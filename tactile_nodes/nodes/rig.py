@@ -40,8 +40,6 @@ SELDOM_S = 10.0  # interval of progress messages without a terminal
 
 @dataclass(frozen=True)
 class RigParams(RigSettings, NodeParams):
-    """Parameters of the rig node."""
-
     READ_ONLY: ClassVar[bool] = True
 
     sensor: str = parameter(

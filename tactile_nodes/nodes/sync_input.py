@@ -43,8 +43,6 @@ class EmulatedRecorderSettings:
 
 @dataclass(frozen=True)
 class SyncInputParams(SyncInputSettings, NodeParams):
-    """Parameters of the sync input."""
-
     READ_ONLY: ClassVar[bool] = True
 
     recorder: str = parameter('sync_input', 'frame of the edges: name of the recorder whose clock stamps them')

@@ -70,7 +70,6 @@ class ImageSettings:
 
     @property
     def crop_px(self) -> tuple[int, int]:
-        """Width and height of the crop."""
         return self.crop, self.crop_height or self.crop
 
 
@@ -227,7 +226,6 @@ class GelDescription:
 
     @property
     def dome(self) -> Dome:
-        """The shape of the surface."""
         return Dome(self.dome_radius_mm)
 
     @property
@@ -237,7 +235,6 @@ class GelDescription:
 
     @property
     def outline(self) -> Outline:
-        """The rim of the surface."""
         return Outline(self.width_mm, self.height_mm, self.outline_mm)
 
 

@@ -40,12 +40,10 @@ class Mounting:
 
     @property
     def xyz_m(self) -> tuple[float, ...]:
-        """The position [m]."""
         return tuple(each / 1000 for each in self.position_mm)
 
     @property
     def rpy_rad(self) -> tuple[float, ...]:
-        """Roll, pitch and yaw [rad]."""
         return tuple(map(math.radians, self.rpy_deg))
 
     @cached_property
@@ -67,7 +65,6 @@ class Mounting:
         return matrix
 
     def __str__(self) -> str:
-        """The mounting as readable text."""
         place, turn = (', '.join(f'{each:g}' for each in given) for given in (self.position_mm, self.rpy_deg))
         at = (
             f'at ({place}) mm in {self.parent}, turned by ({turn}) degrees'

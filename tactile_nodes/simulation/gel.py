@@ -130,12 +130,10 @@ class Gel:
 
     @property
     def rim(self) -> Outline:
-        """The outline of the surface."""
         return Outline(*self.sides_mm, self.outline)
 
     @property
     def dome(self) -> Dome:
-        """The height of the surface."""
         return Dome(self.dome_radius_mm)
 
     @property

@@ -42,7 +42,6 @@ class Memory:
         self._blocks: dict[int, list[_Track]] = {}
 
     def at(self, time_ns: int) -> Shape:
-        """The gel at a time."""
         block, step = divmod(time_ns // STEP_NS, STEPS_PER_BLOCK)
         tracks = self._blocks.get(block) or self._begin(block)
         for later in range(len(tracks), step + 1):

@@ -47,7 +47,6 @@ class Press:
 
     @property
     def touching(self) -> bool:
-        """Whether it touches the gel."""
         return self.depth_mm > 0
 
 

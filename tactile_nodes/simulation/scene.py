@@ -52,7 +52,6 @@ class Truth:
 
     @property
     def shear_n(self) -> tuple[float, float]:
-        """The force along x and y."""
         x, y = self.shear_force_n.sum(axis=(0, 1), dtype=float).tolist()
         return x, y
 
@@ -230,7 +229,6 @@ class WorldScene(Scene):
         self._world = world
 
     def presses_at(self, time_ns: int) -> tuple[Shaping, ...]:
-        """What deforms the world's gel."""
         return self._world.presses_at(time_ns)
 
     def truth(self, time_ns: int) -> Truth:

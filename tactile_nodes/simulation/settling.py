@@ -38,7 +38,6 @@ class Settling:
         self._follows_n = self._settled_n = 0.0
 
     def copy(self) -> Settling:
-        """An independent copy."""
         return copy.copy(self)
 
     def advance(self, time_ns: int, depth_mm: float) -> Settled:

@@ -25,9 +25,7 @@ class SharedWorld(Protocol):
     """A gel and all that touches it, at any time up to now."""
 
     @property
-    def gel(self) -> Gel:
-        """The gel that is pressed."""
-        ...
+    def gel(self) -> Gel: ...
 
     @property
     def tables(self) -> Mapping[str, ContactTable]:

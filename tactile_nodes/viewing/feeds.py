@@ -31,13 +31,11 @@ class Feeds:
         self._feeds.append((subscription, take))
 
     def drain(self) -> None:
-        """Hand over all messages that have arrived."""
         for subscription, take in self._feeds:
             while (received := subscription.take()) is not None:
                 self._hand_over(received, take)
 
     def close(self) -> None:
-        """Stop receiving."""
         for subscription, _ in self._feeds:
             subscription.close()
         self._feeds.clear()

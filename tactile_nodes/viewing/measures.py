@@ -51,7 +51,6 @@ class Recent:
         self.forget(arrival_ns)
 
     def forget(self, now_ns: int) -> None:
-        """Drop frames older than the window."""
         while self._frames and self._frames[0][0] < now_ns - self._window_ns:
             self._frames.popleft()
 
@@ -63,7 +62,6 @@ class Recent:
         return _rate(last[0] - first[0], len(self._frames)), _rate(last[1] - first[1], len(self._frames))
 
     def percentiles(self) -> dict[str, Percentiles]:
-        """The percentiles of each stage."""
         if not self._frames:
             return dict.fromkeys(STAGES, NOTHING)
         columns = np.array([times for _, _, times in self._frames]).T

@@ -78,7 +78,6 @@ class Snapshot:
 
     @property
     def pair(self) -> Pair | None:
-        """Estimate and truth, when there are both."""
         return Pair(0, self.force, self.truth) if self.truth is not None else None
 
 
@@ -145,11 +144,9 @@ class ViewState:
         return self.sensors.setdefault(namespace, ViewState(namespace, now_ns))
 
     def add_wrench(self, received: Received) -> None:
-        """Add the total force on a hand."""
         self._wrench, self._wrench_ns = received.message, received.received_ns
 
     def add_diagnostics(self, received: Received) -> None:
-        """Add diagnostics of nodes."""
         for status in received.message.status:
             node, _, part = status.name.partition(': ')
             if self._is_ours(node.replace('.', '/')):

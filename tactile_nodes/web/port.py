@@ -35,7 +35,6 @@ def _bound(address: str, port: int) -> socket.socket:
 
 
 def url(bound: socket.socket) -> str:
-    """The address to open in a browser."""
     host, port = bound.getsockname()[:2]
     shown = {'0.0.0.0': '127.0.0.1', '::': '[::1]'}.get(host, f'[{host}]' if ':' in host else host)  # noqa: S104
     return f'http://{shown}:{port}/'

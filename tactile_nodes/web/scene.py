@@ -115,7 +115,6 @@ class Scene:
         return found
 
     def packet(self, now_ns: int, viewers: int) -> Packet:
-        """Everything that is shown now."""
         self._new = False
         shot = self._shown(now_ns)
         at_ns = self._instant_ns(shot)

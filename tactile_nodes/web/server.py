@@ -80,7 +80,6 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """The address to open in a browser."""
         return self._serving.url
 
     @property
@@ -89,7 +88,6 @@ class PageServer:
         return sum(map(self.watching_of, self._audiences))
 
     def watching_of(self, sensor: str = '') -> int:
-        """Number of active viewers of a sensor."""
         return self._audiences[sensor].watching(monotonic_s())
 
     def has_room_for(self, sensor: str = '') -> bool:
@@ -105,7 +103,6 @@ class PageServer:
         self._serving.post(self._audiences[sensor].remember, samples)
 
     def close(self) -> None:
-        """Stop serving."""
         self._serving.close()
 
     # --- in the server's thread ---------------------------------------------------------------------------------

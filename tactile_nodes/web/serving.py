@@ -63,7 +63,6 @@ class Serving:
             self._loop.call_soon_threadsafe(work, *arguments)
 
     def close(self) -> None:
-        """Stop serving."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._thread.join()
@@ -77,7 +76,6 @@ class Serving:
         self._channels.add(channel)
 
     def forget_channel(self, channel: web.WebSocketResponse) -> None:
-        """Unregister a WebSocket that has ended."""
         self._channels.discard(channel)
 
     def _run(self) -> None:

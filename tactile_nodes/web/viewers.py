@@ -27,13 +27,11 @@ class Viewer:
         self._acknowledged_s = now_s
 
     def offer(self, packet: Packet) -> None:
-        """Offer a new packet."""
         self.passed_over += self._body is not None
         self._body = packet.body
         self.remember(packet.samples)
 
     def remember(self, samples: bytes) -> None:
-        """Add samples to the next packet."""
         self._samples.append(samples)
 
     def take(self) -> bytes | None:
@@ -76,7 +74,6 @@ class Audience:
         return len(self.viewers) >= self._most
 
     def join(self, now_s: float) -> Viewer:
-        """A page is opened."""
         viewer = Viewer(self._history, now_s)
         self.viewers.append(viewer)
         return viewer
@@ -85,7 +82,6 @@ class Audience:
         self.viewers.remove(viewer)
 
     def offer(self, packet: Packet) -> None:
-        """Offer a packet to all viewers."""
         if packet.samples:
             self._history.append(packet.samples)
         for viewer in self.viewers:
@@ -98,7 +94,6 @@ class Audience:
             viewer.remember(samples)
 
     def watching(self, now_s: float) -> int:
-        """Number of active viewers."""
         return sum(viewer.is_watching(now_s) for viewer in list(self.viewers))
 
     @property

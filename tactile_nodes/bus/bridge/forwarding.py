@@ -62,7 +62,6 @@ class Forward:
             self._subscription = None
 
     def close(self) -> None:
-        """Offer it no more."""
         if self._subscription is not None:
             self._subscription.close()
             self._subscription = None
@@ -102,7 +101,6 @@ class Repeat:
             session.get(key, lambda reply: self._take_in(reply.ok) if reply.ok is not None else None)
 
     def close(self) -> None:
-        """Be silent."""
         self._subscriber.undeclare()
         self._relay.close()
 

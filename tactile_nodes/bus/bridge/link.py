@@ -45,8 +45,6 @@ OPEN = Security()
 
 @dataclass(frozen=True)
 class Address:
-    """A host and a TCP port."""
-
     host: str
     port: int
 

@@ -42,7 +42,6 @@ class Kept:
             raise
 
     def get(self, name: str) -> bytes | None:
-        """What is kept under a name, if anything is."""
         try:
             return None if self._stem is None else self._file(name).read_bytes()
         except OSError:

@@ -40,7 +40,6 @@ class ParameterClient:
         return {name: from_message(value) for name, value in zip(names, answer.values, strict=True)}
 
     def descriptors(self, names: list[str]) -> list[types.ParameterDescriptor]:
-        """What the node says of each."""
         request = types.DescribeParameters_Request(names=names)
         found = self._call('describe_parameters', services.DESCRIBE_PARAMETERS, request).descriptors
         return list(found)

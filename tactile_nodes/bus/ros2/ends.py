@@ -59,8 +59,6 @@ class Ros2Publisher:
 
 
 class Ros2Service:
-    """A service that this process answers."""
-
     def __init__(self, name: str, node: str, on_close: Callable[[], None]) -> None:
         self.name = name
         self.node = node

@@ -56,7 +56,6 @@ class CallServer:
         self.address = address
 
     def close(self) -> None:
-        """Answer no more."""
         self._socket.close()
 
     def _take_in(self) -> None:

@@ -111,7 +111,6 @@ class ZmqBus(InProcessBus):
             return found
 
     def subscriptions_of(self, topic: str, type_name: str) -> list[Subscription]:
-        """This process's subscriptions of a topic and type."""
         return [entry for entry in self._subscriptions.get(topic, ()) if entry.type_name == type_name]
 
     # --- services -------------------------------------------------------------------------------------------

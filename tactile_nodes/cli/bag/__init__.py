@@ -32,7 +32,6 @@ _LABEL = 19
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of `tactile bag`."""
     verbs = parser.add_subparsers(dest='bag_verb', required=True, metavar='record|info|play|compare|sync')
     _add_record(verbs.add_parser('record', help='record topics', description='Record until Ctrl-C.'))
     _add_info(verbs.add_parser('info', help='show the contents of a bag', description='Show the contents of a bag.'))

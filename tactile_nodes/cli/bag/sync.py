@@ -18,7 +18,6 @@ _COLUMNS = ('edges', 'matched', 'offset [s]', 'drift [ppm]', 'median [ms]', 'lar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('bag', type=Path, help='a folder, a .mcap file or a .db3 file')
     parser.add_argument('--reference', metavar='RECORDER', help="fit to this recorder's clock (default: the machine)")
     parser.add_argument('--namespace', help='namespace of the sensor, if the bag holds several')
@@ -27,7 +26,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the fits; returns the exit status."""
     from tactile_nodes.bag.reader import BagReader
     from tactile_nodes.learning.recorded.clocks import bag_clocks
 

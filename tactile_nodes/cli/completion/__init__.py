@@ -19,12 +19,10 @@ for every new shell:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('shell', choices=['bash', 'zsh', 'fish'], help='your shell')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print it."""
     from argcomplete.shell_integration import shellcode
 
     print(shellcode(['tactile'], shell=arguments.shell))

@@ -24,7 +24,6 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     verbs = Verbs(parser)
     building.add_arguments(verbs.add('build', building.run, 'build a data set from bags'))
     importing.add_arguments(verbs.add('import', importing.run, 'build a data set from pictures and a table'))

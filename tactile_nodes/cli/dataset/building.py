@@ -23,7 +23,6 @@ LIMITS = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('bags', nargs='+', type=Path, metavar='BAG', help='a bag of a collection')
     methods.add_arguments(parser)
     methods.add_without_contact(parser)
@@ -41,7 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Build the data set, write it, and print what it holds."""
     from tactile_nodes.learning.progress import TerminalProgress
     from tactile_nodes.learning.recorded.building import build
     from tactile_nodes.paths import check_output

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument(
         'tables', nargs='+', type=Path, metavar='TABLE', help='CSV or Parquet, each with its rest images'
     )
@@ -32,7 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Import the tables, write the data set, and print what it holds."""
     from tactile_nodes.errors import ConfigurationError
     from tactile_nodes.learning.imported.importing import Imported, import_presses
     from tactile_nodes.learning.progress import TerminalProgress

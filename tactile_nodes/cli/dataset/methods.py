@@ -16,7 +16,6 @@ FRAMES = ('mean', 'first', 'each')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Their arguments."""
     parser.add_argument('-o', '--output', type=Path, required=True, metavar='FILE', help='the file to write (.npz)')
     parser.add_argument('--gel', default='', help='name of the gel, or the YAML file of a simulated one')
     parser.add_argument(
@@ -83,7 +82,6 @@ def of_sensor(options: BuildOptions, name: str | None) -> BuildOptions:
 
 
 def written(presses: RecordedPresses, output: Path) -> int:
-    """Write the file, and print what it holds."""
     from tactile_nodes.learning.datasets.file import save_dataset
     from tactile_nodes.learning.datasets.report import report
 

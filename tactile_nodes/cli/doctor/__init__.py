@@ -26,7 +26,6 @@ STYLES = {'ok': 'green', 'warning': 'yellow', 'problem': 'bold red'}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('--json', action='store_true', help='print the findings as JSON')
 
 

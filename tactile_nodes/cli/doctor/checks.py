@@ -91,7 +91,6 @@ def memory(meminfo: Path = Path('/proc/meminfo')) -> Finding:
 
 
 def governor(cpu: Path = Path('/sys/devices/system/cpu/cpu0/cpufreq')) -> Finding:
-    """The CPU frequency governor."""
     try:
         chosen = (cpu / 'scaling_governor').read_text(encoding='ascii').strip()
         driver = (cpu / 'scaling_driver').read_text(encoding='ascii').strip()
@@ -117,7 +116,6 @@ def packages(known: Mapping[str, tuple[str, ...]] = PACKAGES) -> Finding:
 
 
 def torch() -> Finding:
-    """The training extra."""
     if _importable('torch'):
         return Finding('torch', 'ok', _version(('torch',)))
     return Finding('torch', 'ok', 'not installed', "only training needs it: pip install 'tactile_nodes[train]'")
@@ -161,7 +159,6 @@ def domain(environment: Mapping[str, str] = os.environ) -> Finding:
 
 
 def ros(environment: Mapping[str, str] = os.environ, rclpy: bool | None = None) -> Finding:
-    """ROS 2, which is optional."""
     distribution = environment.get('ROS_DISTRO', '')
     found = _importable('rclpy') if rclpy is None else rclpy
     if distribution and found:

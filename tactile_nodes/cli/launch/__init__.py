@@ -41,7 +41,6 @@ _BUILT_IN = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of `tactile launch`."""
     parser.usage = '%(prog)s [-h] [-s | -p] [-d] [-n] [-a] [PKG] FILE [name:=value ...]'
     words = parser.add_argument(
         'words',
@@ -67,7 +66,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the command; returns the exit status."""
     file, words = files.resolve(arguments.words, os.environ)
     if arguments.show_args:
         print(description.arguments_text(file))
@@ -95,7 +93,6 @@ def _run_with_view(arguments: argparse.Namespace, file: Path, given: dict[str, s
 def make_service(
     arguments: argparse.Namespace, file: Path, given: dict[str, str], screen: Screen = print_line
 ) -> LaunchService:
-    """The launch service for the flags of the command line."""
     refuse_unknown(file, given)
     return LaunchService(
         file,

@@ -183,17 +183,14 @@ def positive_float(text: str) -> float:
 
 
 def positive_int(text: str) -> int:
-    """A count of at least one."""
     return _checked(text, int, lambda value: 0 < value <= _MOST, 'a whole number above 0')
 
 
 def count(text: str) -> int:
-    """A count, zero or more."""
     return _checked(text, int, lambda value: 0 <= value <= _MOST, 'a whole number, 0 or more')
 
 
 def duration(text: str) -> float:
-    """Seconds, zero or more."""
     return _checked(text, float, lambda value: 0 <= value <= _MOST, 'a time in seconds, 0 or more')
 
 

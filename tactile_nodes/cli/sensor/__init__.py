@@ -21,7 +21,6 @@ examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The commands of the verb."""
     verbs = Verbs(parser)
     new.add_arguments(verbs.add('new', new.run, 'describe a sensor from rest images and a few questions'))
     check.add_arguments(verbs.add('check', check.run, 'check rest images against a description'))

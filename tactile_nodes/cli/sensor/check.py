@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument('sensor', help='description of the sensor: a YAML file, or the name of a shipped one')
     parser.add_argument(
         'pictures', nargs='+', metavar='SOURCE',
@@ -41,6 +40,5 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def tell(inspection: Inspection) -> None:
-    """Print each finding on a line."""
     for each in inspection.findings:
         print(f'{each.level:4} {each.subject}: {each.text}')

@@ -23,7 +23,6 @@ PATTERNS = 'auto', 'dots', 'spheres'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument(
         'pictures',
         nargs='+',

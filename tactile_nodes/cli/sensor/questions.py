@@ -144,7 +144,6 @@ class _Asking:
         self.sources: dict[str, str] = {}
 
     def of(self, question: Question) -> Any:
-        """The answer to a question."""
         from tactile_nodes.errors import ConfigurationError
 
         given = getattr(self._given, question.flag)

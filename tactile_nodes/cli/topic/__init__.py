@@ -20,7 +20,6 @@ DESCRIPTION = 'List, print, measure and publish topics.'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     verbs = Verbs(parser)
     _add_list(verbs)
     topic_echo.add(verbs)
@@ -63,7 +62,6 @@ def _add_type(verbs: Verbs) -> None:
 
 
 def list_topics(arguments: argparse.Namespace) -> int:
-    """``topic list``"""
     with joined() as bus:
         graph = bus.graph()
     topics = _visible(graph, arguments.include_hidden_topics)
@@ -79,7 +77,6 @@ def list_topics(arguments: argparse.Namespace) -> int:
 
 
 def show_info(arguments: argparse.Namespace) -> int:
-    """``topic info``"""
     topic = absolute(arguments.topic)
     with joined() as bus:
         graph = bus.graph()
@@ -94,7 +91,6 @@ def show_info(arguments: argparse.Namespace) -> int:
 
 
 def find(arguments: argparse.Namespace) -> int:
-    """``topic find``"""
     with joined() as bus:
         topics = _visible(bus.graph(), arguments.include_hidden_topics)
     wanted = full_type(arguments.type)
@@ -104,7 +100,6 @@ def find(arguments: argparse.Namespace) -> int:
 
 
 def show_type(arguments: argparse.Namespace) -> int:
-    """``topic type``"""
     with joined() as bus:
         print(type_of_topic(bus.graph(), absolute(arguments.topic)))
     return 0

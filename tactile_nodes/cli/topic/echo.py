@@ -42,7 +42,6 @@ _EXAMPLES = """\
 
 
 def add(verbs: Verbs) -> None:
-    """The command and its arguments."""
     verb = verbs.add('echo', echo, "print a topic's messages", _EXAMPLES)
     completed(verb.add_argument('topic', help='a topic, /force_distribution for example'), completers.topics)
     kind = verb.add_argument('type', nargs='?', help='its type; needed only if the topic does not appear within 10 s')

@@ -39,7 +39,6 @@ _EXAMPLES = """\
 
 
 def add(verbs: Verbs) -> None:
-    """The command and its arguments."""
     verb = verbs.add('pub', publish, 'publish messages', _EXAMPLES)
     completed(verb.add_argument('topic', help='a topic, /greeting for example'), completers.topics)
     completed(verb.add_argument('type', help='its type, std_msgs/msg/String for example'), completers.topic_types)
@@ -66,7 +65,6 @@ def add(verbs: Verbs) -> None:
 
 
 def publish(arguments: argparse.Namespace) -> int:
-    """Publish as often as requested."""
     from tactile_nodes.bus.topics import default_qos
 
     topic, type_name = absolute(arguments.topic), full_type(arguments.type)

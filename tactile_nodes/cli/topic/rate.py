@@ -32,7 +32,6 @@ class Meter(Protocol):
 
 
 def add(verbs: Verbs) -> None:
-    """The three commands and their arguments."""
     _add(verbs, 'hz', 10000, Rate, 'print the rate of incoming messages', '  tactile topic hz /image_raw\n')
     _add(verbs, 'bw', 100, Bandwidth, 'print the bandwidth of incoming messages', '  tactile topic bw /image_raw\n')
     _add(

@@ -43,7 +43,6 @@ Show = Callable[['Snapshot'], None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
     parser.add_argument(
         '--plain', action='store_true', help='one line per second; the default if the terminal cannot draw'
     )
@@ -77,7 +76,6 @@ def can_draw(stream: TextIO, environment: Mapping[str, str] = os.environ) -> boo
 
 
 def print_summary(state: ViewState, now_ns: int) -> None:
-    """Print the summary of the run."""
     from tactile_nodes.cli.view import hand, render
 
     shot = state.summary(now_ns)
@@ -85,7 +83,6 @@ def print_summary(state: ViewState, now_ns: int) -> None:
 
 
 def new_state(bus: Bus, namespace: str = '/') -> ViewState:
-    """A state that starts now."""
     from tactile_nodes.viewing.state import ViewState
 
     return ViewState(namespace, bus.clock.now_ns())

@@ -16,7 +16,6 @@ _HEAD = f'{"sensor":<12} {"fps":>5}  {"force [N]":>9}  {"shear [N]":>9}  {"conta
 
 
 def picture(shot: Snapshot) -> Text:
-    """The whole view."""
     lines = [Text.assemble(('hand', BOLD), f'  {shot.running_s:6.1f} s'), Text(), Text(_HEAD, BOLD)]
     for sensor in shot.sensors:
         row = Text(f'{_name(sensor, shot):<12} {hz(sensor.arrivals_hz):>5}  {_numbers(sensor, shot.wrench)}')

@@ -25,7 +25,6 @@ _WAYS = '→↘↓↙←↖↑↗'  # from +x (right) towards +y (down)
 
 
 def picture(shot: Snapshot, full_scale_n: float = FULL_SCALE_N) -> Text:
-    """The whole view."""
     lines = [_title(shot), Text()]
     if shot.force is None:
         lines.append(Text(waiting(shot), LEVELS[1]))
@@ -206,7 +205,6 @@ def net_text(force: Any) -> str:
 
 
 def where(force: Any) -> str:
-    """The position of the strongest contact."""
     if not force.in_contact or math.isnan(force.contact.x):
         return 'none'.ljust(18)
     return f'({force.contact.x * 1000:+6.2f}, {force.contact.y * 1000:+6.2f}) mm'
@@ -249,10 +247,8 @@ def _topic(shot: Snapshot) -> str:
 
 
 def milliseconds(seconds: float) -> str:
-    """A latency."""
     return '-' if math.isnan(seconds) else f'{seconds * 1000:.2f}'
 
 
 def hz(rate: float) -> str:
-    """A rate."""
     return '-' if math.isnan(rate) else f'{rate:.1f}'

@@ -36,8 +36,6 @@ CHECK_PERIOD_S = 1.0
 
 @dataclass(frozen=True)
 class GuardedGraspParams(NodeParams):
-    """Parameters of the guarded grasp node."""
-
     READ_ONLY: ClassVar[bool] = True
 
     hand: str = parameter('gripping_fingers', 'name of a hand of two sensors, or its file')

@@ -34,8 +34,6 @@ WAITS_S = 60.0
 
 @dataclass(frozen=True)
 class HandSensorsParams(NodeParams):
-    """Parameters of the hand sensors node."""
-
     hand: str = parameter('two_fingers', 'name of a shipped hand, or its file', read_only=True)
     views: bool = parameter(False, 'publish the topics that RViz and Foxglove draw, for each sensor', read_only=True)
     monitor: bool = parameter(True, 'monitor whether the calibration of each sensor is still valid', read_only=True)

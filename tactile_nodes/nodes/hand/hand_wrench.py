@@ -33,8 +33,6 @@ WHY = 'no force at this time, an invalid one, or a model without shear'
 
 @dataclass(frozen=True)
 class HandWrenchParams(NodeParams):
-    """Parameters of the hand wrench node."""
-
     hand: str = parameter('two_fingers', 'name of a shipped hand, or its file', read_only=True)
     bag: str = parameter('', 'bag of a replay: each sum waits for all sensors in the bag', read_only=True)
 

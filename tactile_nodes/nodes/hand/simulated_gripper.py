@@ -28,8 +28,6 @@ REPORT_PERIOD_S = 1.0
 
 @dataclass(frozen=True)
 class SimulatedGripperParams(GripperSettings, NodeParams):
-    """Parameters of the simulated gripper."""
-
     hand: str = parameter('gripping_fingers', 'name of a hand of two sensors, or its file', read_only=True)
 
 

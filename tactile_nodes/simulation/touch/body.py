@@ -78,7 +78,6 @@ class Body:
         return cls.of_heights(name, np.where(heights < NO_BODY_MM, heights, np.inf))
 
     def renamed(self, name: str) -> Body:
-        """The same body with another name."""
         return replace(self, name=name)
 
     def under(

@@ -71,7 +71,6 @@ class State:
     pressure: Float32[np.ndarray, 'rows y x']
 
     def copy(self) -> State:
-        """An independent copy."""
         return State(self.moved.copy(), self.pressure.copy())
 
 

@@ -46,7 +46,6 @@ class Touch:
 
     @property
     def touching(self) -> bool:
-        """Whether it touches the gel."""
         return self.stage > 0
 
 
@@ -153,7 +152,6 @@ class Placed:
         self._weights = _weights((up, at[:, 1], at[:, 0]), (rows, side, side))
 
     def moved_mm(self, stage: float) -> Float32[np.ndarray, 'points 3']:
-        """Displacement of the points."""
         grid = self._table.between(self._table.coefficients, stage).transpose(0, 2, 3, 1).reshape(-1, 3)
         moved: np.ndarray = self._weights @ grid
         moved[:, :2] = _turned(moved[:, :2], self._turn_rad)
