@@ -80,7 +80,7 @@ class Log:
     message: Template
 
     def perform(self, run: Interpreter) -> None:
-        run.log('INFO', 'launch.user', self.message.evaluate(run.context))
+        run.host.log('INFO', 'launch.user', self.message.evaluate(run.context))
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Shutdown:
     reason: Template | None
 
     def perform(self, run: Interpreter) -> None:
-        run.shutdown(self.reason.evaluate(run.context) if self.reason else 'reason not given')
+        run.host.request_shutdown(self.reason.evaluate(run.context) if self.reason else 'reason not given')
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Timer:
         period = values.number(
             str(self.period) if isinstance(self.period, float) else self.period.evaluate(run.context)
         )
-        run.after(period, self.children, _boolean(self.cancel_on_shutdown, run))
+        run.host.after(period, self.children, run.context.file, _boolean(self.cancel_on_shutdown, run))
 
 
 @dataclass(frozen=True)

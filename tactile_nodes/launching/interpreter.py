@@ -36,7 +36,7 @@ class Interpreter:
     def __init__(self, context: Context, host: Host, *, output_override: str | None = None) -> None:
         self.context = context
         self.output_override = output_override
-        self._host = host
+        self.host = host
         self._including: list[Path] = []
         self._process_numbers = itertools.count(1)
         self._file_numbers = itertools.count(1)
@@ -62,18 +62,6 @@ class Interpreter:
                 action.effect.perform(self)
         except SubstitutionError as error:
             raise action.place.error(f'{action.name}: {error}') from error
-
-    def log(self, level: str, source: str, text: str) -> None:
-        self._host.log(level, source, text)
-
-    def start(self, plan: ProcessPlan) -> None:
-        self._host.start(plan)
-
-    def after(self, seconds: float, actions: tuple[Action, ...], cancel_on_shutdown: bool) -> None:
-        self._host.after(seconds, actions, self.context.file, cancel_on_shutdown)
-
-    def shutdown(self, reason: str) -> None:
-        self._host.request_shutdown(reason)
 
     def next_name(self, label: str) -> str:
         """The label of a process with its number in this launch."""

@@ -101,7 +101,7 @@ class Executable:
         if not words or not words[0]:
             raise SubstitutionError('the command is empty')
         label = self.name.evaluate(run.context) if self.name else None
-        run.start(self.options.plan(run, words, label, {}))
+        run.host.start(self.options.plan(run, words, label, {}))
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Node:
             words += ['--ros-args', *(word.evaluate(context) for word in self.ros_arguments)]
         words += ['--ros-args', *self._ros_arguments(run)]
         needed, ours = packages.source_environment(program), self._is_ours(context, program)
-        run.start(self.options.plan(run, words, self._label(context, program), needed, ours=ours))
+        run.host.start(self.options.plan(run, words, self._label(context, program), needed, ours=ours))
 
     def program(self, context: Context) -> list[str]:
         """The command that starts the executable: nearly always one word, its path."""
