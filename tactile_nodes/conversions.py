@@ -85,14 +85,7 @@ def image_array(message: types.Image) -> UInt8[np.ndarray, 'h w']:
             f'received an image with encoding {message.encoding!r}; set the camera to one of {", ".join(_CHANNELS)}'
         )
     channels = _CHANNELS[message.encoding]
-    row_bytes = message.width * channels
-    if message.step < row_bytes or len(message.data) < message.step * message.height:
-        raise ImageError(
-            f'an image of {message.width}x{message.height} {message.encoding} has {len(message.data)} bytes with a '
-            f'step of {message.step}; check the node that publishes it'
-        )
-    rows = np.asarray(message.data[: message.step * message.height]).reshape(message.height, message.step)
-    picture = rows[:, :row_bytes]
+    picture = _rows(message, message.width * channels)
     if channels == 1:
         return picture
     return grey(picture.reshape(message.height, message.width, channels), message.encoding[:3])
@@ -109,16 +102,24 @@ def image_pixels(message: types.Image) -> np.ndarray:
             f'an image with encoding {message.encoding!r} cannot be stored; supported: {", ".join(_PIXELS)}'
         )
     dtype, channels = np.dtype(_PIXELS[message.encoding][0]), _PIXELS[message.encoding][1]
-    row_bytes = message.width * channels * dtype.itemsize
-    if message.step < row_bytes or len(message.data) < message.step * message.height:
-        raise ImageError(f'an image of {message.width}x{message.height} {message.encoding} has too few bytes')
-    rows = np.asarray(message.data[: message.step * message.height]).reshape(message.height, message.step)
+    rows = _rows(message, message.width * channels * dtype.itemsize)
     stored = dtype.newbyteorder('>' if message.is_bigendian else '<')
-    picture: np.ndarray = np.ascontiguousarray(rows[:, :row_bytes]).view(stored).astype(dtype, copy=False)
+    picture: np.ndarray = np.ascontiguousarray(rows).view(stored).astype(dtype, copy=False)
     if channels == 1:
         return picture
     coloured: np.ndarray = picture.reshape(message.height, message.width, channels)
     return coloured[..., ::-1] if message.encoding == 'bgr8' else coloured
+
+
+def _rows(message: types.Image, row_bytes: int) -> UInt8[np.ndarray, 'h row_bytes']:
+    """The bytes of each row, without those that only fill it up. Raises ImageError."""
+    if message.step < row_bytes or len(message.data) < message.step * message.height:
+        raise ImageError(
+            f'an image of {message.width}x{message.height} {message.encoding} has {len(message.data)} bytes with a '
+            f'step of {message.step}; check the node that publishes it'
+        )
+    rows = np.asarray(message.data[: message.step * message.height]).reshape(message.height, message.step)
+    return rows[:, :row_bytes]
 
 
 def features_array(message: types.FlowFeatures) -> Features:
