@@ -79,13 +79,6 @@ class Indentation:
         return self.contact.touch(self.state.u, self.state.where)
 
     @property
-    def support_n(self) -> float:
-        """The downward force of the layer on its base, over the shear modulus, from its stresses."""
-        force = self._gather(self.body.linearise(self.state.u, self.state.p).force, self.body.unknowns)
-        down = force.reshape(*self.body.mesh.nodes, 2)[..., 1]
-        return float(down[:, 0].sum() + down[-1, 1:].sum())
-
-    @property
     def energy(self) -> float:
         """Energy stored in layer and contact, over the shear modulus."""
         return self.body.energy(self.state.u, self.state.p) + self.touch.energy
