@@ -82,6 +82,6 @@ def _read(file: Path, key: str) -> Solution | None:
     arrays = read_npz(file)
     if arrays is None or str(arrays.get('key')) != key:
         return None
-    with suppress(ValueError):
-        return Solution.from_arrays(arrays, key)
+    with suppress(KeyError):
+        return Solution.from_arrays(arrays)
     return None

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -94,19 +95,10 @@ class Solution:
         return {each.name: np.asarray(getattr(self, each.name)) for each in fields(self)}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray], key: str) -> Solution:
-        """Back from plain arrays.
-
-        Raises:
-            ConfigurationError: these are not the arrays of the solution with this key.
-        """
-        missing = [each.name for each in fields(cls) if each.name not in arrays]
-        if missing or str(arrays['key']) != key:
-            found = f'lack {", ".join(missing)}' if missing else f'are of {arrays["key"]}'
-            raise ConfigurationError(
-                f'the contact solution {key} was expected, but the arrays {found}; remove the file'
-            )
-        return cls(**{each.name: arrays[each.name] for each in fields(cls) if each.name != 'key'}, key=key)
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Solution:
+        """Back from plain arrays. Raises KeyError: one is missing."""
+        values: dict[str, Any] = {each.name: arrays[each.name] for each in fields(cls)}
+        return cls(**{**values, 'key': str(arrays['key'])})
 
     def at(
         self, radius_mm: Float[np.ndarray, ' r'], z_mm: Float[np.ndarray, ' z']
