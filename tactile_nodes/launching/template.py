@@ -41,6 +41,8 @@ INSTEAD = {
     'log_dir': 'set ROS_LOG_DIR and use $(env ROS_LOG_DIR)',
     'param': 'use an argument and $(var …)',
 }
+# ROS 2 distributions after Humble have these; a file for all distributions cannot use them.
+NEWER = {'equals', 'not-equals', 'if', 'any', 'all', 'file-content', 'string-join', 'path-join', 'for-var', 'index'}
 
 _IDENTIFIER = re.compile(r'[A-Za-z][A-Za-z0-9_-]*')
 
@@ -213,8 +215,8 @@ class _Parser:
 
     def check(self, name: str, count: int) -> None:
         if name not in ARITY:
-            known = f'does not exist here; known: {", ".join(ARITY)}'
-            instead = f'is not supported: {INSTEAD[name]}' if name in INSTEAD else known
+            why = 'is not supported, because ROS 2 Humble lacks it' if name in NEWER else 'does not exist'
+            instead = f'is not supported: {INSTEAD[name]}' if name in INSTEAD else f'{why}; known: {", ".join(ARITY)}'
             raise self.refusal(f"the substitution '{name}' {instead}")
         least, most = ARITY[name]
         if not least <= count <= most:
