@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,6 +22,8 @@ from tactile_nodes.launching.template import Place, Template, parse_template, un
 Read = TypeVar('Read')
 
 SUFFIXES = ('.launch.yaml', '.launch.yml', '.yaml', '.yml', '.launch')
+_MAX_DEPTH = 60
+_MAX_ITEMS = 100_000
 _SCALARS = {f'tag:yaml.org,2002:{kind}' for kind in ('str', 'int', 'float', 'bool', 'null', 'timestamp')}
 _NAMES = {str: 'str', bool: 'bool', int: 'int', float: 'float', list: 'a list', dict: 'a map', type(None): 'nothing'}
 _HINTS = {
@@ -207,12 +209,12 @@ def parse_items(text: str, file: Path) -> Item | None:
     """The YAML `text` as items; None if it is empty.
 
     Raises:
-        LaunchFileError: not valid YAML.
+        LaunchFileError: not valid YAML, or too large for a launch file.
     """
     loader = _loader(text, file)
     try:
         node = loader.get_single_node()
-        return _Converter(loader, file).item(node) if node is not None else None
+        return _Converter(loader, file).item(node, 0) if node is not None else None
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else None
         raise LaunchFileError.at(file, line, f'not valid YAML: {error.problem or error.context}') from error
@@ -234,25 +236,29 @@ def _loader(text: str, file: Path) -> yaml.SafeLoader:
 class _Converter:
     loader: yaml.SafeLoader
     file: Path
+    count: int = field(default=0)
 
-    def item(self, node: yaml.Node) -> Item:
+    def item(self, node: yaml.Node, depth: int) -> Item:
         place = Place(self.file, node.start_mark.line + 1)
+        self.count += 1
+        if depth > _MAX_DEPTH or self.count > _MAX_ITEMS:
+            raise place.error('nested too deeply, or too large, for a launch file')
         if isinstance(node, yaml.MappingNode):
-            return Item(self.mapping(node), place)
+            return Item(self.mapping(node, depth), place)
         if isinstance(node, yaml.SequenceNode):
-            return Item([self.item(each) for each in node.value], place)
+            return Item([self.item(each, depth + 1) for each in node.value], place)
         return Item(self.scalar(node, place), place)
 
-    def mapping(self, node: yaml.MappingNode) -> Mapping[str, Item]:
+    def mapping(self, node: yaml.MappingNode, depth: int) -> Mapping[str, Item]:
         self.loader.flatten_mapping(node)
         result: dict[str, Item] = {}
         for key_node, value_node in node.value:
-            key, place = self.item(key_node).value, Place(self.file, key_node.start_mark.line + 1)
+            key, place = self.item(key_node, depth + 1).value, Place(self.file, key_node.start_mark.line + 1)
             if not isinstance(key, str):
                 raise place.error(f'a key must be a str, got {type_name(key)}')
             if key in result:
                 raise place.error(f"the key '{key}' is given twice")
-            result[key] = Item(self.item(value_node).value, place)
+            result[key] = Item(self.item(value_node, depth + 1).value, place)
         return result
 
     def scalar(self, node: yaml.Node, place: Place) -> object:

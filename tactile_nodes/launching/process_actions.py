@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -50,7 +51,7 @@ class ProcessOptions:
         A program of this package (`ours`) unblocks SIGINT when it is ready for it (`tactile_nodes.nodes`).
         """
         context = run.context
-        prefix = self._prefix(context)
+        prefix = self._prefix(context, command[0])
         words = prefix + command
         return ProcessPlan(
             name=run.next_name(label or Path(words[0]).name),
@@ -69,9 +70,11 @@ class ProcessOptions:
             sigkill_timeout=_timeout(context, 'sigkill_timeout', self.sigkill_timeout_s),
         )
 
-    def _prefix(self, context: Context) -> list[str]:
+    def _prefix(self, context: Context, program: str) -> list[str]:
         if self.prefix is not None:
             return _prefix_words(self.prefix.evaluate(context))
+        if not _matches(context.configurations.get('launch-prefix-filter', ''), Path(program).name):
+            return []
         return _prefix_words(context.configurations.get('launch-prefix', ''))
 
     def _environment(self, context: Context) -> dict[str, str]:
@@ -257,6 +260,13 @@ def _prefix_words(text: str) -> list[str]:
         return shlex.split(text)
     except ValueError as error:
         raise SubstitutionError(f"the launch prefix '{text}' is not a valid command: {error}") from error
+
+
+def _matches(pattern: str, program: str) -> bool:
+    try:
+        return re.match(pattern, program) is not None
+    except re.error as error:
+        raise SubstitutionError(f"launch-prefix-filter: '{pattern}' is not a regular expression: {error}") from error
 
 
 def _timeout(context: Context, name: str, given_s: float | None) -> str:

@@ -45,6 +45,7 @@ INSTEAD = {
 NEWER = {'equals', 'not-equals', 'if', 'any', 'all', 'file-content', 'string-join', 'path-join', 'for-var', 'index'}
 
 _IDENTIFIER = re.compile(r'[A-Za-z][A-Za-z0-9_-]*')
+_MAX_DEPTH = 40
 
 
 class SubstitutionError(Exception):
@@ -146,10 +147,12 @@ class _Parser:
     def template(self) -> Template:
         parts: list[str | Call] = []
         while self.at < len(self.text):
-            parts.append(self.call('') if self.starts_call() else self.run(lambda _: False))
+            parts.append(self.call('', 0) if self.starts_call() else self.run(lambda _: False))
         return Template(tuple(parts), self.place)
 
-    def call(self, quote: str) -> Call:
+    def call(self, quote: str, depth: int) -> Call:
+        if depth > _MAX_DEPTH:
+            raise self.refusal('substitutions are nested too deeply')
         self.at += 2
         found = _IDENTIFIER.match(self.text, self.at)
         if found is None:
@@ -157,19 +160,19 @@ class _Parser:
         self.at = found.end()
         arguments: list[Template] = []
         while self.take(' '):
-            arguments.append(self.argument(quote))
+            arguments.append(self.argument(quote, depth))
         if not self.take(')'):
             raise self.refusal(f"'$({found[0]}' is not closed by ')', or has an unquoted quote, parenthesis or space")
         self.check(found[0], len(arguments))
         return Call(found[0], tuple(arguments))
 
-    def argument(self, quote: str) -> Template:
+    def argument(self, quote: str, depth: int) -> Template:
         if not quote and self.peek() in {'"', "'"}:
-            return self.quoted()
+            return self.quoted(depth)
         parts: list[str | Call] = []
         while self.at < len(self.text):
             if self.starts_call():
-                parts.append(self.call(quote))
+                parts.append(self.call(quote, depth + 1))
             elif self.ends_argument(quote, self.at):
                 break
             else:
@@ -178,13 +181,13 @@ class _Parser:
             raise self.refusal("an argument is empty (two spaces?); for an empty string write ''")
         return Template(tuple(parts), self.place)
 
-    def quoted(self) -> Template:
+    def quoted(self, depth: int) -> Template:
         quote = self.peek()
         self.at += 1
         parts: list[str | Call] = []
         while self.at < len(self.text) and self.peek() != quote:
             at_quote = self.is_plain(quote)
-            parts.append(self.call(quote) if self.starts_call() else self.run(at_quote))
+            parts.append(self.call(quote, depth + 1) if self.starts_call() else self.run(at_quote))
         if not self.take(quote):
             raise self.refusal(f'the quote {quote} is not closed')
         return Template(tuple(parts), self.place)

@@ -146,6 +146,13 @@ def test_an_alias_that_holds_itself_is_refused(launch_file):
     assert 'too deeply' in refusal(launch_file('- group: &a [{group: *a}]\n'))
 
 
+def test_aliases_cannot_fill_the_memory(tmp_path):
+    file = tmp_path / 'a.launch.yaml'
+    levels = '\n'.join(f'a{i}: &a{i} [{", ".join([f"*a{i - 1}"] * 9)}]' for i in range(1, 10))
+    file.write_text(f'a0: &a0 [x]\n{levels}\nlaunch: []\n')
+    assert 'too large' in refusal(file)
+
+
 @pytest.mark.parametrize(
     'text', ['launch: [', 'launch: "\x00"', 'launch: !!python/object:os.system {}', '\tlaunch: []']
 )

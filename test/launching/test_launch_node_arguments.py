@@ -145,10 +145,10 @@ def test_a_launch_prefix_stands_in_front(interpret):
     assert command(interpret, "executable: {cmd: ls, launch-prefix: 'nice -n 5'}") == ['nice', '-n', '5', 'ls']
 
 
-def test_the_launch_prefix_configuration_applies_where_no_prefix_is_written(interpret):
-    actions = '- executable: {cmd: /bin/ls}\n- executable: {cmd: /bin/cat, launch-prefix: time}\n'
-    found = interpret(actions, **{'launch-prefix': 'nice'}).commands
-    assert found == [['nice', '/bin/ls'], ['time', '/bin/cat']]
+def test_the_launch_prefix_configuration_applies_where_its_filter_matches(interpret):
+    actions = '- executable: {cmd: /bin/ls}\n- executable: {cmd: /bin/cat}\n'
+    found = interpret(actions, **{'launch-prefix': 'nice', 'launch-prefix-filter': 'l'}).commands
+    assert found == [['nice', '/bin/ls'], ['/bin/cat']]
 
 
 # --- options ---------------------------------------------------------------------------------------------------------

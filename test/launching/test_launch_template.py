@@ -91,6 +91,11 @@ def test_what_is_not_of_the_grammar_is_an_error_with_file_and_line(text, reason)
     assert reason in str(caught.value)
 
 
+def test_deep_nesting_is_an_error():
+    with pytest.raises(LaunchFileError, match='nested too deeply'):
+        parse_template('$(var ' * 500, PLACE)
+
+
 def test_every_substitution_of_the_grammar_has_a_value():
     assert set(FUNCTIONS) == set(ARITY)
 

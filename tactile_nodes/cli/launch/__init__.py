@@ -34,6 +34,7 @@ not be started.
 _BUILT_IN = {
     'emulate_tty',
     'launch-prefix',
+    'launch-prefix-filter',
     'ros_namespace',
     'sigkill_timeout',
     'sigterm_timeout',
