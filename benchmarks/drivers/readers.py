@@ -198,7 +198,8 @@ def sync(address: Address, _: np.ndarray, meter: Meter) -> None:
     """Read the edges of a line that is polled every millisecond."""
     flicker, order = Flicker(meter.clock.now_ns(), address['seconds']), Order(meter)
     settings = SyncInputSettings('emulated')
-    watched = WatchedLine('CTS', EmulatedControlLine(flicker, meter.clock), settings, meter.clock)
+    line = EmulatedControlLine(flicker, meter.clock)
+    watched = WatchedLine('CTS', lambda: line, settings, meter.clock)
     watched.open()
     with contextlib.closing(watched), contextlib.suppress(DeviceTimeoutError):
         while meter.going_on():

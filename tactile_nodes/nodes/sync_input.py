@@ -20,8 +20,7 @@ from tactile_nodes.bus.node.runtime import run_node
 from tactile_nodes.bus.protocol import Bus
 from tactile_nodes.clock import Clock
 from tactile_nodes.collection.station import WORLD
-from tactile_nodes.drivers.sync_input.control_line import Edge, SyncInputSettings, WatchedLine
-from tactile_nodes.drivers.sync_input.reconnecting import ReconnectingSyncInput, reconnecting_sync_input
+from tactile_nodes.drivers.sync_input.control_line import Edge, SyncInputSettings, WatchedLine, sync_input
 from tactile_nodes.emulators.clocks import ForeignClock
 from tactile_nodes.emulators.sync_line import EmulatedControlLine, SharedLine
 from tactile_nodes.errors import DeviceTimeoutError, TactileError
@@ -76,18 +75,12 @@ class SyncInputNode(Node):
             self._reader.join(2 * READ_S)
         self._input.close()
 
-    def _made(self) -> ReconnectingSyncInput:
+    def _made(self) -> WatchedLine:
         if self.params.device != SIMULATED:
-            return reconnecting_sync_input(self.params, self.clock)
+            return sync_input(self.params, self.clock)
         foreign = ForeignClock(self.clock, self.params.emulated.ahead_s, self.params.emulated.drift_ppm)
-        name = 'the line of the simulated rig'
-
-        def connect() -> WatchedLine:
-            line = WatchedLine(name, EmulatedControlLine(SharedLine(WORLD), self.clock), self.params, foreign)
-            line.open()
-            return line
-
-        return ReconnectingSyncInput(connect, self.clock, name)
+        line = EmulatedControlLine(SharedLine(WORLD), self.clock)
+        return WatchedLine('the line of the simulated rig', lambda: line, self.params, foreign)
 
     def _read(self) -> None:
         while self._running:

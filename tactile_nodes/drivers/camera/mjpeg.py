@@ -16,66 +16,58 @@ import socket
 import urllib.parse
 from collections.abc import Mapping
 
-from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.decoding import LARGEST
+from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.camera import jpeg
-from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, check_size
+from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
 from tactile_nodes.drivers.camera.multipart import MultipartParser, Part
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
-from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceLostError, DeviceNotFoundError
+from tactile_nodes.errors import ConfigurationError, DeviceLostError, DeviceNotFoundError
 
 CONNECT_S = 3.0
 CHUNK = 64 * 1024
 RECEIVE_BUFFER = 256 * 1024  # the kernel would keep megabytes of old pictures for a delayed reader
 
 
-class MjpegCamera(LiveCamera):
-    """One connection to an MJPEG server; make a new one after it is lost."""
+class MjpegConnection:
+    """One connection to an MJPEG server.
+
+    Raises:
+        DeviceNotFoundError: it cannot be connected to, or sends no such stream.
+    """
 
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
         self._clock = clock
         self._url = parse_address(settings.source)
-        super().__init__(without_password(self._url))
-        self._socket: socket.socket | None = None
+        self._name = without_password(self._url)
         self._size = ''
-        self._good_ns = 0
         self._last_ns = 0
-        self._lost: DeviceError | None = None
+        self._response = self._request()
+        self._parser = MultipartParser(_boundary(self._response, self._name))
 
     @property
     def description(self) -> Mapping[str, str]:
         """The address, the size of the pictures, and the kind of stamps."""
-        return {'source': self.name, 'kind': 'MJPEG over HTTP', 'size': self._size, 'stamps': 'arrival'}
+        return {'source': self._name, 'kind': 'MJPEG over HTTP', 'size': self._size, 'stamps': 'arrival'}
 
     @property
-    def health(self) -> Health:
-        """OK while pictures come, with the number of lost frames."""
-        if self._reader is None:
-            return Health(Level.STALE, f'{self.name} is not open')
-        if self._lost is not None:
-            return Health(Level.ERROR, str(self._lost))
-        return Health(Level.OK, f'receiving {self.name}, frames lost: {self._reader.dropped}')
+    def complaints(self) -> list[str]:
+        """None."""
+        return []
 
-    def open(self) -> None:
-        """Connect, and wait for the first complete picture."""
-        response = self._request()
-        parser = MultipartParser(_boundary(response, self.name))
-        self._good_ns = self._clock.now_ns()
-        frame = self._drain(lambda slot: self._fetch(response, parser, slot), response.close, CONNECT_S)
-        self._size = f'{frame.image.shape[1]}x{frame.image.shape[0]}'
+    def fetch(self, slot: NewestFrame) -> None:
+        """Receive what has arrived."""
+        for part in self._parser.feed(self._receive(), self._clock.now_ns()):
+            self._put(part, slot)
 
-    def read(self, timeout_s: float) -> Frame:
-        """The newest picture."""
-        try:
-            return super().read(timeout_s)
-        except DeviceLostError as error:
-            self._lost = error
-            raise
+    def interrupt(self) -> None:
+        """End the wait for bytes."""
+        with contextlib.suppress(OSError):  # it may be closed already
+            self._socket.shutdown(socket.SHUT_RDWR)
 
-    def _interrupt(self) -> None:
-        self._shut()  # the thread may be waiting for bytes
+    def close(self) -> None:
+        """Close the connection."""
+        self._response.close()
 
     def _request(self) -> http.client.HTTPResponse:
         secure = self._url.scheme == 'https'
@@ -91,32 +83,24 @@ class MjpegCamera(LiveCamera):
         except TimeoutError as error:
             connection.close()
             raise DeviceNotFoundError(
-                f'{self.name} did not respond within {CONNECT_S:g} s; check the address and the network'
+                f'{self._name} did not respond within {CONNECT_S:g} s; check the address and the network'
             ) from error
         except (OSError, http.client.HTTPException) as error:
             connection.close()
             raise DeviceNotFoundError(
-                f'cannot connect to {self.name} ({_reason(error)}); check the address, and that the camera is on'
+                f'cannot connect to {self._name} ({_reason(error)}); check the address, and that the camera is on'
             ) from error
-        return _accepted(response, self.name)
+        return _accepted(response, self._name)
 
-    def _fetch(self, response: http.client.HTTPResponse, parser: MultipartParser, slot: NewestFrame) -> None:
-        for part in parser.feed(self._receive(response), self._clock.now_ns()):
-            self._put(part, slot)
-        if self._clock.now_ns() - self._good_ns > self._settings.stall_s * NS_PER_S:
-            raise DeviceLostError(
-                f'{self.name} sends data, but no complete JPEG pictures of at most {LARGEST}; check the address'
-            )
-
-    def _receive(self, response: http.client.HTTPResponse) -> bytes:
+    def _receive(self) -> bytes:
         try:
-            data = response.read1(CHUNK)
+            data = self._response.read1(CHUNK)
         except TimeoutError as error:
-            raise DeviceLostError(f'{self.name} has sent nothing for {self._settings.stall_s:g} s') from error
+            raise DeviceLostError(f'{self._name} has sent nothing for {self._settings.stall_s:g} s') from error
         except (OSError, ValueError, http.client.HTTPException) as error:
-            raise DeviceLostError(f'the connection to {self.name} broke ({_reason(error)})') from error
+            raise DeviceLostError(f'the connection to {self._name} broke ({_reason(error)})') from error
         if not data:
-            raise DeviceLostError(f'{self.name} has ended its stream')
+            raise DeviceLostError(f'{self._name} has ended its stream')
         return data
 
     def _put(self, part: Part, slot: NewestFrame) -> None:
@@ -124,15 +108,16 @@ class MjpegCamera(LiveCamera):
         if image is None:
             slot.miss()
             return
-        check_size(image, self._settings, self.name)
-        self._good_ns = self._clock.now_ns()
+        check_size(image, self._settings, self._name)
+        self._size = f'{image.shape[1]}x{image.shape[0]}'
         self._last_ns = max(part.arrival_ns, self._last_ns + 1)  # two parts may arrive together
         slot.put(image, self._last_ns)
 
-    def _shut(self) -> None:
-        if self._socket is not None:
-            with contextlib.suppress(OSError):  # it may be closed already
-                self._socket.shutdown(socket.SHUT_RDWR)
+
+def mjpeg_camera(settings: CameraSettings, clock: Clock) -> LiveCamera:
+    """The camera at an address, not open yet. Raises ConfigurationError: it is no address of a camera."""
+    name = without_password(parse_address(settings.source))
+    return LiveCamera(name, lambda: MjpegConnection(settings, clock), clock, settings)
 
 
 def without_password(url: urllib.parse.SplitResult) -> str:

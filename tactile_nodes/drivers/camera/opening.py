@@ -25,7 +25,7 @@ from tactile_nodes.errors import ConfigurationError, DeviceNotFoundError
 
 
 def open_camera(settings: CameraSettings, clock: Clock, on_progress: Callable[[str], None] | None = None) -> Camera:
-    """The camera of `settings.source`, open; a live one reconnects by itself (`Reconnecting`).
+    """The camera of `settings.source`, open; a live one reconnects by itself (`LiveCamera`).
 
     `on_progress` receives messages of the simulated camera while opening takes long.
 
@@ -47,32 +47,25 @@ def _camera(settings: CameraSettings, clock: Clock, on_progress: Callable[[str],
     if (scheme := re.match(r'([a-zA-Z][\w+.-]*)://', source)) is not None:
         return _stream(scheme.group(1).lower(), settings, clock)
     if source.isdigit() or source.startswith(('/dev/', SERIAL)):
-        return _device(settings, clock)
+        from tactile_nodes.drivers.camera.v4l2 import v4l2_camera
+
+        return v4l2_camera(settings, clock)
     return _recording(Path(source).expanduser(), settings, clock)
 
 
 def _stream(scheme: str, settings: CameraSettings, clock: Clock) -> Camera:
-    from tactile_nodes.drivers.camera.reconnecting import Reconnecting
-
     if scheme in {'http', 'https'}:
-        from tactile_nodes.drivers.camera.mjpeg import MjpegCamera
+        from tactile_nodes.drivers.camera.mjpeg import mjpeg_camera
 
-        return Reconnecting(lambda: MjpegCamera(settings, clock), clock, settings)
+        return mjpeg_camera(settings, clock)
     if scheme in {'rtsp', 'rtsps'}:
-        from tactile_nodes.drivers.camera.rtsp import RtspCamera
+        from tactile_nodes.drivers.camera.rtsp import rtsp_camera
 
-        return Reconnecting(lambda: RtspCamera(settings, clock), clock, settings)
+        return rtsp_camera(settings, clock)
     raise ConfigurationError(
         f'cannot read pictures from {settings.source}: the scheme {scheme}:// is not supported; '
         'use http://, https:// (MJPEG) or rtsp://'
     )
-
-
-def _device(settings: CameraSettings, clock: Clock) -> Camera:
-    from tactile_nodes.drivers.camera.reconnecting import Reconnecting
-    from tactile_nodes.drivers.camera.v4l2 import V4l2Camera
-
-    return Reconnecting(lambda: V4l2Camera(settings, clock), clock, settings)
 
 
 def _recording(path: Path, settings: CameraSettings, clock: Clock) -> Camera:

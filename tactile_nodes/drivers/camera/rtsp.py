@@ -19,42 +19,55 @@ from tactile_nodes.decoding import open_video
 from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
 from tactile_nodes.drivers.camera.mjpeg import parse_address, without_password
 from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
-from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 
 PORTS = {'rtsp': 554, 'rtsps': 322}
 CONNECT_S = 3.0
 
 
-class RtspCamera(LiveCamera):
-    """One session with an RTSP server; make a new one after it is lost."""
+class RtspConnection:
+    """One session with an RTSP server.
+
+    Raises:
+        DeviceNotFoundError: it cannot be connected to, or sends no video.
+    """
 
     def __init__(self, settings: CameraSettings, clock: Clock) -> None:
         self._settings = settings
         self._clock = clock
         self._url = parse_address(settings.source)
-        super().__init__(without_password(self._url))
+        self._name = without_password(self._url)
         self._size = ''
         self._last_ns = 0
+        self._knock()
+        self._video = self._start()
 
     @property
     def description(self) -> Mapping[str, str]:
         """The address, the size of the pictures, and the kind of stamps."""
-        return {'source': self.name, 'kind': 'RTSP over TCP', 'size': self._size, 'stamps': 'arrival'}
+        return {'source': self._name, 'kind': 'RTSP over TCP', 'size': self._size, 'stamps': 'arrival'}
 
     @property
-    def health(self) -> Health:
-        """OK while it is open, with the number of lost frames."""
-        if self._reader is None:
-            return Health(Level.STALE, f'{self.name} is not open')
-        return Health(Level.OK, f'receiving {self.name}, frames lost: {self._reader.dropped}')
+    def complaints(self) -> list[str]:
+        """None."""
+        return []
 
-    def open(self) -> None:
-        """Start the session, and wait for the first picture."""
-        self._knock()
-        video = self._start()
-        frame = self._drain(lambda slot: self._fetch(video, slot), video.release, CONNECT_S)
-        self._size = f'{frame.image.shape[1]}x{frame.image.shape[0]}'
+    def fetch(self, slot: NewestFrame) -> None:
+        """Wait for a picture."""
+        good, image = self._video.read()
+        if not good:
+            raise DeviceLostError(f'{self._name} has ended its stream or sent nothing for {self._settings.stall_s:g} s')
+        check_size(image, self._settings, self._name)
+        self._size = f'{image.shape[1]}x{image.shape[0]}'
+        self._last_ns = max(self._clock.now_ns(), self._last_ns + 1)
+        slot.put(np.asarray(image, np.uint8), self._last_ns)
+
+    def interrupt(self) -> None:
+        """Do nothing: FFmpeg cannot be woken."""
+
+    def close(self) -> None:
+        """End the session."""
+        self._video.release()
 
     def _knock(self) -> None:
         """Open a plain connection first, because FFmpeg gives no reason for a failure."""
@@ -63,7 +76,7 @@ class RtspCamera(LiveCamera):
             socket.create_connection(address, timeout=CONNECT_S).close()
         except OSError as error:
             raise DeviceNotFoundError(
-                f'cannot connect to {self.name} ({error.strerror or error}); check the address, and that it is on'
+                f'cannot connect to {self._name} ({error.strerror or error}); check the address, and that it is on'
             ) from error
 
     def _start(self) -> Any:
@@ -75,18 +88,16 @@ class RtspCamera(LiveCamera):
         try:
             video = open_video(self._settings.source.strip(), [value for pair in limits for value in pair])
         except OSError as error:
-            raise DeviceError(f'{self.name} sends too large pictures: {error.strerror}; reduce the size') from error
+            raise DeviceError(f'{self._name} sends too large pictures: {error.strerror}; reduce the size') from error
         if video is None:
             raise DeviceNotFoundError(
-                f'{self.name} responds, but sends no video; check the path, user and password: '
+                f'{self._name} responds, but sends no video; check the path, user and password: '
                 'rtsp://user:password@host/path'
             )
         return video
 
-    def _fetch(self, video: Any, slot: NewestFrame) -> None:
-        good, image = video.read()
-        if not good:
-            raise DeviceLostError(f'{self.name} has ended its stream or sent nothing for {self._settings.stall_s:g} s')
-        check_size(image, self._settings, self.name)
-        self._last_ns = max(self._clock.now_ns(), self._last_ns + 1)
-        slot.put(np.asarray(image, np.uint8), self._last_ns)
+
+def rtsp_camera(settings: CameraSettings, clock: Clock) -> LiveCamera:
+    """The camera at an address, not open yet. Raises ConfigurationError: it is no address of a camera."""
+    name = without_password(parse_address(settings.source))
+    return LiveCamera(name, lambda: RtspConnection(settings, clock), clock, settings)

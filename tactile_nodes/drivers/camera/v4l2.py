@@ -26,10 +26,8 @@ from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
 from tactile_nodes.drivers.camera.stamps import Cadence, KernelStamps
 from tactile_nodes.drivers.camera.v4l2_controls import Controls, KernelControls, Readback
 from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path, located
-from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
 
-FIRST_FRAME_S = 5.0  # some cameras take seconds to start
 SETTLED_S = 1.0
 PAUSE_S = 0.005
 
@@ -52,8 +50,8 @@ def open_capture(path: str) -> Capture:
     return capture
 
 
-class V4l2Camera(LiveCamera):
-    """One connection to a device; make a new one after it is lost.
+class V4l2Connection:
+    """An open device.
 
     Args:
         settings: the requested settings.
@@ -61,6 +59,9 @@ class V4l2Camera(LiveCamera):
         capture: opens the device's stream.
         controls: opens the device's controls.
         check: raises if the device is not a camera that this user may open.
+
+    Raises:
+        DeviceNotFoundError: there is no such camera, or it gives no video.
     """
 
     def __init__(
@@ -73,56 +74,15 @@ class V4l2Camera(LiveCamera):
     ) -> None:
         self._settings = settings
         self._clock = clock
-        self._open_capture = capture
-        self._open_controls = controls
-        self._check = check
-        super().__init__(device_path(settings.source))
-        self._path = self.name
-        self._device: _Device | None = None
-
-    @property
-    def description(self) -> Mapping[str, str]:
-        """Format and controls, as read back, with the requested values."""
-        base = {'source': self.name, 'kind': 'V4L2 camera'}
-        return base if self._device is None else {**base, **self._device.description}
-
-    @property
-    def health(self) -> Health:
-        """WARN if the camera did not accept a setting."""
-        if self._device is None or self._reader is None:
-            return Health(Level.STALE, f'{self.name} is not open')
-        if complaints := self._device.complaints:
-            return Health(Level.WARN, f'{self.name}: {"; ".join(complaints)}')
-        return Health(Level.OK, f'receiving {self.name}, frames lost: {self._reader.dropped}')
-
-    def open(self) -> None:
-        """Set the format, wait for the first frame, set the controls."""
-        self._path = located(self.name)
-        self._check(self._path)
-        capture = self._open_capture(self._path)
-        if not capture.isOpened():
+        self._source = device_path(settings.source)
+        self._name = located(self._source)
+        check(self._name)
+        self._capture = capture(self._name)
+        if not self._capture.isOpened():
             raise DeviceNotFoundError(
-                f'{self._path} exists but gives no video; another program may use it '
-                f'(see: fuser -v {self._path}), or it is not a camera (see: v4l2-ctl --list-devices)'
+                f'{self._name} exists but gives no video; another program may use it '
+                f'(see: fuser -v {self._name}), or it is not a camera (see: v4l2-ctl --list-devices)'
             )
-        self._device = _Device(self._path, capture, self._settings, self._clock)
-        self._device.controls = self._control_access()
-        self._drain(self._device.fetch, self._device.release, FIRST_FRAME_S)
-
-    def _control_access(self) -> Controls | None:
-        with contextlib.suppress(OSError):  # no controls: requested ones are reported as missing
-            return self._open_controls(self._path)
-        return None
-
-
-class _Device:
-    """The open device, as the reader's thread sees it."""
-
-    def __init__(self, name: str, capture: Capture, settings: CameraSettings, clock: Clock) -> None:
-        self._name = name
-        self._capture = capture
-        self._settings = settings
-        self._clock = clock
         self._stamps = KernelStamps()
         self._format: dict[str, str] = {}
         self._format_complaints: list[str] = []
@@ -130,19 +90,23 @@ class _Device:
         self._pause = threading.Event()
         self._raw = False
         self._cadence = Cadence(0.0)
-        self._good_ns = clock.now_ns()
         self._first_good_ns = 0
         self._settled = False
-        self.controls: Controls | None = None
+        self._controls: Controls | None = None
+        with contextlib.suppress(OSError):  # no controls: requested ones are reported as missing
+            self._controls = controls(self._name)
         self._configure()
 
     @property
     def description(self) -> Mapping[str, str]:
+        """Format and controls, as read back, with the requested values."""
         readbacks = {readback.name: str(readback) for readback in self._readbacks}
-        return {**self._format, **readbacks, 'stamps': self._stamps.source}
+        base = {'source': self._source, 'kind': 'V4L2 camera'}
+        return {**base, **self._format, **readbacks, 'stamps': self._stamps.source}
 
     @property
     def complaints(self) -> list[str]:
+        """Settings that it did not accept, a lower rate, and implausible stamps."""
         found = [*self._format_complaints, *(readback.complaint for readback in self._readbacks)]
         found.append(self._cadence.complaint)
         if self._stamps.complaint:
@@ -152,7 +116,7 @@ class _Device:
     def fetch(self, slot: NewestFrame) -> None:
         """Wait for a frame and put it into the slot."""
         if not self._capture.grab():
-            self._check_alive()
+            self._check_plugged()
             return
         handed_ns = round(clocks.monotonic_s() * clocks.NS_PER_S)
         stamp_ns = self._stamps.stamp(self._capture.get(opencv.load().CAP_PROP_POS_MSEC), handed_ns)
@@ -161,18 +125,22 @@ class _Device:
         image = self._picture()
         if image is None:
             slot.miss()
-            self._check_alive()
+            self._check_plugged()
             return
         check_size(image, self._settings, self._name)
         self._note_size(image)
-        self._good_ns = self._clock.now_ns()
         self._set_controls()
         slot.put(image, stamp_ns)
 
-    def release(self) -> None:
+    def interrupt(self) -> None:
+        """End a pause; a grab cannot be woken."""
+        self._pause.set()
+
+    def close(self) -> None:
+        """Close the device."""
         self._capture.release()
-        if self.controls is not None:
-            self.controls.close()
+        if self._controls is not None:
+            self._controls.close()
 
     def _configure(self) -> None:
         cv2, settings = opencv.load(), self._settings
@@ -220,29 +188,30 @@ class _Device:
 
     def _set_controls(self) -> None:
         """Set the controls with the first frame, and again after a second, because some cameras reset them."""
-        self._first_good_ns = self._first_good_ns or self._good_ns
-        settled = self._good_ns - self._first_good_ns >= SETTLED_S * clocks.NS_PER_S
+        now_ns = self._clock.now_ns()
+        self._first_good_ns = self._first_good_ns or now_ns
+        settled = now_ns - self._first_good_ns >= SETTLED_S * clocks.NS_PER_S
         if self._readbacks and (self._settled or not settled):
             return
         self._settled = settled
-        if self.controls is None:
+        if self._controls is None:
             wanted = v4l2_controls.wishes(self._settings)
             self._readbacks = [Readback(name, value, None, needed) for name, (value, needed) in wanted.items()]
             return
         try:
-            self._readbacks = v4l2_controls.apply(self.controls, self._settings)
+            self._readbacks = v4l2_controls.apply(self._controls, self._settings)
         except OSError as error:
             raise DeviceLostError(f'{self._name} is gone ({error.strerror}); plug it in again') from error
 
-    def _check_alive(self) -> None:
+    def _check_plugged(self) -> None:
         if not Path(self._name).exists():
             raise DeviceLostError(f'{self._name} was unplugged; plug it in again')
-        silent_s = (self._clock.now_ns() - self._good_ns) / clocks.NS_PER_S
-        if self._first_good_ns and silent_s >= self._settings.stall_s:
-            raise DeviceLostError(
-                f'{self._name} has sent no complete picture for {silent_s:.1f} s; check its cable and its USB hub'
-            )
         self._pause.wait(PAUSE_S)  # read() fails at once after unplugging: avoid a busy loop
+
+
+def v4l2_camera(settings: CameraSettings, clock: Clock) -> LiveCamera:
+    """A device or serial number, not open yet."""
+    return LiveCamera(device_path(settings.source), lambda: V4l2Connection(settings, clock), clock, settings)
 
 
 def fourcc_text(code: int) -> str:

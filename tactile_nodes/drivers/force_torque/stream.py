@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
@@ -11,12 +10,11 @@ from tactile_nodes.drivers.force_torque.check import NS_PER_MS, SampleCheck, per
 from tactile_nodes.drivers.force_torque.contract import UNUSABLE, Flag, ForceTorqueSettings, Listener, Sample
 from tactile_nodes.drivers.force_torque.queue import SampleQueue, closed
 from tactile_nodes.drivers.health import Health, Level
-from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError, TactileError
+from tactile_nodes.drivers.reopening import Reopening
+from tactile_nodes.errors import DeviceLostError, DeviceTimeoutError, TactileError
 
 FIRST_SAMPLE_S = 5.0  # a board that restarts when its port is opened needs two, and a slow converter another one
 JOIN_S = 3.0
-FIRST_DELAY_S = 0.25
-LONGEST_DELAY_S = 5.0
 
 
 class Connection(Protocol):
@@ -58,9 +56,9 @@ class Connection(Protocol):
 class StreamedForceTorque:
     """The sensor behind the connections made by `connect`, one after another.
 
-    The first `open` fails if the connection fails. After that, a lost sensor is reopened repeatedly, with delays that
-    double from 0.25 s to 5 s. Meanwhile `read` raises `DeviceLostError`, because a program that moves something has to
-    know. The first sample afterwards carries `Flag.RESTARTED`.
+    The first `open` fails if the connection fails. After that, a lost sensor is reopened (`Reopening`). Meanwhile
+    `read` raises `DeviceLostError`, because a program that moves something has to know. The first sample afterwards
+    carries `Flag.RESTARTED`.
 
     Args:
         name: for errors.
@@ -85,24 +83,22 @@ class StreamedForceTorque:
         self._axes = axes
         self._queue = self._new_queue()
         self._listeners: list[Listener] = []
-        self._connection: Connection | None = None
-        self._stopping = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._losses = 0
+        self._source = Reopening(f'force/torque {name}', self._connected, self._receive, self._lost)
         self._connected_ns = 0
         self._expected_hz = 0.0
 
     @property
     def description(self) -> Mapping[str, str]:
         """As of the connection, with the number of losses."""
-        own = {'source': self._settings.source, 'axes': ' '.join(self._axes), 'times lost': str(self._losses)}
-        return {**(self._connection.description if self._connection else {}), **own}
+        connection, losses = self._source.connection, self._source.losses
+        own = {'source': self._settings.source, 'axes': ' '.join(self._axes), 'times lost': str(losses)}
+        return {**(connection.description if connection else {}), **own}
 
     @property
     def health(self) -> Health:
         """ERROR while it is lost, silent, or reports a fault."""
-        connection, newest = self._connection, self._queue.newest
-        if self._thread is None:
+        connection, newest = self._source.connection, self._queue.newest
+        if not self._source.is_open:
             return Health(Level.STALE, f'{self.name} is not open')
         if (failure := self._queue.failure) is not None:
             return Health(Level.ERROR, f'{failure}; reopening it')
@@ -118,7 +114,8 @@ class StreamedForceTorque:
     @property
     def rate_hz(self) -> float:
         """Samples per second."""
-        return self._connection.rate_hz if self._connection else 0.0
+        connection = self._source.connection
+        return connection.rate_hz if connection and not self._source.is_lost else 0.0
 
     @property
     def expected_hz(self) -> float:
@@ -130,21 +127,17 @@ class StreamedForceTorque:
         self._queue = self._new_queue()
         for listener in self._listeners:
             self._queue.listen(listener)
-        self._stopping.clear()
-        self._connection = self._connect()
-        self._connected_ns = self._clock.now_ns()
-        self._thread = threading.Thread(target=self._run, name=f'force/torque {self.name}', daemon=True)
-        self._thread.start()
+        self._source.open()
         if not self._queue.wait(FIRST_SAMPLE_S):
             failure = self._queue.failure
             self.close()
             raise DeviceTimeoutError(str(failure) if failure else self._silent(FIRST_SAMPLE_S))
-        connection = self._connection
+        connection = self._source.connection
         self._expected_hz = (connection.announced_hz or connection.rate_hz) if connection else 0.0
 
     def read(self, timeout_s: float) -> Sequence[Sample]:
         """All samples since the last call; waits for one."""
-        if self._thread is None:
+        if not self._source.is_open:
             raise closed(self.name)
         return self._queue.take(timeout_s)
 
@@ -159,12 +152,9 @@ class StreamedForceTorque:
 
     def close(self) -> None:
         """Stop the sensor, and end the thread."""
-        thread, self._thread = self._thread, None
-        if thread is None:
-            return
-        self._stopping.set()
-        self._queue.close()
-        thread.join(JOIN_S)
+        if self._source.is_open:
+            self._queue.close()
+            self._source.close(JOIN_S)
 
     def _health(self, connection: Connection, newest: Sample) -> Health:
         now_ns, limit_ms = self._clock.now_ns(), permitted_ms(self._settings.silence_ms, self._expected_hz)
@@ -181,26 +171,20 @@ class StreamedForceTorque:
     def _new_queue(self) -> SampleQueue:
         return SampleQueue(self.name, self._settings.queue, SampleCheck(self._axes, self._settings.same_values))
 
-    def _run(self) -> None:
-        try:
-            while not self._stopping.is_set():
-                self._receive()
-        finally:
-            self._queue.fail(DeviceLostError(f'reading from {self.name} has ended'))
-            self._drop()
+    def _connected(self) -> Connection:
+        connection = self._connect()
+        self._connected_ns = self._clock.now_ns()
+        return connection
 
-    def _receive(self) -> None:
-        connection = self._connection or self._found_again()
-        if connection is None:
-            return
-        try:
-            self._queue.rate_hz = connection.rate_hz or self._expected_hz
-            connection.fetch(self._queue)
-            self._watch()
-        except DeviceError as error:
-            self._losses += 1
-            self._queue.fail(error)
-            self._drop()
+    def _receive(self, connection: Connection) -> bool:
+        before = self._queue.newest
+        self._queue.rate_hz = connection.rate_hz or self._expected_hz
+        connection.fetch(self._queue)
+        self._watch()
+        return self._queue.newest is not before
+
+    def _lost(self, error: TactileError) -> None:
+        self._queue.fail(DeviceLostError(f'{self.name} is lost: {error}') if self._source.is_lost else error)
 
     def _watch(self) -> None:
         newest, now_ns, rate_hz = self._queue.newest, self._clock.now_ns(), self._expected_hz
@@ -209,26 +193,6 @@ class StreamedForceTorque:
         patience_s = max(self._settings.lost_s, 5 / rate_hz if runs else FIRST_SAMPLE_S)
         if (now_ns - alive_ns) / NS_PER_S > patience_s:
             raise DeviceLostError(self._silent((now_ns - alive_ns) / NS_PER_S))
-
-    def _found_again(self) -> Connection | None:
-        delay_s = FIRST_DELAY_S
-        while self._connection is None and not self._stopping.wait(delay_s):
-            self._connection = self._tried()
-            delay_s = min(2 * delay_s, LONGEST_DELAY_S)
-        self._connected_ns = self._clock.now_ns()
-        return self._connection
-
-    def _tried(self) -> Connection | None:
-        try:
-            return self._connect()
-        except TactileError as error:
-            self._queue.fail(DeviceLostError(f'{self.name} is lost: {error}'))
-            return None
-
-    def _drop(self) -> None:
-        connection, self._connection = self._connection, None
-        if connection is not None:
-            connection.close()
 
     def _silent(self, silent_s: float) -> str:
         return (

@@ -16,7 +16,7 @@ import fcntl
 import termios
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -24,6 +24,7 @@ import serial
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.health import Health, Level
+from tactile_nodes.drivers.reopening import Reopening
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError, DeviceTimeoutError, TactileError
 from tactile_nodes.params import parameter
 
@@ -113,121 +114,161 @@ class SerialControlLine:
         self._port.close()
 
 
+class _Watch:
+    """A line that is being watched: its level when it was last looked at, and when that was."""
+
+    def __init__(self, line: ControlLine, settings: SyncInputSettings, clock: Clock) -> None:
+        self._line = line
+        self._poll_s = settings.poll_ms / 1000
+        self._clock = clock
+        self.waits = settings.wait
+        self._looked_ns, self._level = clock.now_ns(), line.level()
+
+    def change(self, stopping: threading.Event) -> tuple[bool, int, int] | None:
+        """Wait a moment; if the line has changed: its level, and the earliest and latest time of the change."""
+        if self.waits:
+            self.waits = self._line.wait()
+        if not self.waits:
+            stopping.wait(self._poll_s)
+        before_ns, self._looked_ns = self._looked_ns, self._clock.now_ns()
+        before, self._level = self._level, self._line.level()
+        if self._level == before or stopping.is_set():
+            return None
+        return (
+            (self._level, self._looked_ns, self._looked_ns)
+            if self.waits
+            else (self._level, before_ns, self._clock.now_ns())
+        )
+
+    def close(self) -> None:
+        """Close the line."""
+        with contextlib.suppress(OSError):
+            self._line.close()
+
+
 class WatchedLine:
-    """A thread that watches a control line.
+    """A control line that a thread watches. A lost one is reopened (`Reopening`); its edges meanwhile are missing.
 
     Args:
         name: of the line, for errors.
-        line: to be watched.
+        connect: opens the line.
         settings: `poll_ms`, `wait`, `invert` and `delay_ms` are used.
         clock: stamps the edges.
     """
 
-    def __init__(self, name: str, line: ControlLine, settings: SyncInputSettings, clock: Clock) -> None:
+    def __init__(
+        self, name: str, connect: Callable[[], ControlLine], settings: SyncInputSettings, clock: Clock
+    ) -> None:
         self._name = name
-        self._line = line
+        self._connect = connect
         self._settings = settings
         self._clock = clock
         self._edges: deque[Edge] = deque()
         self._changed = threading.Condition()
         self._stopping = threading.Event()
-        self._failure: TactileError | None = None
-        self._waits = settings.wait
+        self._reason: TactileError | None = None
+        self._lost_ns = 0
         self._count = 0
-        self._thread: threading.Thread | None = None
+        self._source = Reopening(f'sync input {name}', self._connected, self._look, self._lost)
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The watched line, and the method."""
-        return {'line': self._name, 'watched by': 'waiting' if self._waits else f'{self._settings.poll_ms:g} ms polls'}
+        """The watched line, the method, and the number of losses."""
+        watch = self._source.connection
+        waits = self._settings.wait if watch is None else watch.waits
+        return {
+            'line': self._name,
+            'watched by': 'waiting' if waits else f'{self._settings.poll_ms:g} ms polls',
+            'edges': str(self._count),
+            'times lost': str(self._source.losses),
+        }
 
     @property
     def health(self) -> Health:
-        """ERROR if the line is gone."""
-        if self._thread is None:
+        """ERROR while it is lost."""
+        if not self._source.is_open:
             return Health(Level.STALE, f'{self._name} is not open')
-        if self._failure is not None:
-            return Health(Level.ERROR, str(self._failure))
-        return Health(Level.OK, f'edges: {self._count}')
+        if self._reason is not None:
+            lost_s = (self._clock.now_ns() - self._lost_ns) / NS_PER_S
+            return Health(Level.ERROR, f'lost for {lost_s:.1f} s, reconnecting: {self._reason}')
+        again = f'; reconnected so far: {self._source.losses}' if self._source.losses else ''
+        return Health(Level.OK, f'edges: {self._count}{again}')
 
     def open(self) -> None:
-        """Start watching."""
-        try:
-            looked_ns, level = self._clock.now_ns(), self._line.level()
-        except OSError as error:
-            raise DeviceError(f'{self._name} cannot be read ({error}); use an adapter with control lines') from error
-        self._thread = threading.Thread(
-            target=self._run, args=(level, looked_ns), name=f'sync input {self._name}', daemon=True
-        )
-        self._thread.start()
+        """Start watching; the first failure is raised.
+
+        Raises:
+            DeviceNotFoundError: no such port, or no permission to open it.
+            DeviceError: it has no control lines.
+        """
+        self._stopping.clear()
+        self._source.open()
 
     def read(self, timeout_s: float) -> Sequence[Edge]:
-        """Every edge since the last call; `close` in another thread ends the wait."""
+        """Every edge since the last call, oldest first; at least one. `close` in another thread ends the wait.
+
+        Raises:
+            DeviceTimeoutError: none within `timeout_s`: the line has not changed, or the port is lost.
+            DeviceError: it is not open.
+        """
         with self._changed:
-            over = self._changed.wait_for(lambda: self._edges or self._failure or self._thread is None, timeout_s)
-            if self._thread is None:
+            self._changed.wait_for(lambda: self._edges or not self._source.is_open, timeout_s)
+            if not self._source.is_open:
                 raise DeviceError(f'{self._name} is closed; open it before reading')
-            if not over:
-                raise DeviceTimeoutError(f'{self._name} has not changed within {timeout_s:g} s')
             if not self._edges:
-                raise DeviceLostError(str(self._failure)) from self._failure
+                why = f'is lost ({self._reason}); reconnecting' if self._reason else 'has not changed'
+                raise DeviceTimeoutError(f'{self._name} {why} (waited {timeout_s:g} s)')
             edges = list(self._edges)
             self._edges.clear()
             return edges
 
     def close(self) -> None:
         """Stop watching; a thread that waits in the driver ends with the next edge."""
-        with self._changed:
-            thread, self._thread = self._thread, None
-            self._changed.notify_all()
-        if thread is None:
-            return
         self._stopping.set()
-        thread.join(JOIN_S)
-        with contextlib.suppress(OSError):
-            self._line.close()
+        self._source.close(JOIN_S)
+        with self._changed:
+            self._changed.notify_all()
 
-    def _run(self, level: bool, looked_ns: int) -> None:
+    def _connected(self) -> _Watch:
+        line = self._connect()
         try:
-            while not self._stopping.is_set():
-                waited = self._pause()
-                before_ns, looked_ns = looked_ns, self._clock.now_ns()
-                before, level = level, self._line.level()
-                if level != before and not self._stopping.is_set():
-                    earliest_ns, latest_ns = (looked_ns, looked_ns) if waited else (before_ns, self._clock.now_ns())
-                    self._put(level, earliest_ns, latest_ns)
+            watch = _Watch(line, self._settings, self._clock)
+        except OSError as error:
+            line.close()
+            raise DeviceError(f'{self._name} cannot be read ({error}); use an adapter with control lines') from error
+        self._reason = None
+        return watch
+
+    def _look(self, watch: _Watch) -> bool:
+        try:
+            change = watch.change(self._stopping)
         except (OSError, TypeError) as error:  # TypeError: pyserial, closed by another thread
-            lost = DeviceLostError(f'{self._name} is gone ({error}); check its cable and reopen it')
-            with self._changed:
-                self._failure = lost
-                self._changed.notify_all()
+            raise DeviceLostError(f'{self._name} is gone ({error}); check its cable and reopen it') from error
+        if change is not None:
+            self._put(*change)
+        return True
 
-    def _pause(self) -> bool:
-        """Wait for a change, if the driver can; else for the polling interval."""
-        if self._waits:
-            self._waits = self._line.wait()
-        if not self._waits:
-            self._stopping.wait(self._settings.poll_ms / 1000)
-        return self._waits
+    def _lost(self, error: TactileError) -> None:
+        if self._reason is None:
+            self._lost_ns = self._clock.now_ns()
+        self._reason = error
 
-    def _put(self, level: bool, old_ns: int, new_ns: int) -> None:
-        """Store an edge: it happened after the last poll with the old level began, and before the next had ended."""
+    def _put(self, level: bool, earliest_ns: int, latest_ns: int) -> None:
+        """Store an edge, with the uncertainty of its time."""
         self._count += 1
-        half_s = max((new_ns - old_ns) / 2 / NS_PER_S, 1e-4)
-        stamp_ns = (old_ns + new_ns) // 2 - round(self._settings.delay_ms * 1e6)
+        half_s = max((latest_ns - earliest_ns) / 2 / NS_PER_S, 1e-4)
+        stamp_ns = (earliest_ns + latest_ns) // 2 - round(self._settings.delay_ms * 1e6)
         with self._changed:
             self._edges.append(Edge(stamp_ns, level != self._settings.invert, self._count, half_s))
             self._changed.notify_all()
 
 
-def open_sync_input(settings: SyncInputSettings, clock: Clock) -> WatchedLine:
-    """The line of the settings, being watched.
+def serial_line(settings: SyncInputSettings) -> SerialControlLine:
+    """The line of the settings.
 
     Raises:
         DeviceNotFoundError: no such port, or no permission to open it.
-        DeviceError: it has no control lines.
     """
-    name = f'{settings.line.upper()} of {settings.device}'
     try:
         # Exclusive: opening sets the baud rate, also of a port over which another program commands a machine.
         port = serial.serial_for_url(settings.device, timeout=0, exclusive=True)
@@ -238,10 +279,10 @@ def open_sync_input(settings: SyncInputSettings, clock: Clock) -> WatchedLine:
         ) from error
     with contextlib.suppress(AttributeError, OSError, ValueError, NotImplementedError):
         port.set_low_latency_mode(True)  # otherwise FTDI adapters report a change up to 16 ms late
-    watched = WatchedLine(name, SerialControlLine(port, settings.line), settings, clock)
-    try:
-        watched.open()
-    except BaseException:
-        port.close()
-        raise
-    return watched
+    return SerialControlLine(port, settings.line)
+
+
+def sync_input(settings: SyncInputSettings, clock: Clock) -> WatchedLine:
+    """The line of the settings, not open yet."""
+    name = f'{settings.line.upper()} of {settings.device}'
+    return WatchedLine(name, lambda: serial_line(settings), settings, clock)

@@ -16,8 +16,8 @@ import pytest
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame
 from tactile_nodes.drivers.camera.opening import open_camera
-from tactile_nodes.drivers.camera.reconnecting import Reconnecting
-from tactile_nodes.drivers.camera.v4l2 import V4l2Camera
+from tactile_nodes.drivers.camera.reader import LiveCamera
+from tactile_nodes.drivers.camera.v4l2 import V4l2Connection
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError, ImageError
 
@@ -53,8 +53,11 @@ def make_emulated(request: pytest.FixtureRequest, slow: bool) -> Make:
 
     def make(**more: object) -> Camera:
         used, clock = replace(settings, **more), SystemClock()
-        camera = Reconnecting(
-            lambda: V4l2Camera(used, clock, device.capture, device.access, lambda path: None), clock, used
+        camera = LiveCamera(
+            str(device.node),
+            lambda: V4l2Connection(used, clock, device.capture, device.access, lambda path: None),
+            clock,
+            used,
         )
         camera.open()
         if slow:

@@ -14,8 +14,8 @@ from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.camera import v4l2
 from tactile_nodes.drivers.camera.contract import CameraSettings
 from tactile_nodes.drivers.camera.opening import open_camera
-from tactile_nodes.drivers.camera.reconnecting import Reconnecting
-from tactile_nodes.drivers.camera.v4l2 import V4l2Camera
+from tactile_nodes.drivers.camera.reader import LiveCamera
+from tactile_nodes.drivers.camera.v4l2 import V4l2Connection
 from tactile_nodes.drivers.camera.v4l2_devices import cameras, located
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import DeviceNotFoundError, DeviceTimeoutError
@@ -83,7 +83,9 @@ def test_a_camera_that_comes_back_as_another_device_goes_on(
             raise DeviceNotFoundError(f'there is no camera {path}')
 
     monkeypatch.setattr(v4l2, 'located', lambda _: str(device.node))
-    camera = Reconnecting(lambda: V4l2Camera(settings, clock, device.capture, device.access, check), clock, settings)
+    camera = LiveCamera(
+        'serial:A1', lambda: V4l2Connection(settings, clock, device.capture, device.access, check), clock, settings
+    )
     camera.open()
     camera.read(2.0)
     deadline_s = clocks.monotonic_s() + 60

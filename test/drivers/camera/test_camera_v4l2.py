@@ -8,6 +8,7 @@ import errno
 import fcntl
 import itertools
 import os
+import re
 import struct
 import time
 from collections.abc import Iterator
@@ -18,12 +19,13 @@ import pytest
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.camera.contract import CameraSettings, Frame
-from tactile_nodes.drivers.camera.reconnecting import Reconnecting
-from tactile_nodes.drivers.camera.v4l2 import V4l2Camera, fourcc_text
+from tactile_nodes.drivers.camera.opening import open_camera
+from tactile_nodes.drivers.camera.reader import LiveCamera
+from tactile_nodes.drivers.camera.v4l2 import V4l2Connection, fourcc_text
 from tactile_nodes.drivers.camera.v4l2_controls import KernelControls, apply
 from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path
 from tactile_nodes.drivers.health import Level
-from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError, DeviceTimeoutError
+from tactile_nodes.errors import DeviceNotFoundError, DeviceTimeoutError
 from tactile_nodes.params import from_mapping, load_parameter_file
 
 
@@ -32,17 +34,33 @@ def start(device, clock: SystemClock) -> Iterator[object]:
     """Opens the emulated device with settings of the test's own."""
     with contextlib.ExitStack() as stack:
 
-        def opened(**settings: object) -> V4l2Camera:
+        def opened(**settings: object) -> LiveCamera:
             requested = CameraSettings(str(device.node), **{'fps': 100.0, **settings})
-            camera = V4l2Camera(requested, clock, device.capture, device.access, lambda path: None)
-            camera.open()
+            camera = live(requested, clock, device)
             stack.callback(camera.close)
             return camera
 
         yield opened
 
 
-def read_past(camera: V4l2Camera, seconds: float) -> Frame:
+def live(settings: CameraSettings, clock: SystemClock, device, check=lambda path: None) -> LiveCamera:
+    def connect() -> V4l2Connection:
+        return V4l2Connection(settings, clock, device.capture, device.access, check)
+
+    camera = LiveCamera(str(device.node), connect, clock, settings)
+    camera.open()
+    return camera
+
+
+def until_lost(camera: LiveCamera) -> str:
+    """Why it was lost."""
+    while camera.health.level != Level.ERROR:
+        with contextlib.suppress(DeviceTimeoutError):
+            camera.read(0.05)
+    return camera.health.message
+
+
+def read_past(camera: LiveCamera, seconds: float) -> Frame:
     """The first frame that was taken this much later than the next one."""
     first = frame = camera.read(2.0)
     while frame.stamp_ns - first.stamp_ns < seconds * 1e9:
@@ -167,9 +185,7 @@ def test_pictures_that_opencv_cannot_convert_are_lost_and_end_in_a_sentence(devi
     camera = start(stall_s=0.2)
     camera.read(2.0)
     device.unreadable = True
-    with pytest.raises(DeviceLostError, match='no complete picture'):
-        while True:
-            camera.read(1.0)
+    assert 'no complete picture' in until_lost(camera)
 
 
 @pytest.mark.parametrize('number', [errno.EACCES, errno.EBUSY, errno.EINVAL, errno.ERANGE, errno.EIO])
@@ -214,9 +230,7 @@ def test_an_unplugged_camera_is_lost_at_once_and_does_not_burn_a_core(device, st
     camera = start()
     camera.read(2.0)
     device.unplug()
-    with pytest.raises(DeviceLostError, match='was unplugged; plug it in again'):
-        while True:
-            camera.read(1.0)
+    assert 'was unplugged; plug it in again' in until_lost(camera)
 
 
 def test_a_camera_that_fails_every_grab_is_lost_after_the_stall_time_without_spinning(device, start) -> None:
@@ -225,9 +239,7 @@ def test_a_camera_that_fails_every_grab_is_lost_after_the_stall_time_without_spi
     grabs = []
     device.spoil = lambda number, data: grabs.append(number) or b''
     used, started = time.process_time(), time.monotonic()
-    with pytest.raises(DeviceLostError, match=r'no complete picture for 0\.\d s; check its cable'):
-        while True:
-            camera.read(1.0)
+    assert re.search(r'no complete picture for 0\.\d s; check its cable', until_lost(camera))
     assert 0.25 < time.monotonic() - started < 1.5
     assert time.process_time() - used < 0.2
 
@@ -258,8 +270,7 @@ def test_a_camera_that_is_unplugged_and_plugged_in_again_goes_on(device, clock: 
         if not Path(path).exists():
             raise DeviceNotFoundError(f'there is no camera {path}')
 
-    camera = Reconnecting(lambda: V4l2Camera(settings, clock, device.capture, device.access, check), clock, settings)
-    camera.open()
+    camera = live(settings, clock, device, check)
     camera.read(2.0)
     device.unplug()
     with pytest.raises(DeviceTimeoutError):
@@ -305,8 +316,7 @@ def test_the_real_camera_takes_its_controls() -> None:
     path = os.environ.get('TACTILE_CAMERA', '/dev/video0')
     if not Path(path).exists():
         pytest.skip(f'no camera {path}')
-    camera = V4l2Camera(CameraSettings(path, fps=0.0), SystemClock())
-    camera.open()
+    camera = open_camera(CameraSettings(path, fps=0.0), SystemClock())
     read_past(camera, 1.2)
     assert camera.description['auto_exposure'] in {'1 (requested 1)', 'missing'}
     camera.close()

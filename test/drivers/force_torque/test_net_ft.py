@@ -235,7 +235,7 @@ def test_a_box_that_is_back_before_it_counts_as_lost_is_opened_again_as_its_unit
 def test_a_network_that_goes_down_and_comes_back_is_no_end_of_the_sensor(rig_with: Make) -> None:
     """As when the cable of the adapter is pulled: an error of the socket is neither silence nor a refusal."""
     sensor = rig_with().open()
-    connection = sensor._connection  # type: ignore[attr-defined]
+    connection = sensor._source.connection  # type: ignore[attr-defined]
     socket_of_the_system, failed = connection._socket, threading.Event()
 
     class Down:

@@ -149,7 +149,7 @@ def test_what_a_stranger_sends_is_not_the_boxs(start: Start) -> None:
     with OtherBox(Habits()) as box, contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as stranger:
         stranger.bind(('127.0.0.2', 0))
         sensor = start(box)
-        port = sensor._connection._socket.getsockname()[1]
+        port = sensor._source.connection._socket.getsockname()[1]
         for _ in range(5):
             stranger.sendto(struct.pack('>3I6i', 7, 7, 0, 9, 9, 9, 9, 9, 9), ('127.0.0.1', port))
         assert {sample.raw for sample in read(sensor, 30)} == {(2000, 0, 0, 0, 0, 40_000)}
