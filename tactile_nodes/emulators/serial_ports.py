@@ -74,6 +74,7 @@ class PtyPort:
         """Make the port appear."""
         self._master, slave = pty.openpty()
         tty.setraw(slave)
+        os.set_blocking(self._master, False)  # what nobody reads is lost, as on a wire
         name = os.ttyname(slave)
         os.close(slave)  # from now on the master reports a hang-up while no host has it open
         self.path.unlink(missing_ok=True)
