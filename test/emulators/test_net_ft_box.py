@@ -10,11 +10,11 @@ import pytest
 from tactile_nodes.emulators.clocks import DeviceClock
 from tactile_nodes.emulators.force_torque.mounting import UPSIDE_DOWN, Mounted
 from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
-from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig, Threshold, changed, divider_for, xml
+from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig, xml
 
 HERE, THERE = ('127.0.0.1', 5000), ('127.0.0.1', 6000)
 START, START_TWO = bytes.fromhex('1234000200000000'), bytes.fromhex('1234000200000002')
-STOP, RESET, BIAS = (bytes.fromhex(text) for text in ('1234000000000000', '1234004100000000', '1234004200000000'))
+STOP = bytes.fromhex('1234000000000000')
 MS = 1_000_000
 
 
@@ -93,31 +93,10 @@ def test_what_is_no_request_is_ignored(data: bytes) -> None:
     assert box.client is None
 
 
-def test_bias_makes_the_present_load_zero_for_everybody() -> None:
-    box = box_of(0.0, 0.0, 5.0, 0.0, 0.0, 0.0)
-    box.request(BIAS, THERE, 0)
-    box.world = Load(0.0, 0.0, 7.0, 0.0, 0.0, 0.0)
-    box.request(START, HERE, 0)
-    assert records(box, MS)[0][5] == 2_000_000
-
-
 def test_beyond_the_range_bit_17_is_set_with_the_summary() -> None:
     box = box_of(0.0, 0.0, 121.0, 0.0, 0.0, 0.0)
     box.request(START, HERE, 0)
     assert records(box, MS)[0][2] == 0x8002_0000
-
-
-def test_a_threshold_latches_until_it_is_reset() -> None:
-    box = box_of(0.0, 0.0, 6.0, 0.0, 0.0, 0.0, monitoring=True, thresholds=(Threshold(2, True, 5_000_000),))
-    latched: list[bool] = []
-    box.on_latch = lambda: latched.append(True)
-    box.request(START, HERE, 0)
-    records(box, MS)
-    box.world = Load(*(0.0,) * 6)
-    assert records(box, 2 * MS)[0][2] == 0x8001_0000
-    box.request(RESET, HERE, 2 * MS)
-    assert records(box, 3 * MS)[0][2] == 0
-    assert latched == [True]
 
 
 def test_a_stalled_front_end_repeats_its_sample_while_records_go_on() -> None:
@@ -139,31 +118,8 @@ def test_its_clock_may_begin_anywhere_wrap_and_drift() -> None:
     assert len(found) == 10_001
 
 
-@pytest.mark.parametrize(
-    ('asked', 'given'), [(150, 152), (99, 100), (1000, 1000), (7000, 7000), (9000, 7000), (350, 350)]
-)
-def test_rates_are_rounded_up_to_a_part_of_7000(asked: int, given: int) -> None:
-    assert NetFtConfig(divider=divider_for(asked)).rate_hz == given
-
-
-@pytest.mark.parametrize(
-    ('force', 'torque', 'counts'),
-    [
-        ('N', 'Nm', (10_000, 200)),
-        ('lbf', 'lbf-in', (2248, 1770)),
-        ('kN', 'N-mm', (10, 200_000)),
-        ('kg', 'kg-cm', (1020, 2039)),
-    ],
-)
-def test_counts_are_in_the_units_of_the_box(force: str, torque: str, counts: tuple[int, int]) -> None:
-    """10 N are 2.248 lbf and 1.0197 kg; 0.2 N·m are 1.7701 lbf-in and 2.0394 kg-cm; 1000 counts a unit."""
-    config = NetFtConfig(force_unit=force, torque_unit=torque, counts_per_force=1000, counts_per_torque=1000)
-    box = NetFtBox(Load(0.0, 0.0, 10.0, 0.2, 0.0, 0.0), config)
-    assert box.counts_at(1)[2:4] == counts
-
-
 def test_the_page_has_every_field_that_clients_look_for() -> None:
-    page = xml(NetFtConfig(), 0x8001_0000, (1, -2, 3, 4, 5, 6), (0,) * 6).decode()
+    page = xml(NetFtConfig(), 0x8001_0000, (1, -2, 3, 4, 5, 6)).decode()
     fields = dict(re.findall(r'<(\w+)>([^<]*)</\1>', page))
     expected = {
         'runstat': '80010000', 'runft': '1;-2;3;4;5;6', 'runrate': '7000', 'cfgcpf': '1000000', 'cfgcpt': '1000000',
@@ -184,20 +140,9 @@ def test_the_page_has_every_field_that_clients_look_for() -> None:
 
 
 def test_axia_sensors_spell_the_rate_with_two_m() -> None:
-    page = xml(NetFtConfig(axia=True), 0, (0,) * 6, (0,) * 6)
+    page = xml(NetFtConfig(axia=True), 0, (0,) * 6)
     assert b'<commrdtrate>1000</commrdtrate>' in page
     assert b'<comrdtrate>' not in page
-
-
-def test_a_page_changes_the_rate() -> None:
-    assert changed(NetFtConfig(), '/comm.cgi', 'comrdtrate=150') == NetFtConfig(divider=46)
-
-
-@pytest.mark.parametrize(
-    ('page', 'query'), [('/comm.cgi', 'comnetip=10.0.0.1'), ('/format.cgi', ''), ('/comm.cgi', 'comrdtrate=fast')]
-)
-def test_pages_that_would_lose_the_box_or_do_not_exist_do_nothing(page: str, query: str) -> None:
-    assert changed(NetFtConfig(), page, query) is None
 
 
 def test_a_sensor_that_hangs_upside_down_reads_turned_forces_and_its_own_zero() -> None:

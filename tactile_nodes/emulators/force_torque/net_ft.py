@@ -3,8 +3,8 @@
     with NetFtServer(NetFtBox(world), clock) as server:
         ... # netft://127.0.0.1, with server.rdt_port and server.http_port
 
-It listens only on the loopback address. Requests that change settings are refused and listed in `refused`, unless the
-box is `writable`. So a test can check that a driver does not change settings without permission.
+It listens only on the loopback address. Requests that change settings are refused and listed in `refused`, so that a
+test can check that a driver does not change settings without permission.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ import contextlib
 import http.server
 import socket
 import threading
-from urllib.parse import urlsplit
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.emulators.force_torque.net_ft_box import Client, NetFtBox
-from tactile_nodes.emulators.force_torque.net_ft_config import changed, xml
+from tactile_nodes.emulators.force_torque.net_ft_config import xml
 
 LOOPBACK = '127.0.0.1'
 LONGEST_WAIT_S = 0.05  # between checks of the clock, which may be stepped
@@ -27,11 +26,8 @@ SHORTEST_WAIT_S = 0.0005
 class NetFtServer:
     """A box with its two sockets; port 0: any free port."""
 
-    def __init__(
-        self, box: NetFtBox, clock: Clock, *, rdt_port: int = 0, http_port: int = 0, writable: bool = False
-    ) -> None:
+    def __init__(self, box: NetFtBox, clock: Clock, *, rdt_port: int = 0, http_port: int = 0) -> None:
         self.box = box
-        self.writable = writable
         self.refused: list[str] = []
         self._clock = clock
         self._lock = threading.Lock()
@@ -73,26 +69,20 @@ class NetFtServer:
 
     def page(self, target: str) -> tuple[int, bytes]:
         """HTTP status and body of a page."""
-        parts = urlsplit(target)
         with self._lock:
-            if parts.path == '/netftapi2.xml':
+            if target == '/netftapi2.xml':
                 return 200, self._xml()
-            return self._change(parts.path, parts.query)
+            return self.change(target)
+
+    def change(self, target: str) -> tuple[int, bytes]:
+        """Response to a request that would change settings."""
+        self.refused.append(target)
+        return 403, b'this box is read-only'
 
     def _xml(self) -> bytes:
         box = self.box
         counts = box.counts_at(box.clock.count(self._clock.now_ns()))
-        return xml(box.config, box.status_at(counts), counts, box.bias)
-
-    def _change(self, path: str, query: str) -> tuple[int, bytes]:
-        if not self.writable:
-            self.refused.append(f'{path}?{query}')
-            return 403, b'this box is read-only'
-        config = changed(self.box.config, path, query)
-        if config is None:
-            return 404, b'no such page'
-        self.box.config = config
-        return 200, b'<html><body>saved</body></html>'
+        return xml(box.config, box.status_at(counts), counts)
 
     def _serve_rdt(self) -> None:
         while not self._stop.is_set():

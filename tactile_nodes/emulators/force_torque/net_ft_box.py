@@ -10,22 +10,20 @@ from __future__ import annotations
 
 import random
 import struct
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.force_torque.net_ft_config import INTERNAL_RATE_HZ, NetFtConfig
+from tactile_nodes.emulators.force_torque.net_ft_config import INTERNAL_RATE_HZ, RANGES, NetFtConfig
 from tactile_nodes.emulators.world import Wrench, WrenchSource
 
 Client = tuple[str, int]
 Counts = tuple[int, ...]
 
 HEADER = 0x1234
-STOP, START_REALTIME, RESET_LATCH, SET_BIAS = 0x0000, 0x0002, 0x0041, 0x0042
-SUMMARY, SATURATION, LATCHED = 0x8000_0000, 0x0002_0000, 0x0001_0000
+STOP, START_REALTIME = 0x0000, 0x0002
+SUMMARY, SATURATION = 0x8000_0000, 0x0002_0000
 INT32_MAX = 2**31 - 1
 MOST_AT_ONCE = 20_000  # records in one call, after the host's time has jumped
-ZERO: Counts = (0, 0, 0, 0, 0, 0)
 
 
 @dataclass
@@ -59,7 +57,6 @@ class NetFtBox:
         config: its settings.
         clock: its sample counter; 7000 Hz nominally, with offset and drift.
         noise: standard deviation of its readings in N (forces) and N·m (torques).
-        seed: of the noise and of random loss.
     """
 
     def __init__(
@@ -68,19 +65,15 @@ class NetFtBox:
         config: NetFtConfig | None = None,
         clock: DeviceClock | None = None,
         noise: tuple[float, float] = (0.0, 0.0),
-        seed: int = 1,
     ) -> None:
         self.world = world
         self.config = config or NetFtConfig()
         self.clock = clock or DeviceClock(INTERNAL_RATE_HZ)
         self.faults = NetFtFaults()
         self.requests: list[tuple[int, int]] = []
-        self.on_latch: Callable[[], None] | None = None
         self._noise = noise
-        self._random = random.Random(seed)  # noqa: S311  (noise, not secrets)
+        self._random = random.Random(1)  # noqa: S311  (noise, not secrets)
         self._stream: _Stream | None = None
-        self._bias: Counts = ZERO
-        self._latched = False
         self._stalled_at: int | None = None
         self._held: bytes | None = None
 
@@ -88,11 +81,6 @@ class NetFtBox:
     def client(self) -> Client | None:
         """The client that it streams to now."""
         return self._stream.client if self._stream else None
-
-    @property
-    def bias(self) -> Counts:
-        """The software bias in counts."""
-        return self._bias
 
     def request(self, data: bytes, client: Client, now_ns: int) -> None:
         """Execute the request in a datagram; other data and unknown commands are ignored."""
@@ -106,10 +94,6 @@ class NetFtBox:
             self._stream = _Stream(client, count or None, self.clock.count(now_ns) + 1)
         elif command == STOP:
             self._stream = None
-        elif command == RESET_LATCH:
-            self._latched = False
-        elif command == SET_BIAS:
-            self._bias = self._strain(self.clock.count(now_ns))
 
     def due(self, now_ns: int) -> list[tuple[bytes, Client]]:
         """The datagrams that are due, in the order in which the network delivers them."""
@@ -130,14 +114,14 @@ class NetFtBox:
         status = self.faults.status
         if self.faults.saturated or self._beyond(counts):
             status |= SATURATION
-        if self._latched:
-            status |= LATCHED
         return status | SUMMARY if status else 0
 
     def counts_at(self, count: int) -> Counts:
-        """Six counts at an internal sample, bias subtracted."""
-        strain = self._strain(count)
-        return tuple(_int32(value - zero) for value, zero in zip(strain, self._bias, strict=True))
+        """Six counts at an internal sample."""
+        wrench = self._noisy(self.world.wrench_at(self.clock.time_ns(count)))
+        return tuple(
+            _int32(round(value * scale)) for value, scale in zip(wrench, self.config.counts_per_si, strict=True)
+        )
 
     def _step(self, stream: _Stream) -> list[bytes]:
         record = self._record(stream)
@@ -152,7 +136,6 @@ class NetFtBox:
         count = self._sampled(stream.next_count)
         stream.sequence = (stream.sequence + 1) % (1 << 32)
         counts = self.counts_at(count)
-        self._watch(counts)
         return struct.pack('>3I6i', stream.sequence, self.clock.reading(count), self.status_at(counts), *counts)
 
     def _sampled(self, count: int) -> int:
@@ -189,19 +172,6 @@ class NetFtBox:
             return []
         return [datagram]
 
-    def _watch(self, counts: Counts) -> None:
-        if self._latched or not self.config.monitoring:
-            return
-        if any(threshold.met(counts) for threshold in self.config.thresholds):
-            self._latched = True
-            if self.on_latch is not None:
-                self.on_latch()
-
-    def _strain(self, count: int) -> Counts:
-        wrench = self._noisy(self.world.wrench_at(self.clock.time_ns(count)))
-        scale = self.config.counts_per_si()
-        return tuple(_int32(round(value * factor)) for value, factor in zip(wrench, scale, strict=True))
-
     def _noisy(self, wrench: Wrench) -> tuple[float, ...]:
         force, torque = self._noise
         if force == torque == 0.0:
@@ -210,8 +180,8 @@ class NetFtBox:
         return tuple(value + gauss(0.0, force if axis < 3 else torque) for axis, value in enumerate(wrench))
 
     def _beyond(self, counts: Counts) -> bool:
-        loaded = (abs(value + zero) for value, zero in zip(counts, self._bias, strict=True))
-        return any(value >= limit for value, limit in zip(loaded, self.config.full_scale_counts(), strict=True))
+        limits = zip(counts, RANGES, self.config.counts_per_si, strict=True)
+        return any(abs(value) >= limit * scale for value, limit, scale in limits)
 
 
 def _int32(value: int) -> int:

@@ -9,7 +9,7 @@ import pytest
 
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
-from tactile_nodes.emulators.force_torque.net_ft_box import SET_BIAS, NetFtBox
+from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
 from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig
 
 pynetft = pytest.importorskip('pynetft')
@@ -60,12 +60,6 @@ def test_it_counts_what_is_lost_doubled_late_and_malformed_as_it_was_asked_for(s
     health = client.health()
     assert (health.duplicate_count, health.malformed_count) == (2, 1)
     assert health.lost_count == 3 + 1 + 1  # the malformed one, and the one that came late
-
-
-def test_its_bias_command_zeroes_the_box(server: NetFtServer, client) -> None:
-    client.bias()
-    wait_for(lambda: client.latest_sample().wrench == pytest.approx((0.0,) * 6))
-    assert SET_BIAS in {command for command, _ in server.box.requests}
 
 
 def test_it_sees_a_stalled_front_end(server: NetFtServer, client) -> None:
