@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.devices.sync_line import EmulatedControlLine
 from benchmarks.drivers.devices import PICTURES, Address, number_in
 from benchmarks.drivers.meter import Meter, Order
 from tactile_nodes.clock import NS_PER_S
@@ -19,7 +20,6 @@ from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSettings, NetFtSettings
 from tactile_nodes.drivers.force_torque.opening import open_force_torque
 from tactile_nodes.drivers.sync_input.control_line import SyncInputSettings, WatchedLine
-from tactile_nodes.emulators.sync_line import EmulatedControlLine
 from tactile_nodes.emulators.world import Edge
 from tactile_nodes.errors import DeviceLostError, DeviceTimeoutError
 
@@ -186,11 +186,11 @@ class Flicker:
         return bisect.bisect_right(self.times_ns, time_ns)
 
     def line_level(self, time_ns: int) -> bool:
-        """As `LineSource.line_level`."""
+        """Whether it is high at a time."""
         return self.before(time_ns) % 2 == 1
 
     def line_edges(self) -> Sequence[Edge]:
-        """As `LineSource.line_edges`."""
+        """All changes."""
         return [Edge(time_ns, index % 2 == 0) for index, time_ns in enumerate(self.times_ns)]
 
 

@@ -54,18 +54,6 @@ class WrenchSource(Protocol):
         ...
 
 
-class LineSource(Protocol):
-    """The digital line that the CNC switches (its coolant output, M8 and M9) and recorders record."""
-
-    def line_level(self, time_ns: int) -> bool:
-        """Whether the line was high at a time; low before the first edge."""
-        ...
-
-    def line_edges(self) -> Sequence[Edge]:
-        """Every change so far, in order of time; the first is a rise."""
-        ...
-
-
 @dataclass(frozen=True)
 class WorldSettings:
     """Positions in the machine's coordinates."""
@@ -203,12 +191,12 @@ class World:
         return force * nx, force * ny, force * nz, arm_m * force * ny, -arm_m * force * nx, 0.0
 
     def line_level(self, time_ns: int) -> bool:
-        """See `LineSource.line_level`."""
+        """Whether the digital line was high at a time; low before the first edge."""
         with self._lock:
             return next((edge.level for edge in reversed(self._edges) if edge.stamp_ns <= time_ns), False)
 
     def line_edges(self) -> Sequence[Edge]:
-        """See `LineSource.line_edges`."""
+        """Every change of the digital line so far, in order of time; the first is a rise."""
         with self._lock:
             return tuple(self._edges)
 

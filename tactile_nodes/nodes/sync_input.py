@@ -22,7 +22,7 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.collection.station import WORLD
 from tactile_nodes.drivers.sync_input.control_line import Edge, SyncInputSettings, WatchedLine, sync_input
 from tactile_nodes.emulators.clocks import ForeignClock
-from tactile_nodes.emulators.sync_line import EmulatedControlLine, SharedLine
+from tactile_nodes.emulators.sync_line import SharedLine
 from tactile_nodes.errors import DeviceTimeoutError, TactileError
 from tactile_nodes.messages import types
 from tactile_nodes.params import parameter
@@ -79,7 +79,7 @@ class SyncInputNode(Node):
         if self.params.device != SIMULATED:
             return sync_input(self.params, self.clock)
         foreign = ForeignClock(self.clock, self.params.emulated.ahead_s, self.params.emulated.drift_ppm)
-        line = EmulatedControlLine(SharedLine(WORLD), self.clock)
+        line = SharedLine(WORLD, self.clock)
         return WatchedLine('the line of the simulated rig', lambda: line, self.params, foreign)
 
     def _read(self) -> None:

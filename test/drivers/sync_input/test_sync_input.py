@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import serial
 
+from benchmarks.devices.sync_line import EmulatedControlLine, RecorderFaults, recorded
 from tactile_nodes.clock import SteppedClock, SystemClock
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.drivers.serial_port import open_port
@@ -26,7 +27,7 @@ from tactile_nodes.drivers.sync_input.control_line import (
 )
 from tactile_nodes.emulators import world
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.sync_line import EmulatedControlLine, RecorderFaults, light_brightness, recorded
+from tactile_nodes.emulators.sync_line import light_brightness
 from tactile_nodes.errors import DeviceError, DeviceNotFoundError, DeviceTimeoutError
 from tactile_nodes.sensing.sync.clocks import ClockFit, SyncLimits, fit_clocks
 from tactile_nodes.sensing.sync.light import LightWatch

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 
+from benchmarks.devices.sync_line import EmulatedControlLine
 from tactile_nodes.clock import SystemClock
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.drivers.sync_input.control_line import SyncInputSettings, WatchedLine
 from tactile_nodes.emulators import world
-from tactile_nodes.emulators.sync_line import EmulatedControlLine
 from tactile_nodes.errors import DeviceError, DeviceTimeoutError
 
 MS = 1_000_000

@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from press_bags import DEPTHS_MM, PERIOD_NS, PLACES_MM, SECOND_NS, START_NS, Collection, Sensor
 
+from benchmarks.devices.sync_line import RecorderFaults, recorded
 from tactile_nodes import messages
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
@@ -21,7 +22,6 @@ from tactile_nodes.bus.topics import FORCE_TORQUE, PRESS_IMAGE, REFERENCE_IMAGE,
 from tactile_nodes.collection.press.sync_pattern import pattern_gaps
 from tactile_nodes.conversions import header
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.sync_line import RecorderFaults, recorded
 from tactile_nodes.emulators.world import Edge
 from tactile_nodes.errors import DatasetError
 from tactile_nodes.learning.config import Choice

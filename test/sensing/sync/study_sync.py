@@ -16,10 +16,10 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 import numpy as np
 from light_runs import light_edges
 
+from benchmarks.devices.sync_line import RecorderFaults, recorded
 from tactile_nodes.collection.press.sync_pattern import pattern_gaps
 from tactile_nodes.collection.settings import SyncSettings
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.sync_line import RecorderFaults, recorded
 from tactile_nodes.emulators.world import Edge
 from tactile_nodes.learning.recorded.clocks import Edges, fitted
 from tactile_nodes.sensing.sync.clocks import ClockFit, Refusal
