@@ -1,9 +1,9 @@
 """A Grbl 1.1h or grblHAL controller, as a host on its serial line sees it.
 
-The sequences of responses were observed on the original firmware, compiled for a PC. Left out, because
-no driver asks for it: arcs, probing, offsets of work coordinates, spindle, program stops, resuming, overrides, safety
-door, check mode, sleep, startup blocks, reports of modes and offsets. Left out besides: limit pins, hard limits (raise
-alarm 1 with `alarm`), step rounding. Blocks start and end at rest (see `motion`).
+The sequences of responses were observed on the original firmware, compiled for a PC. Left out, because no driver asks
+for it: arcs, probing, work coordinates, spindle, program stops, resuming, overrides, safety door, check mode, sleep,
+startup blocks, reports of modes and offsets, modal state, unlocking, changing settings. Left out besides: limit pins,
+hard limits (raise alarm 1 with `alarm`), step rounding. Blocks start and end at rest (see `motion`).
 """
 
 from __future__ import annotations
@@ -76,6 +76,11 @@ class Grbl(SerialDevice):
         elif not self.faults.swallow_ok:
             self.tell('ok')
 
+    def switch_coolant(self, on: bool) -> None:
+        """Switch the digital line."""
+        self.coolant = on
+        self.world.set_line(on, self.now_ns)
+
     def wait_until_empty(self) -> Program:
         """Wait until the planner is empty."""
         yield lambda: self.machine.planner.used == 0
@@ -94,7 +99,7 @@ class Grbl(SerialDevice):
 
     def _clear(self) -> None:
         self._received.clear()
-        self.machine.reset()
+        self.coolant = False
         self._reports = StatusReports()
         self._wake_ns, self._rest_then_idle = None, False
         self.homing, self.critical = False, False
@@ -180,7 +185,7 @@ class Grbl(SerialDevice):
             blocks_free=machine.planner.capacity - machine.planner.used,
             bytes_free=self.dialect.receive_bytes - len(self._received),
             feed_mm_min=60 * speed,
-            accessories='F' if machine.modal.coolant == 8 else '',
+            accessories='F' if self.coolant else '',
             busy=self.state in {'Run', 'Hold', 'Jog', 'Home'},
         )
 

@@ -1,25 +1,17 @@
-"""Parses G-code lines as Grbl does: words, modal groups, and the error number of each mistake.
+"""Parses the lines of G-code that a driver sends, with Grbl's number for each mistake.
 
-Words that no driver sends, as those of arcs and probing, are refused (error 20).
+Each of these lines is complete, so no modal state is kept. Other codes are refused (error 20).
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 MM_PER_INCH = 25.4
 AXES = 'XYZ'
-MOTIONS = {0.0: 'G0', 1.0: 'G1', 80.0: 'G80'}
-NON_MODAL = {4.0, 53.0}
-GROUPS: dict[float, str] = {
-    **{float(number): 'plane' for number in (17, 18, 19)},
-    **{float(number): 'units' for number in (20, 21)},
-    **{float(number): 'distance' for number in (90, 91)},
-    **{float(number): 'system' for number in range(54, 60)},
-    94.0: 'feed_mode', 40.0: 'cutter', 49.0: 'tool_length', 61.0: 'path',
-}  # fmt: skip
-JOG_CODES = {20.0, 21.0, 53.0, 90.0, 91.0}
+CODES = {'G1', 'G4', 'G17', 'G21', 'G53', 'G54', 'G90', 'G91', 'G94', 'M8', 'M9'}
+JOG_CODES = {'G21', 'G53', 'G90', 'G91'}
 WORD = re.compile(r'([A-Z])([-+]?\d*\.?\d*)')
 
 
@@ -32,136 +24,65 @@ class GrblError(Exception):
 
 
 @dataclass(frozen=True)
-class Modal:
-    """The modal state, which lines change; the defaults are those after a reset."""
-
-    motion: str = 'G0'
-    system: int = 54
-    plane: int = 17
-    units: int = 21
-    distance: int = 90
-    coolant: int = 9
-    feed: float = 0.0
-
-
-@dataclass(frozen=True)
 class Command:
-    """One parsed line. Axes and feed are in mm."""
+    """One parsed line: its codes, and its other words, in mm and mm/min."""
 
-    modal: Modal
-    motion: str | None = None
-    axes: dict[int, float] = field(default_factory=dict)
-    non_modal: float | None = None
-    values: dict[str, float] = field(default_factory=dict)
-    coolant: bool = False
+    codes: frozenset[str]
+    values: dict[str, float]
+
+    @property
+    def axes(self) -> dict[int, float]:
+        """The coordinates, by the number of their axis."""
+        return {AXES.index(letter): value for letter, value in self.values.items() if letter in AXES}
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether they are distances."""
+        return 'G91' in self.codes and 'G53' not in self.codes
+
+    @property
+    def feed_mm_min(self) -> float:
+        """The feed of a motion. Raises GrblError: there is none."""
+        if self.values.get('F', 0.0) <= 0:
+            raise GrblError(22)
+        return self.values['F']
 
 
-def words_of(text: str) -> list[tuple[str, float]]:
-    """The words of a line without spaces and comments."""
-    words, place = [], 0
-    while place < len(text):
-        match = WORD.match(text, place)
-        if match is None:
-            raise GrblError(1)
-        if not re.search(r'\d', match.group(2)):
-            raise GrblError(2)
-        words.append((match.group(1), float(match.group(2))))
-        place = match.end()
-    return words
-
-
-def understand(text: str, modal: Modal) -> Command:
-    """The command in a G-code line.
+def understand(text: str) -> Command:
+    """The command in a line without spaces and comments, in capitals.
 
     Raises:
         GrblError: with Grbl's number.
     """
-    codes, values = _sorted_words(words_of(text))
-    chosen: dict[str, float] = {}
-    for letter, number in codes:
-        group = _group(letter, number)
-        if group in chosen:
-            raise GrblError(21)
-        chosen[group] = number
-    return _command(chosen, values, modal)
-
-
-def understand_jog(text: str, modal: Modal) -> Command:
-    """The command after ``$J=``, which does not change the modal state."""
-    codes, values = _sorted_words(words_of(text))
-    if any(letter != 'G' or number not in JOG_CODES for letter, number in codes):
-        raise GrblError(16)
-    chosen = {_group(letter, number): number for letter, number in codes}
-    units = chosen.get('units', float(modal.units))
-    axes = _axes(values, units)
-    if not axes:
-        raise GrblError(26)
-    if values.get('F', 0.0) <= 0:
-        raise GrblError(22)
-    mode = replace(modal, distance=int(chosen.get('distance', modal.distance)), feed=values['F'] * _factor(units))
-    return Command(mode, 'G1', axes, chosen.get('non_modal'))
-
-
-def _sorted_words(words: list[tuple[str, float]]) -> tuple[list[tuple[str, float]], dict[str, float]]:
-    codes = [(letter, number) for letter, number in words if letter in 'GM']
+    codes: set[str] = set()
     values: dict[str, float] = {}
-    for letter, number in words:
+    place = 0
+    while place < len(text):
+        match = WORD.match(text, place)
+        if match is None:
+            raise GrblError(1)
+        letter, number = match.groups()
+        if not re.search(r'\d', number):
+            raise GrblError(2)
         if letter in 'GM':
-            continue
-        if letter not in 'XYZFSPLNTR':
+            codes.add(f'{letter}{float(number):g}')
+        elif letter not in 'XYZFP':
             raise GrblError(20)
-        if letter in values:
+        elif letter in values:
             raise GrblError(25)
-        values[letter] = number
-    return codes, values
-
-
-def _group(letter: str, number: float) -> str:
-    if letter == 'M':
-        if number not in {8.0, 9.0}:
-            raise GrblError(20)
-        return 'coolant'
-    if number in MOTIONS:
-        return 'motion'
-    if number in NON_MODAL:
-        return 'non_modal'
-    if number not in GROUPS:
+        else:
+            values[letter] = float(number)
+        place = match.end()
+    if codes - CODES:
         raise GrblError(20)
-    return GROUPS[number]
+    return Command(frozenset(codes), values)
 
 
-def _command(chosen: dict[str, float], values: dict[str, float], modal: Modal) -> Command:
-    units = chosen.get('units', float(modal.units))
-    axes, non_modal = _axes(values, units), chosen.get('non_modal')
-    new = _new_modal(chosen, values, modal, units)
-    motion = new.motion if axes or chosen.get('motion', 80.0) != 80.0 else None
-    _check_motion(motion, new, non_modal, values)
-    return Command(new, motion, axes, non_modal, values, 'coolant' in chosen)
-
-
-def _new_modal(chosen: dict[str, float], values: dict[str, float], modal: Modal, units: float) -> Modal:
-    changes = {name: int(chosen[name]) for name in ('system', 'plane', 'distance', 'coolant') if name in chosen}
-    feed = values['F'] * _factor(units) if 'F' in values else modal.feed
-    motion = MOTIONS[chosen['motion']] if 'motion' in chosen else modal.motion
-    return replace(modal, **changes, units=int(units), motion=motion, feed=feed)
-
-
-def _check_motion(motion: str | None, modal: Modal, non_modal: float | None, values: dict[str, float]) -> None:
-    if non_modal == 4.0 and 'P' not in values:
-        raise GrblError(28)
-    if non_modal == 53.0 and modal.motion == 'G80':
-        raise GrblError(30)
-    if motion is None:
-        return
-    if motion == 'G80':
-        raise GrblError(31)
-    if motion != 'G0' and modal.feed <= 0:
-        raise GrblError(22)
-
-
-def _axes(values: dict[str, float], units: float) -> dict[int, float]:
-    return {AXES.index(letter): number * _factor(units) for letter, number in values.items() if letter in AXES}
-
-
-def _factor(units: float) -> float:
-    return MM_PER_INCH if units == 20.0 else 1.0
+def understand_jog(text: str) -> Command:
+    """The command after ``$J=``. Raises as `understand`."""
+    command = understand(text)
+    if command.codes - JOG_CODES:
+        raise GrblError(16)
+    if not command.axes:
+        raise GrblError(26)
+    return command

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -25,22 +24,21 @@ def gcode(grbl: Grbl, line: str) -> Program:
     """Execute a line of G-code."""
     if grbl.state in {'Alarm', 'Jog'}:
         raise GrblError(9)
-    machine = grbl.machine
-    command = understand(line, machine.modal)
-    if command.coolant:
+    command = understand(line)
+    if coolant := command.codes & {'M8', 'M9'}:
         yield from grbl.wait_until_empty()
-    machine.modal = command.modal
-    if command.coolant:
-        grbl.world.set_line(command.modal.coolant == 8, grbl.now_ns)
-    if command.non_modal == 4.0:
+        grbl.switch_coolant('M8' in coolant)
+    if 'G4' in command.codes:
+        if 'P' not in command.values:
+            raise GrblError(28)
         yield from grbl.wait_until_empty()
         yield from grbl.wait_s(command.values['P'])
-    if command.motion is not None:
-        feed = None if command.motion == 'G0' else command.modal.feed
-        yield from _travel(grbl, machine.target(command, grbl.now_ns), feed)
+    if 'G1' in command.codes:
+        feed = command.feed_mm_min
+        yield from _travel(grbl, grbl.machine.target(command, grbl.now_ns), feed)
 
 
-def _travel(grbl: Grbl, target: Vector, feed: float | None) -> Program:
+def _travel(grbl: Grbl, target: Vector, feed: float) -> Program:
     machine = grbl.machine
     if machine.beyond_travel(target):
         yield from _soft_limit(grbl)
@@ -86,9 +84,6 @@ def system(grbl: Grbl, line: str) -> Program:
         yield from _home(grbl)
     elif line in _COMMANDS:
         _COMMANDS[line](grbl)
-    elif match := re.fullmatch(r'\$(\d+)=(.*)', line):
-        _only_at_rest(grbl)
-        grbl.machine.write(int(match.group(1)), match.group(2))
     else:
         raise GrblError(3)
 
@@ -97,12 +92,13 @@ def _jog(grbl: Grbl, text: str) -> Program:
     if grbl.state not in {'Idle', 'Jog'}:
         raise GrblError(79 if grbl.critical else 8)
     machine, planner = grbl.machine, grbl.machine.planner
-    command = understand_jog(text, machine.modal)
+    command = understand_jog(text)
+    feed = command.feed_mm_min
     target = machine.target(command, grbl.now_ns)
     if machine.beyond_travel(target):
         raise GrblError(15)
     yield lambda: planner.used < planner.capacity
-    if planner.add(machine.block(target, command.modal.feed), grbl.now_ns):
+    if planner.add(machine.block(target, feed), grbl.now_ns):
         grbl.state = 'Jog'
 
 
@@ -167,16 +163,8 @@ def _identity(grbl: Grbl) -> None:
         grbl.tell(row)
 
 
-def _unlock(grbl: Grbl) -> None:
-    _only_at_rest(grbl)
-    if grbl.state == 'Alarm':
-        grbl.tell('[MSG:Caution: Unlocked]')
-        grbl.state, grbl.alarm_lock = 'Idle', False
-
-
 _COMMANDS: dict[str, Callable[[Grbl], None]] = {
     '$': lambda grbl: grbl.tell(HELP),
     '$$': _settings,
     '$I': _identity,
-    '$X': _unlock,
 }

@@ -11,10 +11,10 @@ from tactile_nodes.emulators.world import World
 
 @dataclass(frozen=True)
 class Block:
-    """A line to a target in the world's coordinates; feed None: as fast as the axes allow."""
+    """A line to a target in the world's coordinates, no faster than the axes allow."""
 
     target: Vector
-    feed_mm_s: float | None
+    feed_mm_s: float
     rates_mm_s: Vector
     acceleration: Vector
 
@@ -92,7 +92,7 @@ class Planner:
         start = self._world.motor_at(now_ns)
         way = plus(block.target, start, -1.0)
         fastest = limited(way, block.rates_mm_s) * length(way) if length(way) else 1.0
-        feed = fastest if block.feed_mm_s is None else min(block.feed_mm_s, fastest)
+        feed = min(block.feed_mm_s, fastest)
         self._segment = line(now_ns, start, block.target, feed, block.acceleration)
         self._world.move(self._segment)
         self._current, self._end_ns = block, self._segment.end_ns
