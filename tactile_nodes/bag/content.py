@@ -1,12 +1,9 @@
-"""The interface of all storage files for a reader."""
+"""What a reader gets from a storage file, and what it asks for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
-
-from tactile_nodes.bag.metadata import BagTopic, Extent
 
 ALWAYS_NS = (-(2**63), 2**63)
 
@@ -39,17 +36,3 @@ class Selection:
 
 Complain = Callable[[str], None]
 """Receives a sentence about a part of a file that could not be read."""
-
-
-class Storage(Protocol):
-    """One opened storage file. Its content is counted from the messages themselves."""
-
-    topics: dict[str, BagTopic]
-    counts: dict[str, int]
-    extent: Extent
-
-    def messages(self, selection: Selection) -> Iterator[BagMessage]:
-        """The selected messages in order of their receive times."""
-        ...
-
-    def close(self) -> None: ...

@@ -14,7 +14,7 @@ from typing import Any
 import zstandard
 
 from tactile_nodes.bag import growing_file, sqlite_storage
-from tactile_nodes.bag.content import ALWAYS_NS, BagMessage, Selection, Storage
+from tactile_nodes.bag.content import ALWAYS_NS, BagMessage, Selection
 from tactile_nodes.bag.mcap_records import LARGEST_BYTES, unpack_zstd
 from tactile_nodes.bag.mcap_storage import McapStorage
 from tactile_nodes.bag.metadata import FILE_NAME, LARGEST_METADATA_BYTES, MOST_FILES, BagMetadata, BagTopic, Extent
@@ -24,6 +24,7 @@ from tactile_nodes.bag.types import BagTypes
 from tactile_nodes.errors import BagError
 from tactile_nodes.files import open_plain, read_plain
 
+Storage = McapStorage | SqliteStorage
 _SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 _PACKED = '.zstd'  # behind the name of a file that ros2 bag record compressed as a whole
 _ZSTD = b'\x28\xb5\x2f\xfd'  # how zstd begins; a message that is not compressed begins with 0

@@ -30,12 +30,9 @@ WRITE_TIMEOUT_S = 1.0
 
 
 class Port(Protocol):
-    """Bytes to and from a device."""
+    """Bytes to and from a device; `name` is for errors."""
 
-    @property
-    def name(self) -> str:
-        """Its name in errors."""
-        ...
+    name: str
 
     def write(self, data: bytes) -> None:
         """Send.
@@ -58,7 +55,7 @@ class Port(Protocol):
         ...
 
 
-class SerialPort:
+class SerialPort(Port):
     """A port of the operating system, opened exclusively."""
 
     def __init__(self, port: serial.Serial, name: str) -> None:
@@ -72,14 +69,12 @@ class SerialPort:
         return number
 
     def write(self, data: bytes) -> None:
-        """As `Port.write`."""
         try:
             self._port.write(data)
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: closed by another thread
             raise self._lost(error) from error
 
     def read(self, timeout_s: float) -> bytes:
-        """As `Port.read`."""
         try:
             self._port.timeout = timeout_s
             first: bytes = self._port.read(1)
@@ -88,7 +83,6 @@ class SerialPort:
             raise self._lost(error) from error
 
     def close(self) -> None:
-        """As `Port.close`."""
         with contextlib.suppress(serial.SerialException, OSError):
             self._port.close()
 

@@ -10,7 +10,6 @@ import bisect
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 Vector = tuple[float, float, float]
 
@@ -31,15 +30,6 @@ def length(a: Vector) -> float:
 def limited(unit: Vector, limits: Vector) -> float:
     """The largest value along a direction, for a quantity with a limit on each axis."""
     return min((limit / abs(part) for part, limit in zip(unit, limits, strict=True) if part), default=math.inf)
-
-
-class Shape(Protocol):
-    """Distance and speed along a line as functions of the time since its start."""
-
-    @property
-    def duration_s(self) -> float: ...
-    def distance(self, time_s: float) -> float: ...
-    def speed(self, time_s: float) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -112,7 +102,7 @@ class Segment:
     start_ns: int
     origin: Vector
     unit: Vector
-    shape: Shape
+    shape: Trapezoid | Braking | Until
 
     @property
     def end_ns(self) -> int:

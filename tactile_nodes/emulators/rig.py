@@ -82,7 +82,8 @@ class EmulatedRig:
             self.camera = self._opened.enter_context(
                 CameraStream(self.world, clock, settings.fps, settings.camera_port)
             )
-            self.sensor = self._opened.enter_context(_sensor(settings, self.world, clock, link))
+            self.sensor = _sensor(settings, self.world, clock, link)
+            self._opened.enter_context(self.sensor)
             self._port = self._opened.enter_context(PtyPort(self._grbl, clock, link))
             self._trace = self._opened.enter_context(RigTrace(self.world, clock, settings.trace))
         except OSError as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from tactile_nodes.clock import Clock
 from tactile_nodes.emulators.clocks import DeviceClock
@@ -40,25 +39,8 @@ class SensorFaults:
     sensor_drift_ppm: float = parameter(0.0, "the sensor's clock runs too fast by this", minimum=-1e5, maximum=1e5)
 
 
-class RigSensor(Protocol):
-    """A sensor that exists while it is open."""
-
-    @property
-    def source(self) -> str:
-        """The source that its driver opens."""
-        ...
-
-    def __enter__(self) -> RigSensor: ...
-
-    def __exit__(self, *args: object) -> None: ...
-
-    def switch(self, wanted: SensorFaults, now_ns: int) -> None:
-        """Set the active faults. Raises ConfigurationError for one that this sensor cannot have."""
-        ...
-
-
 class BoxOnTheNetwork:
-    """A Net F/T box."""
+    """A Net F/T box; `source` is what its driver opens."""
 
     def __init__(self, world: WrenchSource, clock: Clock, rdt_port: int, http_port: int) -> None:
         self._box = NetFtBox(world, noise=NOISE)
@@ -77,6 +59,7 @@ class BoxOnTheNetwork:
         self._server.__exit__(*args)
 
     def switch(self, wanted: SensorFaults, now_ns: int) -> None:
+        """Set the active faults. Raises ConfigurationError for one that this sensor cannot have."""
         if wanted.unplugged_sensor:
             raise ConfigurationError('a Net F/T box has no serial line; choose sensor: bota, or make it silent')
         had, self._had, box = self._had, wanted, self._box.faults
@@ -122,6 +105,9 @@ class SensorOnALine:
         self._sensor.clock = _altered(self._sensor.clock, had, wanted, now_ns)
         if wanted.unplugged_sensor != had.unplugged_sensor:
             (self._port.unplug if wanted.unplugged_sensor else self._port.plug)()
+
+
+RigSensor = BoxOnTheNetwork | SensorOnALine
 
 
 def _more(had: int, wanted: int) -> int:

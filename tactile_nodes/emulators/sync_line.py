@@ -17,7 +17,6 @@ class SharedLine:
         self._clock = clock
 
     def level(self) -> bool:
-        """The level now."""
         world = worlds.find(self._name)
         return isinstance(world, World) and world.line_level(self._clock.now_ns())
 

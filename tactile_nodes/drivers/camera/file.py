@@ -13,12 +13,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from tactile_nodes import opencv
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.decoding import open_video, read_picture
-from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture, check_size
+from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame, Picture, check_size
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError, ImageError
 from tactile_nodes.files import open_plain
@@ -27,36 +27,10 @@ from tactile_nodes.paths import OF_PICTURES
 FASTEST_CLAIM = 1000.0  # broken headers state 90000 frames per second and more
 
 
-class Recording(Protocol):
-    """A sequence of pictures that can be read again from the start."""
+class FileCamera(Camera):
+    """A recording played as a camera, again from its start if it loops."""
 
-    name: str
-    fps: float
-    advice: str
-    """A hint about further settings, shown after its end."""
-
-    @property
-    def description(self) -> Mapping[str, str]:
-        """What it is, for `Camera.description`."""
-        ...
-
-    def start(self) -> None:
-        """Go to the first picture."""
-        ...
-
-    def next(self) -> Picture | None:
-        """The next picture; None after the last."""
-        ...
-
-    def stop(self) -> None:
-        """Close the file."""
-        ...
-
-
-class FileCamera:
-    """A recording played as a camera."""
-
-    def __init__(self, settings: CameraSettings, clock: Clock, recording: Recording) -> None:
+    def __init__(self, settings: CameraSettings, clock: Clock, recording: VideoFile | ImageFolder) -> None:
         self._settings = settings
         self._clock = clock
         self._recording = recording
@@ -133,7 +107,6 @@ class FileCamera:
         return frame
 
     def close(self) -> None:
-        """Close the file."""
         if self._open:
             self._open = False
             self._recording.stop()

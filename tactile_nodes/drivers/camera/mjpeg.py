@@ -20,7 +20,7 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.camera import jpeg
 from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
 from tactile_nodes.drivers.camera.multipart import MultipartParser, Part
-from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
+from tactile_nodes.drivers.camera.reader import CameraConnection, LiveCamera, NewestFrame
 from tactile_nodes.errors import ConfigurationError, DeviceLostError, DeviceNotFoundError
 
 CONNECT_S = 3.0
@@ -28,7 +28,7 @@ CHUNK = 64 * 1024
 RECEIVE_BUFFER = 256 * 1024  # the kernel would keep megabytes of old pictures for a delayed reader
 
 
-class MjpegConnection:
+class MjpegConnection(CameraConnection):
     """One connection to an MJPEG server.
 
     Raises:
@@ -47,26 +47,21 @@ class MjpegConnection:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The address, the size of the pictures, and the kind of stamps."""
         return {'source': self._name, 'kind': 'MJPEG over HTTP', 'size': self._size, 'stamps': 'arrival'}
 
     @property
     def complaints(self) -> list[str]:
-        """None."""
         return []
 
     def fetch(self, slot: NewestFrame) -> None:
-        """Receive what has arrived."""
         for part in self._parser.feed(self._receive(), self._clock.now_ns()):
             self._put(part, slot)
 
     def interrupt(self) -> None:
-        """End the wait for bytes."""
         with contextlib.suppress(OSError):  # it may be closed already
             self._socket.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """Close the connection."""
         self._response.close()
 
     def _request(self) -> http.client.HTTPResponse:

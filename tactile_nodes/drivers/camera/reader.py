@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, Picture
+from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame, Picture
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.drivers.reopening import Reopening
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceTimeoutError, TactileError
@@ -143,7 +143,7 @@ class CameraConnection(Protocol):
         ...
 
 
-class LiveCamera:
+class LiveCamera(Camera):
     """The camera behind the connections made by `connect`, one after another.
 
     The first `open` fails if the camera fails. After that, a lost camera is reopened (`Reopening`). Meanwhile `read`

@@ -18,14 +18,14 @@ from tactile_nodes.clock import Clock
 from tactile_nodes.decoding import open_video
 from tactile_nodes.drivers.camera.contract import CameraSettings, check_size
 from tactile_nodes.drivers.camera.mjpeg import parse_address, without_password
-from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
+from tactile_nodes.drivers.camera.reader import CameraConnection, LiveCamera, NewestFrame
 from tactile_nodes.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 
 PORTS = {'rtsp': 554, 'rtsps': 322}
 CONNECT_S = 3.0
 
 
-class RtspConnection:
+class RtspConnection(CameraConnection):
     """One session with an RTSP server.
 
     Raises:
@@ -44,16 +44,13 @@ class RtspConnection:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The address, the size of the pictures, and the kind of stamps."""
         return {'source': self._name, 'kind': 'RTSP over TCP', 'size': self._size, 'stamps': 'arrival'}
 
     @property
     def complaints(self) -> list[str]:
-        """None."""
         return []
 
     def fetch(self, slot: NewestFrame) -> None:
-        """Wait for a picture."""
         good, image = self._video.read()
         if not good:
             raise DeviceLostError(f'{self._name} has ended its stream or sent nothing for {self._settings.stall_s:g} s')
@@ -66,7 +63,6 @@ class RtspConnection:
         """Do nothing: FFmpeg cannot be woken."""
 
     def close(self) -> None:
-        """End the session."""
         self._video.release()
 
     def _knock(self) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.contact_tables.gel_tables import contact_table, load_gel, tip_table
 from tactile_nodes.contact_tables.touch_tables import USUAL, Contact, ready_contacts, solved_contact, usual_contact
-from tactile_nodes.drivers.camera.contract import CameraSettings, Frame, SceneSettings, check_size
+from tactile_nodes.drivers.camera.contract import Camera, CameraSettings, Frame, SceneSettings, check_size
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceTimeoutError
 from tactile_nodes.sensing.geometry import BinGrid
@@ -44,7 +44,7 @@ class Untouched:
         return Press(0.0, 0.0, -1.0)
 
 
-class SimulatedCamera:
+class SimulatedCamera(Camera):
     """Renders a frame when its time has come. Frames that were not read in time are lost, as with a real camera.
 
     A camera of a shared world (`scene.world`) shows the gel of that world as soon as it exists.
@@ -63,7 +63,6 @@ class SimulatedCamera:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The gel, the size and the rate."""
         base = {'source': self._settings.source, 'kind': 'simulated camera', 'stamps': 'capture'}
         if self._scene is None:
             return base
@@ -73,7 +72,6 @@ class SimulatedCamera:
 
     @property
     def health(self) -> Health:
-        """OK while it is open, with the number of lost frames."""
         if self._scene is None:
             return Health(Level.STALE, f'{NAME} is not open')
         return Health(Level.OK, f'rendering, frames lost: {self._dropped}')
@@ -127,7 +125,6 @@ class SimulatedCamera:
         return Frame(np.asarray(scene.render(stamp_ns)), stamp_ns, sequence, self._dropped)
 
     def close(self) -> None:
-        """Drop the scene."""
         self._scene = None
 
     def _open_scene(self) -> Scene:

@@ -22,9 +22,9 @@ from tactile_nodes import opencv
 from tactile_nodes.clock import Clock
 from tactile_nodes.drivers.camera import jpeg, v4l2_controls
 from tactile_nodes.drivers.camera.contract import CameraSettings, Picture, check_size
-from tactile_nodes.drivers.camera.reader import LiveCamera, NewestFrame
+from tactile_nodes.drivers.camera.reader import CameraConnection, LiveCamera, NewestFrame
 from tactile_nodes.drivers.camera.stamps import Cadence, KernelStamps
-from tactile_nodes.drivers.camera.v4l2_controls import Controls, KernelControls, Readback
+from tactile_nodes.drivers.camera.v4l2_controls import KernelControls, Readback
 from tactile_nodes.drivers.camera.v4l2_devices import check_device, device_path, located
 from tactile_nodes.errors import DeviceLostError, DeviceNotFoundError
 
@@ -50,7 +50,7 @@ def open_capture(path: str) -> Capture:
     return capture
 
 
-class V4l2Connection:
+class V4l2Connection(CameraConnection):
     """An open device.
 
     Args:
@@ -69,7 +69,7 @@ class V4l2Connection:
         settings: CameraSettings,
         clock: Clock,
         capture: Callable[[str], Capture] = open_capture,
-        controls: Callable[[str], Controls] = KernelControls,
+        controls: Callable[[str], KernelControls] = KernelControls,
         check: Callable[[str], None] = check_device,
     ) -> None:
         self._settings = settings
@@ -92,7 +92,7 @@ class V4l2Connection:
         self._cadence = Cadence(0.0)
         self._first_good_ns = 0
         self._settled = False
-        self._controls: Controls | None = None
+        self._controls: KernelControls | None = None
         with contextlib.suppress(OSError):  # no controls: requested ones are reported as missing
             self._controls = controls(self._name)
         self._configure()
@@ -106,7 +106,6 @@ class V4l2Connection:
 
     @property
     def complaints(self) -> list[str]:
-        """Settings that it did not accept, a lower rate, and implausible stamps."""
         found = [*self._format_complaints, *(readback.complaint for readback in self._readbacks)]
         found.append(self._cadence.complaint)
         if self._stamps.complaint:
@@ -114,7 +113,6 @@ class V4l2Connection:
         return [complaint for complaint in found if complaint]
 
     def fetch(self, slot: NewestFrame) -> None:
-        """Wait for a frame and put it into the slot."""
         if not self._capture.grab():
             self._check_plugged()
             return
@@ -137,7 +135,6 @@ class V4l2Connection:
         self._pause.set()
 
     def close(self) -> None:
-        """Close the device."""
         self._capture.release()
         if self._controls is not None:
             self._controls.close()

@@ -13,7 +13,6 @@ import fcntl
 import os
 import struct
 from dataclasses import dataclass
-from typing import Protocol
 
 from tactile_nodes.drivers.camera.contract import CameraSettings
 
@@ -42,30 +41,14 @@ _MANUAL = {
 }
 
 
-class Controls(Protocol):
-    """Access to the controls of one device, by the names of `CONTROLS`."""
-
-    def get(self, name: str) -> int | None:
-        """The value; None if the device has no such control."""
-        ...
-
-    def set(self, name: str, value: int) -> None:
-        """Request a value; `get` shows whether it was accepted."""
-        ...
-
-    def close(self) -> None:
-        """Close the device."""
-        ...
-
-
 class KernelControls:
-    """Controls through ioctl, on a separate file descriptor."""
+    """Controls through ioctl, on a separate file descriptor, by the names of `CONTROLS`."""
 
     def __init__(self, path: str) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def get(self, name: str) -> int | None:
-        """As `Controls.get`."""
+        """The value; None if the device has no such control."""
         try:
             answer = fcntl.ioctl(self._file, _G_CTRL, _CONTROL.pack(CONTROLS[name], 0))
         except OSError:  # EINVAL: no such control; EACCES: cannot be read; in both cases the value is unknown
@@ -73,7 +56,7 @@ class KernelControls:
         return int(_CONTROL.unpack(answer)[1])
 
     def set(self, name: str, value: int) -> None:
-        """As `Controls.set`; a refusal shows when the value is read back."""
+        """Request a value; a refusal shows when the value is read back."""
         try:
             fcntl.ioctl(self._file, _S_CTRL, _CONTROL.pack(CONTROLS[name], value))
         except OSError as error:
@@ -81,7 +64,7 @@ class KernelControls:
                 raise
 
     def close(self) -> None:
-        """As `Controls.close`."""
+        """Close the device."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -122,7 +105,7 @@ def wishes(settings: CameraSettings) -> dict[str, tuple[int, bool]]:
     return wanted
 
 
-def apply(controls: Controls, settings: CameraSettings) -> list[Readback]:
+def apply(controls: KernelControls, settings: CameraSettings) -> list[Readback]:
     """Set the controls that differ from the request, then read all of them."""
     wanted = wishes(settings)
     for name, (value, _needed) in wanted.items():

@@ -55,7 +55,6 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         return {**base, 'options': ' '.join(self._identity.options), 'notes': '; '.join(self._warnings), **settings}
 
     def connect(self) -> None:
-        """As `Cnc.connect`."""
         self.close()
         self._homed = False
         self._dialogue = dialogue = GrblDialogue(
@@ -80,7 +79,6 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         dialogue.polling = True
 
     def home(self) -> None:
-        """As `Cnc.home`."""
         dialogue = self._talk()
         if dialogue.fault or dialogue.busy:
             dialogue.reset(RESET_S)  # some faults need it, and later responses then belong to later requests
@@ -115,7 +113,6 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._after_stop(dialogue)
 
     def wait_idle(self) -> None:
-        """As `Cnc.wait_idle`."""
         dialogue, stops = self._talk(), self._stops
         self._require_ready()
         patience_s = self._patience_s()
@@ -132,7 +129,6 @@ class GrblCnc(SerialCnc[GrblDialogue]):
         self._arrived()
 
     def status(self) -> CncStatus:
-        """As `Cnc.status`."""
         dialogue = self._talk()
         report = dialogue.fresh_report(self._settings.answer_s)
         reports = dialogue.reports

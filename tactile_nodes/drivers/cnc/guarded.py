@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 from tactile_nodes.clock import NS_PER_S, Clock
-from tactile_nodes.drivers.cnc.contract import CncSettings, CncStatus, Envelope, Place, Switched
+from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, Envelope, Place, Switched
 from tactile_nodes.drivers.cnc.envelope import Guard, describe_place, distance_mm, way_between
 from tactile_nodes.drivers.cnc.motion import Motion
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceFaultError
@@ -15,7 +15,7 @@ UNKNOWN_ACCELERATION = 50.0  # mm/s², for the time limit of motion
 MARGIN = 1.5
 
 
-class GuardedCnc(ABC):
+class GuardedCnc(Cnc):
     """A machine whose every move is checked first. The abstract methods talk to the machine."""
 
     def __init__(self, settings: CncSettings, clock: Clock, name: str) -> None:
@@ -32,16 +32,13 @@ class GuardedCnc(ABC):
 
     @property
     def limits(self) -> Envelope:
-        """As `Cnc.limits`."""
         return self._rules().envelope
 
     @property
     def blind_step_mm(self) -> float | None:
-        """As `Cnc.blind_step_mm`."""
         return None
 
     def move(self, x: float | None = None, y: float | None = None, z: float | None = None, *, feed: float) -> None:
-        """As `Cnc.move`."""
         rules, start = self._rules(), self._known_place()
         target = (start[0] if x is None else x, start[1] if y is None else y, start[2] if z is None else z)
         rules.check(start, target, feed)
@@ -55,7 +52,6 @@ class GuardedCnc(ABC):
         self._target = target
 
     def jog(self, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, *, feed: float) -> None:
-        """As `Cnc.jog`."""
         rules, way = self._rules(), (dx, dy, dz)
         length = distance_mm((0.0, 0.0, 0.0), way)
         self._check_blind(length)
@@ -77,7 +73,6 @@ class GuardedCnc(ABC):
         self._target = target
 
     def retract(self) -> None:
-        """As `Cnc.retract`."""
         rules = self._rules()
         self.stop()
         self._lift()
@@ -88,23 +83,10 @@ class GuardedCnc(ABC):
             self.wait_idle()
 
     def set_line(self, level: bool) -> Switched:
-        """As `Cnc.set_line`."""
         if self._motion.moving:
             self.wait_idle()
         self._require_ready()
         return self._switch(level)
-
-    @abstractmethod
-    def stop(self) -> None:
-        """As `Cnc.stop`."""
-
-    @abstractmethod
-    def wait_idle(self) -> None:
-        """As `Cnc.wait_idle`."""
-
-    @abstractmethod
-    def status(self) -> CncStatus:
-        """As `Cnc.status`."""
 
     @abstractmethod
     def _require_ready(self, up: bool = False) -> None:

@@ -62,7 +62,6 @@ class MarlinCnc(SerialCnc[MarlinDialogue]):
         return None if 'EMERGENCY_PARSER:1' in self._identity.options else BLIND_STEP_MM
 
     def connect(self) -> None:
-        """As `Cnc.connect`."""
         self.close()
         self._motion = Motion(follows=False)  # most report the target
         self._homed = False

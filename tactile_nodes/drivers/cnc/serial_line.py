@@ -86,7 +86,6 @@ class SerialCnc(GuardedCnc, Generic[Spoken]):
         return self._health_of(dialogue)
 
     def close(self) -> None:
-        """As `Cnc.close`."""
         self._dismiss()
         if self._dialogue is not None:
             self._dialogue.close()

@@ -60,7 +60,6 @@ class SimulatedCnc(GuardedCnc):
 
     @property
     def description(self) -> Mapping[str, str]:
-        """That it is simulated."""
         return {'source': self._settings.source, 'kind': 'simulated CNC'}
 
     @property
@@ -91,7 +90,6 @@ class SimulatedCnc(GuardedCnc):
         self._at_rest()
 
     def stop(self) -> None:
-        """As `Cnc.stop`."""
         self._rules()
         self._stops += 1
         self._sent = None
@@ -101,18 +99,15 @@ class SimulatedCnc(GuardedCnc):
         self._target = self._place() if self._homed else None
 
     def wait_idle(self) -> None:
-        """As `Cnc.wait_idle`."""
         self._require_ready()
         self._wait_until_arrived()
         self._arrived()
 
     def status(self) -> CncStatus:
-        """As `Cnc.status`."""
         self._rules()
         return CncStatus(self._state(), self._place(), self._homed, self._clock.now_ns(), 0)
 
     def close(self) -> None:
-        """As `Cnc.close`."""
         self._guard = None
         self._homed = False
 

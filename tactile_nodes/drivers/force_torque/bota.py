@@ -19,7 +19,7 @@ from tactile_nodes.drivers.force_torque.clock import TickClock
 from tactile_nodes.drivers.force_torque.contract import AXES, Flag, ForceTorqueSettings, Wrench
 from tactile_nodes.drivers.force_torque.queue import SampleQueue
 from tactile_nodes.drivers.force_torque.serial_line import WAIT_S, Gaps, require_no_restart
-from tactile_nodes.drivers.force_torque.stream import StreamedForceTorque
+from tactile_nodes.drivers.force_torque.stream import Connection, StreamedForceTorque
 from tactile_nodes.drivers.serial_port import Port, open_port
 from tactile_nodes.errors import ConfigurationError, DeviceError, DeviceLostError, DeviceTimeoutError
 
@@ -121,7 +121,7 @@ def flags_of(status: int) -> int:
     return int(flags)
 
 
-class BotaConnection:
+class BotaConnection(Connection):
     """A sensor that is configured and runs.
 
     Raises:
@@ -143,17 +143,14 @@ class BotaConnection:
 
     @property
     def rate_hz(self) -> float:
-        """Rate of the filter."""
         return SINC_RATE_HZ / self._sinc
 
     @property
     def announced_hz(self) -> float:
-        """As `rate_hz`."""
         return self.rate_hz
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The filter, the temperature, the drift of its clock."""
         return {
             'kind': 'Bota serial',
             'device': self._port.name,
@@ -165,11 +162,9 @@ class BotaConnection:
 
     @property
     def complaint(self) -> str:
-        """A message if its clock does not keep its rate."""
         return self._ticks.complaint
 
     def fetch(self, queue: SampleQueue) -> None:
-        """Read what has arrived."""
         data = self._port.read(WAIT_S)
         arrival_ns = self._clock.now_ns()
         for frame in self._parser.feed(data):
@@ -180,7 +175,6 @@ class BotaConnection:
             )
 
     def close(self) -> None:
-        """Close the port; the sensor keeps sending, as after power-up."""
         self._port.close()
 
     def _put(self, frame: Frame, arrival_ns: int, queue: SampleQueue) -> None:

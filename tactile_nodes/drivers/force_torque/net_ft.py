@@ -21,7 +21,7 @@ from tactile_nodes.drivers.force_torque.clock import TickClock
 from tactile_nodes.drivers.force_torque.contract import AXES, Flag, ForceTorqueSettings
 from tactile_nodes.drivers.force_torque.net_ft_config import BoxConfig
 from tactile_nodes.drivers.force_torque.queue import SampleQueue
-from tactile_nodes.drivers.force_torque.stream import StreamedForceTorque
+from tactile_nodes.drivers.force_torque.stream import Connection, StreamedForceTorque
 from tactile_nodes.errors import (
     ConfigurationError,
     DeviceError,
@@ -37,7 +37,7 @@ PERIODS_OF_A_TRY = 3  # a box restarts its stream with every request, so it need
 LARGEST_DATAGRAM = 65_535
 
 
-class NetFtConnection:
+class NetFtConnection(Connection):
     """A box that streams to this host.
 
     Raises:
@@ -72,12 +72,10 @@ class NetFtConnection:
 
     @property
     def announced_hz(self) -> float:
-        """As the box reports it."""
         return self.config.rate_hz
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The configuration of the box and the statistics of its records."""
         fields, counters = self.config.fields, self.tracker.counters
         return {
             'kind': 'ATI Net F/T',

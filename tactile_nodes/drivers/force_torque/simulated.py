@@ -10,7 +10,14 @@ import numpy as np
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.force_torque.check import SampleCheck
-from tactile_nodes.drivers.force_torque.contract import AXES, ForceTorqueSettings, Listener, Sample, Wrench
+from tactile_nodes.drivers.force_torque.contract import (
+    AXES,
+    ForceTorqueSensor,
+    ForceTorqueSettings,
+    Listener,
+    Sample,
+    Wrench,
+)
 from tactile_nodes.drivers.force_torque.queue import SampleQueue, closed
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.errors import DeviceTimeoutError
@@ -38,7 +45,7 @@ class Untouched:
         return UNTOUCHED
 
 
-class SimulatedForceTorque:
+class SimulatedForceTorque(ForceTorqueSensor):
     """Takes all samples that are due when it is read, so it needs no thread and follows a stepped clock.
 
     Args:
@@ -62,29 +69,24 @@ class SimulatedForceTorque:
 
     @property
     def description(self) -> Mapping[str, str]:
-        """Source, kind and rate."""
         return {'source': self._settings.source, 'kind': 'simulated', 'rate': f'{self._rate_hz:g}'}
 
     @property
     def health(self) -> Health:
-        """OK while it is open."""
         if not self._is_open:
             return Health(Level.STALE, f'{NAME} is not open')
         return Health(Level.OK, f'{self._rate_hz:g} samples/s, {self._queue.dropped} lost')
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """All six."""
         return AXES
 
     @property
     def rate_hz(self) -> float:
-        """As set."""
         return self._rate_hz if self._is_open else 0.0
 
     @property
     def expected_hz(self) -> float:
-        """As set."""
         return self._rate_hz
 
     def open(self) -> None:
@@ -109,18 +111,15 @@ class SimulatedForceTorque:
         return self._queue.take(0.0)
 
     def newest(self) -> Sample | None:
-        """The last sample that is due by now."""
         if self._is_open:
             self._measure()
         return self._queue.newest
 
     def listen(self, listener: Listener) -> None:
-        """Call `listener` with each sample as it is taken."""
         self._listeners.append(listener)
         self._queue.listen(listener)
 
     def close(self) -> None:
-        """Close it."""
         self._is_open = False
 
     def _new_queue(self) -> SampleQueue:

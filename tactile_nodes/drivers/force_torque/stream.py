@@ -7,7 +7,14 @@ from typing import Protocol
 
 from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.drivers.force_torque.check import NS_PER_MS, SampleCheck, permitted_ms, too_old
-from tactile_nodes.drivers.force_torque.contract import UNUSABLE, Flag, ForceTorqueSettings, Listener, Sample
+from tactile_nodes.drivers.force_torque.contract import (
+    UNUSABLE,
+    Flag,
+    ForceTorqueSensor,
+    ForceTorqueSettings,
+    Listener,
+    Sample,
+)
 from tactile_nodes.drivers.force_torque.queue import SampleQueue, closed
 from tactile_nodes.drivers.health import Health, Level
 from tactile_nodes.drivers.reopening import Reopening
@@ -53,7 +60,7 @@ class Connection(Protocol):
         ...
 
 
-class StreamedForceTorque:
+class StreamedForceTorque(ForceTorqueSensor):
     """The sensor behind the connections made by `connect`, one after another.
 
     The first `open` fails if the connection fails. After that, a lost sensor is reopened (`Reopening`). Meanwhile
@@ -108,12 +115,10 @@ class StreamedForceTorque:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The measured components of the wrench."""
         return self._axes
 
     @property
     def rate_hz(self) -> float:
-        """Samples per second."""
         connection = self._source.connection
         return connection.rate_hz if connection and not self._source.is_lost else 0.0
 
@@ -136,22 +141,18 @@ class StreamedForceTorque:
         self._expected_hz = (connection.announced_hz or connection.rate_hz) if connection else 0.0
 
     def read(self, timeout_s: float) -> Sequence[Sample]:
-        """All samples since the last call; waits for one."""
         if not self._source.is_open:
             raise closed(self.name)
         return self._queue.take(timeout_s)
 
     def newest(self) -> Sample | None:
-        """The last sample."""
         return self._queue.newest
 
     def listen(self, listener: Listener) -> None:
-        """Call `listener` with each sample as it arrives."""
         self._listeners.append(listener)
         self._queue.listen(listener)
 
     def close(self) -> None:
-        """Stop the sensor, and end the thread."""
         if self._source.is_open:
             self._queue.close()
             self._source.close(JOIN_S)

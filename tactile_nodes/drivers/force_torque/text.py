@@ -18,7 +18,7 @@ from tactile_nodes.drivers.force_torque.clock import TickClock
 from tactile_nodes.drivers.force_torque.contract import AXES, Flag, ForceTorqueSettings, TextLineSettings, Wrench
 from tactile_nodes.drivers.force_torque.queue import SampleQueue
 from tactile_nodes.drivers.force_torque.serial_line import WAIT_S, Gaps, require_no_restart
-from tactile_nodes.drivers.force_torque.stream import StreamedForceTorque
+from tactile_nodes.drivers.force_torque.stream import Connection, StreamedForceTorque
 from tactile_nodes.drivers.serial_port import Port, open_port
 from tactile_nodes.errors import DeviceLostError
 
@@ -84,7 +84,7 @@ def wrench_of(values: tuple[float, ...], settings: TextLineSettings) -> Wrench:
     return (wrench['fx'], wrench['fy'], wrench['fz'], wrench['tx'], wrench['ty'], wrench['tz'])
 
 
-class TextLineConnection:
+class TextLineConnection(Connection):
     """An open port from which lines are read."""
 
     def __init__(self, port: Port, settings: ForceTorqueSettings, clock: Clock) -> None:
@@ -100,17 +100,14 @@ class TextLineConnection:
 
     @property
     def rate_hz(self) -> float:
-        """As set, or as observed."""
         return US_PER_S / self._gaps.period_ticks if self._gaps.period_ticks > 0 else 0.0
 
     @property
     def announced_hz(self) -> float:
-        """As set."""
         return self._settings.rate_hz
 
     @property
     def description(self) -> Mapping[str, str]:
-        """The channels, the rate, the drift of its clock."""
         text = self._settings.text
         scales = ' '.join(f'{axis}:{scale:g}' for axis, scale in zip(text.axes, text.units_per_count, strict=True))
         return {
@@ -129,7 +126,6 @@ class TextLineConnection:
         return self._ticks.complaint
 
     def fetch(self, queue: SampleQueue) -> None:
-        """Read what has arrived."""
         data = self._port.read(WAIT_S)
         arrival_ns = self._clock.now_ns()
         if data and not self._good_s:  # a board that restarts when its port is opened first sends nothing for seconds
@@ -143,7 +139,6 @@ class TextLineConnection:
             )
 
     def close(self) -> None:
-        """Close the port."""
         self._port.close()
 
     def _put(self, line: Line, arrival_ns: int, queue: SampleQueue) -> None:

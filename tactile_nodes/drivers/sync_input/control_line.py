@@ -88,7 +88,7 @@ class ControlLine(Protocol):
         ...
 
 
-class SerialControlLine:
+class SerialControlLine(ControlLine):
     """A control line of an open serial port."""
 
     def __init__(self, port: serial.SerialBase, line: str) -> None:
@@ -96,7 +96,6 @@ class SerialControlLine:
         self._line = line
 
     def level(self) -> bool:
-        """As the adapter reports it."""
         return bool(getattr(self._port, self._line))
 
     def wait(self) -> bool:
@@ -110,7 +109,6 @@ class SerialControlLine:
         return True
 
     def close(self) -> None:
-        """Close the port."""
         self._port.close()
 
 
@@ -141,7 +139,6 @@ class _Watch:
         )
 
     def close(self) -> None:
-        """Close the line."""
         with contextlib.suppress(OSError):
             self._line.close()
 
