@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import errno
+import json
+import threading
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from tactile_nodes import paths
 from tactile_nodes.clock import NS_PER_S, Clock
@@ -15,11 +17,58 @@ from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
 from tactile_nodes.emulators.force_torque.mounting import UPSIDE_DOWN, Mounted
 from tactile_nodes.emulators.rig_sensor import BoxOnTheNetwork, RigSensor, SensorFaults, SensorOnALine
-from tactile_nodes.emulators.rig_trace import RigTrace
 from tactile_nodes.emulators.serial_ports import PtyPort
 from tactile_nodes.emulators.world import World, WorldSettings
 from tactile_nodes.errors import AddressInUseError, ConfigurationError
 from tactile_nodes.params import parameter
+
+PERIOD_S = 0.01
+
+
+class RigTrace:
+    """Records the true tip position, which only the world knows, while it is open; without a file it writes nothing.
+
+    JSON lines: ``{"at": ns, "tip": [x, y, z], "force": N}`` in machine coordinates (mm), and ``{"at": ns, "faults":
+    {name: value}}`` when faults are switched.
+    """
+
+    def __init__(self, world: World, clock: Clock, file: str) -> None:
+        self._world = world
+        self._clock = clock
+        self._file = Path(file).open('a', encoding='ascii') if file else None  # noqa: SIM115  (closed at the exit)
+        self._lock = threading.Lock()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._write_down, name='rig trace', daemon=True)
+
+    def __enter__(self) -> RigTrace:
+        if self._file is not None:
+            self._thread.start()
+        return self
+
+    def __exit__(self, *args: object) -> None:
+        self._ending.set()
+        if self._file is not None:
+            self._thread.join()
+            self._file.close()
+
+    def switched(self, had: Any, wanted: Any) -> None:
+        """Record which faults were switched."""
+        before, after = vars(had), vars(wanted)
+        if changed := {name: value for name, value in after.items() if value != before[name]}:
+            self._say({'at': self._clock.now_ns(), 'faults': changed})
+
+    def _write_down(self) -> None:
+        while not self._ending.wait(PERIOD_S):
+            now_ns = self._clock.now_ns()
+            tip = [round(value, 4) for value in self._world.tip_at(now_ns)]
+            self._say({'at': now_ns, 'tip': tip, 'force': round(self._world.force_at(now_ns), 4)})
+
+    def _say(self, values: dict[str, Any]) -> None:
+        if self._file is not None:
+            with self._lock:
+                self._file.write(json.dumps(values) + '\n')
+                self._file.flush()
+
 
 LOOK_S = 0.01
 

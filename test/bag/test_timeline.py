@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from jumping_clock import JumpingClock
 
 from tactile_nodes.bag.metadata import BagTopic
-from tactile_nodes.bag.playback import Playback
+from tactile_nodes.bag.playback import Playback, Timeline
 from tactile_nodes.bag.reader import BagReader
-from tactile_nodes.bag.timeline import Timeline
 from tactile_nodes.bag.writer import BagWriter
 from tactile_nodes.clock import SteppedClock
 from tactile_nodes.messages import encode, types

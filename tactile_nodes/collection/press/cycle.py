@@ -11,10 +11,9 @@ import numpy as np
 from tactile_nodes.collection.actions import Go, Look, Procedure, SetTare, Switch
 from tactile_nodes.collection.plan.plan import Point
 from tactile_nodes.collection.press.rising import rising
-from tactile_nodes.collection.press.steady import Settling
 from tactile_nodes.collection.press.surface import Surface
 from tactile_nodes.collection.press.up import check_free
-from tactile_nodes.collection.readings import Frame, pattern_change
+from tactile_nodes.collection.readings import Frame, change, pattern_change
 from tactile_nodes.collection.settings import CollectionSettings
 from tactile_nodes.collection.wrench import (
     Tare,
@@ -24,12 +23,14 @@ from tactile_nodes.collection.wrench import (
     on_gel,
     pressing_n,
     slope,
+    slope_noise,
     tare_of,
     wrenches,
 )
 from tactile_nodes.drivers.force_torque.contract import Sample, Wrench
 
 LOOK_S = 0.02
+STEADY_SIGMAS, FEWEST_SAMPLES = 4.0, 3
 SHOWN = 1.5  # times the change by noise alone
 WINDOW_PATIENCE_S = 2.0
 SLOWEST_FPS = 5.0
@@ -139,13 +140,39 @@ def _descend(record: Record, ground: Ground, settings: CollectionSettings) -> Pr
 def _settle(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:
     assert record.tare is not None
     observation = yield Look(LOOK_S)
-    settling = Settling(settings, record.tare, ground.image_noise, observation.since_ns)
+    rest_ns, steady_ns = observation.since_ns, round(settings.press.steady_s * NS_PER_S)
     deadline_ns = observation.now_ns + round(settings.press.settle_s * NS_PER_S)
-    while not settling.is_steady(observation.now_ns, observation.samples, observation.frames):
+    while True:
+        start_ns = observation.now_ns - steady_ns
+        why = 'at rest for too short a time'
+        if start_ns >= rest_ns:
+            samples = [sample for sample in observation.samples if sample.stamp_ns >= start_ns]
+            frames = [frame for frame in observation.frames if frame.stamp_ns >= start_ns]
+            why = unsteady(samples, frames, record.tare, ground.image_noise, settings)
+        if not why:
+            break
         if observation.now_ns > deadline_ns:
-            raise RejectedError(f'not steady within {settings.press.settle_s:g} s: {settling.unsteady}')
-        observation = yield Look(LOOK_S, settling.start_ns(observation.now_ns))
+            raise RejectedError(f'not steady within {settings.press.settle_s:g} s: {why}')
+        observation = yield Look(LOOK_S, start_ns)
     record.depth_reported_mm = ground.surface.depth_mm(record.point.x_mm, record.point.y_mm, observation.place_mm[2])
+
+
+def unsteady(
+    samples: Sequence[Sample], frames: Sequence[Frame], tare: Tare, image_noise: float, settings: CollectionSettings
+) -> str:
+    """Why force and image were not steady, within their noise (of the image in grey levels); empty: they were."""
+    press = settings.press
+    if len(samples) < FEWEST_SAMPLES:
+        return 'too few force samples'
+    stamps = [sample.stamp_ns for sample in samples]
+    rate = slope(stamps, pressing_n(wrenches(samples), tare, settings.mounting))
+    most_n_s = press.steady_n_s + STEADY_SIGMAS * slope_noise(stamps, tare.noise_n)
+    if abs(rate) > most_n_s:
+        return f'the force changes by {rate:.2f} N/s, more than {most_n_s:.2f} N/s'
+    if len(frames) < 2:
+        return 'too few images'
+    moved, most_grey = change(frames[0], frames[-1]), press.steady_grey + image_noise
+    return f'the image changes by {moved:.1f} grey levels, more than {most_grey:.1f}' if moved > most_grey else ''
 
 
 def _window(record: Record, ground: Ground, settings: CollectionSettings) -> Procedure[None]:

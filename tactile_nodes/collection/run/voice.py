@@ -27,7 +27,7 @@ from tactile_nodes.collection.press.cycle import Record
 from tactile_nodes.collection.press.surface import Surface
 from tactile_nodes.collection.readings import Picture
 from tactile_nodes.collection.run import run_messages
-from tactile_nodes.collection.run.counts import Batch, counts_message
+from tactile_nodes.collection.run.run_messages import Batch, counts_message
 from tactile_nodes.drivers.cnc.contract import CncStatus, Switched
 from tactile_nodes.drivers.force_torque.contract import Sample
 

@@ -25,8 +25,7 @@ from tactile_nodes.drivers.cnc.grbl_check import (
     without_homing,
 )
 from tactile_nodes.drivers.cnc.grbl_dialogue import RESET, GrblDialogue
-from tactile_nodes.drivers.cnc.grbl_hearing import HOLD, JOG_CANCEL
-from tactile_nodes.drivers.cnc.grbl_reports import SILENT_S
+from tactile_nodes.drivers.cnc.grbl_hearing import HOLD, JOG_CANCEL, SILENT_S
 from tactile_nodes.drivers.cnc.grbl_words import NEEDS_RESET, Report, inches, is_moving, setting_of
 from tactile_nodes.drivers.cnc.serial_line import SerialCnc
 from tactile_nodes.drivers.health import Health, Level

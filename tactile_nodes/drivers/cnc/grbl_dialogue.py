@@ -6,8 +6,7 @@ import contextlib
 from collections.abc import Callable
 
 from tactile_nodes.clock import NS_PER_S
-from tactile_nodes.drivers.cnc.grbl_hearing import GrblHearing
-from tactile_nodes.drivers.cnc.grbl_reports import SILENT_S
+from tactile_nodes.drivers.cnc.grbl_hearing import SILENT_S, GrblHearing
 from tactile_nodes.drivers.cnc.grbl_words import Report, check_line
 from tactile_nodes.drivers.cnc.link import Request
 from tactile_nodes.errors import DeviceError, DeviceFaultError, DeviceTimeoutError

@@ -12,12 +12,45 @@ from collections.abc import Generator
 
 from tactile_nodes.clock import Clock
 from tactile_nodes.emulators.cnc import grbl_commands as commands
-from tactile_nodes.emulators.cnc.grbl_code import GrblError
+from tactile_nodes.emulators.cnc.grbl_code import MM_PER_INCH, GrblError
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
 from tactile_nodes.emulators.cnc.grbl_machine import GrblMachine
-from tactile_nodes.emulators.cnc.grbl_report import Snapshot, StatusReports
+from tactile_nodes.emulators.motion import Vector
 from tactile_nodes.emulators.serial_device import Program, SerialDevice, Wait
 from tactile_nodes.emulators.world import World
+
+
+class SlowFields:
+    """The fields of a status report that come only with every tenth to thirtieth."""
+
+    def __init__(self) -> None:
+        self._until_offset = 0
+        self._until_overrides = 0
+
+    def next(self, busy: bool, coolant: bool, inches: bool) -> list[str]:
+        """Those of the next report."""
+        fields = []
+        if self._until_offset > 0:
+            self._until_offset -= 1
+        else:
+            self._until_offset = 29 if busy else 9
+            self._until_overrides = self._until_overrides or 1  # not both in one report
+            fields.append(f'WCO:{coordinates((0.0, 0.0, 0.0), inches)}')
+        if self._until_overrides > 0:
+            self._until_overrides -= 1
+        else:
+            self._until_overrides = 19 if busy else 9
+            fields.append('Ov:100,100,100')
+            fields += ['A:F'] if coolant else []
+        return fields
+
+
+def coordinates(place_mm: Vector, inches: bool) -> str:
+    """Three numbers as Grbl prints them: 0.6 mm is 0.0236 in inches."""
+    if inches:
+        return ','.join(f'{value / MM_PER_INCH:.4f}' for value in place_mm)
+    return ','.join(f'{value:.3f}' for value in place_mm)
+
 
 LINE_LIMIT = 79
 RESET, JOG_CANCEL = 0x18, 0x85
@@ -100,7 +133,7 @@ class Grbl(SerialDevice):
     def _clear(self) -> None:
         self._received.clear()
         self.coolant = False
-        self._reports = StatusReports()
+        self._slow_fields = SlowFields()
         self._wake_ns, self._rest_then_idle = None, False
         self.homing, self.critical = False, False
         self.state = 'Alarm' if self.alarm_lock else 'Idle'
@@ -170,24 +203,22 @@ class Grbl(SerialDevice):
     def _report(self) -> None:
         if self.homing or (self.critical and not self.dialect.answers_in_critical_alarm):
             return
-        mask = int(float(self.machine.memory[10]))
-        self.tell(self._reports.text(self._snapshot(), mask, self.machine.inches))
-
-    def _snapshot(self) -> Snapshot:
         machine, now_ns = self.machine, self.now_ns
-        segment = machine.planner.segment
+        mask, inches, segment = int(float(machine.memory[10])), machine.inches, machine.planner.segment
         speed = machine.world.motor_speed_at(now_ns)
         if self.state == 'Hold' and segment is not None:
             speed = segment.shape.speed(segment.shape.duration_s / 2)  # the firmware reports the feed before the hold
-        return Snapshot(
-            state=self._state_text(),
-            machine_mm=machine.place(now_ns),
-            blocks_free=machine.planner.capacity - machine.planner.used,
-            bytes_free=self.dialect.receive_bytes - len(self._received),
-            feed_mm_min=60 * speed,
-            accessories='F' if self.coolant else '',
-            busy=self.state in {'Run', 'Hold', 'Jog', 'Home'},
-        )
+        blocks_free = machine.planner.capacity - machine.planner.used
+        bytes_free = self.dialect.receive_bytes - len(self._received)
+        feed = 60 * speed / (MM_PER_INCH if inches else 1)
+        fields = [
+            self._state_text(),
+            f'{"MPos" if mask & 1 else "WPos"}:{coordinates(machine.place(now_ns), inches)}',
+            *([f'Bf:{blocks_free},{bytes_free}'] if mask & 2 else []),
+            f'FS:{feed:.0f},0',
+            *self._slow_fields.next(self.state in {'Run', 'Hold', 'Jog', 'Home'}, self.coolant, inches),
+        ]
+        self.tell(f'<{"|".join(fields)}>')
 
     def _state_text(self) -> str:
         if self.state != 'Hold':

@@ -9,9 +9,8 @@ import pytest
 
 from tactile_nodes.collection.actions import Look, Observation, SetTare, Switch
 from tactile_nodes.collection.plan.plan import Point
-from tactile_nodes.collection.press.cycle import Ground, Record, RejectedError, _window
+from tactile_nodes.collection.press.cycle import Ground, Record, RejectedError, _settle, _window, unsteady
 from tactile_nodes.collection.press.rest import zero
-from tactile_nodes.collection.press.steady import Settling
 from tactile_nodes.collection.press.surface import Surface, loading_line, plane
 from tactile_nodes.collection.readings import change, frame_of
 from tactile_nodes.collection.settings import CollectionSettings, MountingSettings
@@ -70,25 +69,26 @@ def test_change_of_a_few_pixels_in_one_block_is_seen() -> None:
 
 @pytest.mark.parametrize(('rate_n_s', 'steady'), [(0.05, True), (0.5, False)])
 def test_force_is_steady_below_its_rate(rate_n_s: float, steady: bool) -> None:
-    settling = Settling(SETTINGS, ZERO, 0.0, 0)
     samples = [sample(ms, 1.0 + rate_n_s * ms / 1000) for ms in range(0, 1000, 5)]
     frames = [frame_of(ms * MS, np.zeros((32, 32), np.uint8)) for ms in range(0, 1000, 30)]
-    assert settling.is_steady(1000 * MS, samples, frames) is steady
+    assert (not unsteady(samples, frames, ZERO, 0.0, SETTINGS)) is steady
 
 
 def test_nothing_is_steady_before_it_has_rested_long_enough() -> None:
-    settling = Settling(SETTINGS, ZERO, 0.0, 900 * MS)
-    samples = [sample(ms, 1.0) for ms in range(0, 1000, 5)]
-    assert not settling.is_steady(1000 * MS, samples, [])
-    assert 'too short' in settling.unsteady
+    """It has rested since 0.9 s, and must have been steady for 0.2 s."""
+    settling = _settle(Record(Point(1, 0.0, 0.0, 1.0), 1, ZERO), Ground(Surface(-30.0), -5.0, ZERO, 0.0), SETTINGS)
+    samples = tuple(sample(ms, 1.0) for ms in range(0, 2000, 5))
+    frames = tuple(frame_of(ms * MS, np.zeros((32, 32), np.uint8)) for ms in range(0, 2000, 30))
+    next(settling)
+    assert settling.send(Observation(1000 * MS, 900 * MS, (0.0, 0.0, -31.0), samples, frames)) == Look(0.02, 800 * MS)
+    with pytest.raises(StopIteration):
+        settling.send(Observation(1100 * MS, 1000 * MS, (0.0, 0.0, -31.0), samples, frames))
 
 
 def test_image_that_still_moves_is_not_steady() -> None:
-    settling = Settling(SETTINGS, ZERO, 0.1, 0)
     samples = [sample(ms, 1.0) for ms in range(0, 1000, 5)]
     frames = [frame_of(ms * MS, np.full((32, 32), ms // 100, np.uint8)) for ms in range(0, 1000, 30)]
-    assert not settling.is_steady(1000 * MS, samples, frames)
-    assert 'image' in settling.unsteady
+    assert 'image' in unsteady(samples, frames, ZERO, 0.1, SETTINGS)
 
 
 def test_touch_of_a_hertzian_sphere_is_where_its_force_begins() -> None:

@@ -12,8 +12,7 @@ import pytest
 from rehearsing import ALL, SAFE_Z_MM, TABLE, Dots, Run, changed, reject
 
 from tactile_nodes.collection.readings import frame_of
-from tactile_nodes.collection.run.anchors import follows
-from tactile_nodes.collection.run.shift import imprint, shift_px
+from tactile_nodes.collection.run.anchors import follows, imprint, shift_px
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError
 from tactile_nodes.simulation.optics import Press
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tactile_nodes import messages
-from tactile_nodes.collection.run.counts import Batch, counts_message
+from tactile_nodes.collection.run.run_messages import Batch, counts_message
 from tactile_nodes.drivers.force_torque.contract import Flag, Sample
 from tactile_nodes.messages import types
 

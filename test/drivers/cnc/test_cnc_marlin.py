@@ -10,8 +10,7 @@ from jumping_clock import JumpingClock
 
 from benchmarks.devices import marlin
 from tactile_nodes.drivers.cnc.contract import CncState
-from tactile_nodes.drivers.cnc.marlin import MarlinCnc, marlin_identity, marlin_place
-from tactile_nodes.drivers.cnc.marlin_settings import AxisSettings, axis_settings
+from tactile_nodes.drivers.cnc.marlin import AxisSettings, MarlinCnc, axis_settings, marlin_identity, marlin_place
 from tactile_nodes.drivers.health import Level
 from tactile_nodes.errors import ConfigurationError, DeviceFaultError, DeviceTimeoutError
 
