@@ -22,7 +22,6 @@ from tactile_nodes.drivers.cnc.contract import Cnc, CncSettings, CncStatus, Swit
 from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSensor, ForceTorqueSettings
 from tactile_nodes.drivers.force_torque.simulated import SimulatedForceTorque
-from tactile_nodes.emulators.force_torque.mounting import Mounted
 from tactile_nodes.emulators.world import World
 
 TICK_S = 0.01
@@ -92,9 +91,7 @@ class Rehearsal:
         self._camera = camera or self._small_picture
         self.cnc: Cnc = open_cnc(cnc, self.clock, machine=world)
         self.safety = Safety(settings.watched, self._stop, rate_hz)
-        self.sensor: ForceTorqueSensor = SimulatedForceTorque(
-            ForceTorqueSettings(rate_hz=rate_hz), self.clock, Mounted(world)
-        )
+        self.sensor: ForceTorqueSensor = SimulatedForceTorque(ForceTorqueSettings(rate_hz=rate_hz), self.clock, world)
         self.sensor.listen(self.safety.sample)
         self.sensor.listen(self.readings.put_sample)
         self.sensor.open()

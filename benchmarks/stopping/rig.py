@@ -10,7 +10,6 @@ from pathlib import Path
 from benchmarks.harness.workers import asked
 from tactile_nodes.clock import NS_PER_S, SystemClock
 from tactile_nodes.emulators.cnc.grbl import JOG_CANCEL, Grbl
-from tactile_nodes.emulators.force_torque.mounting import Mounted
 from tactile_nodes.emulators.force_torque.net_ft import NetFtServer
 from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
 from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig
@@ -61,12 +60,12 @@ class WatchedForce:
     """Records the first sample above the limit."""
 
     def __init__(self, world: World, watch: Watch) -> None:
-        self._mounted = Mounted(world)
+        self._world = world
         self._watch = watch
 
     def wrench_at(self, time_ns: int) -> Wrench:
         """As `WrenchSource.wrench_at`."""
-        wrench = self._mounted.wrench_at(time_ns)
+        wrench = self._world.wrench_at(time_ns)
         watch = self._watch
         if watch.armed and watch.seen.sample_ns == NEVER and abs(wrench[2]) > watch.limit_n:
             watch.seen.sample_n = abs(wrench[2])

@@ -21,11 +21,14 @@ from tactile_nodes.bag.metadata import FILE_NAME, LARGEST_METADATA_BYTES, MOST_F
 from tactile_nodes.bag.sqlite_storage import SqliteStorage
 from tactile_nodes.bag.stamps import first_stamp_ns, header_stamp_ns
 from tactile_nodes.bag.types import BagTypes
+from tactile_nodes.clock import NS_PER_S
 from tactile_nodes.errors import BagError
 from tactile_nodes.files import open_plain, read_plain
 
 Storage = McapStorage | SqliteStorage
 _SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+REACHES_S = 2.0, 20.0, 200.0, 1e9
+"""How far back from the end of a bag to search first; the last is longer than any."""
 _PACKED = '.zstd'  # behind the name of a file that ros2 bag record compressed as a whole
 _ZSTD = b'\x28\xb5\x2f\xfd'  # how zstd begins; a message that is not compressed begins with 0
 
@@ -96,6 +99,17 @@ class BagReader:
     def stamp_ns(self, message: BagMessage) -> int | None:
         """The stamp of its header, by the definition in the bag; None if it has no header, or no stamp is set."""
         return first_stamp_ns(message.data) if self.types.starts_with_header(message.type_name) else None
+
+    def newest_stamps_ns(self, topics: Iterable[str]) -> dict[str, int]:
+        """The newest stamp of each of the topics that has any; searched from the end, where most have messages."""
+        left, found = {topic for topic in topics if self.counts.get(topic)}, dict[str, int]()
+        for reach_s in REACHES_S:
+            start_ns = self.extent.end_ns - round(reach_s * NS_PER_S)
+            for message in self.messages(left, start_ns) if left else ():
+                if (stamp_ns := self.stamp_ns(message)) is not None:
+                    found[message.topic] = max(stamp_ns, found.get(message.topic, stamp_ns))
+            left -= found.keys()
+        return found
 
     # --- opening --------------------------------------------------------------------------------------------
 

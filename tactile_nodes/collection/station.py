@@ -19,8 +19,7 @@ from tactile_nodes.drivers.cnc.opening import open_cnc
 from tactile_nodes.drivers.force_torque.contract import ForceTorqueSensor, ForceTorqueSettings, Sample
 from tactile_nodes.drivers.force_torque.opening import open_force_torque
 from tactile_nodes.drivers.force_torque.simulated import SimulatedForceTorque
-from tactile_nodes.emulators.force_torque.mounting import UPRIGHT, UPSIDE_DOWN, Mounted
-from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.emulators.world import UpsideDown, World, WorldSettings
 from tactile_nodes.errors import TactileError
 from tactile_nodes.simulation import worlds
 
@@ -121,7 +120,7 @@ class Station:
     def _sensor(self, sensor_settings: ForceTorqueSettings, settings: CollectionSettings) -> ForceTorqueSensor:
         if sensor_settings.source != SIMULATED or self.world is None:
             return open_force_torque(sensor_settings, self._clock)
-        mounted = Mounted(self.world, UPSIDE_DOWN if settings.mounting.upside_down else UPRIGHT)
+        mounted = UpsideDown(self.world) if settings.mounting.upside_down else self.world
         sensor = SimulatedForceTorque(sensor_settings, self._clock, mounted)
         sensor.open()
         return sensor

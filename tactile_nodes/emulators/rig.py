@@ -15,10 +15,9 @@ from tactile_nodes.clock import NS_PER_S, Clock
 from tactile_nodes.emulators.camera_stream import CameraStream
 from tactile_nodes.emulators.cnc.grbl import Grbl
 from tactile_nodes.emulators.cnc.grbl_dialect import GrblSettings
-from tactile_nodes.emulators.force_torque.mounting import UPSIDE_DOWN, Mounted
 from tactile_nodes.emulators.rig_sensor import BoxOnTheNetwork, RigSensor, SensorFaults, SensorOnALine
 from tactile_nodes.emulators.serial_ports import PtyPort
-from tactile_nodes.emulators.world import World, WorldSettings
+from tactile_nodes.emulators.world import UpsideDown, World, WorldSettings
 from tactile_nodes.errors import AddressInUseError, ConfigurationError
 from tactile_nodes.params import parameter
 
@@ -195,7 +194,7 @@ class EmulatedRig:
 
 
 def _sensor(settings: EmulatedRigSettings, world: World, clock: Clock, cnc_link: Path) -> RigSensor:
-    mounted = Mounted(world, UPSIDE_DOWN)
+    mounted = UpsideDown(world)
     if settings.sensor == 'netft':
         return BoxOnTheNetwork(mounted, clock, settings.rdt_port, settings.http_port)
     return SensorOnALine(settings.sensor, mounted, clock, _link(settings.sensor_port, cnc_link.parent / 'emulated_ft'))

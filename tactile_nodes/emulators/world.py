@@ -55,6 +55,20 @@ class WrenchSource(Protocol):
 
 
 @dataclass(frozen=True)
+class UpsideDown:
+    """The load on a sensor that hangs from the machine with z pointing to the tool, in its axes: half a turn about x.
+
+    A force of (1, 2, 3) N reads (1, -2, -3) N.
+    """
+
+    world: WrenchSource
+
+    def wrench_at(self, time_ns: int) -> Wrench:
+        fx, fy, fz, tx, ty, tz = self.world.wrench_at(time_ns)
+        return fx, -fy, -fz, tx, -ty, -tz
+
+
+@dataclass(frozen=True)
 class WorldSettings:
     """Positions in the machine's coordinates."""
 

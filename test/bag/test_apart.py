@@ -9,7 +9,6 @@ import pytest
 from bagging import FORCE, START_NS, force
 
 from tactile_nodes.bag.apart import pictures_apart
-from tactile_nodes.bag.last_stamps import last_stamps_ns
 from tactile_nodes.bag.metadata import BagTopic
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bag.writer import BagWriter
@@ -73,7 +72,7 @@ def test_the_last_capture_of_each_sensor_is_found_however_early_it_was(tmp_path:
     """Of 10 min: to the end, 30 s before it, and in the first second alone."""
     stamps = {'/left': [0.0, 600_000], '/right': [0.0, 570_000], '/thumb': [10.0, 500]}
     with bag(tmp_path / 'long', stamps) as long:
-        found = last_stamps_ns(long, [f'/{name}/force_distribution' for name in ('left', 'right', 'thumb', 'index')])
+        found = long.newest_stamps_ns([f'/{name}/force_distribution' for name in ('left', 'right', 'thumb', 'index')])
     assert {topic.split('/')[1]: (stamp - START_NS) / MS for topic, stamp in found.items()} == {
         'left': 600_000, 'right': 570_000, 'thumb': 500
     }  # fmt: skip

@@ -8,9 +8,9 @@ import struct
 import pytest
 
 from tactile_nodes.emulators.clocks import DeviceClock
-from tactile_nodes.emulators.force_torque.mounting import UPSIDE_DOWN, Mounted
 from tactile_nodes.emulators.force_torque.net_ft_box import NetFtBox
 from tactile_nodes.emulators.force_torque.net_ft_config import NetFtConfig, xml
+from tactile_nodes.emulators.world import UpsideDown
 
 HERE, THERE = ('127.0.0.1', 5000), ('127.0.0.1', 6000)
 START, START_TWO = bytes.fromhex('1234000200000000'), bytes.fromhex('1234000200000002')
@@ -145,6 +145,6 @@ def test_axia_sensors_spell_the_rate_with_two_m() -> None:
     assert b'<comrdtrate>' not in page
 
 
-def test_a_sensor_that_hangs_upside_down_reads_turned_forces_and_its_own_zero() -> None:
-    mounted = Mounted(Load(1.0, 2.0, 3.0, 4.0, 5.0, 6.0), UPSIDE_DOWN, (0.5, 0.0, 0.0, 0.0, 0.0, 0.25))
-    assert mounted.wrench_at(0) == (1.5, -2.0, -3.0, 4.0, -5.0, -5.75)
+def test_a_sensor_that_hangs_upside_down_reads_turned_forces() -> None:
+    mounted = UpsideDown(Load(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    assert mounted.wrench_at(0) == (1.0, -2.0, -3.0, 4.0, -5.0, -6.0)

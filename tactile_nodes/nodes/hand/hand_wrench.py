@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
-from tactile_nodes.bag.last_stamps import last_stamps_ns
 from tactile_nodes.bag.reader import BagReader
 from tactile_nodes.bus import topics
 from tactile_nodes.bus.node.arguments import NodeArguments
@@ -66,7 +65,7 @@ class HandWrenchNode(Node):
         """
         of = {self.names.resolve(f'{name}/{topics.IMAGE.name}'): name for name in self._hand.names}
         with BagReader(self.params.bag) as bag:
-            last = {of[topic]: last_ns for topic, last_ns in last_stamps_ns(bag, of).items()}
+            last = {of[topic]: last_ns for topic, last_ns in bag.newest_stamps_ns(of).items()}
             others = sorted(topic for topic in bag.topics if topic.endswith(f'/{topics.IMAGE.name}'))
         if not last:
             raise BagError(
